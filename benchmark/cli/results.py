@@ -105,7 +105,7 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
     from benchmark.report.forms import StoredForms
 
     check_ending(path, figures.ENDINGS)
-    of_forms = what in ("forms", "effect")
+    of_forms = what in ("forms", "effect", "spread")
     for file in (path, path.with_suffix(".tex"))[: 1 + of_forms]:
         if file.exists() and not force:
             raise ConfigurationError(f"{file} is there already", "choose another file, or pass --force")
@@ -114,7 +114,7 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
         raise ConfigurationError("the table of robustness has no figures", "select another one with -t")
     view, forms = views[0], StoredForms(options.results, options.data_root)
     if of_forms:
-        figure, caption = figures.forms_figure(view, forms, shapes)
+        figure, caption = figures.forms_figure(view, forms, shapes, superposed=what == "spread")
         write_text(path.with_suffix(".tex"), latex_figure(path.name, caption))
     else:
         figure = figures.CHARTS[what](view, forms)

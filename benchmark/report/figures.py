@@ -13,6 +13,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from scipy.stats import rankdata
 
 from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError, did_you_mean
@@ -20,11 +21,13 @@ from benchmark.files import write_atomically
 from benchmark.geometry.camera import Camera
 from benchmark.pipeline.records import Record, read_distances
 from benchmark.protocols.tables import Kind
+from benchmark.reference.paper import MEASURES
 from benchmark.report.drawing import shaded
 from benchmark.report.formats import hundredths
 from benchmark.report.forms import Drawn, StoredForms, spread_of_forms
 from benchmark.report.sheets import spread
 from benchmark.report.tables import Row, Scored, TableView
+from benchmark.report.verdicts import TOLERANCE
 from benchmark.text import clean
 
 #: Widths in inches of one column and of the text of a two-column paper.
@@ -39,8 +42,8 @@ _TALLEST, _HEAD = 0.85, 0.44
 #: View of forms of depth images, whose errors do not show from the front.
 OBLIQUE = Camera((-0.9, 0.0, -1.0), (0.0, 1.0, 0.0))
 
-#: Title of the shapes beside forms.
-_ITSELF = "Shape"
+#: Matrices side by side in a figure of distances, and title of the shapes beside forms.
+_ACROSS, _ITSELF = 4, "Shape"
 
 #: Measure of charts that show one.
 MEASURE = "DCG"
@@ -83,7 +86,7 @@ def shown_rows(view: TableView) -> list[tuple[Row, Scored]]:
 def scores_figure(view: TableView) -> Figure:
     """Draw the scores of a table with their intervals over classes (95 %), one line a row; hollow: the paper's."""
     titles = [column.title for column in view.columns]
-    figure, axes = subplots(WIDTH, 0.5 + 0.14 * len(view.printed_rows), len(titles))
+    figure, axes = subplots(WIDTH, 0.5 + 0.14 * len(view.printed_rows), n_columns=len(titles), sharey=True)
     rows = view.printed_rows[::-1]
     for place, title in zip(axes[0], titles, strict=True):
         for height, row in enumerate(rows):
@@ -142,13 +145,14 @@ def precision_recall_figure(curves: Sequence[tuple[Row, NDArray[np.float64]]]) -
 
 def precision_recall(view: TableView, forms: StoredForms) -> list[tuple[Row, NDArray[np.float64]]]:
     """Return rows whose distances are all stored with their mean interpolated precision at :data:`RECALLS`."""
-    curves = []
-    for row, one in shown_rows(view):
-        stored = [(of, read_distances(forms.folder, of)) for of in one.all_records]
-        known = [_precision(of, matrix) for of, matrix in stored if matrix is not None]
-        if len(known) == len(stored):
-            curves.append((row, np.mean(known, axis=0)))
-    return curves
+    return [(row, np.mean([_precision(*pair) for pair in pairs], axis=0)) for row, pairs in _distances(view, forms)]
+
+
+def _distances(view: TableView, forms: StoredForms) -> list[tuple[Row, list[tuple[Record, NDArray[np.float64]]]]]:
+    """Return rows whose distances are all stored, with their records and distances."""
+    every = [(row, [(of, read_distances(forms.folder, of)) for of in one.all_records]) for row, one in shown_rows(view)]
+    stored = [(row, [(of, matrix) for of, matrix in pairs if matrix is not None], len(pairs)) for row, pairs in every]
+    return [(row, pairs) for row, pairs, count in stored if len(pairs) == count]
 
 
 def _precision(record: Record, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -167,7 +171,57 @@ def _precision(record: Record, matrix: NDArray[np.float64]) -> NDArray[np.float6
     return total / max(sum(record.are_queries), 1)
 
 
-def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()) -> tuple[Figure, str]:
+def paper_figure(view: TableView) -> Figure:
+    """Draw our scores over the paper's; those in the band differ by at most :data:`TOLERANCE`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the paper has no scores of these rows.
+    """
+    rows = [(view.paper[row.method], one.means) for row, one in shown_rows(view) if row.method in view.paper]
+    if not rows:
+        raise ConfigurationError(f"the paper has no scores of the rows of {view.stem}", "select Table I, II, III or IV")
+    figure, ((place,),) = subplots(COLUMN, COLUMN)
+    for name, marker in zip(MEASURES, _MARKERS, strict=False):
+        theirs, ours = zip(*((printed[name], means[name]) for printed, means in rows), strict=True)
+        place.plot(theirs, ours, marker, ms=4, mew=0.8, mfc="none", color=COLOURS["form"], label=name)
+    place.fill_between([0, 1], [-TOLERANCE, 1 - TOLERANCE], [TOLERANCE, 1 + TOLERANCE], color="0.9", zorder=0)
+    place.set(xlim=(0, 1), ylim=(0, 1), aspect="equal", xlabel="paper", ylabel=view.columns[0].title)
+    place.legend(fontsize=_SIZE - 1, frameon=False)
+    return figure
+
+
+def distances_figure(view: TableView, forms: StoredForms) -> Figure:
+    """Draw the distances of each row, sorted by class, by their rank; dark is near.
+
+    Raises
+    ------
+    ConfigurationError
+        If no distances are stored.
+    """
+    known = _distances(view, forms)
+    if not known:
+        raise ConfigurationError("no distances of this table are stored here", "run it here")
+    n_rows = -(-len(known) // _ACROSS)
+    figure, _ = subplots(WIDTH, WIDTH / _ACROSS * n_rows, n_rows, _ACROSS)
+    for place in figure.axes[len(known) :]:
+        place.axis("off")
+    for place, (row, ((record, matrix), *_)) in zip(figure.axes, known, strict=False):
+        sides = record, record.sides[-1]
+        queries, ranked = (np.array([clean(side.labels[number]) for number in side.answered]) for side in sides)
+        down, across = (np.argsort(labels, kind="stable") for labels in (queries, ranked))
+        names, starts, sizes = np.unique(queries[down], return_index=True, return_counts=True)
+        place.imshow(rankdata(matrix[np.ix_(down, across)]).reshape(matrix.shape))
+        place.set_yticks(starts + (sizes - 1) / 2, names, parse_math=False, fontsize=4)
+        place.set_xticks(np.unique(ranked[across], return_index=True)[1][1:] - 0.5, [])
+        place.set_title(fill(row.title, 24), fontsize=_SIZE, parse_math=False)
+    return figure
+
+
+def forms_figure(
+    view: TableView, forms: StoredForms, shapes: Sequence[str] = (), *, superposed: bool = False
+) -> tuple[Figure, str]:
     """Draw poses of subjects and their forms, methods across, poses down; return the figure and its caption.
 
     Parameters
@@ -178,6 +232,8 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
         Reader of the forms.
     shapes
         Names of the shapes; by default three poses of the first class. Subjects stand side by side.
+    superposed
+        Whether to draw all poses of their subjects on top of each other, below the spread where it is kept.
 
     Raises
     ------
@@ -194,23 +250,27 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
         raise did_you_mean("shape", unknown[0], labels)
     columns: list[tuple[str, list[Drawn | None]]] = []
     for subject in dict.fromkeys(labels[name] for name in names):
-        poses = [name for name in names if labels[name] == subject]
+        poses = [name for name in (labels if superposed else names) if labels[name] == subject]
         columns.append((_ITSELF, [forms.shape(first, name) for name in poses]))
         columns += [(title, [forms.form(record, name) for name in poses]) for title, record in records.items()]
     columns = [(title, drawn) for title, drawn in columns if any(drawn)]
     if {title for title, _ in columns} <= {_ITSELF}:
         raise ConfigurationError("no forms of these shapes are stored here", "run the methods here, then draw again")
-    figure = _pictures(columns, UPRIGHT if first.input == "mesh" else OBLIQUE)
+    figure = _pictures(columns, UPRIGHT if first.input == "mesh" else OBLIQUE, superposed=superposed)
+    for place, (title, _) in zip(figure.axes, columns, strict=False):
+        if superposed and title in records and (ratios := spread_of_forms(forms.folder, records[title])) is not None:
+            place.text(0.5, 0, hundredths(ratios[0]), ha="center", fontsize=_SIZE, transform=place.transAxes)
     caption = (
-        f"Shapes of {view.title} ({', '.join(names)}) and their canonical forms, turned to the form of the first pose "
-        "of the subject, or mirrored where marked. The colour shows how far a point is from the centre of the body."
+        f"Shapes of {view.title} ({'all poses superposed' if superposed else ', '.join(names)}) and their canonical "
+        "forms, turned to the form of the first pose of the subject, or mirrored where marked. "
+        "The colour shows how far a point is from the centre of the body."
     )
     return figure, caption
 
 
-def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera) -> Figure:
+def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera, *, superposed: bool) -> Figure:
     """Draw columns of pictures, each column at one scale and with one centre."""
-    n_rows = max(len(drawn) for _, drawn in columns)
+    n_rows = 1 if superposed else max(len(drawn) for _, drawn in columns)
     side = min(WIDTH / len(columns), _TALLEST)
     figure = Figure((WIDTH, _HEAD + n_rows * side))
     axes = figure.subplots(n_rows, len(columns), squeeze=False)
@@ -221,6 +281,10 @@ def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera)
         places[0].set_title(fill(title, round(18 * side)), fontsize=_SIZE, parse_math=False)
         frame = np.concatenate([each.mesh.vertices for each in drawn if each])
         pictures = [each and shaded(each.mesh, camera, round(side * DPI), each.values, frame) for each in drawn]
+        if superposed:
+            mean = np.mean([np.asarray(picture) for picture in pictures if picture], axis=0) / 255
+            places[0].imshow(1 - (1 - mean) ** 0.6)  # single poses stay visible
+            continue
         for place, picture, each in zip(places, pictures, drawn, strict=False):
             if picture and each:
                 place.imshow(np.asarray(picture))
@@ -260,18 +324,20 @@ def save(figure: Figure, path: Path) -> None:
     write_atomically(path, lambda file: file.write(encode(figure, path.suffix.lower())))
 
 
-def encode(figure: Figure, ending: str) -> bytes:
+def encode(figure: Figure, ending: str, dpi: int = DPI) -> bytes:
     """Return a figure as PDF, PNG or SVG, without dates; publishers take the fonts (Type 42)."""
     with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42}):
-        figure.savefig(file := io.BytesIO(), format=ending[1:], metadata=_UNDATED[ending], dpi=DPI)
+        figure.savefig(file := io.BytesIO(), format=ending[1:], metadata=_UNDATED[ending], dpi=dpi)
     return file.getvalue()
 
 
-def subplots(width: float, height: float, n_columns: int = 1) -> tuple[Figure, NDArray[np.object_]]:
-    """Return a figure of a size in inches, and its axes, shape (1, n_columns)."""
+def subplots(
+    width: float, height: float, n_rows: int = 1, n_columns: int = 1, *, sharey: bool = False
+) -> tuple[Figure, NDArray[np.object_]]:
+    """Return a figure of a size in inches, and its axes, shape (n_rows, n_columns)."""
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(width, height), layout="constrained")
-        return figure, figure.subplots(1, n_columns, squeeze=False, sharey=True)
+        return figure, figure.subplots(n_rows, n_columns, squeeze=False, sharey=sharey)
 
 
 #: Charts of a table, or of the first of its columns.
@@ -279,4 +345,6 @@ CHARTS: Mapping[str, Callable[[TableView, StoredForms], Figure]] = {
     "scores": lambda view, forms: scores_figure(view),
     "cost": lambda view, forms: cost_figure(view),
     "precision-recall": lambda view, forms: precision_recall_figure(precision_recall(view, forms)),
+    "paper": lambda view, forms: paper_figure(view),
+    "distances": distances_figure,
 }

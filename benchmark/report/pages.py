@@ -42,13 +42,15 @@ CHARTS = {
     "scores": f"{MEASURE} with intervals over resampled classes (95 %); dashed: a random order",
     "cost": f"{MEASURE} against seconds per shape; no row is both faster and better than those at a step of the line",
     "precision-recall": "Precision over recall, mean over all queries; a refused shape finds nothing",
+    "paper": "Our scores over those of the paper",
+    "distances": "Distances between shapes by their rank, sorted by class; dark is near",
 }
 
 #: Classes, and shapes of each, on a page of forms; vertices of a form in 3D, and pixels of its picture.
 CLASSES, POSES, VERTICES, SIDE = 3, 2, 2000, 240
 
-#: Matches of a query, pixels of the picture of a shape, and most characters of a file's name.
-MATCHES, _SMALL, _LONGEST = 5, 96, 100
+#: Matches of a query, pixels of the picture of a shape and per inch of matrices, and most characters of a file's name.
+MATCHES, _SMALL, _DPI, _LONGEST = 5, 96, 150, 100
 
 _TEMPLATES = Environment(
     loader=PackageLoader("benchmark.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
@@ -183,12 +185,12 @@ def _charts(pages: Pages, facets: Sequence[TableView]) -> dict[str, list[tuple[s
     """Add the charts of the columns of a table as files, and return descriptions and files by heading."""
     shown: dict[str, list[tuple[str, list[str]]]] = {}
     for (kind, says), facet in product(CHARTS.items(), facets):
-        with suppress(ConfigurationError):  # seconds or distances may not be there
+        with suppress(ConfigurationError):  # distances, or scores of the paper, may not be there
             figure, title = figures.CHARTS[kind](facet, pages.forms), facet.columns[0].title
             name = f"charts/{facet.stem}-{kind}-{_safe(title.replace(' ', '-'))}"
-            svg, pdf, csv = files = [name + ending for ending in (".svg", ".pdf", ".csv")]
-            pages.files |= {file: figures.encode(figure, file[-4:]) for file in (svg, pdf)}
-            pages.files[csv] = _numbers(facet, pages.forms, kind).to_csv(float_format="%.6g")
+            files = [name + ending for ending in (".svg", ".pdf", ".csv")[: 3 - (kind == "distances")]]
+            pages.files |= {file: figures.encode(figure, file[-4:], _DPI) for file in files[:2]}
+            pages.files |= {file: _numbers(facet, pages.forms, kind).to_csv(float_format="%.6g") for file in files[2:]}
             column = f", {title}" * (len(facets) > 1)
             shown.setdefault(kind.capitalize(), []).append((f"{says}{column}.", files))
     return shown

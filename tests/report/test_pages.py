@@ -19,6 +19,7 @@ from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.records import Ranked
+from benchmark.reference.paper import MEASURES, PRINTED
 from benchmark.report.drawing import shaded
 from benchmark.report.figures import (
     COLOURS,
@@ -27,8 +28,10 @@ from benchmark.report.figures import (
     WIDTH,
     _precision,
     cost_figure,
+    distances_figure,
     effect_records,
     forms_figure,
+    paper_figure,
     save,
     scores_figure,
 )
@@ -253,10 +256,16 @@ def test_the_line_of_costs_steps_along_the_best_so_far_and_names_stand_beside_th
     assert np.diff(heights) == pytest.approx(0.25)
 
 
-def test_the_papers_scores_are_hollow_marks():
+def test_the_papers_scores_are_hollow_marks_and_lie_in_a_band_beside_ours():
     view = table_views([record("gps", 0.7, dataset="tosca"), record("learned", 0.7, dataset="tosca")])[0]
     marks = [line for line in scores_figure(view).axes[0].lines if line.get_marker() == "D"]
     assert [(line.get_xdata()[0], line.get_markerfacecolor()) for line in marks] == [(0.76, "none")]
+    points = [line.get_xydata().tolist() for line in paper_figure(view).axes[0].lines]
+    assert points == [
+        [[PRINTED["III"]["gps"][name], view.printed_rows[0].scored["ours"].means[name]]] for name in MEASURES
+    ]
+    with pytest.raises(ConfigurationError, match="the paper has no scores"):
+        paper_figure(table_views([record()])[0])
 
 
 def test_colours_of_marks_have_a_contrast_of_three_with_white():
@@ -269,6 +278,15 @@ def test_networks_of_views_are_in_charts_beside_rows_of_complete_surfaces():
     titles = ["GPS", "Depth network, 128 px, view"]
     assert sorted(text.get_text() for text in cost_figure(view).axes[0].texts) == titles[::-1]
     assert list(effect_records(view)) == titles
+
+
+def test_distances_are_sorted_by_class(monkeypatch):
+    labels = ["b", "a", "b", "a"]
+    apart = (np.array(labels)[:, None] != np.array(labels)).astype(float)
+    monkeypatch.setattr("benchmark.report.figures.read_distances", lambda folder, record: apart)
+    (image,) = distances_figure(table_views([record(labels=labels)])[0], StoredForms(None)).axes[0].images
+    near, far = 4.5, 12.5  # mean ranks
+    assert image.get_array().tolist() == [[near, near, far, far]] * 2 + [[far, far, near, near]] * 2
 
 
 def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_path):
