@@ -139,11 +139,11 @@ def compare(
     selection: Selection,
     first: Annotated[str, Argument(metavar="A")],
     second: Annotated[str, Argument(metavar="[B]")] = "",
-    format: Annotated[Literal["text", "csv", "json"], Option("--format")] = "text",
+    format: Annotated[Literal["text", "latex", "csv", "json"], Option("--format")] = "text",
 ) -> None:
     """Test the differences of a method to another one, or to every row of its tables."""
     from benchmark.cli.results import recorded, selected_tables
-    from benchmark.report.comparison import compare, details, summaries
+    from benchmark.report.comparison import compare, details, latex, summaries
 
     records = recorded(selection, failed=True)
     found = compare(selected_tables(replace(selection, methods=[first, second]), records), first, second)
@@ -151,6 +151,8 @@ def compare(
         say_lines(found.to_csv(index=False, float_format="%.6f"))
     elif format == "json":
         say_lines(found.to_json(orient="records", indent=1, double_precision=6))
+    elif format == "latex":
+        say_lines(latex(found))
     elif second:
         for line in details(found):
             say(line)

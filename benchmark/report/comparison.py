@@ -11,16 +11,15 @@ from pandas import DataFrame, concat
 
 from benchmark.errors import ConfigurationError
 from benchmark.reference.paper import MEASURES
+from benchmark.report.formats import latex_row, latex_table, latex_title
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, bootstrap_intervals, least_p, tukey_test
 from benchmark.report.tables import Scored, TableView
 
 #: Differences below half a unit of the last decimal of records are none.
 _SAME = 5e-7
 
-LEGEND = (
-    "In brackets: 95 % intervals of the differences over resampled classes.",
-    "p: randomised Tukey test of all measures, over whole classes.",
-)
+TEST = "randomised Tukey test of all measures, over whole classes"
+LEGEND = ("In brackets: 95 % intervals of the differences over resampled classes.", f"p: {TEST}.")
 
 
 def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFrame:
@@ -134,6 +133,18 @@ def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
             for _, of_row in of_column.groupby("other", sort=False)
         ]
         yield f"{place}: {frame.method[0]} - each row, {of_column.queries.max()} queries", [["", *MEASURES, ""], *rows]
+
+
+def latex(frame: DataFrame) -> str:
+    """Return the differences as LaTeX, a table for each column of a table."""
+    columns = r">{\raggedright\hangindent1em}p{\dimexpr\linewidth-21em-17pt\relax}*{4}{w{c}{1.9em}}w{l}{13.4em}"
+    tables = []
+    for number, (heading, rows) in enumerate(summaries(frame)):
+        body, notes = [latex_row(*rows[0]), r"\midrule"], f"Verdicts: {TEST}."
+        for title, *differences, verdict in rows[1:]:
+            body.append(latex_row(latex_title(title), *(f"${text}$" for text in differences), verdict))
+        tables.append(latex_table(f"Differences in {heading}", f"compare-{number}", columns, body, notes))
+    return "\n".join(tables)
 
 
 def _verdict(of_row: DataFrame) -> str:

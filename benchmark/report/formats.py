@@ -194,18 +194,24 @@ def latex(view: TableView) -> str:
             ]
             key = entry_of(line.row.cite)[0] if line.row else ""
             cited = rf"~\cite{{{key}}}" if key else ""
-            body.append(_latex_row(latex_title(line.title) + cited, *chain(*cells), line.seconds))
+            body.append(latex_row(latex_title(line.title) + cited, *chain(*cells), line.seconds))
     paper = rf"Paper~\cite{{{_PAPER}}}"
     texts = (r"\\".join(map(latex_text, wrap(group.capitalize(), 17))) for group in view.groups)
     groups = (paper if text == "Paper" else rf"\shortstack{{{text}}}" if r"\\" in text else text for text in texts)
-    head = [_latex_row("", *map(_spread, groups), ""), rules, _latex_row("", *MEASURES * n_groups, "s")]
+    head = [latex_row("", *map(_spread, groups), ""), rules, latex_row("", *MEASURES * n_groups, "s")]
     columns = f"{titles}{scores * n_groups}w{{r}}{{1.4em}}"
     notes = " ".join(table_notes(view)[:-1])  # the last one is for those who have the suite
+    return latex_table(view.caption, view.stem.removeprefix("table-"), columns, [*head, *body], notes, environment)
+
+
+def latex_table(
+    caption: str, label: str, columns: str, body: Sequence[str], notes: str, environment: str = "table"
+) -> str:
+    """Return a table as LaTeX: its texts, and its columns and rows, which are LaTeX already."""
     return "\n".join([
         "% needs array and booktabs", rf"\begin{{{environment}}}", r"\centering",
-        rf"\caption{{{latex_text(view.caption)}.}}", rf"\label{{tab:{view.stem.removeprefix('table-')}}}",
-        r"\scriptsize\setlength{\tabcolsep}{1.7pt}", rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}", r"\toprule",
-        *head, *body, r"\bottomrule", r"\end{tabular}",
+        rf"\caption{{{latex_text(caption)}.}}", rf"\label{{tab:{label}}}", r"\scriptsize\setlength{\tabcolsep}{1.7pt}",
+        rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}", r"\toprule", *body, r"\bottomrule", r"\end{tabular}",
         rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {latex_text(notes)}}}",
         rf"\end{{{environment}}}",
     ]) + "\n"  # fmt: skip
@@ -234,7 +240,7 @@ def _spread(words: str) -> str:
     return rf"\multicolumn{{{len(MEASURES)}}}{{c}}{{{words}}}"
 
 
-def _latex_row(*cells: str) -> str:
+def latex_row(*cells: str) -> str:
     """Return a row of a table."""
     return " & ".join(cells) + r" \\"
 

@@ -5,7 +5,7 @@ import json
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.report.comparison import compare, details, summaries
+from benchmark.report.comparison import compare, details, latex, summaries
 from benchmark.report.statistics import tukey_test
 from benchmark.report.tables import table_views
 from tests.report.records import LABELS, record
@@ -76,6 +76,7 @@ def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_te
     assert heading == "Table III on tosca, ours: mine - each row, 16 queries"
     assert [*zip(head, first, strict=True)][1:3] == [("NN", "+.40"), ("FT", "+.00")]
     assert first[0::5] == ["Classic MDS", "certain (NN)"]
+    assert r"Classic MDS & $+.40$ & $+.00$ & $+.00$ & $+.00$ & certain (NN) \\" in latex(frame)
     assert len(json.loads(frame.to_json(orient="records"))) == 20
 
 
