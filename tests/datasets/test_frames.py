@@ -97,7 +97,7 @@ def test_settings_are_applied(tmp_path):
     for text, said in (
         ("scale = 5", "unknown key .*, in a folder of depth images 'scale'; did you mean depth_scale"),
         ("up = [0, 0, 1]", "not a usable up direction"),
-        ('up = "y"', "write .right, down, forward."),
+        ("up = ['0', '-1', 'y']", "write .right, down, forward."),
         ("depth_scale = -1", "depth_scale is -1; write a positive number"),
         ('intrinsics = "absent.json"', "No such file"),
         ("[canonical_pose]\nthree = 0", "unknown class under canonical_pose in .* 'three'; choose one of one, two"),

@@ -245,7 +245,7 @@ def test_a_depth_scale_with_two_meanings_or_none_is_refused_unless_the_units_are
 def test_without_a_size_the_centre_lies_in_the_middle_and_numbers_on_the_command_line_are_no_file() -> None:
     with pytest.raises(DepthError, match="far from the middle"):
         Intrinsics(1050, 1050, 639.5, 479.5).check_size(*SIZE)
-    Intrinsics(525, 525, 600, 100, SIZE).check_size(*SIZE)  # a part of a larger image
+    Intrinsics(525, 525, -0.5, 479.5, SIZE).check_size(*SIZE)  # a part of a larger image
     with pytest.raises(DepthError, match="focal lengths 0.82, 1.09 are implausible for 640 x 480 pixels"):
         Intrinsics(0.82, 1.09, 0.5, 0.5, SIZE).check_size(*SIZE)
     assert intrinsics_of("525,526,319.5,239.5") == Intrinsics(525, 526, 319.5, 239.5)

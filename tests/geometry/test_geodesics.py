@@ -74,7 +74,7 @@ def test_all_pairs_are_a_metric_whose_rows_are_those_of_few_sources(solver: str)
     if solver == "heat":  # neither a metric nor bounded by the straight line
         return
     for row, source in zip(rows, sources, strict=True):
-        np.testing.assert_array_equal(row, geodesics.from_sources(mesh, [source], solver)[0])
+        np.testing.assert_array_equal(row, geodesics.from_sources(mesh, source, solver)[0])
     assert (matrix >= cdist(mesh.vertices, mesh.vertices) * (1 - 1e-5)).all()
     for middle in range(0, mesh.n_vertices, 25):
         assert (matrix <= (matrix[:, [middle]] + matrix[[middle], :]) * (1 + 1e-5)).all()

@@ -207,6 +207,12 @@ def test_a_damaged_checkpoint_is_named(pairs: Pairs, tmp_path: Path, content: by
         run(pairs, tmp_path)
 
 
+def test_a_checkpoint_that_cannot_be_written_is_named(pairs: Pairs, tmp_path: Path) -> None:
+    (tmp_path / CHECKPOINT).with_suffix(".tmp").mkdir()
+    with pytest.raises(TrainingError, match="cannot write .*; free some space and train again"):
+        run(pairs, tmp_path)
+
+
 def test_a_loss_that_is_no_number_leaves_the_last_checkpoint(pairs: Pairs, tmp_path: Path) -> None:
     with pytest.raises(TrainingError, match=r"loss of epoch 1 is not a number; .*learning_rate"):
         run(pairs, tmp_path, replace(PLAN, learning_rate=1e30))
