@@ -349,7 +349,7 @@ class FrameFiles:
     def _camera(self) -> Intrinsics:
         file = self.intrinsics_file
         if self.intrinsics is None and file is None:
-            hint = "put camera.json, camera_info.yaml or intrinsics.txt beside it, or pass --intrinsics fx,fy,cx,cy"
+            hint = "put camera.json beside it, or pass --intrinsics fx,fy,cx,cy; for a folder, write dataset.toml"
             raise DepthError(f"there are no intrinsics for {self.image}", hint)
         if self.intrinsics is None or self.intrinsics.scales or file is None:
             return self.intrinsics or read_intrinsics(file or self.image)

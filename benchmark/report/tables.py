@@ -348,13 +348,13 @@ def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozense
             rows.setdefault(row_of(record), []).append(record)
     every = [_row(method, of, galleries, labels) for method, of in rows.items()]
     listed = [row for row in every if row.scored or row.failed or row.method in printed]
-    order = {method: place for place, method in enumerate(dict.fromkeys([*printed, *TITLES]))}
-    listed = _arranged(listed, order)
+    listed = _arranged(listed, {method: place for place, method in enumerate(dict.fromkeys([*printed, *TITLES]))})
     titles = Counter(row.title for row in listed)
     listed = [replace(row, title=f"{row.title} ({row.method})") if titles[row.title] > 1 else row for row in listed]
     ranked = {column: [samples[name] for name in names if name in samples] for column, names in galleries.items()}
     known = [column for column in table.columns if ranked[column]]
-    columns = tuple(column for column in known if any(column.title in row.scored for row in listed)) or tuple(known[:1])
+    scored = tuple(column for column in known if any(column.title in row.scored for row in listed))
+    columns = scored or tuple(sorted(known, key=lambda column: column.input != sample.input)[:1])
     return TableView(
         table, dataset, _title(sample), quick, columns, {column.title: ranked[column] for column in known},
         tuple(listed), printed, shown, tuple(dict.fromkeys(left_out)),

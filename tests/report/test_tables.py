@@ -199,6 +199,11 @@ def test_notes_name_each_kind_of_fact_once_and_are_at_most_eight():
     assert sum("smooth.py:14" in note for note in found) == 1
 
 
+def test_a_table_without_scores_shows_the_input_that_failed():
+    assert view(failed("gps", dataset="mine", input="view")).groups == ["view"]
+    assert view(failed("gps", dataset="mine"), failed("gps", dataset="mine", input="view")).groups == ["mesh"]
+
+
 def test_a_table_of_which_only_one_fold_was_tried_and_failed_is_printed():
     table = view(failed("gps", "it fell", fold="fold 0", **HUMANS), tables=["I"])
     assert "failed" in markdown(table)
