@@ -170,7 +170,7 @@ def test_settings_of_a_set_or_of_a_class(rods, text, canonical, of_classes):
     ("text", "camera"),
     [
         ('camera = "side"', SIDE),
-        ("camera = { direction = [0, 0, -3], up = [0, 1, 0.5] }", Camera((0, 0, -1), (0, 1, 0))),
+        ("camera = { direction = [0, 0, -3], up = [0, 2, 0.5] }", Camera((0, 0, -1), (0, 1, 0))),
         ('up = "y"', Camera((0, 0, -1), (0, 1, 0))),
         ('up = "y"\ncamera = "back"', Camera((0, 0, 1), (0, 1, 0))),
         ('up = "y"\ncamera = { direction = [1, 0, 0] }', Camera((1, 0, 0), (0, 1, 0))),

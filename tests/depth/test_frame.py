@@ -46,7 +46,9 @@ def test_a_board_before_a_wall_is_no_plane_of_the_background() -> None:
 @pytest.mark.parametrize(("roll", "height"), [(0.0, 0.8), (10.0, 1.8)])
 def test_up_is_that_of_the_floor(roll: float, height: float) -> None:
     depths, mask = frame(roll=roll, height=height)
-    surface = observe(depths, KINECT, mask).surface.vertices
+    observed = observe(depths, KINECT, mask)
+    assert 0 < observed.notes["flying_pixels"] == (mask & (depths > 0)).sum() - observed.mask.sum()
+    surface = observed.surface.vertices
     assert np.ptp(surface[:, 1]) == pytest.approx(TALL, abs=0.08)  # feet vanish in the floor
     order = surface[:, 1].argsort()
     assert abs(surface[order[-50:], 0].mean() - surface[order[:50], 0].mean()) < 0.3

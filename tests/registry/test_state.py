@@ -128,6 +128,7 @@ def changed(value, **attributes):
         made(1), by_default, by_global, counted, by_helper, wrapped, Plain, Plain(1), Plain(1).canonicalise,
         class_of(1), class_of(1)(), Shared, Shared(), canonical_form(name="power", title="Power")(made(1)),
         lambda shape: shape.mesh, functools.partial(made, 1), changed(Power(), extra=1), changed(Power(), computed=3),
+        changed(Power(), computed=2.0),
         Power(k=np.ones(3)), changed(Power(), k=object()), changed(Power(), k=[1]), changed(Learned(), model="m"),
     ],
     ids=lambda value: getattr(value, "__qualname__", type(value).__name__),
@@ -166,7 +167,8 @@ def module(path, text, name="own"):
 TEXT = """import config
 from config import SIZE
 K = 2
-def helper(x, power=3): return x ** power
+def helper(x, power=3): return x ** power * helper.gain
+helper.gain = 2
 def flat(shape): return helper(shape.mesh.vertices) * K * config.SIZE * SIZE
 class Own:
     factor = 2
@@ -178,11 +180,10 @@ def test_constants_that_a_function_reads_are_in_its_key(tmp_path, monkeypatch):
     config = module(tmp_path / "config.py", "SIZE = 4\n", "config")
     own = module(tmp_path / "own.py", TEXT)
     first = component_of(own.flat).key()
-    assert component_of(own.flat).key() == first
     keys = [first]
     for where, name, value in (
         (own, "K", 5), (own, "SIZE", 5), (config, "SIZE", 5), (own.helper, "__defaults__", (5,)),
-        (own, "helper", lambda x: x), (own.flat, "__code__", own.helper.__code__),
+        (own.helper, "gain", 5), (own, "helper", lambda x: x), (own.flat, "__code__", own.helper.__code__),
     ):  # fmt: skip
         with monkeypatch.context() as patch:
             patch.setattr(where, name, value)
