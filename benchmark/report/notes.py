@@ -72,12 +72,12 @@ def _columns(view: TableView) -> Iterator[str]:
 
 def _undecided(view: TableView) -> Iterable[str]:
     """Name the blocks in which no difference is certain, and the columns with too few classes to tell."""
-    found: dict[str, None] = {}
+    shown, found = {row.method for row in view.printed_rows}, dict[str, None]()
     for (title, kind), (rivals, p_values) in view.tests.items():
-        if np.isnan(p_values).any():
-            n_classes = len(set(next(iter(rivals.values())).labels))
-            found[f"{title} (not decidable: {n_classes} classes)"] = None
-        elif np.all(p_values >= ALPHA):
+        are_printed = len(shown & {*rivals}) > 1
+        if are_printed and np.isnan(p_values).any():
+            found[f"{title} (not decidable: {len(set(next(iter(rivals.values())).labels))} classes)"] = None
+        elif are_printed and np.all(p_values >= ALPHA):
             found[f"{BLOCKS[kind]} ({title})"] = None
     return found
 

@@ -3,6 +3,7 @@
 import json
 import random
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -126,6 +127,8 @@ def test_below_eight_classes_nothing_is_marked():
     table = view(record("best", 0.9), record("far", 0.1))
     assert table.marks == {}
     assert "No difference is certain: mesh (not decidable: 3 classes)." in table_notes(table)
+    alone = replace(table, shown=frozenset({"far"}))
+    assert not any("No difference" in note for note in table_notes(alone)), "one row has no rival beside it"
 
 
 @pytest.mark.parametrize(
