@@ -14,17 +14,12 @@ from learned.pairs import gather
 from tests.learned.toy import Image, ellipsoid, person
 
 
-def test_another_size_is_refused() -> None:
-    with pytest.raises(InvalidMesh, match="render 500 x 500 pixels"):
-        checked_image(np.full((128, 128), 0.5, dtype=np.float32))
-
-
 @pytest.mark.parametrize("value", [np.nan, 1.5, -0.1])
-def test_a_value_that_is_no_depth_is_refused(value: float) -> None:
-    image = person()
-    image[250, 250] = value
-    with pytest.raises(InvalidMesh, match=r"NaN or values outside \[0, 1\]"):
-        checked_image(image)
+def test_another_size_and_a_value_that_is_no_depth_are_refused(value: float) -> None:
+    for image, said in ((person(), r"NaN or values outside \[0, 1\]"), (person()[::4, ::4], "render 500 x 500 pixels")):
+        image[100, 100] = value
+        with pytest.raises(InvalidMesh, match=said):
+            checked_image(image)
 
 
 @pytest.mark.parametrize("resolution", [125, 128, 333])

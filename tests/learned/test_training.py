@@ -155,12 +155,9 @@ def test_every_pair_counts_the_same_in_the_losses_of_an_epoch(
     assert row["depth loss"] == row["mask loss"] == pytest.approx((4 * 1 + 2 * 4) / 6)
 
 
-def test_measures_stand_in_the_rows_of_the_epochs_after_which_they_were_taken(
-    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rows_hold_the_measures_of_their_epochs(pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(training, "VALIDATIONS", 2)
-    plan = replace(PLAN, epochs=5)
-    history = fit(TINY.build(0), pairs, pairs, plan, tmp_path, seed=0, device=CPU, log=quiet)
+    history = fit(TINY.build(0), pairs, pairs, replace(PLAN, epochs=5), tmp_path, seed=0, device=CPU, log=quiet)
     assert ["validation mask overlap" in row for row in history] == [False, True, False, True, True]
 
 
