@@ -134,7 +134,7 @@ def test_frames_are_ranked_among_meshes_and_find_them(rods, finished, tmp_path):
     words = ("run", "-d", frames, "--gallery", meshes, "-m", "identity", *SMALL, *results, "-j", "0")
     said = " ".join(call(*words).split())
     assert "frames against meshes: 2 queries have names of its shapes; --same-names leaves these out" in said
-    assert "Retrieval on frames against meshes (2 queries of 2 classes, 0 left out, among 2 shapes)" in said
+    assert "Retrieval on frames against meshes (2 queries of 2 classes, among 2 shapes)" in said
     assert "nothing can be retrieved" in refusal(*words, "--same-names")
     assert "forms of queries are others" in refusal(*words[:5], *results, "--forms", f"mine={meshes}")
     table = benchmark.run(frames, "identity", gallery=meshes, input="view", scorer=SMALL_SCORER, results=results[1])
