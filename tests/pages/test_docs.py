@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import shlex
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -81,6 +82,17 @@ def test_every_section_that_a_message_names_exists() -> None:
     for section, page in named:
         target = ROOT / (page if page.endswith(".md") else f"{page}.md")
         assert f"# {section}\n" in TEXTS[target], (section, page)
+
+
+def test_every_commit_and_its_file_that_a_page_names_is_in_the_history() -> None:
+    text = " ".join(" ".join(TEXTS.values()).split())
+    named = re.findall(r"\b[0-9a-f]{8}\b", text)
+    named += [f"{commit}:{path}" for path, commit in re.findall(r"`([\w/]+\.py)` (?:at|of) commit (\w{8})", text)]
+    words = ["git", "cat-file", "--batch-check"]
+    done = subprocess.run(words, cwd=ROOT, input="\n".join(named), capture_output=True, text=True, check=False)
+    if done.returncode or (ROOT / ".git" / "shallow").exists():
+        pytest.skip("needs the history")
+    assert [line for line in done.stdout.splitlines() if not re.search(" (commit|blob) ", line)] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)

@@ -1,26 +1,54 @@
-"""What the README and the page on reproduction say of the tables is what the published records say."""
+"""What README and the pages on reproduction and networks say is what published records and experiments say."""
 
 import csv
 import json
 import re
-from collections import Counter
+from math import floor
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.stats import kendalltau
 
 from benchmark.check import check
 from benchmark.pipeline.records import read_records
 from benchmark.reference.paper import AS_PRINTED, CLASSICAL, MEASURES, PRINTED
 from benchmark.registry import find
 from benchmark.report.formats import hundredths
+from benchmark.report.statistics import ALPHA, tukey_test
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import claims, verdicts, verdicts_markdown
 from tests.verbs import call
 
 ROOT = Path(__file__).parents[2]
-README = (ROOT / "README.md").read_text(encoding="utf-8")
 TABLES = ROOT / "results" / "tables"
-REPRODUCTION = (ROOT / "docs" / "explanation" / "reproduction.md").read_text(encoding="utf-8")
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+#: The column of each table that the pages cite.
+CITED = {"I": "5 subjects", "I-view": "5 subjects", "II": "ours", "II-view": "ours", "III": "ours",
+         "III-view": "all shapes", "IV": "ours"}  # fmt: skip
+
+#: Names that have brackets, in the sentences below.
+SHORT = {AS_PRINTED: "printed", "learned-wide-extra[training=animals-sampled]": "animals"}
+
+#: By page, what it says, with figures in braces.
+SAYS = dict(
+    re.findall(
+        r"^## (\S+)\n(.+?)\n*(?=^## |\Z)",
+        (Path(__file__).parent / "sentences.txt").read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL,
+    )
+)  # fmt: skip
+
+
+class Scores(dict):
+    """Scores that are written as in tables: all, or those that a format names."""
+
+    def __format__(self, measures):
+        return " ".join(hundredths(self[name]) for name in measures.split() or MEASURES)
+
+
+def above(one, other):
+    return [name for name in MEASURES if one[name] > other[name]]
 
 
 @pytest.fixture(scope="module")
@@ -33,137 +61,175 @@ def views(every_view):
     return {view.table.identifier: view for view in every_view if view.dataset != "animals"}
 
 
-def unwrapped(text):
-    return " ".join(text.split())
+@pytest.fixture(scope="module")
+def rows(views):
+    named = {table: {SHORT.get(row.method, row.method): row.scored for row in views[table].rows} for table in CITED}
+    return {t: {name: of[CITED[t]] for name, of in named[t].items() if CITED[t] in of} for t in CITED}
 
 
-def shown(view, title, column):
-    """NN and DCG of a row as printed; "" if it has none."""
-    if title == "Random order":
-        scores = view.chance[column]
-    else:
-        row = next(row for row in view.rows if row.title == title)
-        scores = row.scored[column].means if column in row.scored else {}
-    return f"{hundredths(scores['NN'])} {hundredths(scores['DCG'])}" if scores else ""
+@pytest.fixture(scope="module")
+def scores(views, rows):
+    """Scores by table and row, also of the random order and the best of the paper's classical forms."""
+    found = {f"paper_{t}": {SHORT.get(name, name): Scores(of) for name, of in PRINTED[t].items()} for t in PRINTED}
+    for table, each in rows.items():
+        of = {name: Scores(one.means) for name, one in each.items()}
+        of["random"] = Scores(views[table].chance[CITED[table]])
+        of["best"] = Scores({m: max((of[name][m] for name in CLASSICAL if name in of), default=0) for m in MEASURES})
+        found[table.replace("-", "_")] = of
+    return found
 
 
-def test_the_rows_of_the_readme_are_those_of_the_tables(views):
-    lines = re.findall(r"^\|([^|]+)\|([^|]*)\|([^|]*)\|([^|]*)\|$", README, re.MULTILINE)
-    rows = [[cell.strip() for cell in line] for line in lines if line[0].strip() not in ("Method", "---")]
-    assert len(rows) == 6
-    for title, paper, surfaces, view in rows:
-        assert view == shown(views["III-view"], title, "all shapes")
-        if not title.startswith("Depth"):
-            assert surfaces == shown(views["III"], title, "ours")
-        if paper:
-            figures = PRINTED["III"][next(row.method for row in views["III"].rows if row.title == title)]
-            assert paper == f"{hundredths(figures['NN'])} {hundredths(figures['DCG'])}"
-
-
-def test_21_of_32_classical_figures_of_tosca_come_out_again(every_view):
-    counts = Counter(verdict for figures in verdicts(every_view).values() for *_, verdict in figures)
-    assert (counts["reproduced"], counts["same order"], counts["otherwise"]) == (21, 2, 9)
-    assert "21 of the paper's 32 scores of classical methods are within .05 of ours" in unwrapped(README)
-    assert "21 of 32 scores of classical methods differ by at most .05, two" in unwrapped(REPRODUCTION)
-
-
-def test_chance_comes_as_near_to_the_papers_real_humans_as_any_figure_can(views):
-    chance = views["II"].chance["ours"]
-    near = [abs(PRINTED["II"][name][m] - chance[m]) <= 0.05 for name in CLASSICAL for m in MEASURES]
-    sentence = f"Of the paper's {len(near)} scores of classical methods, {sum(near)} are within .05 of a random order's"
-    assert sentence in unwrapped(README)
-    fair = {row.method: row.scored["ours"].means["NN"] for row in views["II-view"].rows if row.scored}
-    assert all(fair[name] < 0.1 for name in CLASSICAL if name != "gps")
-
-
-@pytest.mark.parametrize(("table", "column"), [("I", "5 subjects"), ("III", "ours")])
-def test_the_surface_area_beats_every_canonical_form_but_skeletons_in_nn(views, table, column):
-    scores = {row.method: row.scored[column].means for row in views[table].rows if column in row.scored}
-    forms = [row.method for row in views[table].rows if row.kind == "form" and row.method in scores]
-    assert len(forms) >= 9
-    better = [(name, m) for name in forms for m in MEASURES if scores["surface-area"][m] <= scores[name][m]]
-    assert better == ([("skeleton", "NN")] if table == "III" else [])
-    assert scores["si-hks"]["NN"] >= 0.975 - 5e-7
-
-
-def scores(view, method, column):
-    """NN FT ST DCG of a row as printed."""
-    (row,) = (row for row in view.rows if row.method == method)
-    return " ".join(hundredths(row.scored[column].means[name]) for name in MEASURES)
-
-
-def test_what_the_count_of_reproduced_scores_is_worth_stands_beside_it(every_view):
-    text = unwrapped(verdicts_markdown(every_view))
-    mean, share, order = re.search(r"random, (.*?) are .*?and (\d+)% .*?paper: (.*?)\. Each", text).groups()
-    assert f"exchanged at random, {mean} on average" in unwrapped(README)
-    assert f"exchanged at random, {mean} scores are reproduced on average, and {share} % of" in unwrapped(REPRODUCTION)
-    nn, *others = [word.split()[1] for word in order.split(", ")]
-    assert f"rank correlations {', '.join(others)}), NN does not ({nn})" in unwrapped(REPRODUCTION)
-    assert f"rank correlations {min(others)} to {max(others)}), NN does not ({nn})" in unwrapped(README)
-
-
-def test_claims_are_decided_as_the_pages_say(every_view):
-    found = {(one.claim.table, one.claim.better, one.claim.words.split()[0]): one for one in claims(every_view)}
-    of_network = {(table, better): one for (table, better, first), one in found.items() if first == "The"}
-    decisions = {place: one.decision for place, one in of_network.items()}
-    assert decisions == {
-        ("I", AS_PRINTED): "undecided", ("I", "learned"): "supported",
-        ("II", AS_PRINTED): "contradicted", ("II", "learned"): "undecided",
-        ("III", AS_PRINTED): "not comparable", ("III", "learned"): "not decidable: 5 classes",
+@pytest.fixture(scope="module")
+def assessed(every_view):
+    return {
+        f"{one.claim.table} {SHORT.get(one.claim.better, '')}".strip(): one
+        for one in claims(every_view) if one.claim.words.startswith(("The network", "Poses"))
     }  # fmt: skip
-    assert found["IV", "learned", "Poses"].decision == "supported"
-    assert of_network["I", AS_PRINTED].leads == of_network["I", "learned"].leads == 32
-    real, unseen = of_network["II", "learned"], of_network["III", "learned"]
-    assert f"leads in {real.leads} of {real.n_comparisons} comparisons, {real.certain} of them" in unwrapped(
-        REPRODUCTION
-    )
-    lost = of_network["II", AS_PRINTED]
-    assert f"leads in {lost.leads} of {lost.n_comparisons} comparisons (NN" in unwrapped(REPRODUCTION)
-    assert (unseen.queries, unseen.n_queries) == (58, 80)
-    for page in (README, REPRODUCTION):
-        assert f"leads in {unseen.leads} of {unseen.n_comparisons} comparisons" in unwrapped(page)
 
 
-def test_the_visible_area_and_identity_are_as_good_as_the_pages_say(views):
-    area, printed, small = (scores(views["I-view"], m, "5 subjects") for m in ("surface-area", AS_PRINTED, "learned"))
-    sentence = f"({area}) beats the network as printed in all measures, and the one at 128 pixels in FT and ST"
-    assert sentence in unwrapped(REPRODUCTION)
-    assert f"the visible area alone ({area[:3]}) beats the network with the paper's training" in unwrapped(README)
-    assert all(ours > theirs for ours, theirs in zip(area.split(), printed.split(), strict=True))
-    assert [ours > theirs for ours, theirs in zip(area.split(), small.split(), strict=True)] == [
-        False,
-        True,
-        True,
-        False,
-    ]
-    identity, best = (scores(views["III-view"], name, "all shapes") for name in ("identity", "mesh-unfolding"))
-    assert f"identity ({identity}) equals the best form, mesh unfolding ({best})" in unwrapped(REPRODUCTION)
+@pytest.fixture(scope="module")
+def judged(every_view, views, rows, scores, assessed):
+    """Figures of verdicts and claims, and what else follows from records."""
+    text = " ".join(verdicts_markdown(every_view).split())
+    count, mean, share, order = re.search(
+        r" (\d+) of 32 .*?random, (.*?) are .*?and (\d+)% .*?paper: (.*?)\. Each", text
+    ).groups()
+    order = dict(word.split() for word in order.split(", "))
+    forms = [row.scored for table in ("I", "I-view") for row in views[table].rows if row.kind == "form" and row.scored]
+    view, network = rows["III-view"], rows["III-view"]["learned"]
+    unseen = [label not in network.seen_classes for label in network.labels]
+    ablated = [rows["IV"][f"learned{part}"] for part in ("", "-without-srf", "-without-lrf", "-without-weighting")]
+    means = np.array([[one.means[name] for name in MEASURES] for one in ablated])
+    seeds = max(np.ptp([values.mean(axis=0) for values in one.trainings], axis=0).max() for one in ablated)
+    paper, chance = scores["paper_II"], scores["II"]["random"]
+    near = [abs(paper[name][m] - chance[m]) <= 0.05 for name in CLASSICAL for m in MEASURES]
+    return {
+        "reproduced": count, "exchanged": mean, "share": share, "order": order, "claims": assessed,
+        "least_order": min([*order.values()][1:]), "most_order": max([*order.values()][1:]), "by_chance": sum(near),
+        "of_two": Scores(views["III-view"].chance["cats and horses"]),
+        "lowest": hundredths(min(PRINTED["I"][name]["DCG"] for name in CLASSICAL)),
+        "least": {n: hundredths(min(of[f"{n} subjects"].means["DCG"] for of in forms)) for n in (5, 15)},
+        "unseen": sum(unseen), "seen": len(unseen) - sum(unseen),
+        "nn": {name: hundredths(view[name].values[unseen, 0].mean()) for name in ("learned", *CLASSICAL, "identity")},
+        "parts": f"{np.abs(means[1:] - means[0]).max():.3f}".removeprefix("0"), "seeds": hundredths(seeds),
+    }  # fmt: skip
 
 
-def test_networks_and_the_best_forms_of_people_have_the_nn_of_the_readme(views):
-    def nn(table, column, *methods):
-        rows = {row.method: row.scored[column].means["NN"] for row in views[table].rows if column in row.scored}
-        return hundredths(max(rows[method] for method in methods or CLASSICAL))
-
-    printed, small = (nn("I-view", "5 subjects", name) for name in (AS_PRINTED, "learned"))
-    assert f"Its NN is {printed} with the paper's training (500 x 500 pixels, 500 epochs), not" in unwrapped(README)
-    assert f"not certainly above GPS, and {small} at 128 x 128 pixels" in unwrapped(README)
-    best = nn("I-view", "5 subjects"), nn("I", "5 subjects")
-    assert f"The best classical form has {best[0]}, or {best[1]} from complete surfaces." in unwrapped(README)
-    printed, small = (nn("II-view", "ours", name) for name in (AS_PRINTED, "learned"))
-    of_gps = nn("II-view", "ours", "gps")
-    assert f"(NN {printed}) loses to the classical form GPS ({of_gps}). At 128" in unwrapped(README)
-    assert f"it has {small}, too" in unwrapped(README) and small == of_gps == nn("II-view", "ours")
+def lines_of(path):
+    return [*csv.DictReader((ROOT / "results" / path).read_text(encoding="utf-8").splitlines())]
 
 
-def test_figures_of_experiments_are_those_of_their_file():
-    folder = ROOT / "results" / "experiments"
-    known = {float(row["value"]) for row in csv.DictReader((folder / "experiments.csv").open(encoding="utf-8"))}
-    lines = [line for line in (folder / "README.md").read_text(encoding="utf-8").splitlines() if line.startswith("|")]
-    printed = [word for line in lines for word in re.findall(r"(?<![\w.])\.\d+", line)]
+@pytest.fixture(scope="module")
+def experiments():
+    table = lines_of("experiments/experiments.csv")
+    return {tuple(row[k] for k in ("experiment", "setting", "epoch", "measure")): float(row["value"]) for row in table}
+
+
+@pytest.fixture(scope="module")
+def measured(experiments):
+    """Figures of experiments, and of two scorers."""
+    nn = {
+        way: sum(experiments["mixtures", f"fold {k}, {way}", "60", "NN"] for k in (0, 1)) / 2
+        for way in ("one network", "one for each group of poses", "one for each subject")
+    }
+    one, poses, subjects = nn.values()
+    parts = ("as predicted", "true depth in the predicted mask", "predicted depth in the true mask")
+    table = lines_of("figures/two-scorers.csv")
+    of = {(row["measure"], row["scorer"], row["method"]): float(row["value"]) for row in table}
+    scorers = ("cm-bof", "spherical-harmonics")
+    orders = [[[of[m, scorer, name] for name in CLASSICAL] for scorer in scorers] for m in MEASURES]
+    return {
+        "by_poses": hundredths(one - poses), "by_subjects": hundredths(subjects - one),
+        "ft": [hundredths(experiments["depth or mask, earlier set", part, "60", "FT"]) for part in parts],
+        "taus": " ".join(hundredths(kendalltau(*two).statistic) for two in orders),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("page", SAYS)
+def test_pages_say_what_the_records_say(page, scores, judged, measured):
+    text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
+    said = SAYS[page].format(**scores, **judged, **measured).splitlines()
+    assert [sentence for sentence in said if sentence not in text] == []
+
+
+def test_rows_lie_above_others_as_the_pages_say(views, scores):
+    forms = {t: [row.method for row in views[t].rows if row.kind == "form" and row.scored] for t in ("I", "III")}
+    assert [
+        (table, one, form, name)
+        for table in forms for form in forms[table] for one in ("surface-area", "shape-dna", "si-hks")
+        for name in MEASURES if name not in above(scores[table][one], scores[table][form])
+    ] == [("III", "surface-area", "skeleton", "NN")]  # fmt: skip
+    people, real, animals = (scores[f"{table}_view"] for table in ("I", "II", "III"))
+    assert above(people["surface-area"], people["printed"]) == above(real["gps"], real["printed"]) == [*MEASURES]
+    assert above(people["surface-area"], people["learned"]) == ["FT", "ST"]
+    assert f"{real['gps']:NN}" == f"{real['best']:NN}" == f"{real['learned']:NN}"
+    assert animals["mesh-unfolding"]["NN"] == animals["best"]["NN"]
+    assert all(abs(animals["identity"][name] - animals["best"][name]) <= 0.02 for name in MEASURES)
+    ours = (people["learned-wide-extra"], "I"), (real["learned-wide-extra"], "II"), (animals["animals"], "III_view")
+    assert all(above(one, scores[table]["best"]) == [*MEASURES] for one, table in ours)
+
+
+def test_verdicts_are_those_of_the_page(every_view):
+    found = {name: [verdict for *_, verdict in figures] for name, figures in verdicts(every_view).items()}
+    assert sum(of.count("same order") for of in found.values()) == 2
+    assert [{name for name, of in found.items() if of[k] == "otherwise"} for k in range(4)] == [
+        {*CLASSICAL} - {"non-metric-mds", "least-squares-mds"}, set(), {"classic-mds", "gps"}, {"gps"},
+    ]  # fmt: skip
+
+
+def test_claims_are_decided_as_the_pages_say(assessed, rows):
+    assert {place: one.decision for place, one in assessed.items()} == {
+        "I printed": "undecided", "I": "supported", "II printed": "contradicted", "II": "undecided",
+        "III printed": "not comparable", "III": "not decidable: 5 classes", "IV": "supported",
+    }  # fmt: skip
+    assert assessed["I printed"].leads == assessed["I"].leads == 32
+    tested = [rows["I-view"][name] for name in ("printed", *CLASSICAL)]
+    p_values = tukey_test([one.values for one in tested], tested[0].labels)[0, 1:]
+    assert [(CLASSICAL[row], MEASURES[k]) for row, k in np.argwhere(p_values >= ALPHA)] == [("gps", "NN")]
+
+
+def test_the_paper_ranks_all_shapes_of_tosca_and_perhaps_fifteen_people(judged):
+    nns, sts = (sorted({of[m] for of in PRINTED["III"].values()}) for m in ("NN", "ST"))
+    shares = {n: {floor(100 * k / n + 0.5) for k in range(n + 1)} for n in (19, 41, 80)}
+    shares["as C prints them"] = {round(100 * float(f"{k / 80:.2f}")) for k in range(81)}
+    assert {n: [nn for nn in nns if round(100 * nn) not in of] for n, of in shares.items()} == {
+        19: [0.71, 0.73, 0.76, 0.78, 0.88, 0.97], 41: [0.74, 0.79, 0.97], 80: [0.97], "as C prints them": [0.73],
+    }  # fmt: skip
+    assert sts[-1] < judged["of_two"]["ST"]
+    assert judged["least"][15] < judged["lowest"] < judged["least"][5]
+
+
+def test_figures_of_experiments_are_those_of_their_file(experiments):
+    known = {float(row["value"]) for row in lines_of("experiments/experiments.csv")}
+    lines = (ROOT / "results" / "experiments" / "README.md").read_text(encoding="utf-8").splitlines()
+    printed = [word for line in lines if line.startswith("|") for word in re.findall(r"(?<![\w.])\.\d+", line)]
     assert len(printed) > 80
     for word in printed:
         assert any(abs(value - float(word)) <= 0.5 * 10.0 ** (1 - len(word)) + 1e-9 for value in known), word
+    curve = {n: experiments["epochs, earlier set", "128 pixels", n, "FT"] for n in ("30", "60", "125", "250", "500")}
+    assert max(curve, key=curve.get) == "60"
+
+
+def test_experiments_find_no_cause_by_their_rules(experiments):
+    wide, again = "dilations 6 to 18 minus printed", "128 pixels, trained again"
+    t = [experiments["A", f"{n} pixels, {wide}", "60", "t of (NN + FT) / 2"] for n in (128, 192)]
+    assert not t[0] <= 2 < t[1]
+    assert experiments["B", "width 48, trained again", "60", "FT"] <= experiments["B", "width 16", "60", "FT"]
+    of_last = (("500", "FT"), ("40 to 120", "FT"), ("last", "variation of FT"))
+    late, early, varied = (experiments["C", again, *of] for of in of_last)
+    assert late >= early - 2 * varied
+
+
+def test_networks_at_128_pixels_have_the_epochs_of_the_page():
+    for path in ROOT.glob("learned/models/*/literal-seed*/card.json"):
+        assert json.loads(path.read_bytes())["schedule"]["epochs"] == (500 if "animals-III" in path.parts else 60)
+
+
+def test_the_readme_names_what_must_be_installed():
+    makefile, project = ((ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", "pyproject.toml"))
+    first, end = re.search(r'requires-python = ">=([\d.]+),<3\.(\d+)"', project).groups()
+    assert f"You need Python {first} to 3.{int(end) - 1}, " in README
+    assert f"`{re.search(r'apt-get install [.0-9a-z -]+', makefile)[0]}`" in " ".join(README.split())
 
 
 def test_committed_tables_are_those_of_the_published_records(tmp_path):
