@@ -149,7 +149,8 @@ def measured(experiments):
 def test_pages_say_what_the_records_say(page, scores, judged, measured):
     text = " ".join((ROOT / page).read_text(encoding="utf-8").split())
     said = SAYS[page].format(**scores, **judged, **measured).splitlines()
-    assert [sentence for sentence in said if sentence not in text] == []
+    lacking = "\n".join(sentence for sentence in said if sentence not in text)
+    assert not lacking, f"{page} must say:\n{lacking}"
 
 
 def test_rows_lie_above_others_as_the_pages_say(views, scores):
