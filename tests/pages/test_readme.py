@@ -130,7 +130,7 @@ def experiments():
 
 
 @pytest.fixture(scope="module")
-def measured(experiments):
+def measured(experiments, scores):
     """Figures of experiments, and of two scorers."""
     nn = {
         way: sum(experiments["mixtures", f"fold {k}, {way}", "60", "NN"] for k in (0, 1)) / 2
@@ -140,12 +140,13 @@ def measured(experiments):
     parts = ("as predicted", "true depth in the predicted mask", "predicted depth in the true mask")
     table = lines_of("figures/two-scorers.csv")
     of = {(row["measure"], row["scorer"], row["method"]): float(row["value"]) for row in table}
+    assert all(abs(of[m, "cm-bof", name] - scores["III"][name][m]) < 1e-6 for name in CLASSICAL for m in MEASURES)
     scorers = ("cm-bof", "spherical-harmonics")
     orders = [[[of[m, scorer, name] for name in CLASSICAL] for scorer in scorers] for m in MEASURES]
     return {
         "by_poses": hundredths(one - poses), "by_subjects": hundredths(subjects - one),
         "ft": [hundredths(experiments["depth or mask, earlier set", part, "60", "FT"]) for part in parts],
-        "taus": " ".join(hundredths(kendalltau(*two).statistic) for two in orders),
+        "taus": " ".join(hundredths(kendalltau(*two).statistic) for two in orders).replace("-0.", "-."),
     }  # fmt: skip
 
 
