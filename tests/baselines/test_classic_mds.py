@@ -24,6 +24,14 @@ def test_negative_eigenvalues_count_as_zero():
     np.testing.assert_allclose(spread(points)[0], [0, np.sqrt(2), 2, np.sqrt(2)], atol=1e-7)
 
 
+def test_a_large_negative_eigenvalue_displaces_no_positive_one():
+    random = np.random.default_rng(1).standard_normal((100, 5))
+    axes = np.linalg.qr(np.column_stack([np.ones(100), random]))[0][:, 1:]
+    gram = axes * [5, 4, 3, 2, -9] @ axes.T
+    squares = gram.diagonal() + gram.diagonal()[:, None] - 2 * gram + 1 - np.eye(100)  # adds .5 to each eigenvalue
+    np.testing.assert_allclose(classic_scaling(np.sqrt(squares))[1], [5.5, 4.5, 3.5, 2.5], rtol=1e-9)
+
+
 def test_classic_scaling_is_that_of_scikit_learn_and_isomap_of_all_neighbours():
     shape = limbed(300)
     form = ClassicMDS().canonicalise(shape)
