@@ -25,11 +25,11 @@ def test_negative_eigenvalues_count_as_zero():
 
 
 def test_a_large_negative_eigenvalue_displaces_no_positive_one():
-    random = np.random.default_rng(1).standard_normal((100, 5))
+    random = np.random.default_rng(1).standard_normal((100, 99))
     axes = np.linalg.qr(np.column_stack([np.ones(100), random]))[0][:, 1:]
-    gram = axes * [5, 4, 3, 2, -9] @ axes.T
-    squares = gram.diagonal() + gram.diagonal()[:, None] - 2 * gram + 1 - np.eye(100)  # adds .5 to each eigenvalue
-    np.testing.assert_allclose(classic_scaling(np.sqrt(squares))[1], [5.5, 4.5, 3.5, 2.5], rtol=1e-9)
+    gram = axes * [5, 4, 3, 2, -12, *np.linspace(-1, 1, 94)] @ axes.T
+    squares = gram.diagonal() + gram.diagonal()[:, None] - 2 * gram + 4 * (1 - np.eye(100))  # adds 2 to the eigenvalues
+    np.testing.assert_allclose(classic_scaling(np.sqrt(squares))[1], [7, 6, 5, 4], rtol=1e-9)
 
 
 def test_classic_scaling_is_that_of_scikit_learn_and_isomap_of_all_neighbours():
