@@ -72,14 +72,17 @@ def _columns(view: TableView) -> Iterator[str]:
 
 def _undecided(view: TableView) -> Iterable[str]:
     """Name the blocks in which no difference is certain, and the columns with too few classes to tell."""
-    shown, found = {row.method for row in view.printed_rows}, dict[str, None]()
+    printed = {row.method for row in view.printed_rows}
+    undecided: dict[str, None] = {}
     for (title, kind), (rivals, p_values) in view.tests.items():
-        are_printed = len(shown & {*rivals}) > 1
-        if are_printed and np.isnan(p_values).any():
-            found[f"{title} (not decidable: {len(set(next(iter(rivals.values())).labels))} classes)"] = None
-        elif are_printed and np.all(p_values >= ALPHA):
-            found[f"{BLOCKS[kind]} ({title})"] = None
-    return found
+        if len(printed & {*rivals}) < 2:
+            continue
+        if np.isnan(p_values).any():
+            n_classes = len(set(next(iter(rivals.values())).labels))
+            undecided[f"{title} (not decidable: {n_classes} classes)"] = None
+        elif np.all(p_values >= ALPHA):
+            undecided[f"{BLOCKS[kind]} ({title})"] = None
+    return undecided
 
 
 def _failed(rows: Iterable[Row]) -> list[str]:

@@ -202,11 +202,13 @@ class TableView:
             times = f"{len(others) + 1} x " if others else ""
             texts[column.title] = f"{times}{len(classes)} shapes of {len(set(classes))} classes"
             if first.against:
-                omitted = f", {n} left out" if (n := len(first.shapes) - len(classes)) else ""
+                n_omitted = len(first.shapes) - len(classes)
+                omitted = f", {n_omitted} left out" if n_omitted else ""
                 size = f"{len(classes)} queries of {len(set(classes))} classes{omitted}"
                 texts[column.title] = f"{size}, among {len(first.against.shapes)} shapes"
-        is_one = len(set(texts.values())) == 1
-        return "; ".join([*texts.values()][:1] if is_one else [f"{title}: {text}" for title, text in texts.items()])
+        if len(set(texts.values())) == 1:
+            return next(iter(texts.values()))
+        return "; ".join(f"{title}: {text}" for title, text in texts.items())
 
     @property
     def caption(self) -> str:

@@ -76,10 +76,11 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
     order = evaluation.queries.index.get_indexer(list(known))
     matrix = evaluation.distances[np.ix_(order, order)]
     parts = [facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), code_of_modules([RANKING])]
+    key = digest(parts)
     content = {
         **facts,
         **score_draws([matrix], facts["labels"]),
-        "key": (key := digest(parts)),
+        "key": key,
         "status": "ok",
         "method": method_name(title),
         "title": brief(title),
