@@ -51,7 +51,8 @@ def run(
     data
         Names or folders of data sets.
     methods
-        Names, objects, classes, and functions from a shape to positions; all methods by default.
+        Names, objects, classes, and functions from a shape to positions; all methods by default. Your own objects and
+        functions run in each call; what those of a plugin file made is kept.
     input
         Complete surfaces, or one depth view of each.
     scorer, plugins

@@ -5,9 +5,8 @@ from __future__ import annotations
 import importlib.util
 import inspect
 import secrets
-import sys
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, field, is_dataclass, replace
+from dataclasses import MISSING, dataclass, field, replace
 from pathlib import Path
 from types import FunctionType
 from typing import Any, Literal, Self
@@ -16,11 +15,10 @@ from benchmark.api.contracts import Descriptor, Method, MethodInfo, canonical_fo
 from benchmark.api.datasets import ShapeSet
 from benchmark.api.parameters import declared_parameters, format_value, non_default_values, parameter_values
 from benchmark.api.scoring import Scorer, ScorerInfo
-from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, digest, plugin_file
+from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, is_installed, plugin_file
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.registry.modules import load_module
 from benchmark.registry.names import quoted
-from benchmark.registry.state import state_of
 from benchmark.text import brief
 
 Kind = Literal["method", "scorer", "data set"]
@@ -48,7 +46,7 @@ class Component:
         Parameters as text or values; only values other than the defaults are stored, normalised and in the order of the
         fields, so that equal components are equal objects however they are written.
     given, state
-        The object itself, if a Python program passed one, and the digest of the code and constants that it reads.
+        The object itself, if a Python program passed one, and a text that identifies it.
 
     Raises
     ------
@@ -194,9 +192,8 @@ class Component:
 
     @property
     def _has_file(self) -> bool:
-        """Whether its code is in a file, unlike that of a notebook."""
-        module = sys.modules.get(self.target.partition(":")[0])
-        return self.given is None or self.plugin is not None or bool(getattr(module, "__file__", None))
+        """Whether it is made from files, unlike an object of the user, which may depend on anything."""
+        return self.given is None or self.of_suite
 
 
 def component_of(value: Any) -> Component:
@@ -224,12 +221,11 @@ def component_of(value: Any) -> Component:
     if not (isinstance(value, contract) and isinstance(info, info_type)):
         problem = f"an object of type {cls.__name__} is no method, scorer or data set: it has {lacking}, or no info"
         raise ConfigurationError(problem, "pass a function or a dataclass: see docs/reference/plugins.md")
-    module = cls.__module__ or ""
-    file = getattr(sys.modules.get(module), "__file__", None)
-    if file and file.endswith(".py") and module.partition(".")[0] not in FIRST_PARTY:
-        module = str(Path(file).resolve())
-    read = state_of(value)
-    chosen = non_default_values(cls, parameter_values(value))
-    state = (digest(read) if read else "") if file else secrets.token_hex(8)  # without a file, it is never known again
-    value = cls(**chosen) if is_dataclass(cls) else value  # with values as in its key
-    return Component(kind, str(info.name), f"{module}:{cls.__qualname__}", chosen, value, state)
+    chosen, target = non_default_values(cls, parameter_values(value)), f"{cls.__module__}:{cls.__qualname__}"
+    is_plain = getattr(value, "__dict__", None) == parameter_values(value)
+    if hasattr(value, "train") and not is_plain:
+        raise ConfigurationError(f"'{info.name}' has a model already, and a run looks for it", "pass it without one")
+    if is_plain and is_installed(cls.__module__):
+        return Component(kind, str(info.name), target, chosen)  # its name says all
+    # An object of the user depends on whatever the program may change, so it is never known again.
+    return Component(kind, str(info.name), target, chosen, value, secrets.token_hex(8))
