@@ -1,7 +1,7 @@
 """Digests of the code that makes a result: sources, compiled extensions and versions of packages; nothing is imported.
 
 The code of a module is its source and that of everything that it imports, directly or not, except installed packages,
-whose versions count, and errors and messages: imports inside functions count, and so do lazy attributes of packages.
+whose versions count, and errors and messages. Imports inside functions count.
 """
 
 from __future__ import annotations
@@ -141,9 +141,10 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
             if where is None:
                 packages.add(top)
                 continue
-            new = [found for found in _modules(where, parts) if found not in sources]
-            sources |= dict.fromkeys(new, where)
-            pending += new
+            found = _locate(where, parts)
+            if found and found not in sources:
+                sources[found] = where
+                pending.append(found)
     return sources, packages
 
 
@@ -171,19 +172,6 @@ def _imported(source: Path, package: tuple[str, ...]) -> Iterator[tuple[str, ...
         around = package[: len(package) - level + 1] if level else ()
         full = (*around, *filter(None, [*module.split("."), attribute]))
         yield from (full[:count] for count in range(1, len(full) + 1))
-        yield (*full, "*")  # a package that is imported as a whole offers all its names
-
-
-def _modules(base: Path, parts: tuple[str, ...]) -> list[Path]:
-    """Return the file of a module; for a lazy attribute of a package, those that may define it."""
-    if found := _locate(base, parts):
-        return [found]
-    package = _locate(base, parts[:-1]) if len(parts) > 1 else None
-    if not package or package.name != "__init__.py" or not _parsed(package).is_lazy or parts[-1].startswith("_"):
-        return []
-    modules = sorted(package.parent.rglob("*.py"))
-    exporting = [path for path in modules if parts[-1] in _parsed(path).exports] if package == _API else []
-    return exporting[:1] or modules
 
 
 def _locate(base: Path, parts: tuple[str, ...]) -> Path | None:
@@ -203,17 +191,11 @@ def _find(base: Path, parts: tuple[str, ...]) -> Path | None:
     return next((path for path in candidates if path.is_file()), None)
 
 
-#: A package that offers names of its modules: importing one depends on the first module that exports it.
-_API = ROOT / "benchmark" / "api" / "__init__.py"
-
-
 class _Module(NamedTuple):
-    """Digest of a source file, its imports (level, module, attribute), ``__all__``, and whether its names are lazy."""
+    """Digest of a source file, and its imports: level, module, attribute."""
 
     digest: str
     imports: tuple[tuple[int, str, str], ...] = ()
-    exports: tuple[str, ...] = ()
-    is_lazy: bool = False
 
 
 def _parsed(path: Path) -> _Module:
@@ -249,11 +231,7 @@ def _parsed_once(path: Path, *_: int) -> _Module:
             parts.append(type(node).__name__)
         else:
             parts.append(node)
-    code = digest_of_bytes(repr(parts).encode())
-    if path == _API:
-        return _Module(code, is_lazy=True)
-    is_lazy = any(isinstance(node, ast.FunctionDef) and node.name == "__getattr__" for node in tree.body)
-    return _Module(code, tuple(imports), _exports(tree), is_lazy)
+    return _Module(digest_of_bytes(repr(parts).encode()), tuple(imports))
 
 
 def _makes_info(call: ast.Call) -> bool:
@@ -261,15 +239,6 @@ def _makes_info(call: ast.Call) -> bool:
     name = _name(call.func)
     is_change = name == "replace" and bool(call.args) and _name(call.args[0]) == "info"
     return is_change or name in ("MethodInfo", "ScorerInfo", "canonical_form")
-
-
-def _exports(tree: ast.Module) -> tuple[str, ...]:
-    """Return the names in ``__all__``, if it is a list of texts."""
-    for node in tree.body:
-        if isinstance(node, ast.Assign) and _name(node.targets[0]) == "__all__":
-            with suppress(ValueError):
-                return tuple(ast.literal_eval(node.value))
-    return ()
 
 
 def _imports(node: ast.AST) -> list[tuple[int, str, str]]:

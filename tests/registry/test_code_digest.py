@@ -17,10 +17,9 @@ from tests.registry.plugin import write_plugin
 def plugin(tmp_path):
     (tmp_path / "helper.py").write_text("from package.inner import value\n\nFACTOR = value()\n")
     (tmp_path / "package").mkdir()
-    (tmp_path / "package" / "__init__.py").write_text("def __getattr__(name):\n    ...\n")
+    (tmp_path / "package" / "__init__.py").write_text("")
     (tmp_path / "package" / "inner.py").write_text("def value():\n    from . import late\n    return late.VALUE\n")
     (tmp_path / "package" / "late.py").write_text("VALUE = 1\n")
-    (tmp_path / "package" / "lazy.py").write_text("OTHER = 1\n")
     (tmp_path / "unused.py").write_text("VALUE = 1\n")
     (tmp_path / "random.py").write_text("VALUE = 1\n")
     (tmp_path / "table.csv").write_text("1\n")
@@ -59,39 +58,10 @@ def test_docstrings_comments_layout_and_other_files_do_not_matter(plugin):
     assert code_digest(str(plugin)) == before
 
 
-def test_a_lazy_attribute_counts(plugin):
-    write_plugin(plugin, imports="from package import anything")
-    assert "package/lazy.py" in code_of(str(plugin))
-
-
-@pytest.mark.parametrize("imports", ["import package", "from package import *", "from package import late, inner"])
-def test_a_lazy_package_that_is_imported_as_a_whole_counts_with_what_is_used(plugin, imports):
-    write_plugin(plugin, imports=imports)
-    assert ("package/lazy.py" in code_of(str(plugin))) == ("late" not in imports)
-
-
-@pytest.mark.parametrize(
-    ("names", "defined_in"),
-    [
-        ("Mesh, CanonicalForm, UnsupportedShape", {"contracts"}),
-        ("Scorer", {"contracts", "scoring"}),
-        ("Card", {"contracts", "learning"}),
-        ("ShapeSet, Camera", {"contracts", "datasets"}),
-        ("*", {"contracts", "datasets", "learning", "scoring"}),
-    ],
-)
-def test_a_name_of_the_api_counts_with_the_module_that_defines_it(tmp_path, names, defined_in):
-    (tmp_path / "own.py").write_text(f"from benchmark.api import {names}\n")
-    modules = {path.removesuffix(".py") for path in code_of(str(tmp_path / "own.py")) if "benchmark/api/" in path}
-    assert modules == {f"benchmark/api/{name}" for name in {*defined_in, "__init__", "parameters"}}
-
-
-def test_the_code_of_a_method_is_small():
-    code = code_of("baselines.identity")
-    sources = {name for name in code if "/" in name}
-    assert len(sources) <= 12
-    assert len(code) - len(sources) <= 6
-    assert not {f"benchmark/{name}.py" for name in ("errors", "text", "files", "geometry/io", "api/datasets")} & sources
+def test_the_code_of_a_method_adds_its_own_file_to_that_of_preparation():
+    code, of_all = code_of("baselines.identity"), code_of("benchmark.pipeline.stages")
+    assert code.keys() - of_all.keys() == {"baselines/identity.py"}
+    assert not {"benchmark/errors.py", "benchmark/text.py"} & code.keys()
 
 
 def test_a_version_is_that_of_the_package_that_python_imports(tmp_path):
