@@ -8,7 +8,6 @@ import functools
 import hashlib
 import os
 import secrets
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,9 +15,6 @@ from typing import Any
 from benchmark.errors import UnreadableMesh
 
 _SUFFIX = ".tmp"
-
-#: Age in seconds from which a temporary file is abandoned, even if a process has the identifier of its writer.
-_LONGEST = 3600.0
 
 
 def write_atomically(path: Path, write: Callable[[Any], object], *, durable: bool = False) -> None:
@@ -44,7 +40,6 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
             write(file)
         return
     path.parent.mkdir(parents=True, exist_ok=True)
-    # The process identifier in the name distinguishes files of killed writers from those being written.
     temporary = path.parent / f".{os.getpid()}-{secrets.token_hex(4)}{_SUFFIX}"
     try:
         with temporary.open("xb") as file:
@@ -64,23 +59,10 @@ def write_text(path: Path, text: str) -> None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove temporary files in a folder and its subfolders that are an hour old or whose writers have ended."""
+    """Remove the temporary files of killed writers in a folder, to which nobody else may be writing."""
     for path in folder.rglob(f".*-*{_SUFFIX}"):
-        writer = path.name[1:].partition("-")[0]
         with contextlib.suppress(OSError):
-            if writer.isdecimal() and (not is_alive(int(writer)) or time.time() - path.stat().st_mtime > _LONGEST):
-                path.unlink()
-
-
-def is_alive(process: int) -> bool:
-    """Return whether a process with this identifier exists."""
-    try:
-        os.kill(process, 0)
-    except (ProcessLookupError, OverflowError):
-        return False
-    except OSError:
-        return True  # it belongs to another user
-    return True
+            path.unlink()
 
 
 def decode(content: bytes) -> str:

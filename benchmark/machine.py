@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import platform
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path, PurePosixPath
@@ -33,8 +32,9 @@ def pin_threads() -> None:
 
 def available_cores() -> int:
     """Return the number of cores that affinity and CPU quota allow; at least one."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return max(1, int(min(cores, cpu_limit())))
+    from joblib import cpu_count
+
+    return int(cpu_count())
 
 
 def memory_per_process(processes: int = 1) -> int:
@@ -71,25 +71,10 @@ def _lines(path: Path) -> list[str]:
 
 def memory_limit() -> float:
     """Return the memory limit of the control groups of this process, in bytes."""
-    limits = _read("memory", ("memory.max",), ("memory.limit_in_bytes",))
-    return min((float(limit) for (limit,) in limits), default=float("inf"))
-
-
-def cpu_limit() -> float:
-    """Return the CPU quota of the control groups of this process, in cores."""
-    quotas = _read("cpu", ("cpu.max",), ("cpu.cfs_quota_us", "cpu.cfs_period_us"))
-    limits = [float(quota) / float(period) for quota, period in quotas]
-    return min((limit for limit in limits if limit > 0), default=float("inf"))
-
-
-def _read(controller: str, files: tuple[str, ...], version_1: tuple[str, ...]) -> Iterator[list[str]]:
-    """Yield the words of files of a controller for each group of this process; version 1 has one folder each."""
-    with suppress(OSError, ValueError):
-        for line in _GROUPS.read_text(encoding="utf-8").splitlines():
-            _, controllers, group = line.split(":", 2)
-            path = PurePosixPath(group.lstrip("/"))
-            for name in {"", controller} & set(controllers.split(",")):
-                for folder in (_MOUNTED / name / part for part in (path, *path.parents)):
-                    with suppress(OSError):
-                        texts = [(folder / file).read_text(encoding="ascii") for file in (version_1 if name else files)]
-                        yield " ".join(texts).replace("max", "inf").split()
+    limits = [float("inf")]
+    with suppress(OSError):
+        group = PurePosixPath(_GROUPS.read_text(encoding="utf-8").rpartition("::/")[2].strip())
+        for part in (group, *group.parents):
+            with suppress(OSError, ValueError):  # no limit is "max"
+                limits.append(float((_MOUNTED / part / "memory.max").read_text(encoding="ascii")))
+    return min(limits)

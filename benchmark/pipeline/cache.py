@@ -24,9 +24,6 @@ Kind = Literal["prepared", "forms", "signatures", "records"]  # in the order in 
 #: Folder of local results in a results folder.
 RUNS = "runs"
 
-#: Folders of the suite's versions up to 0.2.
-_OLD = ("runs/artefacts", "runs/scratch", "runs/edited")
-
 
 class StorageError(BenchmarkError):
     """The results folder cannot be read or written."""
@@ -51,13 +48,8 @@ def writing(results: Path) -> Iterator[None]:
     Raises
     ------
     StorageError
-        If another process is writing to it, it cannot be written, or an earlier version made it.
+        If another process is writing to it, or it cannot be written.
     """
-    if old := next((name for name in _OLD if (results / name).is_dir()), None):
-        raise StorageError(
-            f"{results / old} was made by an earlier version, whose results are not read",
-            f"delete {results / RUNS}, or choose another --results DIR",
-        )
     with storing(results):
         (results / RUNS / "records").mkdir(parents=True, exist_ok=True)
         lock = (results / RUNS / "lock").open("a")

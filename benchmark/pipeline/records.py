@@ -314,7 +314,7 @@ def read_files(paths: Iterable[Path]) -> list[Record]:
                 content = msgspec.structs.replace(record, checksum="")
                 if record.checksum and record.checksum != _checksum(content):
                     raise msgspec.DecodeError("it was changed after it was written")
-                records += [content] if record.status != "unavailable" else []  # earlier versions wrote them
+                records.append(content)
             except (msgspec.DecodeError, UnicodeError, RecursionError) as error:  # ValidationError is one
                 where = f"{path}:{number}" if path.suffix == ".jsonl" else path
                 _skip(f"{where}: it is not a record: {error}; remove it")

@@ -83,12 +83,6 @@ def test_a_second_run_in_a_folder_is_refused(rods, tmp_path):
         run_toy(rods, tmp_path, "surface-area")
 
 
-def test_results_of_an_earlier_version_are_refused_in_one_line(rods, tmp_path):
-    (tmp_path / "runs" / "artefacts").mkdir(parents=True)
-    with pytest.raises(StorageError, match=r"artefacts was made by an earlier version.*; delete .*runs, or choose"):
-        run_toy(rods, tmp_path, "surface-area")
-
-
 @pytest.mark.parametrize("size", [0, 1])
 def test_a_full_disk_ends_the_run_with_one_line(rods, tmp_path, size):
     jobs = planned(rods, tmp_path, "surface-area")
