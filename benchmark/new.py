@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
 import keyword
 import re
-import sys
-import sysconfig
 from pathlib import Path
 
+from benchmark.code_digest import is_installed
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
 from benchmark.registry import by_name
@@ -78,7 +76,5 @@ def _check(name: str) -> None:
     _, module, class_name, _ = _spellings(name)
     is_word = keyword.iskeyword(module) or keyword.iskeyword(class_name)
     is_used = re.search(rf"\b{class_name}\b", _sources()[0].read_text("utf-8").partition("\n\n@")[0])
-    spec = importlib.util.find_spec(module)
-    is_installed = spec is not None and str(spec.origin).startswith(sysconfig.get_path("purelib"))
-    if is_word or is_used or is_installed or module in sys.stdlib_module_names:
+    if is_word or is_used or is_installed(module):
         raise ConfigurationError(f"'{name}' has another meaning in Python", f"choose another name: my-{name}")

@@ -12,7 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from benchmark.code_digest import FIRST_PARTY, modules_beside, plugin_file, sources_of
+from benchmark.code_digest import is_installed, modules_beside, plugin_file, sources_of
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.files import file_digest
 from benchmark.kernels import drop_stale_kernels
@@ -78,10 +78,11 @@ def check_modules(target: str) -> None:
 def _file_of(name: str) -> Path | None:
     """Return the file of an imported module of the user; None for one of Python, of a package or of the suite."""
     file = getattr(sys.modules.get(name), "__file__", None)
-    if not file or name == "__main__" or name.partition(".")[0] in FIRST_PARTY or not Path(file).is_absolute():
+    if not file or name == "__main__" or is_installed(name) or not Path(file).is_absolute():
         return None
     path = Path(os.path.realpath(file))
-    return None if any(map(path.is_relative_to, _INSTALLED)) else path
+    is_of_package = any(map(path.is_relative_to, _INSTALLED)) or {"site-packages", "dist-packages"} & {*path.parts}
+    return None if is_of_package else path
 
 
 def _import_anew(target: str, name: str, path: Path) -> ModuleType:

@@ -87,6 +87,7 @@ def world(finished, tmp_path, monkeypatch):
     for record in (world.results / "runs" / "records").glob("*.json"):  # as if it had always been there
         text = re.sub(r',\s*"checksum": "\w+"', "", record.read_text())
         record.write_text(text.replace(str(finished), str(tmp_path / "world")))
+    done(world.plan(), world.results, size=0)
     return world
 
 
@@ -120,7 +121,7 @@ TOUCHED = {
     "pipeline/ranking.py": EVERYTHING,
     "pipeline/stages.py": EVERYTHING,
 }
-TOUCHES_NOTHING = ("baselines/fast_mds.py", "benchmark/errors.py", "benchmark/text.py", "api/learning.py")
+TOUCHES_NOTHING = ("baselines/fast_mds.py", "benchmark/errors.py", "benchmark/text.py")
 
 
 def test_an_edit_of_the_suite_runs_what_it_touches(world, edited):

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import random
 import subprocess
 import sys
 
 import pytest
 
+from benchmark.code_digest import ROOT
 from benchmark.errors import ConfigurationError
 from benchmark.registry.known import in_file
 from benchmark.registry.modules import load_module
@@ -85,6 +87,23 @@ def test_prints_of_a_plugin_go_to_stderr(tmp_path):
     program = f"from benchmark.registry.modules import load_module; load_module({str(path)!r})"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert (done.stdout, done.stderr) == ("", "imported\n")
+
+
+def test_a_package_of_another_folder_than_pythons_is_no_code_of_the_user(tmp_path):
+    packages = tmp_path / "packages"  # as on a cluster, or after pip install --user
+    for folder, file, text in (
+        ("lib", "__init__.py", "from . import inner"), ("lib", "inner.py", ""), ("lib-1.dist-info", "RECORD", "lib/,,"),
+        ("lib-1.dist-info", "METADATA", "Metadata-Version: 2.1\nName: lib\nVersion: 1\n"),
+    ):  # fmt: skip
+        (packages / folder).mkdir(parents=True, exist_ok=True)
+        (packages / folder / file).write_text(text)
+    odd = tmp_path / "dist-packages"  # of a system, with a module that bears the name of no package
+    (odd / "lib").mkdir(parents=True)
+    (odd / "lib" / "_utility.py").write_text("")
+    path = write_plugin(tmp_path / "smooth.py", imports="import lib; __import__('lib._utility'[4:])")
+    program = f"from benchmark.registry.modules import load_module; load_module({str(path)!r})"
+    found = os.pathsep.join([str(packages), str(odd / "lib"), str(ROOT), os.environ.get("PYTHONPATH", "")])
+    subprocess.run([sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": found}, check=True)
 
 
 def test_a_plugin_may_run_a_script(tmp_path):
