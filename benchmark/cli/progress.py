@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from datetime import timedelta
 from typing import TypeVar
 
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn
+from rich.markup import escape
+from rich.progress import BarColumn, Progress, TextColumn, track
 from rich.table import Column
 
 from benchmark.runs.runner import Progress as State
@@ -86,31 +87,12 @@ class Bar:
             say(line, err=True)
 
 
-def counting(what: str, items: Iterable[T], work: Callable[[T], float] = lambda _: 1.0) -> Iterator[T]:
-    """Yield items, such as the shapes of ``"checking people"``, and show how many are done, and the time left.
-
-    Parameters
-    ----------
-    what, items
-        What is done, and to what.
-    work
-        Returns about how long an item takes, in any unit.
-    """
-    every, console, start = [*items], Console(file=sys.stderr), time.monotonic()
-    total, shown, done = sum(map(work, every)), start, 0.0
-    columns = TextColumn("{task.description}", markup=False), BarColumn()
-    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task(clean(what), total=total)
-        for number, item in enumerate(every):
-            now = time.monotonic()
-            text = f"{clean(what)}, {number}/{len(every)}{_left((now - start) * (total - done) / done if done else 0)}"
-            bar.update(task, completed=done, description=text)
-            if bar.disable and now - shown >= INTERVAL:
-                shown = now
-                say(text, err=True)
-            yield item
-            done += work(item)
-        bar.update(task, completed=total, description=f"{clean(what)}, {len(every)}/{len(every)}")
+def counting(what: str, items: Iterable[T]) -> Iterator[T]:
+    """Yield items, such as the shapes of ``"checking people"``, and show how many are done, and the time left."""
+    console = Console(file=sys.stderr)
+    if not console.is_terminal:
+        say(what, err=True)
+    yield from track([*items], escape(clean(what)), console=console, disable=not console.is_terminal)
 
 
 def _left(seconds: float) -> str:

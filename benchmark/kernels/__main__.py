@@ -16,13 +16,9 @@ from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import pin_threads
 from benchmark.text import say
 
-#: Seconds of the steps that compile most, on one processor; others take about ``_OTHERS``.
-_SECONDS = {"classic-mds": 3.0, "skeleton": 5.0, "humans-scanlike": 3.0, "scorer": 13.0}
-_OTHERS = 0.3
 
-
-def steps() -> Iterator[tuple[str, Callable[[], object]]]:
-    """Yield the steps of a run with their names: methods on a small figure, bodies in a pose that bends, a scorer."""
+def steps() -> Iterator[Callable[[], object]]:
+    """Yield the steps of a run: methods on a small figure, bodies in a pose that bends, a scorer."""
     from benchmark.check.shapes import BENDS, figure
     from benchmark.datasets.catalogue import CATALOGUE, open_dataset
     from benchmark.geometry.camera import FRONT
@@ -42,12 +38,12 @@ def steps() -> Iterator[tuple[str, Callable[[], object]]]:
                 (method.describe if component.describes else method.canonicalise)(shapes[input_])
 
     for component in by_name("method").values():
-        yield component.name, partial(apply, component)
+        yield partial(apply, component)
     for name in [name for name, known in CATALOGUE.items() if not known.folder]:
         dataset = open_dataset(name, None)
-        yield name, partial(dataset.load, dataset.shapes[1])
+        yield partial(dataset.load, dataset.shapes[1])
     scorer = select_one("cm-bof", kind="scorer").create()
-    yield "scorer", lambda: scorer.compare([scorer.signature(figure(bend)) for bend in BENDS[:2]], 0)
+    yield lambda: scorer.compare([scorer.signature(figure(bend)) for bend in BENDS[:2]], 0)
 
 
 def main() -> None:
@@ -57,7 +53,7 @@ def main() -> None:
 
     drop_stale_kernels()
     start = time.monotonic()
-    for _, compile_step in counting("compiling kernels", steps(), lambda step: _SECONDS.get(step[0], _OTHERS)):
+    for compile_step in counting("compiling kernels", steps()):
         with suppress(BenchmarkError):  # missing packages and models are left for the run to report
             compile_step()
     say(f"kernels compiled after {time.monotonic() - start:.0f} s", err=True)
