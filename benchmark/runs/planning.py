@@ -12,8 +12,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-import msgspec
-
 from benchmark.api.contracts import Input
 from benchmark.code_digest import code_of_modules, digest
 from benchmark.datasets.catalogue import is_known, is_path
@@ -460,12 +458,11 @@ def estimate(planned: Sequence[Planned], records: Iterable[Record], published: P
     """Estimate the work of a plan as if nothing were in the cache; a form that several galleries rank counts once.
 
     Seconds a shape are those of the same method and input on the same gallery or data set, otherwise the median over
-    all galleries, of the method with any parameters if need be. Jobs here, in ``records``, count before published ones,
-    and show how fast this machine is.
+    all galleries, of the method with any parameters if need be. Jobs here, in ``records``, count before published ones.
     """
     pending = [job.record for job in planned if job.is_pending]
     here = [record for record in records if not record.published]
-    finished = [*_at_pace_of(here, read_records(published, local=False)), *here] if pending else []
+    finished = [*read_records(published, local=False), *here] if pending else []
     unknown, spent = set[str](), dict[str, float]()  # seconds of each file of the cache, which several jobs may take
     sizes = dict[str, float]()
     for job, side in [(one, of) for one in pending for of in one.sides]:
@@ -493,16 +490,3 @@ def _seconds_a_shape(method: str, side: Ranked, finished: Sequence[Record]) -> d
 
 def _base(method: str) -> str:
     return method.partition("[")[0]
-
-
-def _at_pace_of(here: Iterable[Record], published: Sequence[Record]) -> list[Record]:
-    """Return published records with seconds of this machine, which differ as those of jobs on the same data do."""
-    known = {(record.data.name, record.input, record.method): record.seconds for record in published}
-    ratios = []
-    for record in here:
-        others = known.get((record.data.name, record.input, record.method), {})
-        pairs = [(seconds, others[stage]) for stage, seconds in record.seconds.items() if others.get(stage)]
-        ratios += [sum(own for own, _ in pairs) / sum(other for _, other in pairs)] if pairs else []
-    pace = statistics.median(ratios) if ratios else 1.0
-    scaled = [{stage: pace * seconds for stage, seconds in record.seconds.items()} for record in published]
-    return [msgspec.structs.replace(r, seconds=of) for r, of in zip(published, scaled, strict=True)]

@@ -13,7 +13,6 @@ from pathlib import Path
 
 import psutil
 import pytest
-from msgspec.structs import replace
 
 from benchmark.errors import BenchmarkError
 from benchmark.machine import describe_machine
@@ -24,7 +23,6 @@ from benchmark.runs.runner import run
 from benchmark.runs.tasks import RunContext, Task, Work
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 from tests.toy import files_of_at_most, wait_for
-from tools.publish import write_published
 
 #: A program that runs slow methods.
 PROGRAM = """
@@ -188,19 +186,6 @@ def test_an_estimate_takes_the_seconds_of_finished_jobs_and_shared_stages_once(r
     assert found.seconds == pytest.approx(4 * (sum(each) + shared + ranking), abs=1e-3)
     assert found.gigabytes == pytest.approx((4 * 75e3 + 12 * 21e3 + 12 * 106e3) / 1e9, rel=0.01)
     assert estimate([*jobs, *jobs], record.values()).seconds == found.seconds  # each form counts once
-
-
-def test_an_estimate_from_published_records_is_at_the_pace_of_jobs_that_ran_here(rods, tmp_path):
-    run_toy(rods, tmp_path, "identity")
-    (record,) = read_records(tmp_path)
-    published = []
-    for number, (method, data, times) in enumerate((("identity", "rods", 10), ("gps", "rods", 10), ("gps", "z", 999))):
-        facts = {"method": method, "gallery": f"{data} (quick)", "data": replace(record.data, name=data)}
-        seconds = {stage: times * of for stage, of in record.seconds.items()}
-        published.append(replace(record, key=f"{number:032}", seconds=seconds, files={}, parts={}, **facts))
-    write_published(tmp_path / "published", published)
-    found = estimate(planned(rods, tmp_path, "gps"), [record], published=tmp_path / "published")
-    assert found.seconds == pytest.approx(4 * sum(record.seconds.values()), rel=0.01)
 
 
 def test_a_plan_in_an_empty_folder_is_estimated_from_published_records(rods, tmp_path):
