@@ -97,7 +97,7 @@ def run(
         gallery=str(gallery) if gallery else "", same_names=same_names,
         rerun=["failed", "finished"] if again else ["failed"],
     )  # fmt: skip
-    ended = {job.record.key: record for job, record in run_jobs(jobs, folder, size=0, watch=watch)}
+    ended = {job.record.key: record for job, record in run_jobs(jobs, folder, size=0, anew=again, watch=watch)}
     return Results(folder, tuple(label_data_sets([*filter(None, (result_of(job, ended) for job in jobs))]))).jobs
 
 

@@ -105,13 +105,18 @@ class Cache:
         with storing(self.results):
             write_atomically(self._path(kind, key), lambda file: _write_arrays(file, arrays, kind != "signatures"))
 
-    def get(self, kind: Kind, key: str, compute: Callable[[], Arrays], *, anew: bool = False) -> Arrays:
-        """Return the arrays under a key; compute and write them if they are missing, or ``anew``."""
-        arrays: Arrays | None = None if anew else self.read(kind, key)
+    def get(self, kind: Kind, key: str, compute: Callable[[], Arrays]) -> Arrays:
+        """Return the arrays under a key; compute and write them if they are missing."""
+        arrays: Arrays | None = self.read(kind, key)
         if arrays is None:
             arrays = compute()
             self.write(kind, key, arrays)
         return arrays
+
+    def remove(self, kind: Kind, key: str) -> None:
+        """Remove the arrays under a key; raise :class:`StorageError` if that fails."""
+        with storing(self.results):
+            self._path(kind, key).unlink(missing_ok=True)
 
     def _path(self, kind: Kind, key: str) -> Path:
         return self.results / RUNS / kind / f"{key}.npz"

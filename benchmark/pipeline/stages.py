@@ -127,15 +127,8 @@ class Preparation:
                     return entry
         raise Incomplete(CHANGED)
 
-    def arrays(self, entry: Entry, *, anew: bool = False) -> Arrays:
+    def arrays(self, entry: Entry) -> Arrays:
         """Return the arrays of a prepared shape.
-
-        Parameters
-        ----------
-        entry
-            The shape.
-        anew
-            Whether to prepare it although it is in the cache.
 
         Raises
         ------
@@ -153,7 +146,7 @@ class Preparation:
                 raise Incomplete(CHANGED)
             return arrays
 
-        return require_result(self.cache.get("prepared", key, compute, anew=anew), Unprepared)
+        return require_result(self.cache.get("prepared", key, compute), Unprepared)
 
     @cached_property
     def half_width(self) -> float:

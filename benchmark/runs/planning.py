@@ -155,7 +155,7 @@ def plan(
     seed
         Base seed of all methods.
     rerun
-        States of jobs that run again: ``"failed"``; ``"finished"``, which computes forms anew, too.
+        States of jobs that run again: ``"failed"``, ``"finished"``.
     are_named
         Whether the methods were selected by name.
     records
@@ -262,8 +262,7 @@ class _Planning:
             corrections = [(record, "") for record in earlier.moved]
             if before and state in ("finished", "failed") and before.data.paths != earlier.paths:
                 corrections.append((_at(before, earlier.paths), earlier.version))
-            anew = "finished" in self.rerun
-            job = Job(key, row, source, data_root, method, self.scorer, self.results, code, anew)
+            job = Job(key, row, source, data_root, method, self.scorer, self.results, code)
             yield Planned(
                 job,
                 replace(job, source=there[0], row=row._replace(input=sides[1][1])) if there else None,

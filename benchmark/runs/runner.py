@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -42,6 +43,7 @@ def run(
     size: int = 1,
     timeout: float = 7200.0,
     dask: str = "",
+    anew: bool = False,
     watch: Callable[[Progress], object] = lambda _: None,
 ) -> Iterator[tuple[Planned, Record]]:
     """Run the jobs of a plan that need it, and yield each with its record as it ends.
@@ -58,6 +60,8 @@ def run(
         Seconds that a method may take for a shape.
     dask
         Address of the scheduler of a dask cluster that does the work instead.
+    anew
+        Whether to compute everything although it is in the cache.
     watch
         Called several times a second.
 
@@ -76,6 +80,9 @@ def run(
         for record, replaced in corrections:
             write_record(results, record, replaced)
         if pending:
+            for step in chain.from_iterable(job.steps() for job in pending.values() if anew):
+                for kind, key in step.keys.items():
+                    Cache(results).remove(kind, key)
             drop_stale_kernels()
             workers = _workers(size, timeout, dask)
             try:
@@ -154,8 +161,8 @@ class _Run:
         tasks = defaultdict[tuple[str, str, int, str], list[Step]](list)
         cache = Cache(self.results)
         for key, planned in self.jobs.items():
-            job, steps = planned.job, planned.steps()
-            missing = [step for step in steps if job.anew or not cache.has(*[*step.keys.items()][-1])]
+            job = planned.job
+            missing = [step for step in planned.steps() if not cache.has(*[*step.keys.items()][-1])]
             self.left[key] = {step.place for step in missing}
             for step in missing:
                 tasks[step.job.source, job.plugin, job.row.seed, step.shape].append(step)

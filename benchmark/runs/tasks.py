@@ -52,8 +52,6 @@ class Job:
         The results folder.
     code
         Digest of the code that the plan saw; a worker with other code leaves the job incomplete.
-    anew
-        Whether to compute everything although it is in the cache.
     """
 
     key: str
@@ -64,7 +62,6 @@ class Job:
     scorer: Component
     results: Path
     code: str
-    anew: bool = False
 
     @property
     def plugin(self) -> str:
@@ -237,8 +234,6 @@ class Work:
     def __init__(self, task: Task, context: RunContext, *, rereading: bool = False) -> None:
         self.task, self._context, self._rereading = task, context, rereading
         self._surfaces: dict[str, tuple[Arrays, Shape, stages.SharedResults]] = {}
-        #: Keys of what this task has computed.
-        self._computed: set[str] = set()
 
     def outcome(self, step: Step) -> Outcome:
         """Do a step; what goes wrong in it becomes its outcome.
@@ -276,7 +271,7 @@ class Work:
     def _process(self, step: Step, method: Any, scorer: Any) -> Outcome:
         """Compute the files of a step that are missing."""
         cache = Cache(step.job.results)
-        if not (self._rereading or step.job.anew):  # another job has made them, as a rule
+        if not self._rereading:  # another job has made them, as a rule
             names = [cache.names(kind, key) for kind, key in step.keys.items()]
             if all(names) and stages.REFUSED not in set().union(*names):
                 return Outcome("ok")
@@ -304,7 +299,7 @@ class Work:
                     preparation = self._context.preparation(job)
                 with uncharged("preparation"):
                     entry = preparation.find(step.shape, step.keys["prepared"])
-                    prepared = preparation.arrays(entry, anew=job.anew)
+                    prepared = preparation.arrays(entry)
             except MemoryError as error:
                 raise stages.Incomplete("was not prepared: out of memory") from error
             shared = stages.SharedResults(uncharged)
@@ -313,11 +308,7 @@ class Work:
         return self._surfaces[job.row.input]
 
     def _stage(self, step: Step, kind: Kind, compute: Callable[[], Arrays]) -> Arrays:
-        """Return the arrays of a stage; with ``anew``, they are computed once in a task."""
-        key, cache = step.keys[kind], Cache(step.job.results)
-        anew = step.job.anew and key not in self._computed
-        self._computed.add(key)
-        return stages.require_result(cache.get(kind, key, compute, anew=anew))
+        return stages.require_result(Cache(step.job.results).get(kind, step.keys[kind], compute))
 
     def _rank(self, record: Record, job: Job, comparing: Any) -> Outcome:
         """Rank the gallery of a job, and keep its distances."""
