@@ -1,9 +1,10 @@
-"""Tell data sets of one name apart: folders and plugin files with different contents at different paths."""
+"""Tell data sets of one name apart: folders and plugin files at different paths."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Sequence, Set
 from pathlib import Path, PurePath
 
 import msgspec
@@ -13,7 +14,7 @@ from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.datasets.changes import split_name
 from benchmark.datasets.own import is_own
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.records import Record
+from benchmark.pipeline.records import Data, Record
 
 
 def path_of(source: str) -> str:
@@ -27,16 +28,10 @@ def path_of(source: str) -> str:
 
 def label_data_sets(records: Sequence[Record]) -> list[Record]:
     """Return records whose data sets, if they share a name, are called by as much of their paths as it takes."""
-    sets: dict[str, list[_DataSet]] = {}
+    paths = defaultdict[str, set[str]](set)
     for record in records:
-        _add(sets.setdefault(record.data.name, []), record)
-    labels: dict[int, str] = {}
-    for name, of_name in sets.items():
-        for place, one in enumerate(of_name):
-            others = [path for other in of_name[:place] + of_name[place + 1 :] for path in other.paths]
-            label = _shortest(name, one.paths[-1], others) if others and one.paths else name
-            labels |= {id(record): label for record in one.records}
-    return [_called(record, labels[id(record)]) for record in records]
+        paths[record.data.name].add(record.data.path)
+    return [_called(record, _label(record.data, paths[record.data.name])) for record in records]
 
 
 def records_of(records: Sequence[Record], words: Iterable[str]) -> list[Record]:
@@ -51,36 +46,20 @@ def records_of(records: Sequence[Record], words: Iterable[str]) -> list[Record]:
     for word in words:
         base, _ = split_name(word)
         path = path_of(word) if is_own(base) or Path(base).exists() else ""
-        contents = {record.content for record in records if path and path in record.data.paths}
-        here = [record for record in records if record.content in contents]  # also those of a colleague
+        here = [record for record in records if path and record.data.path == path]
         is_name = not (here and "/" in word)
         named = [record for record in records if is_name and word in _words(record) and record not in here]
-        several = [path, *(record.data.paths[-1] for record in named if record.data.paths)]
-        if named and len(several := [*dict.fromkeys(filter(None, several))]) > 1:
+        several = [*dict.fromkeys(filter(None, [path, *(record.data.path for record in named)]))]
+        if named and len(several) > 1:
             problem = f"'{word}' names results of {' and of '.join(several)}"
             raise ConfigurationError(problem, "pass the path that you mean")
         chosen |= {id(record) for record in (*here, *named)}
     return [record for record in records if id(record) in chosen]
 
 
-class _DataSet(msgspec.Struct):
-    """Records of one data set, where it was found, and the contents of its galleries."""
-
-    records: list[Record]
-    paths: list[str]
-    contents: set[tuple[str, ...]]
-
-
-def _add(sets: list[_DataSet], record: Record) -> None:
-    """Add a record to the data sets of its name, of which it may join several."""
-    merged = _DataSet([record], [*record.data.paths], {(record.gallery, *record.content)})
-    for other in [*sets]:
-        is_same = set(other.paths) & set(merged.paths) or not (other.paths or merged.paths)
-        if is_same or other.contents & merged.contents:
-            sets.remove(other)
-            paths = [*dict.fromkeys([*other.paths, *merged.paths])]
-            merged = _DataSet([*other.records, *merged.records], paths, other.contents | merged.contents)
-    sets.append(merged)
+def _label(data: Data, paths: Set[str]) -> str:
+    others = paths - {data.path}
+    return _shortest(data.name, data.path, others) if data.path and others else data.name
 
 
 def _shortest(name: str, path: str, others: Iterable[str]) -> str:
@@ -103,4 +82,4 @@ def _called(record: Record, label: str) -> Record:
 def _words(record: Record) -> tuple[str, ...]:
     """Return what a data set is called: its name or label, also without folders, and its paths."""
     data = record.data
-    return data.name, PurePath(data.name).name, *(data.paths or [data.source])
+    return data.name, PurePath(data.name).name, data.path or data.source

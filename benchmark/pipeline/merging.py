@@ -6,8 +6,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-import msgspec
-
 from benchmark.pipeline.cache import RUNS, StorageError
 from benchmark.pipeline.records import Record, read_records, write_record
 
@@ -34,29 +32,17 @@ def merge(folders: Iterable[Path], results: Path) -> Merged:
         if not (folder / RUNS / "records").is_dir():
             raise StorageError(f"{folder} holds no records", "name a results folder, which has runs/records")
         for record in read_records(folder, published=False):
-            existing = next((other for other in known if other.row == record.row and other.has_data_of(record)), None)
+            existing = next((other for other in known if other.row == record.row), None)
             if existing is None or _replaces(record, existing):
-                new = _with_paths(record, existing).without_files()
+                new = record.without_files()
                 known = [*(other for other in known if other is not existing), new]
                 write_record(results, new, existing.key if existing else "")
                 added.append(record)
-                continue
-            if record.key == existing.key and record.status == "ok" and record.scores != existing.scores:
+            elif record.key == existing.key and record.status == "ok" and record.scores != existing.scores:
                 conflicts.append((existing, record))
             else:
                 n_known += 1
-            if (new := _with_paths(existing, record)) != existing:
-                known = [new if other is existing else other for other in known]
-                write_record(results, new)
     return Merged(added, n_known, conflicts)
-
-
-def _with_paths(record: Record, other: Record | None) -> Record:
-    """Return a record of a folder with the paths of another record of the same content, too."""
-    if other is None or other.content != record.content:
-        return record
-    paths = [*dict.fromkeys([*other.data.paths, *record.data.paths])]
-    return msgspec.structs.replace(record, data=msgspec.structs.replace(record.data, paths=paths))
 
 
 def _replaces(record: Record, other: Record) -> bool:

@@ -43,7 +43,7 @@ LARGEST_FILE = 2**28
 EXTERNAL = "external"
 
 
-class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Data(msgspec.Struct, frozen=True):
     """The data set of a job.
 
     Parameters
@@ -54,8 +54,8 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         The official set that it replaces.
     quick, n_shapes
         Whether poses were omitted, and the number of shapes without that; 0 if unknown.
-    paths, content
-        Where a folder, or a plugin file, was found; digest of its shapes, cameras and code.
+    path
+        Where a folder, or a plugin file, lies; "" for a set of the suite.
     """
 
     name: Name
@@ -64,8 +64,7 @@ class Data(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     stand_in_for: Name = ""
     quick: bool = False
     n_shapes: int = 0
-    paths: list[Name] = []
-    content: str = ""
+    path: Name = ""
 
 
 class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -198,21 +197,9 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
 
     @property
     def row(self) -> Row:
-        """What the record is the result of; there is one for each row and data set."""
-        return Row(self.gallery, self.input, self.method, self.seed, self.scorer)
-
-    def has_data_of(self, other: Record) -> bool:
-        """Return whether the shapes of a record of the same row are the same, or another version of them.
-
-        A folder is its content at its path: with other content, only the same path is the same data set.
-        """
-        at, of_other = ([side.data.paths for side in record.sides] for record in (self, other))
-        return self.content == other.content or at == of_other
-
-    @property
-    def content(self) -> tuple[str, str]:
-        """What its shapes are, wherever they lie."""
-        return self.gallery_digest, self.data.content
+        """What the record is the result of; there is one for each row."""
+        paths = tuple(side.data.path for side in self.sides)
+        return Row(self.gallery, self.input, self.method, self.seed, self.scorer, paths)
 
     @property
     def sides(self) -> tuple[Ranked, ...]:
@@ -247,13 +234,14 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
 
 
 class Row(NamedTuple):
-    """What a record is the result of."""
+    """What a record is the result of; the paths are those of the data of its queries and of another gallery."""
 
     gallery: str
     input: Input
     method: str
     seed: int = 0
     scorer: str = DEFAULT_SCORER
+    paths: tuple[str, ...] = ("",)
 
     def __str__(self) -> str:
         seed = f" seed {self.seed}" if self.seed else ""
@@ -278,16 +266,8 @@ def read_records(results: Path, *, local: bool = True, published: bool = True) -
         for record in elsewhere
         if digests.get(record.gallery, record.gallery_digest) == record.gallery_digest
     ]
-    return sorted(_newest([*fitting, *here]), key=_age)
-
-
-def _newest(records: Iterable[Record]) -> list[Record]:
-    """Return the newest record of each row and data set; those made here come before published ones."""
-    newest: dict[Row, list[Record]] = {}
-    for record in sorted(records, key=lambda record: (not record.published, *_age(record))):
-        of_row = newest.get(record.row, [])
-        newest[record.row] = [*(other for other in of_row if not other.has_data_of(record)), record]
-    return [record for of_row in newest.values() for record in of_row]
+    newest = {record.row: record for record in (*sorted(fitting, key=_age), *here)}
+    return sorted(newest.values(), key=_age)
 
 
 def _age(record: Record) -> tuple[str, str]:

@@ -59,9 +59,6 @@ class Planned:
         ``unsupported``: the method does not take the input.
     before
         The record that its own replaces.
-    corrections
-        Records whose data set was found at another path, or no longer is at one of its paths, each with the key of a
-        record that it replaces or "".
     is_pending
         Whether ``run`` will execute this job.
     """
@@ -74,7 +71,6 @@ class Planned:
     state: State
     reason: str
     before: Record | None = field(repr=False)
-    corrections: tuple[tuple[Record, str], ...] = field(repr=False)
     is_pending: bool
 
     def steps(self) -> list[Step]:
@@ -174,9 +170,7 @@ def plan(
                 _check_pair(job.record)
                 first = jobs.setdefault(job.record.key, job)
                 if first is not job:
-                    paths = dict.fromkeys([*first.record.data.paths, *job.record.data.paths])
-                    record = _at(first.record, [*paths])
-                    jobs[record.key] = replace(first, galleries=(*first.galleries, gallery), record=record)
+                    jobs[job.record.key] = replace(first, galleries=(*first.galleries, gallery))
     return list(jobs.values())
 
 
@@ -201,10 +195,7 @@ class _Planning:
     def __post_init__(self) -> None:
         self._key, self._code = cache(Component.key), cache(Component.code)
         self._ranking = code_of_modules([RANKING])
-        self._records: dict[Row, list[Record]] = {}
-        for record in self.records:
-            if not record.published:
-                self._records.setdefault(record.row, []).append(record)
+        self._records = {record.row: record for record in self.records if not record.published}
 
     def jobs(self, gallery: Gallery, input_: Input, methods: Iterable[Component]) -> Iterator[Planned]:
         """Yield the job of each method with its state."""
@@ -214,14 +205,12 @@ class _Planning:
         preparations = [Preparation(side.dataset, of_side, Cache(self.results)) for side, of_side in sides]
         prepared = [[of.key(entry) for entry in one.entries] for of, (one, _) in zip(preparations, sides, strict=True)]
         source, *there = (_absolute(side.source) for side, _ in sides)
-        data_root, path = gallery.data_root and gallery.data_root.absolute(), path_of(source)
+        data_root = gallery.data_root and gallery.data_root.absolute()
+        paths = tuple(path_of(side.source) for side, _ in sides)
         for method in methods:
             scorer = None if method.missing_packages() or method.describes else self.scorer
-            row = Row(gallery.name, input_, method.name, self.seed, scorer.name if scorer else "")
-            same = facts["gallery_digest"], facts["data"]["content"]
-            of_row = [one for one in self._records.get(row, []) if one.content == same or _at_path(one.against, facts)]
-            earlier = _earlier(of_row, same, path)
-            before = earlier.record
+            row = Row(gallery.name, input_, method.name, self.seed, scorer.name if scorer else "", paths)
+            before = self._records.get(row)
             obstacles = [_obstacle(*side, method, self.results / "models") for side in sides]
             state, reason = next(((state, reason) for state, reason, _ in obstacles if state), (None, ""))
             models = [models for *_, models in obstacles]
@@ -241,7 +230,6 @@ class _Planning:
                 parts["the data"] = facts["gallery_digest"]
                 state, reason = _state(before, key, parts)
             content = facts | {
-                "data": facts["data"] | {"paths": earlier.paths},
                 "key": key,
                 "status": "unavailable",
                 "method": method.name,
@@ -259,9 +247,6 @@ class _Planning:
                 "files": files[0],
                 **({"against": facts["against"] | {"files": files[1]}} if there else {}),
             }
-            corrections = [(record, "") for record in earlier.moved]
-            if before and state in ("finished", "failed") and before.data.paths != earlier.paths:
-                corrections.append((_at(before, earlier.paths), earlier.version))
             job = Job(key, row, source, data_root, method, self.scorer, self.results, code)
             yield Planned(
                 job,
@@ -272,7 +257,6 @@ class _Planning:
                 state,
                 reason,
                 before,
-                corrections=tuple(corrections),
                 is_pending=state in ("missing", "stale", "incomplete", *self.rerun),
             )
 
@@ -308,50 +292,6 @@ def _absolute(source: str) -> str:
     return str(Path(source).absolute()) if is_path(source) and not is_known(source) else source
 
 
-class _Earlier(NamedTuple):
-    """What a results folder knows of a row and its shapes, which are the same wherever they lie.
-
-    Parameters
-    ----------
-    record
-        Record of these shapes, or of an earlier version of them: other shapes at the same path.
-    paths
-        Where these shapes lie.
-    version
-        Key of the record of an earlier version; "" if there is none.
-    moved
-        Records of other shapes that lay at this path, too, without it.
-    """
-
-    record: Record | None
-    paths: list[str]
-    version: str
-    moved: list[Record]
-
-
-def _earlier(records: Sequence[Record], content: tuple[str, str], path: str) -> _Earlier:
-    same = next((record for record in records if record.content == content), None)
-    others = [record for record in records if record is not same]
-    version = next((record for record in others if record.data.paths == ([path] if path else [])), None)
-    moved = [_without(record, path) for record in others if record is not version and path in record.data.paths]
-    paths = [*(_without(same, path).data.paths if same else []), *([path] if path else [])]
-    return _Earlier(same or version, paths, version.key if version else "", moved)
-
-
-def _at_path(against: Ranked | None, facts: Mapping[str, Any]) -> bool:
-    """Return whether a gallery of other queries is at the path where it is now."""
-    return against is None or against.data.paths == facts["against"]["data"]["paths"]
-
-
-def _without(record: Record, path: str) -> Record:
-    return _at(record, [other for other in record.data.paths if other != path])
-
-
-def _at(record: Record, paths: list[str]) -> Record:
-    """Return a record whose data set lies at other paths."""
-    return msgspec.structs.replace(record, data=msgspec.structs.replace(record.data, paths=paths))
-
-
 def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
     """Return the fields of a record that describe the shapes of a gallery, or of queries and their gallery."""
     if gallery.against:
@@ -372,20 +312,12 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
             "source": clean(gallery.source),
             "stand_in_for": shapes.stand_in_for,
             "quick": gallery.quick,
-            "paths": list(filter(None, [path_of(gallery.source)])),
-            "content": _content(gallery) if path_of(gallery.source) else "",
+            "path": path_of(gallery.source),
             "n_shapes": len(shapes.shapes),
         },
         "shapes": [entry.identifier for entry in gallery.entries],
         "labels": [entry.subject for entry in gallery.entries],
     }
-
-
-def _content(gallery: Gallery) -> str:
-    """Return the digest of what a folder or plugin file says of its shapes beside their meshes."""
-    shapes, code = gallery.dataset, [name for name in gallery.dataset.code if name.endswith(".py")]
-    views = [(repr(shapes.camera(entry)), repr(shapes.sensor(entry))) for entry in gallery.entries]
-    return digest([views, shapes.half_width, sorted(code_of_modules(code, shapes.files).values())])
 
 
 def _obstacle(

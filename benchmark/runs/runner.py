@@ -73,22 +73,18 @@ def run(
         If the run is interrupted; finished jobs and forms are kept.
     """
     pending = {job.record.key: job for job in planned if job.is_pending}
-    corrections = [correction for job in planned for correction in job.corrections]
-    if not (pending or corrections):
+    if not pending:
         return
     with writing(results):
-        for record, replaced in corrections:
-            write_record(results, record, replaced)
-        if pending:
-            for step in chain.from_iterable(job.steps() for job in pending.values() if anew):
-                for kind, key in step.keys.items():
-                    Cache(results).remove(kind, key)
-            drop_stale_kernels()
-            workers = _workers(size, timeout, dask)
-            try:
-                yield from _Run(pending, results).records(workers, watch)
-            finally:
-                workers.close()
+        for step in chain.from_iterable(job.steps() for job in pending.values() if anew):
+            for kind, key in step.keys.items():
+                Cache(results).remove(kind, key)
+        drop_stale_kernels()
+        workers = _workers(size, timeout, dask)
+        try:
+            yield from _Run(pending, results).records(workers, watch)
+        finally:
+            workers.close()
 
 
 def result_of(job: Planned, ended: Mapping[str, Record]) -> Record | None:
@@ -104,7 +100,7 @@ def with_results(records: Sequence[Record], planned: Iterable[Planned], ended: M
     for job in planned:
         result = result_of(job, ended)
         if result is not None:
-            others = [other for other in merged if other.row != result.row or not other.has_data_of(result)]
+            others = [other for other in merged if other.row != result.row]
             if len(others) == len(merged) or job.state != "unavailable":
                 merged = [*others, result]
     return merged

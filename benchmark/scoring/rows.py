@@ -95,7 +95,7 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
     record = record_of(msgspec.to_builtins(content))
     with writing(results):
         every = read_records(results, published=False)
-        before = next((other for other in every if other.row == record.row and other.has_data_of(record)), None)
+        before = next((other for other in every if other.row == record.row), None)
         _check_title(record, before)
         Cache(results).write("records", key, {"distances": matrix})
         write_record(results, record, before.key if before else "")

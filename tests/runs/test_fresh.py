@@ -255,33 +255,22 @@ def test_what_cannot_run_replaces_no_record(own, tmp_path):
 
 def paths_and_states(folder, results):
     run_toy(folder, results, "identity")
-    return sorted(([Path(path).parent.name for path in r.data.paths], r.status) for r in read_records(results))
+    return sorted((Path(record.data.path).parent.name, record.status) for record in read_records(results))
 
 
-def test_a_folder_is_its_content_at_its_path(tmp_path):
+def test_a_folder_is_what_lies_at_its_path(tmp_path):
     results = tmp_path / "results"
     one, two = (write_rods(tmp_path / name / "rods", bends=(0.0, bend)) for name, bend in (("a", 1.0), ("b", 0.5)))
     paths_and_states(one, results)
-    assert paths_and_states(two, results) == [(["a"], "ok"), (["b"], "ok")]
+    assert paths_and_states(two, results) == [("a", "ok"), ("b", "ok")]
     write_off(two / "thin1.off", rod(0.06, 0.3))
-    assert paths_and_states(two, results) == [(["a"], "ok"), (["b"], "ok")], "a change replaces its own record"
+    assert paths_and_states(two, results) == [("a", "ok"), ("b", "ok")], "a change replaces its own record"
     copy = shutil.copytree(one, tmp_path / "c" / "rods")
-    assert not any(job.is_pending for job in planned(copy, results, "identity"))
-    assert paths_and_states(copy, results) == [(["a", "c"], "ok"), (["b"], "ok")]
-    write_off(copy / "thin1.off", rod(0.06, 0.4))
-    assert paths_and_states(copy, results) == [(["a"], "ok"), (["b"], "ok"), (["c"], "ok")], "an edited copy is new"
-    shutil.copytree(one, tmp_path / "b" / "rods", dirs_exist_ok=True)
-    assert paths_and_states(two, results) == [(["a", "b"], "ok"), (["c"], "ok")]
-
-
-def test_a_copy_with_other_cameras_is_another_data_set(tmp_path):
-    results = tmp_path / "results"
-    one = write_rods(tmp_path / "a" / "rods", bends=(0.0, 1.0))
-    two = shutil.copytree(one, tmp_path / "b" / "rods")
-    (two / "dataset.toml").write_text('camera = "side"\n')
-    for folder in (one, two):
-        run_toy(folder, results, "surface-area", inputs=("view",))
-    assert sorted(record.data.paths for record in read_records(results)) == [[str(one)], [str(two)]]
+    forms = sorted((results / "runs" / "forms").iterdir())
+    assert paths_and_states(copy, results) == [("a", "ok"), ("b", "ok"), ("c", "ok")]
+    assert sorted((results / "runs" / "forms").iterdir()) == forms, "a copy is ranked from the forms of the original"
+    first, *_, last = sorted(read_records(results), key=lambda record: record.data.path)
+    assert first.per_query == last.per_query
 
 
 def test_two_plugin_files_with_a_data_set_of_one_name_are_two_data_sets(tmp_path, monkeypatch):
@@ -292,7 +281,7 @@ def test_two_plugin_files_with_a_data_set_of_one_name_are_two_data_sets(tmp_path
         shapes = "[Entry(f'{name}{k}', name, str(k)) for name in ('thin', 'thick') for k in range(2)]"
         file = write_data_set(tmp_path / f"x{number}" / "own.py", name="plugged", load=load, shapes=f"tuple({shapes})")
         distances_of("plugged", "surface-area", plugins=[file])
-    assert len({tuple(record.data.paths) for record in read_records(tmp_path / "results")}) == 2
+    assert len({record.data.path for record in read_records(tmp_path / "results")}) == 2
 
 
 def test_data_sets_of_one_name_are_told_apart(tmp_path, monkeypatch):
@@ -317,7 +306,7 @@ def test_data_sets_of_one_name_are_told_apart(tmp_path, monkeypatch):
         "tables", "--results", results, "-d", "rods"
     )
     call("forget", "--results", results, "-d", "a/x/rods", "--yes")
-    assert [record.data.paths for record in read_records(results)] == [[str(tmp_path / "b" / "x" / "rods")]]
+    assert [record.data.path for record in read_records(results)] == [str(tmp_path / "b" / "x" / "rods")]
 
 
 def test_a_plan_has_a_job_once_with_all_tables_that_show_it(tmp_path):

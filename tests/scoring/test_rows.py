@@ -67,19 +67,9 @@ def test_a_folder_stands_for_the_data_set_at_its_path(beside, tmp_path):
     with pytest.raises(ConfigurationError, match="no row of '.*line', mesh, is here"):
         keep_distances(beside, score(D, NAMED), "Theirs", str(tmp_path / "line"), "mesh")
     for record in read_records(beside):
-        write_record(beside, replace(record, data=replace(record.data, paths=[str(tmp_path / "line")])))
+        write_record(beside, replace(record, data=replace(record.data, path=str(tmp_path / "line"))))
     record = keep_distances(beside, score(D, NAMED), "Theirs", str(tmp_path / "line"), "mesh")
-    assert (record.gallery, record.data.paths) == ("line", [str(tmp_path / "line")])
-
-
-def test_the_path_of_a_folder_also_names_rows_of_a_colleague_on_the_same_shapes(beside, tmp_path):
-    (here,) = read_records(beside)
-    for key, path in (("a", "line"), ("b", "of/a/colleague/line")):
-        data = replace(here.data, paths=[str(tmp_path / path)])
-        write_record(beside, replace(here, key=key * 32, method=key, title=key, data=data), here.key)
-    (tmp_path / "line").mkdir()
-    rows = json.loads(call("tables", "-d", tmp_path / "line", "--results", beside, "--format", "json"))
-    assert [row["method"] for row in rows] == ["a", "b"]
+    assert (record.gallery, record.data.path) == ("line", str(tmp_path / "line"))
 
 
 def test_a_row_replaces_its_earlier_one_but_none_of_another_title(beside):
