@@ -1,7 +1,7 @@
 """Digests of the code that makes a result: sources, compiled extensions and versions of packages; nothing is imported.
 
 The code of a module is its source and that of everything that it imports, directly or not, except installed packages,
-whose versions count, and errors and messages. Imports inside functions count.
+whose versions count, errors, messages and the description of the machine. Imports inside functions count.
 """
 
 from __future__ import annotations
@@ -26,8 +26,8 @@ FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 #: Folder that holds the packages of the suite.
 ROOT = Path(__file__).parents[1]
 
-#: Modules of words, which determine no result, and fields of the ``info`` of a method or scorer that hold words.
-_WORDS = ("benchmark.errors", "benchmark.text")
+#: Modules that determine no result, and fields of the ``info`` of a method or scorer that hold words.
+_WORDS = ("benchmark.errors", "benchmark.text", "benchmark.machine")
 _WORDS_OF_INFO = ("name", "title", "summary")
 
 
