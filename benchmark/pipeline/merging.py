@@ -19,7 +19,7 @@ class Merged(NamedTuple):
 
 
 def merge(folders: Iterable[Path], results: Path) -> Merged:
-    """Add the records of other results folders to this one: a result replaces a failure, a newer job an older one.
+    """Add the records of other results folders: a result replaces a failure, and a newer job an older one of its kind.
 
     Raises
     ------
@@ -46,5 +46,6 @@ def merge(folders: Iterable[Path], results: Path) -> Merged:
 
 
 def _replaces(record: Record, other: Record) -> bool:
-    is_result = record.status == "ok" and other.status != "ok"
-    return is_result or (record.key != other.key and record.finished > other.finished)
+    if (record.status == "ok") != (other.status == "ok"):
+        return record.status == "ok"
+    return record.key != other.key and record.finished > other.finished

@@ -120,6 +120,13 @@ def test_merge_joins_records_prefers_results_to_failures_and_refuses_contradicti
         merge([tmp_path / "none"], here)
 
 
+def test_no_later_failure_replaces_a_result(tmp_path):
+    write_record(tmp_path / "here", made())
+    write_record(tmp_path / "other", failed(key="b", finished="2026-03-01"))
+    assert merge([tmp_path / "other"], tmp_path / "here").known == 1
+    assert [record.status for record in read_records(tmp_path / "here")] == ["ok"]
+
+
 def test_of_two_results_of_a_place_the_newer_one_counts(tmp_path):
     write_record(tmp_path / "here", made(finished="2026-02-01"))
     write_record(tmp_path / "other", made(key="b", nn=0.75, finished="2026-01-01"))
