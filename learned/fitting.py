@@ -17,11 +17,13 @@ from benchmark.api.learning import CARD, TrainingData
 from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError
 from benchmark.machine import available_cores, describe_machine
-from learned.methods import TRAINABLE_AT
 from learned.models import CONFIGURATIONS, load, save
 from learned.pairs import Pairs, gather
 from learned.paper_network import RESOLUTIONS
 from learned.training import CHECKPOINT, Device, Schedule, device_named, differences, fit, measures, resolved
+
+TRAINABLE_AT = "4868b8b9"
+"""Last commit that trains the networks of generated bodies."""
 
 SAMPLES = 60
 """Pairs of each kind that are predicted for measures at the end."""

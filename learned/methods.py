@@ -26,9 +26,6 @@ if TYPE_CHECKING:
 
     from benchmark.geometry.depth import DepthImage
 
-TRAINABLE_AT = "4868b8b9"
-"""Last commit that trains the networks of generated bodies."""
-
 ConfigurationName = Literal[
     "literal", "as_printed", "without_srf", "without_lrf", "without_weighting", "size_free", "wide-extra",
     "streamed-people", "field-plain",

@@ -2,6 +2,7 @@
 
 import ast
 import re
+from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -63,3 +64,8 @@ def test_a_module_imports_only_from_layers_below_and_the_harness_no_method_by_na
         allowed = ("benchmark.api.contracts", "benchmark.errors", "benchmark.geometry", "baselines")
         of_suite = [target for target in imports(path) if target.startswith(("benchmark.", "retrieval", "learned"))]
         assert [target for target in of_suite if not target.startswith(allowed)] == []
+
+
+def test_no_modules_import_each_other_in_a_circle():
+    graph = {name: {target for target in imports(path) if known(target)} - {name} for name, path in modules()}
+    TopologicalSorter(graph).prepare()
