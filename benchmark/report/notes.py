@@ -1,4 +1,4 @@
-"""Notes below a table: at most eight, one for each kind of fact."""
+"""Notes below a table, one for each kind of fact."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _NAMED = 3
 
 
 def table_notes(view: TableView) -> list[str]:
-    """Return the notes of a table, at most eight."""
+    """Return the notes of a table."""
     rows = view.printed_rows
     unreadable = dict.fromkeys(shape for row in rows for record in row.records for shape in record.unprepared)
     incomplete = [(row, one) for row in rows for one in row.scored.values() if one.missing]
@@ -40,10 +40,9 @@ def table_notes(view: TableView) -> list[str]:
         "Left out, because they rank another version of the data: {}; run them again.": _listed(view.left_out),
         "Published with the suite, not run here: {}.": _published(rows),
         "Seconds come from several machines: {}.": _machines(rows),
-        "Shapes in several pieces were joined by thin bridges of triangles (at most {}).": _joined(rows),
     }
     found = [MARKS] * bool(view.marks) + [words.format(text) for words, text in facts.items() if text]
-    return [*found[:7], "How a method departs from its source: 'python -m benchmark describe METHOD'."]
+    return [*found, "How a method departs from its source: 'python -m benchmark describe METHOD'."]
 
 
 def _columns(view: TableView) -> Iterator[str]:
@@ -130,15 +129,6 @@ def _machines(rows: Iterable[Row]) -> str:
     timed = [record for row in rows for record in row.records if seconds_of(record) is not None]
     names = dict.fromkeys(name for record in timed for name in record.machines or ["unknown"])
     return _listed(map(brief, names), "; ") if len(names) > 1 else ""
-
-
-def _joined(rows: Iterable[Row]) -> str:
-    notes = [record.notes for row in rows for record in row.records]
-    bridges, gap = (max((of[name].max for of in notes if name in of), default=0) for name in ("bridges", "largest_gap"))
-    if bridges <= 0:
-        return ""
-    across = f", across at most {gap:.2g} times the root of the area" if gap else ""
-    return f"{bridges:.0f} per shape{across}"
 
 
 def _listed(texts: Iterable[str], joint: str = ", ") -> str:

@@ -161,19 +161,6 @@ def test_local_rows_decide_which_version_of_the_data_is_shown():
     assert [row.method for row in view(here, record("skeleton", published=True)).rows] == ["gps"]
 
 
-def test_a_note_says_how_many_bridges_join_pieces_across_which_gap():
-    def joined(bridges, gap):
-        notes = {"bridges": {"mean": bridges, "max": bridges}, "largest_gap": {"mean": gap, "max": gap}}
-        return [note for note in table_notes(view(record("gps", notes=notes))) if "joined" in note]
-
-    assert joined(0.0, 0.0) == []
-    words = (
-        "Shapes in several pieces were joined by thin bridges of triangles "
-        "(at most 2 per shape, across at most 0.79 times the root of the area)."
-    )
-    assert joined(2.0, 0.789) == [words]
-
-
 def test_notes_say_what_s_is_why_a_score_is_missing_and_what_was_seen_in_training():
     seen = record("learned", dataset="tosca", input_="view", models=[], seen=["cat0", "owl8"])
     table, _ = table_views([record("gps", dataset="tosca"), seen], ["III"], paper=True)
@@ -192,14 +179,17 @@ def test_methods_of_the_paper_that_never_ran_are_printed_on_demand():
     assert [row.method for row in every.printed_rows] == [*PRINTED["III"]]
 
 
-def test_notes_name_each_kind_of_fact_once_and_are_at_most_eight():
+def test_notes_name_each_kind_of_fact_once_and_every_fact_that_moves_a_score():
     refused = [("cat0", "two pieces"), ("dog4", "cannot be read")]
     rows = [record(f"m{k}", 0.5, unsupported=refused, unprepared=["dog4"]) for k in range(9)]
-    found = table_notes(view(*rows, *[failed(f"f{k}", "smooth.py:14: NameError") for k in range(9)]))
-    assert len(found) <= 8
+    rows += [record("net", models=[], seen=["owl8"]), record("here"), record("there", published=True)]
+    old = record("old", gallery_digest="0", finished="2025")
+    found = table_notes(view(*rows, old, *[failed(f"f{k}", "smooth.py:14: NameError") for k in range(9)]))
     assert sum("Refused shapes" in note for note in found) == 1
     assert "Cannot be read or prepared, and counts 0 in every row: dog4." in found
     assert sum("smooth.py:14" in note for note in found) == 1
+    for kind in ("not decidable", "s: median", "Trained on the classes", "Published with", "Left out, because"):
+        assert sum(kind in note for note in found) == 1, kind
 
 
 def test_a_table_without_scores_shows_the_input_that_failed():
