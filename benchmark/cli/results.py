@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import sys
 from collections.abc import Iterable, Sequence
 from functools import partial
@@ -15,10 +14,10 @@ from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import SUITE_RESULTS, Record, read_records
 from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.reference.paper import MEASURES
-from benchmark.report.formats import duration, hundredths, latex_figure, text
+from benchmark.report.formats import duration, hundredths, latex_figure, markdown
 from benchmark.report.frames import chosen_records, row_of, seconds_of
 from benchmark.report.tables import TableView, table_views
-from benchmark.text import brief, say, say_table
+from benchmark.text import brief, say, say_lines, say_table
 
 
 def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
@@ -68,11 +67,16 @@ def selected_tables(options: Selection, records: Iterable[Record], *, paper: boo
     return views
 
 
-def print_tables(views: Iterable[TableView]) -> None:
-    """Print tables, in bold and italics where that goes to a terminal."""
-    width = shutil.get_terminal_size().columns
-    for view in views:
-        print(f"\n{text(view, width, colour=sys.stdout.isatty())}", end="")  # noqa: T201  # it has escape sequences
+def print_tables(views: Iterable[TableView], robustness: str = "") -> None:
+    """Print tables, and that of robustness, as Markdown, which a terminal shows with its marks."""
+    shown = "\n".join(filter(None, [*map(markdown, views), robustness]))
+    if not sys.stdout.isatty():
+        say_lines(shown)
+        return
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    Console().print(Markdown(shown))
 
 
 def outcome(record: Record) -> str:

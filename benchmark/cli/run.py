@@ -182,9 +182,10 @@ def _print_tables_of(
     wanted = {(table if table in TABLES else own).identifier for table, own in owns}
     sets = {record.data.name for table, record in jobs if not table.is_robustness}
     of_jobs = [record for record in every if (record.gallery, record.input) in pairs]
-    print_tables(view for view in table_views(of_jobs, wanted, methods, sets) if view.table.identifier in wanted)
-    if any(changed(record.data.name) for _, record in jobs) and (robustness := robustness_markdown(of_jobs)):
-        say_lines("\n" + robustness)
+    is_changed = any(changed(record.data.name) for _, record in jobs)
+    views = [view for view in table_views(of_jobs, wanted, methods, sets) if view.table.identifier in wanted]
+    say()
+    print_tables(views, robustness_markdown(of_jobs) if is_changed else "")
 
 
 def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:

@@ -74,7 +74,7 @@ def tables(
     It needs no data.
     """
     from benchmark.cli.results import print_tables, recorded, selected_tables
-    from benchmark.report.formats import latex, markdown
+    from benchmark.report.formats import latex
     from benchmark.report.output import FORMATS, table_files, write_files
     from benchmark.report.robustness import robustness_markdown
 
@@ -87,19 +87,12 @@ def tables(
         files = table_files(views, records, formats, verdicts=is_whole, robustness=robustness)
         write_files(output, files, force=force)
         say(f"wrote {len(files)} files to {output}")
-    elif format in ("csv", "json"):
-        (text,) = table_files(views, records, [format]).values()
-        say_lines(text)
     elif format == "latex":
         say_lines("\n".join(map(latex, views)))
+    elif format:
+        say_lines("\n".join(table_files(views, records, [format], verdicts=False, robustness=robustness).values()))
     else:
-        last = robustness_markdown(records) if robustness else ""
-        if format == "markdown" or not sys.stdout.isatty():
-            say_lines("\n".join(filter(None, [*map(markdown, views), last])))
-        else:
-            print_tables(views)
-            if last:
-                say_lines("\n" + last)
+        print_tables(views, robustness_markdown(records) if robustness else "")
 
 
 @verb(*_RECORDS, "data_root")

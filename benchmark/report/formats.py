@@ -1,4 +1,4 @@
-"""Tables as LaTeX, Markdown, text for a terminal, CSV and JSON: pure functions of records, byte for byte."""
+"""Tables as LaTeX, Markdown and JSON: pure functions of records, byte for byte."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, groupby, zip_longest
+from itertools import chain, groupby
 from textwrap import wrap
 from typing import Any
 
 from benchmark.errors import ConfigurationError
 from benchmark.reference.paper import MEASURES, entry_of
-from benchmark.report.notes import MARKS, table_notes
+from benchmark.report.notes import table_notes
 from benchmark.report.tables import BLOCKS, PAPER, Row, TableView
 from benchmark.text import clean
 
@@ -25,9 +25,6 @@ _PAPER = "canonicalreconstruction"
 
 #: Columns of Markdown, at most; a long name may need more.
 WIDTH = 100
-
-#: Titles in a terminal are not cut below this many characters.
-_SHORTEST = 20
 
 #: Scores that fit one column of a two-column page.
 _ONE_COLUMN = 8
@@ -117,59 +114,18 @@ def markdown(view: TableView) -> str:
             body.append([title, *(_joined(group, styles) for group in line.groups), line.seconds])
     table = markdown_table(["Method", f"{first}: {' '.join(MEASURES)}", *others, "s"], body)
     caption = f"**Table {markdown_text(view.table.identifier)}.** {markdown_text(view.caption)}."
-    notes = _notes(map(markdown_text, table_notes(view)), WIDTH)
-    return "\n".join([*_wrapped(caption, WIDTH), "", *table, "", *notes]) + "\n"
+    notes = [line for note in table_notes(view) for line in _wrapped(f"- {markdown_text(note)}", "  ")]
+    return "\n".join([*_wrapped(caption), "", *table, "", *notes]) + "\n"
 
 
-def _wrapped(words: str, width: int, indent: str = "") -> list[str]:
-    return wrap(words, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
-
-
-def _notes(notes: Iterable[str], width: int) -> list[str]:
-    return [line for note in notes for line in _wrapped(f"- {note}", width, "  ")]
+def _wrapped(words: str, indent: str = "") -> list[str]:
+    return wrap(words, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False)
 
 
 def markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[str]:
     """Return the lines of a Markdown table; rows with fewer cells are filled."""
     lines = [[*row, *[""] * (len(head) - len(row))] for row in body]
     return [f"|{'|'.join(cells)}|" for cells in (head, ["---", *["---:"] * (len(head) - 1)], *lines)]
-
-
-def text(view: TableView, width: int = 80, *, colour: bool = False) -> str:
-    """Return a table as text for a terminal, with titles cut where it is narrow.
-
-    Parameters
-    ----------
-    view
-        The table.
-    width
-        Columns of the terminal.
-    colour
-        Whether to print bold and italic with codes of the terminal.
-    """
-    styles = {"bold": "\x1b[1m{}\x1b[0m", "italic": "\x1b[3m{}\x1b[0m"} if colour else {}
-    names = " ".join(f"{name:>3}" for name in MEASURES)
-    room = width - len(view.groups) * (len(names) + 2) - 7
-    titles = [line.title for _, lines in blocks(view) for line in lines]
-    longest = min(max(map(len, titles)), max(room, _SHORTEST))
-    heads = zip_longest(*(wrap(clean(group), len(names) + 1)[:2] for group in view.groups), fillvalue="")
-    indent = " " * longest
-    printed = _wrapped(f"Table {clean(view.table.identifier)}. {clean(view.caption)}", width)
-    printed += ["", *(f"{indent}  {''.join(f'{part:<{len(names) + 2}}' for part in line)}".rstrip() for line in heads)]
-    printed.append(f"{indent}  {'  '.join([names] * len(view.groups))}      s")
-    for heading, lines in blocks(view):
-        printed += [heading] if heading else []
-        for line in lines:
-            title = line.title if len(line.title) <= longest else f"{line.title[: longest - 1]}…"
-            cells = "  ".join(_padded(group, styles, len(names)) for group in line.groups)
-            printed.append(f"{title:<{longest}}  {cells}  {line.seconds:>5}".rstrip())
-    notes = [clean(note) for note in table_notes(view) if colour or note != MARKS]
-    return "\n".join([*printed, "", *_notes(notes, width)]) + "\n"
-
-
-def _padded(group: Sequence[tuple[str, str]], styles: Mapping[str, str], width: int) -> str:
-    plain, styled = (_joined(group, each).replace("1.00", "1.0") for each in ({}, styles))
-    return styled + " " * (width - len(plain))
 
 
 def latex(view: TableView) -> str:

@@ -12,7 +12,7 @@ import pytest
 from benchmark.pipeline.records import Record, write_record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PRINTED
-from benchmark.report.formats import latex, markdown, text
+from benchmark.report.formats import latex, markdown
 from benchmark.report.frames import chosen_records
 from benchmark.report.notes import table_notes
 from benchmark.report.output import table_files
@@ -280,7 +280,6 @@ def test_every_record_that_is_read_makes_tables():
                 for table in table_views([read, *beside]):
                     assert markdown(table)
                     assert latex(table)
-                    assert text(table)
                 assert len(Results(Path(), (read, *beside)).jobs) == 3
                 assert len(read.keys) in (0, 12)
 
