@@ -13,7 +13,6 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from scipy.stats import rankdata
 
 from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError, did_you_mean
@@ -212,7 +211,7 @@ def distances_figure(view: TableView, forms: StoredForms) -> Figure:
         queries, ranked = (np.array([clean(side.labels[number]) for number in side.answered]) for side in sides)
         down, across = (np.argsort(labels, kind="stable") for labels in (queries, ranked))
         names, starts, sizes = np.unique(queries[down], return_index=True, return_counts=True)
-        place.imshow(rankdata(matrix[np.ix_(down, across)]).reshape(matrix.shape))
+        place.imshow(np.unique(matrix[np.ix_(down, across)], return_inverse=True)[1].reshape(matrix.shape))
         place.set_yticks(starts + (sizes - 1) / 2, names, parse_math=False, fontsize=4)
         place.set_xticks(np.unique(ranked[across], return_index=True)[1][1:] - 0.5, [])
         place.set_title(fill(row.title, 24), fontsize=_SIZE, parse_math=False)

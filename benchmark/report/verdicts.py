@@ -1,22 +1,19 @@
-"""What of the paper holds: verdicts on its figures for TOSCA, the only official set here, and on its claims.
+"""What of the paper holds: its figures for TOSCA, the only official set here, and its claims.
 
-The rules of :data:`TOLERANCE` and :data:`AGREEING` were committed with their first outcome (394cbf19), a day after our
-scores of TOSCA (769b38d8). Stand-ins give no verdicts on figures, because an equal figure on other data shows nothing;
-claims and orders can be compared.
+:data:`TOLERANCE` was committed with its first outcome (394cbf19), a day after our scores of TOSCA (769b38d8). Stand-ins
+give no verdicts on figures, because an equal figure on other data shows nothing; claims and orders can be compared.
 """
 
 from __future__ import annotations
 
-from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations, product
 from textwrap import wrap
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import spearmanr
+from pandas import DataFrame
 
 from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.reference.paper import CLAIMS, CLASSICAL, MEASURES, PRINTED, Claim
@@ -24,68 +21,44 @@ from benchmark.report.formats import hundredths, markdown_table
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, tukey_test
 from benchmark.report.tables import Scored, TableView
 
-Verdict = Literal["reproduced", "same order", "otherwise", "no figure"]
-
 #: Largest difference of a reproduced score from the paper's: two hundredths more than the standard deviation of NN over
 #: draws of the codebook on a hundred shapes (median .026).
 TOLERANCE = 0.05
 
-#: Least share of comparisons with other rows that agree with the paper. Of seven coin tosses, six or more are
-#: heads with probability 1/16.
-AGREEING = 0.75
-
 _SLACK = 5e-7
-_MARKS = {"reproduced": "=", "same order": "~", "otherwise": "x", "no figure": ""}
 
 
-def verdicts(views: Sequence[TableView]) -> dict[str, list[tuple[float, float, Verdict]]]:
-    """Return verdicts on the classical figures of Table III on TOSCA, from complete surfaces and all rows.
+def classical_figures(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame] | None:
+    """Return the paper's figures of Table III, and ours on complete surfaces of TOSCA, by method and measure.
 
-    Returns
-    -------
-    dict
-        By method, for each measure: the paper's figure, ours (NaN if missing), and the verdict; empty without results
-        on TOSCA.
+    Ours are NaN where a row is incomplete; None without a table of TOSCA.
     """
-    found = defaultdict(list)
     for view in views:
-        if (view.table.identifier, view.dataset) != ("III", "tosca"):
-            continue
-        complete = {row.method: one for row in view.rows for one in row.scored.values() if one.is_complete}
-        for measure in MEASURES:
-            ours = {name: one.means[measure] for name, one in complete.items()}
-            printed = {name: PRINTED["III"][name][measure] for name in CLASSICAL}
-            for name, theirs in printed.items():
-                found[name].append((theirs, ours.get(name, np.nan), verdict_of(name, printed, ours)))
-    return found
+        if (view.table.identifier, view.dataset) == ("III", "tosca"):
+            complete = {row.method: one.means for row in view.rows for one in row.scored.values() if one.is_complete}
+            printed = DataFrame({name: PRINTED["III"][name] for name in CLASSICAL}).T
+            return printed, DataFrame(complete, index=MEASURES).T.reindex(index=printed.index)
+    return None
 
 
-def _exchanged(assessed: Mapping[str, Sequence[tuple[float, float, Verdict]]]) -> str:
+def is_near(printed: NDArray[np.float64], ours: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which figures are reproduced."""
+    return np.abs(printed - ours) <= TOLERANCE + _SLACK
+
+
+def _exchanged(printed: DataFrame, ours: DataFrame) -> str:
     """Say how many figures are reproduced if our rows are exchanged or are all alike, and how far we keep the order."""
-    printed, ours = np.array([[figure[:2] for figure in figures] for figures in assessed.values()]).transpose(2, 0, 1)
-    if np.isnan(ours).any():
+    if ours.isna().any(axis=None):
         return ""
-    near = (np.abs(printed[:, None] - ours) <= TOLERANCE + _SLACK).sum(axis=2)
+    near = is_near(printed.to_numpy()[:, None], ours.to_numpy()).sum(axis=2)
     counts = near[range(len(ours)), [*permutations(range(len(ours)))]].sum(axis=1)
-    alike = (np.abs(printed - ours.mean(axis=0)) <= TOLERANCE + _SLACK).sum()
-    order = [f"{name} {spearmanr(printed[:, k], ours[:, k]).statistic:.2f}" for k, name in enumerate(MEASURES)]
+    alike = is_near(printed.to_numpy(), ours.mean().to_numpy()).sum()
+    order = [f"{name} {rho:.2f}" for name, rho in printed.rank().corrwith(ours.rank()).items()]
     return (
         f"With our rows exchanged at random, {counts.mean():.1f} are reproduced on average, and "
         f"{(counts >= near.trace()).mean():.0%} of all exchanges reproduce {near.trace()} or more; the mean of each of "
-        f"our columns reproduces {alike}. Rank correlation with the paper: {', '.join(order).replace('0.', '.')}."
+        f"our columns reproduces {alike}. Rank correlation with the paper: {', '.join(order).replace('0.', '.')}. "
     )
-
-
-def verdict_of(name: str, printed: Mapping[str, float], ours: Mapping[str, float]) -> Verdict:
-    """Return the verdict on the figure of a row, given all figures of its column."""
-    if name not in ours:
-        return "no figure"
-    if abs(printed[name] - ours[name]) <= TOLERANCE + _SLACK:
-        return "reproduced"
-    others = [other for other in printed if other in ours and printed[other] != printed[name]]
-    leads = [(printed[name] - printed[other], round(ours[name] - ours[other], 6)) for other in others]
-    agreeing = sum(theirs * own > 0 for theirs, own in leads)  # a tie of ours disagrees
-    return "same order" if len(others) >= 3 and agreeing >= AGREEING * len(others) else "otherwise"
 
 
 @dataclass(frozen=True)
@@ -169,20 +142,16 @@ def verdicts_markdown(views: Sequence[TableView]) -> str:
     """Return verdicts and claims as Markdown; "" without a table of the suite."""
     if not any(view.table in TABLES for view in views):
         return ""
-    assessed, lines = verdicts(views), ["**What of the paper holds up.**", ""]
-    if assessed:
-        counts = Counter(verdict for figures in assessed.values() for *_, verdict in figures)
+    lines = ["**What of the paper holds up.**", ""]
+    if figures := classical_figures(views):
+        printed, ours = figures
+        near = is_near(printed.to_numpy(), ours.to_numpy())
         lines += wrap(
-            f"Table III, TOSCA, complete surfaces: {counts['reproduced']} of {counts.total()} classical figures are "
-            f"reproduced (`=`, at most .05 apart), {counts['same order']} keep the order (`~`, at least three "
-            f"quarters of the comparisons with other rows agree), {counts['otherwise']} do neither (`x`). "
-            f"{_exchanged(assessed)} Each cell: the paper's figure, ours.",
-            100,
-        )
-        body = []
-        for name, figures in assessed.items():
-            cells = (f"{hundredths(theirs)} {hundredths(ours)} {_MARKS[verdict]}" for theirs, ours, verdict in figures)
-            body.append([TITLES[name], *map(str.strip, cells)])
+            f"Table III, TOSCA, complete surfaces: {near.sum()} of {near.size} classical figures are reproduced (`=`, "
+            f"at most .05 apart). {_exchanged(printed, ours)}Each cell: the paper's figure, ours.", 100,
+        )  # fmt: skip
+        cells = printed.map(hundredths) + " " + ours.map(hundredths) + np.where(near, " =", "")
+        body = [[TITLES[str(name)], *of_row] for name, of_row in zip(cells.index, cells.to_numpy(), strict=True)]
         lines += ["", *markdown_table(["Method", *MEASURES], body), ""]
     lines += wrap(
         "The paper's claims, all methods on one depth view. Queries: those of classes on which no compared network was "
