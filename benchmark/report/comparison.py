@@ -12,14 +12,14 @@ from pandas import DataFrame, concat
 from benchmark.errors import ConfigurationError
 from benchmark.reference.paper import MEASURES
 from benchmark.report.formats import latex_row, latex_table, latex_title
-from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, bootstrap_intervals, least_p, tukey_test
+from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, bootstrap_intervals, tukey_test
 from benchmark.report.tables import Scored, TableView
 
 #: Differences below half a unit of the last decimal of records are none.
 _SAME = 5e-7
 
 TEST = "randomised Tukey test of all measures, over whole classes"
-LEGEND = ("In brackets: 95 % intervals of the differences over resampled classes.", f"p: {TEST}.")
+LEGEND = f"low, high: 95 % interval of the difference over resampled classes. p: {TEST}."
 
 
 def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFrame:
@@ -112,17 +112,12 @@ def details(frame: DataFrame) -> Iterator[str]:
         first = of_pair.iloc[0]
         seen = f"; {first.seen} queries are of classes seen in training" * bool(first.seen)
         yield f"{place}: {first.differing} of {first.queries} queries differ{seen}"
-        for line in of_pair.itertuples() if first.queries else ():
-            tested = "" if np.isnan(line.p) else f"  ({line.low:+.3f} to {line.high:+.3f})  p {line.p:.4f}"
-            certain = "  certain" * (line.verdict == "certain")
-            scores = f"{line.score:.3f} - {line.other_score:.3f} = {line.difference:+.3f}"
-            yield f"  {line.measure:<3}  {scores}{tested}{certain}"
-        if first.classes < FEWEST_CLASSES:
-            yield f"  not decidable: {first.classes} classes, of at least {FEWEST_CLASSES}"
-        else:
-            yield f"  {_verdict(of_pair)}; no p is below {least_p(first.classes):.4f}"
+        figures = of_pair[["measure", "score", "other_score", "difference", "low", "high", "p", "verdict"]]
+        names = [first.method, first.other, "difference", "low", "high", "p", "verdict"]
+        lines = figures.to_string(index=False, header=["", *names], float_format="{:.3f}".format, na_rep="")
+        yield from lines.splitlines() if first.queries else ()
     if frame.p.notna().any():
-        yield from LEGEND
+        yield LEGEND
 
 
 def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:

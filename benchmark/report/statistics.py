@@ -98,8 +98,7 @@ def tukey_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.floa
     Returns
     -------
     numpy.ndarray
-        Shape (rows, rows, M). With two rows, no value is below :func:`least_p`. NaN if there are fewer than
-        :data:`FEWEST_CLASSES` classes.
+        Shape (rows, rows, M); NaN if there are fewer than :data:`FEWEST_CLASSES` classes.
     """
     sums = class_sums(np.moveaxis(np.asarray(values, dtype=np.float64), 1, 0), labels)[0]
     if len(sums) < FEWEST_CLASSES:
@@ -113,8 +112,3 @@ def tukey_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.floa
     largest = np.sort((ranges / unit).max(axis=1))
     differences = np.abs(totals[:, None] - totals) / unit
     return np.asarray((DRAWS - np.searchsorted(largest, differences) + 1) / (DRAWS + 1))
-
-
-def least_p(n_classes: int) -> float:
-    """Return the smallest p-value of two rows: of all exchanges, that of no class and that of all are as large."""
-    return max(2.0 ** (1 - n_classes), 1 / (DRAWS + 1))
