@@ -13,7 +13,7 @@ from benchmark.api.parameters import CheckedParameters, Interval
 from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
 from retrieval.clock import Histograms, count_words, match
-from retrieval.codebook import Descriptors, nearest_words, sample_codebook
+from retrieval.codebook import MANY, Descriptors, integers_pay, nearest_words, sample_codebook
 from retrieval.features import Features, detect_views
 from retrieval.pose import normalise
 from retrieval.views import BACKGROUND, ViewSphere, render, view_sphere
@@ -141,4 +141,6 @@ def _histograms(
 ) -> list[Histograms]:
     """Return the words of forms, or of their mirror images."""
     seen = forms if reflected is None else [form.mirrored(reflected) for form in forms]
-    return [count_words(nearest_words(form.descriptors, codebook), form.view_offsets, len(codebook)) for form in seen]
+    by_integers = sum(len(form.descriptors) for form in seen) >= MANY and integers_pay()
+    words = (nearest_words(form.descriptors, codebook, by_integers=by_integers) for form in seen)
+    return [count_words(of, form.view_offsets, len(codebook)) for of, form in zip(words, seen, strict=True)]

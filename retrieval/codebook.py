@@ -18,6 +18,9 @@ Descriptors = NDArray[np.uint8]
 #: Number of descriptors compared with the codebook at once: 1024 x 1500 scores stay in the cache.
 BLOCK = 1024
 
+#: Least number of descriptors of a gallery for which products of integers pay: torch takes more than a second to load.
+MANY = 200_000
+
 
 def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int) -> Descriptors:
     """Draw distinct descriptors at random as words, without clustering.
@@ -61,7 +64,7 @@ def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int)
     return words
 
 
-def nearest_words(descriptors: Descriptors, codebook: Descriptors) -> NDArray[np.int32]:
+def nearest_words(descriptors: Descriptors, codebook: Descriptors, *, by_integers: bool = False) -> NDArray[np.int32]:
     """Return the index of the nearest word of each descriptor in Euclidean distance; the lowest index wins a tie.
 
     The search is exact and gives the same bits on any processor: the nearest word c to x maximises 2 x.c - c.c, hence
@@ -74,6 +77,8 @@ def nearest_words(descriptors: Descriptors, codebook: Descriptors) -> NDArray[np
         Shape (k, 128), uint8.
     codebook
         Shape (n_words, 128), uint8.
+    by_integers
+        Whether to multiply bytes; see :func:`integers_pay`.
 
     Returns
     -------
@@ -82,7 +87,7 @@ def nearest_words(descriptors: Descriptors, codebook: Descriptors) -> NDArray[np
     """
     words = codebook.astype(np.int32)
     offsets = (256 * words - words * words).sum(axis=1, dtype=np.int32)
-    multiply = _integer_products if _integers_pay() else _single_products
+    multiply = _integer_products if by_integers else _single_products
     nearest = np.empty(len(descriptors), dtype=np.int32)
     for start in range(0, len(descriptors), BLOCK):
         _find_best(multiply(descriptors[start : start + BLOCK], codebook), offsets, nearest[start:])
@@ -101,7 +106,7 @@ def _integer_products(descriptors: Descriptors, words: Descriptors) -> NDArray[n
 
 
 @cache
-def _integers_pay() -> bool:
+def integers_pay() -> bool:
     """Return whether this processor multiplies bytes exactly and fast; without VNNI, sums of products overflow."""
     random, seconds, products = np.random.default_rng(0), list[float](), list[NDArray[Any]]()
     extremes, words = (random.choice(np.array([0, 255], np.uint8), (n, 128)) for n in (BLOCK, 1500))

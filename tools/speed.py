@@ -47,7 +47,7 @@ from learned.methods import Learned
 from learned.models import load
 from retrieval.clock import Histograms, count_words, match
 from retrieval.cmbof import CMBOF
-from retrieval.codebook import nearest_words, sample_codebook
+from retrieval.codebook import integers_pay, nearest_words, sample_codebook
 from retrieval.pose import normalise
 from retrieval.views import BACKGROUND, view_sphere
 from tests.learned.toy import person
@@ -210,7 +210,7 @@ def of_scorer(n_words: int = 1500, n_forms: int = 40, n_peers: int = 4) -> Itera
     words, n = sample_codebook([descriptors], n_words, 0), len(descriptors)
     singles = descriptors.astype(np.float32), words.astype(np.float32)
     yield Row(
-        "nearest word of one descriptor", partial(nearest_words, descriptors, words),
+        "nearest word of one descriptor", partial(nearest_words, descriptors, words, by_integers=integers_pay()),
         "OpenCV, brute force", partial(cv2.BFMatcher(cv2.NORM_L2).match, *singles),
         f"{n} descriptors, {len(words)} words", n, n, operations=2.0 * descriptors.size * len(words),
     )  # fmt: skip

@@ -160,23 +160,32 @@ def test_the_draw_of_words_depends_on_the_seed_but_not_on_the_order_of_shapes():
     assert len(sample_codebook(parts[:1], 1000, seed=1)) == 300
 
 
-@pytest.mark.parametrize("by_integers", [None, False])
+@pytest.mark.parametrize("way", [codebook.integers_pay, bool])
 @pytest.mark.parametrize("largest", [2, 60, 255])
-def test_nearest_words_are_exact_and_ties_go_to_the_lower_index(monkeypatch, largest, by_integers):
-    if by_integers is not None:
-        monkeypatch.setattr(codebook, "_integers_pay", lambda: by_integers)
+def test_nearest_words_are_exact_and_ties_go_to_the_lower_index(largest, way):
     descriptors, words = random_descriptors(0, 1500, largest), random_descriptors(1, 70, largest)
     words = np.concatenate([words, words[:10], descriptors[:5], 255 - descriptors[:5]])
     squared = ((descriptors[:, None].astype(np.int64) - words[None].astype(np.int64)) ** 2).sum(axis=2)
-    np.testing.assert_array_equal(nearest_words(descriptors, words), squared.argmin(axis=1))
+    np.testing.assert_array_equal(nearest_words(descriptors, words, by_integers=way()), squared.argmin(axis=1))
+
+
+def test_a_large_gallery_is_compared_by_the_faster_way(monkeypatch):
+    signatures = [{"descriptors": random_descriptors(k, 60), "view_offsets": np.array([0] + [60] * 66)} for k in (0, 1)]
+    few = CMBOF(n_words=20).compare(signatures, 0)
+    ways = []
+    monkeypatch.setattr("retrieval.cmbof.MANY", 120)
+    monkeypatch.setattr("retrieval.cmbof.integers_pay", lambda: ways.append("asked") or codebook.integers_pay())
+    np.testing.assert_array_equal(CMBOF(n_words=20).compare(signatures, 0), few)
+    assert ways
 
 
 EXTREMES = """
 import numpy as np
-from retrieval.codebook import nearest_words
+from retrieval.codebook import integers_pay, nearest_words
 rows, words = (np.random.default_rng(seed).choice(np.array([0, 255], np.uint8), (700, 128)) for seed in (0, 1))
 squares = (words.astype(float) ** 2).sum(axis=1)
-assert (nearest_words(rows, words) == (2.0 * rows @ words.T.astype(float) - squares).argmax(axis=1)).all()
+nearest = nearest_words(rows, words, by_integers=integers_pay())
+assert (nearest == (2.0 * rows @ words.T.astype(float) - squares).argmax(axis=1)).all()
 """
 
 
