@@ -26,7 +26,7 @@ NETWORKS := learned[configuration=as_printed] learned learned-wide-extra
 DRAW := $(BIN)/python -m benchmark report --force --figure forms -o results/figures
 methods = $(addprefix -m ,$(1))
 
-.PHONY: setup kernels bench test test-slow lint docs speed tables check-tables publish figures clean golden reference
+.PHONY: setup kernels bench test test-slow lint docs speed tables check-tables publish figures clean golden
 
 setup: $(READY)
 
@@ -75,12 +75,6 @@ test-slow: setup kernels
 # What each component makes of small committed inputs, beside what it made before; ARGS="-k NAME --force-regen" writes it again.
 golden: setup kernels
 	$(BIN)/python -m pytest -m golden -n logical tests/golden $(ARGS)
-
-# The scores of each query of small galleries, beside those of before: which rows differ, in six digits. TOSCA is left out without
-# CANONICAL_FORMS_DATA. ARGS="-d animals -m gps" makes a part, ARGS=--accept writes it.
-reference: setup kernels
-	$(BIN)/python -m tools.reference $(ARGS)
-
 
 lint: setup
 	$(BIN)/ruff check .
