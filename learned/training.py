@@ -87,16 +87,15 @@ def losses(prediction: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
     return depth.mean(), mask.mean()
 
 
-def overlaps(predictions: Tensor, targets: Tensor) -> Tensor:
-    """Return the intersection over union of masks, shape (n,), from depths and masks, shape (n, 2, r, r)."""
-    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
-    return (predicted & true).sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)
-
-
 def measures(predictions: Tensor, targets: Tensor) -> dict[str, float]:
-    """Return mean mask overlap, and mean depth error inside both masks as a share of the frame's depth, if any."""
-    both = (predictions[:, 1] > COVERED) & (targets[:, 1] > COVERED)
-    found = {"mask overlap": float(overlaps(predictions, targets).mean())}
+    """Return mean mask overlap (intersection over union), and mean depth error inside both masks, if any.
+
+    Depths and masks have shape (n, 2, r, r); the error is a share of the frame's depth.
+    """
+    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
+    both = predicted & true
+    shares = both.sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)
+    found = {"mask overlap": float(shares.mean())}
     if both.any():
         found["depth error"] = float((predictions[:, 0] - targets[:, 0]).abs()[both].mean())
     return found
