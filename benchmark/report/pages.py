@@ -19,7 +19,6 @@ from pandas import DataFrame
 from plotly.offline import get_plotlyjs
 from scipy.spatial import cKDTree
 
-from benchmark.code_digest import digest_of_bytes
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.preparation import decimate
 from benchmark.pipeline.records import Ranked, Record, read_distances
@@ -31,7 +30,7 @@ from benchmark.report.formats import blocks, hundredths
 from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
-from benchmark.report.tables import TableView
+from benchmark.report.tables import TableView, file_name
 from benchmark.text import clean, say
 
 #: Pages of a table by the end of their name.
@@ -49,8 +48,8 @@ CHARTS = {
 #: Classes, and shapes of each, on a page of forms; vertices of a form in 3D, and pixels of its picture.
 CLASSES, POSES, VERTICES, SIDE = 3, 2, 2000, 240
 
-#: Matches of a query, pixels of the picture of a shape and per inch of matrices, and most characters of a file's name.
-MATCHES, _SMALL, _DPI, _LONGEST = 5, 96, 150, 100
+#: Matches of a query, pixels of the picture of a shape, and per inch of matrices.
+MATCHES, _SMALL, _DPI = 5, 96, 150
 
 _TEMPLATES = Environment(
     loader=PackageLoader("benchmark.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
@@ -58,6 +57,7 @@ _TEMPLATES = Environment(
 )  # fmt: skip
 _TEMPLATES.globals |= {"measure": MEASURE, "measures": MEASURES, "side": SIDE, "kind_names": KINDS}
 _TEMPLATES.globals |= {"palette": PALETTE, "viewing": OBLIQUE.direction}
+_TEMPLATES.filters |= {"anchor": file_name, "hundredths": hundredths}
 
 
 @dataclass
@@ -87,7 +87,7 @@ class Pages:
 
     def picture(self, name: str, drawn: Drawn | None, size: int, *, is_coloured: bool = False) -> str:
         """Return the name of the picture of a surface, which is drawn once; "" without a surface."""
-        file = f"pictures/{_safe(name)}.webp" if drawn else ""
+        file = f"pictures/{file_name(name)}.webp" if drawn else ""
         if drawn and file not in self.files:
             stream, values = io.BytesIO(), drawn.values if is_coloured else None
             shaded(drawn.mesh, OBLIQUE, size, values).save(stream, format="WEBP", quality=80)
@@ -187,7 +187,7 @@ def _charts(pages: Pages, facets: Sequence[TableView]) -> dict[str, list[tuple[s
     for (kind, says), facet in product(CHARTS.items(), facets):
         with suppress(ConfigurationError):  # distances, or scores of the paper, may not be there
             figure, title = figures.CHARTS[kind](facet, pages.forms), facet.columns[0].title
-            name = f"charts/{facet.stem}-{kind}-{_safe(title.replace(' ', '-'))}"
+            name = f"charts/{facet.stem}-{kind}-{file_name(title.replace(' ', '-'))}"
             files = [name + ending for ending in (".svg", ".pdf", ".csv")[: 3 - (kind == "distances")]]
             pages.files |= {file: figures.encode(figure, file[-4:], _DPI) for file in files[:2]}
             pages.files |= {file: _numbers(facet, pages.forms, kind).to_csv(float_format="%.6g") for file in files[2:]}
@@ -219,7 +219,7 @@ def _forms(pages: Pages, view: TableView) -> dict[str, Any]:
     first = next(iter(records.values()), None)
     shapes = figures.some_shapes(first, CLASSES, POSES) if first else []
     rows = [
-        (row.title, _safe(row.method), made)
+        (row.title, file_name(row.method), made)
         for row, record in records.items()
         if any(made := [_form(pages, record, shape, f" by {row.title}", forms.form(record, shape)) for shape in shapes])
     ]
@@ -242,7 +242,7 @@ def _form(pages: Pages, record: Record, shape: str, by: str, drawn: Drawn | None
         "faces": small.faces.T.tolist(),
         "values": shown.round(2).tolist(),
     }
-    file = f"forms/{_safe(name)}.js"
+    file = f"forms/{file_name(name)}.js"
     pages.files[file] = f"show('{file}', {json.dumps(surface, separators=(',', ':'))});"
     picture = pages.picture(name, drawn, SIDE, is_coloured=True)
     says = (f"Form of {shape}{by}" if by else shape) + ", mirrored" * drawn.is_mirrored
@@ -265,7 +265,7 @@ def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
     return {
         "title": view.columns[0].title,
         "queries": [{"number": of, "cells": cells[of], "is_fine": min(cells[of])[0] == 2} for of in order],
-        "rows": [(row.title, _safe(row.method)) for row, *_ in rows],
+        "rows": [(row.title, file_name(row.method)) for row, *_ in rows],
         "data": {
             "sides": [_shapes(pages, side) for side in first.sides],
             "rows": [(row.title, nearest) for row, _, nearest in rows],
@@ -307,12 +307,3 @@ def _label(view: TableView) -> str:
     data = re.sub(r"\[(\w+)=([^]]*)\]$", r", \1 \2", view.dataset)
     made = "generated " * (view.dataset in view.table.stand_ins)
     return data if view.table.identifier == view.dataset else f"{view.table.identifier}: {made}{data}"
-
-
-def _safe(name: str) -> str:
-    """Return a name of a file or anchor, of at most a hundred characters."""
-    safe = "".join(c if c.isascii() and (c.isalnum() or c in "-_") else f"{ord(c):x}" for c in name)
-    return safe if len(safe) <= _LONGEST else f"{safe[: _LONGEST - 9]}-{digest_of_bytes(safe.encode())[:8]}"
-
-
-_TEMPLATES.filters |= {"anchor": _safe, "hundredths": hundredths}

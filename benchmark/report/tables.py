@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import statistics
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -34,8 +35,11 @@ BLOCKS: Mapping[Kind, str] = {
 #: Differences below half a unit of the last decimal of records are none.
 _SAME = 5e-7
 
-#: Most characters of the name of a data set in the name of a file.
-_LONGEST = 80
+
+def file_name(name: str, longest: int = 80) -> str:
+    """Return a name as that of a file: where characters were lost, a digest tells it from others."""
+    safe = re.sub(r"[^A-Za-z0-9._-]", "-", name)[:longest]
+    return safe if safe == name else f"{safe.strip('-')}-{digest_of_bytes(name.encode())[:8]}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,10 +227,7 @@ class TableView:
         """Name of its files."""
         name = f"table-{self.table.identifier}"
         name += f"-{self.dataset.removesuffix('[draw=0]')}" if self.dataset != self.table.identifier else ""
-        safe = "".join(c if c.isascii() and (c.isalnum() or c in ".-_") else "-" for c in name)
-        is_whole = safe == name and len(name) <= _LONGEST
-        own = "" if is_whole else f"-{digest_of_bytes(name.encode())[:8]}"
-        return f"{safe[:_LONGEST].strip('-')}{own}{'-quick' if self.quick else ''}"
+        return file_name(name) + "-quick" * self.quick
 
     @cached_property
     def chance(self) -> dict[str, dict[str, float]]:

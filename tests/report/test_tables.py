@@ -291,7 +291,9 @@ def test_seconds_of_several_machines_are_told_apart():
     assert not any("machines" in note for note in table_notes(view(here, record("gps", machines=["A, 2 cores"]))))
 
 
-@pytest.mark.parametrize("names", [("котики", "собачки"[:6]), ("a b", "a-b"), ("a/b", "a-b"), ("x" * 90, "x" * 91)])
+@pytest.mark.parametrize(
+    "names", [("котики", "собачки"[:6]), ("a b", "a-b"), ("a/b", "a-b"), ("x" * 90, "x" * 91), ("a b", "a20b")]
+)
 def test_data_sets_of_any_name_have_files_of_their_own(names):
     files = table_files(table_views(record(dataset=name) for name in names), [], ["markdown"], robustness=False)
     assert len(files) == 2
