@@ -8,6 +8,7 @@ import os
 import sys
 import sysconfig
 from contextlib import redirect_stdout, suppress
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -80,6 +81,12 @@ def _file_of(name: str) -> Path | None:
     file = getattr(sys.modules.get(name), "__file__", None)
     if not file or name == "__main__" or is_installed(name) or not Path(file).is_absolute():
         return None
+    return _outside(file)
+
+
+@cache
+def _outside(file: str) -> Path | None:
+    """Return where a file is; None for one of Python or of an installed package."""
     path = Path(os.path.realpath(file))
     is_of_package = any(map(path.is_relative_to, _INSTALLED)) or {"site-packages", "dist-packages"} & {*path.parts}
     return None if is_of_package else path
