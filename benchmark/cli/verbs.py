@@ -102,7 +102,7 @@ def report(
         Path | None, Option("-o", "--output", metavar="OUT", help="Folder [results/report], or figure [KIND.pdf].")
     ] = None,
     figure: Annotated[
-        Literal["forms", "effect", "spread", "scores", "cost", "precision-recall", "paper", "distances"] | None,
+        Literal["forms", "effect", "spread", "scores", "classes", "precision-recall", "paper", "map"] | None,
         Option("--figure", help="Draw a .pdf, .png or .svg instead; forms is also called effect."),
     ] = None,
     shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show.")] = [],

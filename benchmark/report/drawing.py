@@ -49,7 +49,8 @@ def outwardness(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def shaded(
-    mesh: Mesh, camera: Camera, size: int, values: NDArray[np.float64] | None = None, frame: Points | None = None
+    mesh: Mesh, camera: Camera, size: int, values: NDArray[np.float64] | None = None, frame: Points | None = None, *,
+    is_transparent: bool = False,
 ) -> Image.Image:
     """Draw a mesh on white as a camera sees it.
 
@@ -73,11 +74,17 @@ def shaded(
     pixels = np.column_stack([(1 + scaled[:, 0]) * fine / 2, (1 - scaled[:, 1]) * fine / 2, -scaled[:, 2]])
     depth = depth_buffer(pixels, mesh.faces, fine, np.inf).astype(np.float64)
     seen = np.isfinite(depth)
-    picture = np.ones((fine, fine, 3))
+    picture = np.zeros((fine, fine, 4))
     if seen.any():
         colours = _PLAIN if values is None else _surface_colours(scaled, depth, seen, values)
-        picture[seen] = np.clip(colours * _light(depth, seen)[:, None], 0, 1)
-    blocks = picture.reshape(size, _FINER, size, _FINER, 3).mean(axis=(1, 3))
+        picture[seen, :3] = np.clip(colours * _light(depth, seen)[:, None], 0, 1)
+        picture[seen, 3] = 1
+    blocks = picture.reshape(size, _FINER, size, _FINER, 4).mean(axis=(1, 3))
+    alpha = blocks[..., 3:]
+    if is_transparent:
+        blocks[..., :3] /= np.maximum(alpha, 1e-9)
+    else:
+        blocks = blocks[..., :3] + 1 - alpha
     return Image.fromarray(np.round(255 * blocks).astype(np.uint8))
 
 

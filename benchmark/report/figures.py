@@ -13,6 +13,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
+from pandas import DataFrame
+from scipy.spatial.distance import squareform
+from scipy.stats import rankdata
+from sklearn.manifold import MDS
 
 from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError, did_you_mean
@@ -41,8 +45,11 @@ _TALLEST, _HEAD = 0.85, 0.44
 #: View of forms of depth images, whose errors do not show from the front.
 OBLIQUE = Camera((-0.9, 0.0, -1.0), (0.0, 1.0, 0.0))
 
-#: Matrices side by side in a figure of distances, and title of the shapes beside forms.
-_ACROSS, _ITSELF = 4, "Shape"
+#: Maps side by side in a figure, and title of the shapes beside forms.
+_ACROSS, _ITSELF = 3, "Shape"
+
+#: Most classes that are all named on a map.
+_NAMED = 15
 
 #: Measure of charts that show one.
 MEASURE = "DCG"
@@ -50,6 +57,9 @@ MEASURE = "DCG"
 #: Colours of blocks, and of lines beside them: contrast with white of at least 3, as WCAG asks of graphics.
 COLOURS: Mapping[Kind, str] = {"form": "#3a6ea5", "network": "#c8553d", "descriptor": "#3d8a5f", "external": "#777777"}
 GREY = "#737373"
+
+#: Colour of a shape whose nearest match is wrong.
+MISSED = "#8c2318"
 
 #: Least seconds that are drawn: shorter ones are not measured.
 FASTEST = 1e-3
@@ -83,42 +93,61 @@ def shown_rows(view: TableView) -> list[tuple[Row, Scored]]:
 
 
 def scores_figure(view: TableView) -> Figure:
-    """Draw the scores of a table with their intervals over classes (95 %), one line a row; hollow: the paper's."""
-    titles = [column.title for column in view.columns]
-    figure, axes = subplots(WIDTH, 0.5 + 0.14 * len(view.printed_rows), n_columns=len(titles), sharey=True)
-    rows = view.printed_rows[::-1]
-    for place, title in zip(axes[0], titles, strict=True):
+    """Draw the scores of a table with their intervals over classes (95 %), and seconds a shape, one line a row.
+
+    Hollow diamonds are the paper's scores; no row is both faster and better than those of full circles of seconds.
+    """
+    titles, rows = [column.title for column in view.columns], view.printed_rows[::-1]
+    figure, axes = subplots(WIDTH, 0.55 + 0.16 * len(rows), n_columns=len(titles) + 1, sharey=True)
+    for place, title in zip(axes[0], titles, strict=False):
         for height, row in enumerate(rows):
             if one := row.scored.get(title):
-                place.plot(one.intervals[MEASURE], [height, height], color=COLOURS[row.kind], lw=1)
-                place.plot(one.means[MEASURE], height, "o", ms=3, color=COLOURS[row.kind])
+                place.plot(one.intervals[MEASURE], [height, height], color=COLOURS[row.kind], lw=1.2)
+                place.plot(one.means[MEASURE], height, "o", ms=3.5, color=COLOURS[row.kind])
             if printed := view.paper.get(row.method):
                 place.plot(printed[MEASURE], height, "D", ms=3.5, mew=0.8, mfc="none", color=COLOURS[row.kind])
         place.axvline(view.chance[title][MEASURE], color=GREY, lw=0.8, ls="--", zorder=0)
-        place.set(xlim=(0, 1.02), xlabel=f"{MEASURE}, {title}{' (hollow: paper)' if view.paper else ''}")
+        place.set(xlim=(None, 1.02), xlabel=f"{MEASURE}, {title}{' (hollow: paper)' if view.paper else ''}")
+    cost, best = axes[0, -1], 0.0
+    timed = [(max(row.seconds, FASTEST), -one.means[MEASURE], row.method) for row, one in shown_rows(view)
+             if row.seconds is not None]  # fmt: skip
+    for seconds, score, method in sorted(timed):
+        height, row = next((k, row) for k, row in enumerate(rows) if row.method == method)
+        face, best = ("none", best) if -score <= best else (COLOURS[row.kind], -score)
+        cost.plot(seconds, height, "o" if seconds > FASTEST else "<", ms=3.5, mfc=face, color=COLOURS[row.kind])
+    cost.set(xscale="log", xlabel="seconds per shape")
     axes[0, 0].set_yticks(range(len(rows)), [clean(row.title) for row in rows], parse_math=False)
+    axes[0, 0].set_ylim(-0.6, len(rows) - 0.4)
+    for place in figure.axes:
+        place.grid(axis="y", lw=0.3, color="0.85")
+        place.tick_params(axis="y", length=0)
     return figure
 
 
-def cost_figure(view: TableView) -> Figure:
-    """Draw seconds a shape against a measure; no row is both faster and better than those at a step of the line."""
-    known = [(row, row.seconds, one.means[MEASURE]) for row, one in shown_rows(view)]
-    points = sorted(
-        (max(seconds, FASTEST), score, row.title, row.kind) for row, seconds, score in known if seconds is not None
-    )
-    if not points:
-        raise ConfigurationError(f"no seconds of the rows of {view.stem} are known", "run a method here")
-    figure, ((place,),) = subplots(WIDTH, 3)
-    for number, (seconds, score, title, kind) in enumerate(sorted(points, key=lambda point: point[1])):
-        place.plot(seconds, score, "o" if seconds > FASTEST else "<", ms=3.5, color=COLOURS[kind])
-        place.annotate(
-            title, (seconds, score), (1.02, (number + 0.5) / len(points)), textcoords="axes fraction", va="center",
-            fontsize=5, parse_math=False, arrowprops={"arrowstyle": "-", "lw": 0.3, "color": GREY, "relpos": (0, 0.5)},
-        )  # fmt: skip
-    best = np.maximum.accumulate([score for _, score, *_ in points])
-    place.step([seconds for seconds, *_ in points], best, where="post", color=GREY, lw=0.8, zorder=0)
-    below = f" (triangle: at most {FASTEST:g})" if points[0][0] == FASTEST else ""
-    place.set(xscale="log", xlabel=f"seconds per shape: form and geodesics{below}", ylabel=MEASURE)
+def classes_figure(view: TableView) -> Figure:
+    """Draw the mean of each class by each row, classes from the hardest to the easiest; dark is high.
+
+    Raises
+    ------
+    ConfigurationError
+        If no row has scores.
+    """
+    rows = first_records(view)
+    if not rows:
+        raise ConfigurationError(f"no row of {view.stem} has scores", "run a method here")
+    frames = {row.title: DataFrame({"of": of.labels, MEASURE: of.per_query[MEASURE]}) for row, of in rows.items()}
+    each = DataFrame({title: frame.dropna().groupby("of")[MEASURE].mean() for title, frame in frames.items()}).T
+    each = each[each.mean().sort_values().index]
+    figure, ((place,),) = subplots(WIDTH, 0.9 + 0.16 * len(each))
+    place.imshow(each, cmap="Blues", vmin=0, vmax=1.25, aspect="auto")
+    place.set_yticks(range(len(each)), each.index, parse_math=False)
+    place.set_xticks(range(each.shape[1]), map(clean, each), rotation=40 if each.shape[1] > 8 else 0,
+                     ha="right" if each.shape[1] > 8 else "center", rotation_mode="anchor", parse_math=False)  # fmt: skip
+    place.tick_params(length=0)
+    if each.shape[1] <= 24:
+        for (down, across), score in np.ndenumerate(each):
+            place.text(across, down, hundredths(score), ha="center", va="center", fontsize=_SIZE - 1,
+                       color="white" if score > 0.75 else "black")  # fmt: skip
     return figure
 
 
@@ -191,30 +220,41 @@ def paper_figure(view: TableView) -> Figure:
     return figure
 
 
-def distances_figure(view: TableView, forms: StoredForms) -> Figure:
-    """Draw the distances of each row, sorted by class, by their rank; dark is near.
+def map_figure(view: TableView, forms: StoredForms) -> Figure:
+    """Draw the shapes as points whose distances have the order of those of each row, and lines to the mean of a class.
+
+    A ring marks a shape whose nearest match is of another class.
 
     Raises
     ------
     ConfigurationError
-        If no distances are stored.
+        If no distances of shapes among each other are stored.
     """
-    known = _distances(view, forms)
+    known = [(row, of, matrix) for row, ((of, matrix), *_) in _distances(view, forms) if len(of.sides) == 1]
     if not known:
         raise ConfigurationError("no distances of this table are stored here", "run it here")
-    n_rows = -(-len(known) // _ACROSS)
-    figure, _ = subplots(WIDTH, WIDTH / _ACROSS * n_rows, n_rows, _ACROSS)
-    for place in figure.axes[len(known) :]:
+    n_columns = min(len(known), _ACROSS)
+    n_rows, side = -(-len(known) // n_columns), min(WIDTH / n_columns, 4)
+    figure, _ = subplots(n_columns * side, n_rows * (side + 0.2), n_rows, n_columns)
+    for place in figure.axes:
         place.axis("off")
-    for place, (row, ((record, matrix), *_)) in zip(figure.axes, known, strict=False):
-        sides = record, record.sides[-1]
-        queries, ranked = (np.array([clean(side.labels[number]) for number in side.answered]) for side in sides)
-        down, across = (np.argsort(labels, kind="stable") for labels in (queries, ranked))
-        names, starts, sizes = np.unique(queries[down], return_index=True, return_counts=True)
-        place.imshow(np.unique(matrix[np.ix_(down, across)], return_inverse=True)[1].reshape(matrix.shape))
-        place.set_yticks(starts + (sizes - 1) / 2, names, parse_math=False, fontsize=4)
-        place.set_xticks(np.unique(ranked[across], return_index=True)[1][1:] - 0.5, [])
-        place.set_title(fill(row.title, 24), fontsize=_SIZE, parse_math=False)
+        place.set_aspect("equal")
+    for place, (row, record, matrix) in zip(figure.axes, known, strict=False):
+        labels = np.array([clean(record.labels[number]) for number in record.answered])
+        near = matrix + np.diag(np.full(len(matrix), np.inf))
+        is_missed = labels[near.argmin(axis=1)] != labels
+        order = squareform(rankdata(squareform((matrix + matrix.T) / 2, checks=False)))
+        points = MDS(metric_mds=True, metric="precomputed", init="classical_mds", n_init=1).fit_transform(order)
+        for label in np.unique(labels):
+            mine = points[labels == label]
+            centre = mine.mean(axis=0)
+            place.plot(*np.stack([np.broadcast_to(centre, mine.shape), mine], axis=1).T, color=GREY, lw=0.5)
+            if len(np.unique(labels)) <= _NAMED or is_missed[labels == label].any():
+                place.annotate(label, centre, fontsize=5, ha="center", va="center", parse_math=False,
+                               bbox={"pad": 0.4, "lw": 0, "fc": "white", "alpha": 0.7})  # fmt: skip
+        place.plot(*points.T, "o", ms=2.5, color=COLOURS[row.kind], zorder=0)
+        place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED, zorder=0)
+        place.set_title(fill(row.title, 30), fontsize=_SIZE, parse_math=False)
     return figure
 
 
@@ -342,8 +382,8 @@ def subplots(
 #: Charts of a table, or of the first of its columns.
 CHARTS: Mapping[str, Callable[[TableView, StoredForms], Figure]] = {
     "scores": lambda view, forms: scores_figure(view),
-    "cost": lambda view, forms: cost_figure(view),
+    "classes": lambda view, forms: classes_figure(view),
     "precision-recall": lambda view, forms: precision_recall_figure(precision_recall(view, forms)),
     "paper": lambda view, forms: paper_figure(view),
-    "distances": distances_figure,
+    "map": map_figure,
 }

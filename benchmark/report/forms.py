@@ -107,12 +107,13 @@ class StoredForms:
         label = record.labels[record.shapes.index(name)]
         first = next((record.shapes[k] for k in record.answered if record.labels[k] == label), name)
         if (record.key, first) not in self._firsts:
-            self._firsts[record.key, first] = self._as_its_shape(record, first)
+            self._firsts[record.key, first] = self.upright(record, first)
         target = self._firsts[record.key, first]
-        form = target if name == first else self._as_its_shape(record, name)
+        form = target if name == first else self.upright(record, name)
         return form if form is target or form is None or target is None else turned(form, target)
 
-    def _as_its_shape(self, record: Record, name: str) -> Drawn | None:
+    def upright(self, record: Record, name: str) -> Drawn | None:
+        """Return the form of a shape, turned as the shape; None if it is not stored."""
         form, shape = read_form(self.folder, record, name), self.shape(record, name)
         if form is None or shape is None:
             return None

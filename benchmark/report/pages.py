@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -26,11 +26,11 @@ from benchmark.reference.paper import MEASURES
 from benchmark.report import figures
 from benchmark.report.drawing import PALETTE, shaded
 from benchmark.report.figures import MEASURE, OBLIQUE
-from benchmark.report.formats import blocks, hundredths
+from benchmark.report.formats import BLOCKS, blocks, hundredths
 from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
-from benchmark.report.tables import TableView, file_name
+from benchmark.report.tables import Scored, TableView, file_name
 from benchmark.text import clean, say
 
 #: Pages of a table by the end of their name.
@@ -38,11 +38,13 @@ KINDS = {"": "Scores", "-forms": "Forms", "-queries": "Queries"}
 
 #: What the charts of a table show, in their order on its page.
 CHARTS = {
-    "scores": f"{MEASURE} with intervals over resampled classes (95 %); dashed: a random order",
-    "cost": f"{MEASURE} against seconds per shape; no row is both faster and better than those at a step of the line",
+    "classes": f"Mean {MEASURE} of each class, from the hardest class to the easiest",
+    "scores": f"{MEASURE} with intervals over resampled classes (95 %); dashed: a random order, hollow: the paper. Full "
+    "circles of seconds (log scale): no row is both faster and better",
+    "map": "Shapes, so far apart as the order of their distances says, with lines to the middle of their class; a ring: "
+    "the nearest match is of another class",
     "precision-recall": "Precision over recall, mean over all queries; a refused shape finds nothing",
     "paper": "Our scores over those of the paper",
-    "distances": "Distances between shapes by their rank, sorted by class; dark is near",
 }
 
 #: Classes, and shapes of each, on a page of forms; vertices of a form in 3D, and pixels of its picture.
@@ -82,7 +84,8 @@ class Pages:
         """Add a page about some tables."""
         records = [record for view in views for row in view.printed_rows for record in row.records]
         content["machines"] = "; ".join(dict.fromkeys(machine for record in records for machine in record.machines))
-        content["tables"] = {"index": "Overview"} | {view.stem: _label(view) for view in self.views}
+        content["tables"] = {"index": "Overview"} if len(self.views) > 1 else {}
+        content["tables"] |= {view.stem: _label(view) for view in self.views}
         self.files[name] = _TEMPLATES.get_template(template).render(title=title, here=name, **content)
 
     def picture(self, name: str, drawn: Drawn | None, size: int, *, is_coloured: bool = False) -> str:
@@ -90,7 +93,7 @@ class Pages:
         file = f"pictures/{file_name(name)}.webp" if drawn else ""
         if drawn and file not in self.files:
             stream, values = io.BytesIO(), drawn.values if is_coloured else None
-            shaded(drawn.mesh, OBLIQUE, size, values).save(stream, format="WEBP", quality=80)
+            shaded(drawn.mesh, OBLIQUE, size, values, is_transparent=True).save(stream, format="WEBP", quality=80)
             self.files[file] = stream.getvalue()
         return file
 
@@ -125,9 +128,13 @@ def write_report(
     """
     pages = Pages(StoredForms(results, data_root), views)
     pages.files |= {name: fixed_file(name) for name in ("style.css", "table.css", "report.js")}
-    listed = [(view, [*_bests(view)], _add_table(pages, view)) for view in views]
-    pages.add("index.html", "index.html", "Canonical forms benchmark", views, listed=listed, kinds={}, stem="index")
-    if any("Forms" in kinds.values() for *_, kinds in listed):
+    listed = [_add_table(pages, view) for view in views]
+    pages.add(
+        "index.html", "index.html", "Canonical forms benchmark", views, **_overview(views), kinds={}, stem="index"
+    )
+    if len(views) == 1:
+        pages.files["index.html"] = pages.files[f"{views[0].stem}.html"]
+    if any("Forms" in kinds.values() for kinds in listed):
         pages.files["plotly.min.js"] = get_plotlyjs()
     write_files(folder, pages.files, force=force)
     return list(pages.files)
@@ -149,13 +156,19 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     return kinds
 
 
-def _bests(view: TableView) -> Iterator[tuple[str, str, float | None, float]]:
-    """Yield each column with its best row, its score, and that of a random order."""
-    for column in view.columns:
-        scored = {row.title: row.scored.get(column.title) for row in view.printed_rows}
-        rivals = {title: one.means[MEASURE] for title, one in scored.items() if one and one.is_rival}
-        best = max(rivals, key=rivals.__getitem__, default="")
-        yield column.title, best, rivals.get(best), view.chance[column.title][MEASURE]
+def _overview(views: Sequence[TableView]) -> dict[str, Any]:
+    """Return all columns of all tables, the rows of each block with their scores there, and the best of the block."""
+    columns = [(view, column.title) for view in views for column in view.columns]
+    blocks_of: dict[str, dict[str, list[Scored | None]]] = {}
+    for kind, name in BLOCKS.items():
+        titles = dict.fromkeys(row.title for view in views for row in view.printed_rows if row.kind == kind)
+        of = [{row.title: row.scored.get(column) for row in view.printed_rows} for view, column in columns]
+        blocks_of |= {name: {title: [scores.get(title) for scores in of] for title in titles}} if titles else {}
+    bests = {
+        name: [max((one.means[MEASURE] for one in of if one and one.is_rival), default=2) for of in zip(*rows.values())]
+        for name, rows in blocks_of.items()
+    }
+    return {"columns": columns, "blocks": blocks_of, "bests": bests}
 
 
 # Scores --------------------------------------------------------------------------------------------------------------
@@ -178,7 +191,18 @@ def _scores(view: TableView, forms: Sequence[Any] = (), queries: Sequence[Any] =
     linked = {"-forms": made, "-queries": {anchor for facet in queries for _, anchor in facet["rows"]}}
     rows = {clean(row.title): row for row in view.printed_rows}
     notes = table_notes(view)
-    return {"view": view, "blocks": blocks(view), "rows": rows, "pictures": pictures, "linked": linked, "notes": notes}
+    ranges = [one.intervals[MEASURE][0] for row in rows.values() for one in row.scored.values()]
+    papers = [scores[MEASURE] for scores in view.paper.values()]
+    least = min([1.0, *ranges, *papers, *(chance[MEASURE] for chance in view.chance.values())]) // 0.1 / 10
+    return {
+        "least": least,
+        "view": view,
+        "blocks": blocks(view),
+        "rows": rows,
+        "pictures": pictures,
+        "linked": linked,
+        "notes": notes,
+    }
 
 
 def _charts(pages: Pages, facets: Sequence[TableView]) -> dict[str, list[tuple[str, list[str]]]]:
@@ -188,7 +212,7 @@ def _charts(pages: Pages, facets: Sequence[TableView]) -> dict[str, list[tuple[s
         with suppress(ConfigurationError):  # distances, or scores of the paper, may not be there
             figure, title = figures.CHARTS[kind](facet, pages.forms), facet.columns[0].title
             name = f"charts/{facet.stem}-{kind}-{file_name(title.replace(' ', '-'))}"
-            files = [name + ending for ending in (".svg", ".pdf", ".csv")[: 3 - (kind == "distances")]]
+            files = [name + ending for ending in (".svg", ".pdf", ".csv")[: 3 - (kind == "map")]]
             pages.files |= {file: figures.encode(figure, file[-4:], _DPI) for file in files[:2]}
             pages.files |= {file: _numbers(facet, pages.forms, kind).to_csv(float_format="%.6g") for file in files[2:]}
             column = f", {title}" * (len(facets) > 1)
@@ -261,14 +285,15 @@ def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
     first = rows[0][1]
     every = [number for number, score in enumerate(first.per_query[MEASURE]) if score is not None]
     cells = {number: [_outcome(record, nearest, number) for _, record, nearest in rows] for number in every}
-    order = sorted(every, key=lambda number: sorted(cells[number]))
+    order = sorted(every, key=lambda number: sum(score for _, score in cells[number]))
+    missed = [number for number in every if min(cells[number])[0] < 2]
     return {
         "title": view.columns[0].title,
         "queries": [{"number": of, "cells": cells[of], "is_fine": min(cells[of])[0] == 2} for of in order],
         "rows": [(row.title, file_name(row.method)) for row, *_ in rows],
         "data": {
             "sides": [_shapes(pages, side) for side in first.sides],
-            "rows": [(row.title, nearest) for row, _, nearest in rows],
+            "rows": [(row.title, near, _drawn(pages, record, near, missed)) for row, record, near in rows],
         },
     }
 
@@ -280,20 +305,42 @@ def _shapes(pages: Pages, side: Ranked) -> list[tuple[str, str, str]]:
     return [*zip(map(clean, side.shapes), map(clean, side.labels), pictures, strict=True)]
 
 
-def _nearest(record: Record, matrix: NDArray[np.float64]) -> dict[int, list[int]]:
-    """Return the nearest shapes of each query with a result, by number, without the query itself."""
-    queries, ranked = (np.array(side.shapes)[side.answered] for side in (record, record.sides[-1]))
-    is_left_out = (queries[:, None] == ranked) & (not record.keeps_same_names)
-    order = np.argsort(np.where(is_left_out, np.inf, matrix), axis=1, kind="stable")
-    counts = np.minimum(MATCHES, (~is_left_out).sum(axis=1))
-    numbers = np.array(record.sides[-1].answered)
-    return {query: numbers[of[:n]].tolist() for query, of, n in zip(record.answered, order, counts, strict=True)}
+def _nearest(record: Record, matrix: NDArray[np.float64]) -> dict[int, list[tuple[int, int, float]]]:
+    """Return the nearest shapes of each query with a result, and the first of its class if it comes later.
+
+    Each is its number, its rank, and its distance over that of the first of the class; the query itself is left out.
+    """
+    last, found = record.sides[-1], {}
+    numbers, shapes, labels = np.array(last.answered), np.array(last.shapes), np.array(last.labels)
+    for query, distances in zip(record.answered, matrix, strict=True):
+        order = np.argsort(distances, kind="stable")
+        order = order[record.keeps_same_names | (shapes[numbers[order]] != record.shapes[query])]
+        own = np.flatnonzero(labels[numbers[order]] == record.labels[query])[:1].tolist()
+        unit = max(float(distances[order[own[0]]]), 1e-12) if own else np.nan
+        ranks = [*range(min(MATCHES, len(order))), *(rank for rank in own if rank >= MATCHES)]
+        found[query] = [(int(numbers[order[k]]), k + 1, round(float(distances[order[k]]) / unit, 2)) for k in ranks]
+    return found
 
 
-def _outcome(record: Record, nearest: Mapping[int, Sequence[int]], number: int) -> tuple[int, float]:
+def _drawn(
+    pages: Pages, record: Record, nearest: Mapping[int, Sequence[tuple[int, int, float]]], missed: Sequence[int]
+) -> dict[int, str]:
+    """Return the pictures of the forms of missed queries, and of their matches, by number; empty without forms."""
+    shown = {of for of in missed if of in nearest}
+    if len(record.sides) == 1:
+        shown |= {match for query in missed for match, *_ in nearest.get(query, ())}
+    forms = {of: pages.forms.upright(record, record.shapes[of]) for of in sorted(shown)}
+    name = f"{record.input}-{record.data.name}-{record.method}-near"
+    files = {
+        of: pages.picture(f"{name}-{record.shapes[of]}", form, _SMALL, is_coloured=True) for of, form in forms.items()
+    }
+    return {of: file for of, file in files.items() if file}
+
+
+def _outcome(record: Record, nearest: Mapping[int, Sequence[tuple[int, int, float]]], number: int) -> tuple[int, float]:
     """Return 0 for a refused query, 1 where the nearest match is of another class, otherwise 2; and its score."""
     first = nearest.get(number, ())[:1]
-    is_hit = any(record.sides[-1].labels[match] == record.labels[number] for match in first)
+    is_hit = any(record.sides[-1].labels[match] == record.labels[number] for match, *_ in first)
     return (number in nearest) + is_hit, record.per_query[MEASURE][number] or 0.0
 
 

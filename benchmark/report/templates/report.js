@@ -37,7 +37,7 @@ function scene({ points: [x, y, z], faces: [i, j, k], values }) {
     colorscale: colours, showscale: false, hoverinfo: "skip" };
   const camera = { eye: { x: right, y: -near, z: up }, projection: { type: "orthographic" } };
   const shown = { xaxis: axis, yaxis: axis, zaxis: axis, aspectratio: { x: width, y: depth, z: height }, camera };
-  return [[trace], { scene: shown, height: 240, margin: { l: 0, r: 0, t: 0, b: 0 } }];
+  return [[trace], { scene: shown, paper_bgcolor: "rgba(0,0,0,0)", margin: { l: 0, r: 0, t: 0, b: 0 } }];
 }
 function load(address) {
   return new Promise(done => document.head.append(make("script", { src: address, onload: done })));
@@ -48,7 +48,13 @@ async function turn(button) {
   if (!meshes[file]) await load(file);
   const box = make("div", { className: "turned" }), image = { filename: name, scale: 4, format: "png" };
   button.replaceWith(box);
-  await Plotly.newPlot(box, ...scene(meshes[file]), { displaylogo: false, toImageButtonOptions: image });
+  await Plotly.newPlot(box, ...scene(meshes[file]), { displaylogo: false, responsive: true, toImageButtonOptions: image });
+  box.on("plotly_relayout", async ({ "scene.camera": camera }) => { // all forms turn alike
+    if (!camera || turned.isBusy) return;
+    turned.isBusy = true;
+    await Promise.all(turned.map(([other]) => other === box || Plotly.relayout(other, { "scene.camera": camera })));
+    turned.isBusy = false;
+  });
   turned.push([box, button]);
   if (turned.length > 8) {
     const [oldest, picture] = turned.shift();
@@ -56,19 +62,26 @@ async function turn(button) {
     oldest.replaceWith(picture);
   }
 }
-for (const button of document.querySelectorAll("button.form")) button.addEventListener("click", () => turn(button));
+for (const button of document.querySelectorAll("button.form")) button.addEventListener("click", async () => {
+  for (const each of [...button.closest("tr").querySelectorAll("button.form")]) await turn(each);
+});
 
 // The nearest matches of a query, a line a method.
-function picture([name, , file], kind, sign) {
-  const image = file ? [make("img", { src: file, alt: name, width: 96, height: 96 })] : [];
-  return make("figure", { className: kind }, ...image, make("figcaption", {}, sign + name));
+function picture([name, label, shape], form, kind, sign, ...below) {
+  const image = form || shape ? [make("img", { src: form || shape, alt: name, width: 96, height: 96 })] : [];
+  const words = [sign + name.split("/").pop(), ...below].map(text => make("div", {}, text));
+  return make("figure", { className: kind, title: `${name}, class ${label}` }, ...image, make("figcaption", {}, ...words));
 }
 function matches({ sides, rows }, query) {
   const asked = sides[0][query], ranked = sides[sides.length - 1];
-  const lines = rows.map(([title, nearest]) => make("div", { className: "line" }, make("b", {}, title),
-    ...(nearest[query]?.map(shape => ranked[shape]).map(shape =>
-      shape[1] === asked[1] ? picture(shape, "hit", "✓ ") : picture(shape, "miss", "✗ ")) ?? ["refused"])));
-  return [picture(asked, "query", ""), make("div", {}, ...lines)];
+  const lines = rows.map(([title, nearest, forms]) => make("div", { className: "line" }, make("b", {}, title),
+    ...(nearest[query] ? [picture(asked, forms[query], "query", "", "query")] : ["refused"]),
+    ...(nearest[query] ?? []).map(([number, rank, ratio]) => {
+      const shape = ranked[number], isHit = shape[1] === asked[1];
+      return picture(shape, sides.length === 1 && forms[number], (isHit ? "hit" : "miss") + (rank > 5 ? " later" : ""), isHit ? "✓ " : "✗ ",
+        `rank ${rank}`, `× ${ratio.toFixed(2)}`);
+    })));
+  return [picture(asked, "", "query", ""), make("div", {}, ...lines)];
 }
 for (const box of document.querySelectorAll(".queries")) {
   const data = JSON.parse(box.querySelector("script").textContent), body = box.querySelector("tbody");
@@ -80,7 +93,9 @@ for (const box of document.querySelectorAll(".queries")) {
     if (isOpen) return;
     const content = make("div", {}, ...matches(data, Number(button.dataset.query)));
     row.after(make("tr", { className: "matches" }, make("td", { colSpan: row.cells.length }, content)));
+    if (event.isTrusted) history.replaceState(null, "", "#" + row.id); // the address shows this query
   });
-  const start = body.querySelector("tr:not(.fine) button");
+  const asked = document.getElementById(location.hash.slice(1));
+  const start = (body.contains(asked) ? asked : body).querySelector(body.contains(asked) ? "button" : "tr:not(.fine) button");
   if (start) start.click();
 }
