@@ -127,7 +127,6 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
     start = path.resolve() if path else base and _locate(base, tuple(name.split(".")))
     if base is None or start is None or not start.is_file():
         raise ConfigurationError(f"there is no module {path or name}", "correct the name, or install its package")
-    own = "" if path else name.partition(".")[0]
     is_beside = cache(partial(_is_beside, base))  # asked again for each import
     sources, packages, pending = {start: base}, set[str](), [start]
     while pending:
@@ -136,7 +135,7 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
             top = parts[0]
             if top in sys.stdlib_module_names or ".".join(parts[:2]) in _WORDS:
                 continue
-            is_near = top == own or (path is not None and top not in FIRST_PARTY and is_beside(top))
+            is_near = path is not None and top not in FIRST_PARTY and is_beside(top)
             has_sources = is_near or top in FIRST_PARTY or not _versions(top)
             where = base if is_near else _folder_of(top) if has_sources else None
             if where is None:

@@ -14,12 +14,12 @@ from benchmark.text import LONGEST_REASON, is_name
 
 
 def is_own(source: str) -> bool:
-    """Return whether a source is a data set of a plugin file, or of an installed package."""
+    """Return whether a source is a data set of a plugin file."""
     return ".py:" in source or re.fullmatch(r"[\w.]+:\w+", source) is not None
 
 
 def open_own(source: str) -> ShapeSet:
-    """Open the data set of a plugin file or of an installed package.
+    """Open the data set of a plugin file.
 
     Parameters
     ----------

@@ -92,7 +92,7 @@ class Component:
 
     @property
     def plugin(self) -> Path | None:
-        """Path of its plugin file; None for a component of the suite or of an installed package."""
+        """Path of its plugin file; None for a component of the suite."""
         return plugin_file(self.target)
 
     @property

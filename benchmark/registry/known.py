@@ -6,19 +6,17 @@ not delay the others.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from functools import cache
-from importlib.metadata import entry_points
+from collections.abc import Iterable
 from pathlib import Path
 from typing import NoReturn
 
 from benchmark.api.contracts import MethodInfo
 from benchmark.api.datasets import ShapeSet
 from benchmark.api.scoring import ScorerInfo
-from benchmark.errors import BenchmarkError, ConfigurationError, did_you_mean
+from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.registry.components import Component, Kind
 from benchmark.registry.modules import load_module
-from benchmark.text import EVERY, say
+from benchmark.text import EVERY
 
 BUILT_IN: dict[str, str] = {
     "classic-mds": "baselines.classic_mds:ClassicMDS",
@@ -52,11 +50,11 @@ SCORERS: dict[str, str] = {"cm-bof": "retrieval.cmbof:CMBOF"}
 
 
 class Known(dict[str, Component]):
-    """Components of one kind by name, in the order of the tables; an unknown name raises an error with the reason."""
+    """Components of one kind by name, in the order of the tables; an unknown name raises an error with a hint."""
 
-    def __init__(self, kind: Kind, components: Iterable[Component], faults: Mapping[str, BenchmarkError]) -> None:
+    def __init__(self, kind: Kind, components: Iterable[Component]) -> None:
         super().__init__()
-        self._kind, self._faults = kind, faults
+        self._kind = kind
         for component in components:
             if component.name == EVERY:
                 raise ConfigurationError(f"a {kind} is called '{EVERY}', which stands for all", "rename it")
@@ -66,15 +64,13 @@ class Known(dict[str, Component]):
             self[component.name] = component
 
     def __missing__(self, name: str) -> NoReturn:
-        if name in self._faults:
-            raise self._faults[name]
         error, file = did_you_mean(self._kind, name, self), Path(f"{name.replace('-', '_')}.py")
         own = f"{error.hint} (for one of your own, pass --plugin FILE)"
         raise ConfigurationError(error.problem, f"pass --plugin {file}" if file.is_file() else own)
 
 
 def by_name(kind: Kind, plugins: Iterable[Path] = ()) -> Known:
-    """Return all components of a kind by name: those of the suite, of installed packages, and of plugin files.
+    """Return all components of a kind by name: those of the suite and of plugin files.
 
     Raises
     ------
@@ -83,9 +79,8 @@ def by_name(kind: Kind, plugins: Iterable[Path] = ()) -> Known:
     """
     built_in = {"method": BUILT_IN, "scorer": SCORERS}.get(kind, {})
     ours = [Component(kind, name, target) for name, target in built_in.items()]
-    installed, faults = _installed(kind)
     of_files = [component for path in plugins for component in in_file(path) if component.kind == kind]
-    return Known(kind, [*ours, *installed, *of_files], faults)
+    return Known(kind, [*ours, *of_files])
 
 
 def in_file(path: Path) -> list[Component]:
@@ -112,20 +107,3 @@ def in_file(path: Path) -> list[Component]:
         hint = "write a class with an 'info' (MethodInfo or ScorerInfo), use @canonical_form, or make a ShapeSet"
         raise ConfigurationError(f"{path} defines no method, no scorer and no data set", hint)
     return components
-
-
-@cache
-def _installed(kind: Kind) -> tuple[tuple[Component, ...], dict[str, BenchmarkError]]:
-    """Return the components of installed packages, and the errors of those that cannot be used, by name."""
-    usable, faults = [], {}
-    for point in sorted(entry_points(group=f"canonical_forms.{kind.replace(' ', '_')}s"), key=lambda point: point.name):
-        component = Component(kind, point.name, point.value)
-        try:
-            if component.info.name != point.name:
-                problem = f"{kind} '{component.info.name}' is registered as '{point.name}' by an installed package"
-                raise ConfigurationError(problem, "use one name for both")
-            usable.append(component)
-        except BenchmarkError as error:
-            faults[point.name] = error
-            say(f"skipped: {error}", err=True)
-    return tuple(usable), faults
