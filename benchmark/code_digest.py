@@ -74,10 +74,9 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
     return parts
 
 
-def code_of_modules(modules: Iterable[str], files: tuple[str, ...] = ()) -> dict[str, str]:
-    """Return what the code of modules consists of; the files are beside those that are plugin files."""
-    codes = [code_of(module, files if module.endswith(".py") else ()) for module in modules]
-    return {name: part for code in codes for name, part in code.items()}
+def code_of_modules(modules: Iterable[str]) -> dict[str, str]:
+    """Return what the code of modules consists of."""
+    return {name: part for module in modules for name, part in code_of(module).items()}
 
 
 def plugin_file(target: str) -> Path | None:

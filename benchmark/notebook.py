@@ -56,7 +56,7 @@ def run(
     input
         Complete surfaces, or one depth view of each.
     scorer, plugins
-        Name of the scorer; plugin files of methods, scorers and data sets.
+        Name of the scorer; plugin files of methods and scorers.
     results, data_root
         The results folder; the folder of the official data sets, by default ``CANONICAL_FORMS_DATA``.
     quick

@@ -1,16 +1,23 @@
-"""What authors of methods, descriptors, learners, scorers and data sets import."""
+"""What authors of methods, descriptors, learners and scorers import."""
+
+from typing import NoReturn
 
 from benchmark.api.contracts import *  # noqa: F403
 from benchmark.api.contracts import __all__ as _of_methods
-from benchmark.api.datasets import *  # noqa: F403
-from benchmark.api.datasets import __all__ as _of_data_sets
+from benchmark.api.datasets import no_plugin
 from benchmark.api.learning import *  # noqa: F403
 from benchmark.api.learning import __all__ as _of_learners
 from benchmark.api.scoring import *  # noqa: F403
 from benchmark.api.scoring import __all__ as _of_scorers
 
-__all__ = sorted({*_of_methods, *_of_data_sets, *_of_learners, *_of_scorers})
+__all__ = sorted({*_of_methods, *_of_learners, *_of_scorers})
 
 
 def __dir__() -> list[str]:
     return __all__
+
+
+def __getattr__(name: str) -> NoReturn:
+    if name in ("Entry", "ShapeSet"):
+        raise no_plugin(f"benchmark.api has no {name}: it")
+    raise AttributeError(f"module 'benchmark.api' has no attribute '{name}'")

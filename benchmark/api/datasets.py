@@ -1,8 +1,4 @@
-"""Interface for authors of data sets, which list shapes and return their meshes.
-
-A data set is a :class:`ShapeSet`: a list of shapes, and functions that say more about one of them. A plugin file has it
-as a variable.
-"""
+"""Data sets: a :class:`ShapeSet` lists shapes, with functions that return the mesh and the camera of one of them."""
 
 from __future__ import annotations
 
@@ -12,14 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.api.contracts import Input
-from benchmark.errors import UnreadableMesh
+from benchmark.errors import ConfigurationError, UnreadableMesh
 from benchmark.files import file_digest
-from benchmark.geometry.camera import FRONT, SIDE, Camera, DepthSensor
+from benchmark.geometry.camera import FRONT, Camera, DepthSensor
 from benchmark.geometry.io import companions, read_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.text import brief
-
-__all__ = ["FRONT", "SIDE", "Camera", "Entry", "Mesh", "ShapeSet"]
 
 
 @dataclass(frozen=True)
@@ -42,6 +36,14 @@ class Entry:
     subject: str
     pose: str
     path: Path | None = None
+
+
+def no_plugin(what: str) -> ConfigurationError:
+    """Return the error for a data set in a plugin file."""
+    problem = f"{what} makes a data set, which is a folder of meshes and no plugin"
+    return ConfigurationError(
+        problem, "write a folder, as examples/bent_ellipsoids.py does: python bent_ellipsoids.py DIR"
+    )
 
 
 def read_entry(entry: Entry) -> Mesh:
@@ -92,8 +94,6 @@ class ShapeSet:
         generator, or the digest of a file. By default the digest of the file of the shape.
     title
         Name in tables; by default the name.
-    summary
-        One line for ``list datasets``.
     camera
         Function that returns the depth camera of a shape; by default :data:`FRONT`.
     sensor
@@ -111,9 +111,7 @@ class ShapeSet:
     folder
         Folder of the files; None for a generated set.
     code
-        Modules, or the path of a plugin file, whose code makes the meshes.
-    files
-        Files that this code reads, relative to the folder of the plugin file.
+        Modules whose code makes the meshes.
 
     Examples
     --------
@@ -126,7 +124,6 @@ class ShapeSet:
     load: Callable[[Entry], Mesh] = read_entry
     key: Callable[[Entry], str] = digest_of_entry
     title: str = ""
-    summary: str = ""
     camera: Callable[[Entry], Camera] = front
     sensor: Callable[[Entry], DepthSensor | None] = no_sensor
     observe: Callable[[Entry], Any] | None = None
@@ -136,7 +133,6 @@ class ShapeSet:
     stand_in_for: str = ""
     folder: Path | None = None
     code: tuple[str, ...] = ()
-    files: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "title", brief(self.title or self.name))

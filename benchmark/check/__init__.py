@@ -1,4 +1,4 @@
-"""Check that a method, scorer or data set keeps its contract: one line for each check, as it ends."""
+"""Check that a method or scorer keeps its contract: one line for each check, as it ends."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def check(component: Component, limit: float = LIMIT) -> Iterator[Finding]:
 
 
 def failures(value: Any) -> list[str]:
-    """Check a method, scorer or data set, or its class, for tests; return the failed checks.
+    """Check a method or scorer, or its class, for tests; return the failed checks.
 
     Examples
     --------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import FrozenInstanceError, dataclass, field
+from dataclasses import FrozenInstanceError, dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from benchmark.api.contracts import FloatArray, Mesh, Shape
-from benchmark.api.datasets import ShapeSet
 from benchmark.api.parameters import checked, parameter_values
 from benchmark.check.shapes import BENDS, figure, view
 from benchmark.errors import BenchmarkError, UnsupportedShape, locate
@@ -41,7 +40,7 @@ def explained(error: BaseException) -> str:
 
 @dataclass
 class Case:
-    """A component under test, with its answers: forms, shape (n, 3), vectors, or meshes of a data set.
+    """A component under test, with its answers: forms, shape (n, 3), or vectors.
 
     Parameters
     ----------
@@ -51,14 +50,11 @@ class Case:
         Where a learner is trained.
     model
         The model of a learner, once it is trained.
-    meshes
-        The meshes of a data set, once they are loaded.
     """
 
     component: Component
     folder: Path
     model: Path | None = None
-    meshes: dict[str, Mesh] = field(default_factory=dict)
 
     @property
     def is_scorer(self) -> bool:
@@ -79,12 +75,6 @@ class Case:
     def reference(self) -> FloatArray:
         """The answer for the figure."""
         return self.answer(self.shape())
-
-    @cached_property
-    def dataset(self) -> ShapeSet:
-        """The data set."""
-        created: ShapeSet = self.component.create()
-        return created
 
     def create(self) -> Any:
         """Return a new object, with its trained model."""

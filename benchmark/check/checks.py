@@ -1,10 +1,9 @@
-"""Checks of methods, scorers and data sets: functions that return what they saw, or raise the fault."""
+"""Checks of methods and scorers: functions that return what they saw, or raise the fault."""
 
 from __future__ import annotations
 
 import pickle
 import re
-from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import get_args
@@ -18,9 +17,7 @@ from benchmark.api.contracts import FloatArray, Mesh, Shape
 from benchmark.api.learning import CARD, Learner, Split, checked_weights, read_card
 from benchmark.check.case import Case, Failed, Skipped, explained
 from benchmark.check.shapes import BENDS, TRAINING, awkward, figure, training_data, view
-from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape
-from benchmark.geometry.depth import depth_surface, fit_half_width
-from benchmark.geometry.preparation import prepare
+from benchmark.errors import ShapeError, UnsupportedShape
 from benchmark.reference.paper import entry_of
 from benchmark.registry import Component
 
@@ -282,56 +279,14 @@ def _awkward(case: Case) -> str:
     return f"refuses, with a reason: {', '.join(refused)}" if refused else "all treated"
 
 
-# Data sets -----------------------------------------------------------------------------------------------------------
-
-
-def _shapes(case: Case) -> str:
-    entries = case.dataset.shapes
-    names, classes = Counter(e.identifier for e in entries), Counter(entry.subject for entry in entries)
-    if twice := [name for name, count in names.items() if count > 1]:
-        raise Failed(f"two shapes are called '{twice[0]}'; give each an identifier of its own")
-    if len(classes) < 2 or max(classes.values()) < 2:
-        raise Failed("retrieval needs at least two classes, one of them with two shapes; list more shapes")
-    return f"{len(entries)} shapes, {len(classes)} classes"
-
-
-def _meshes(case: Case) -> str:
-    for entry in case.dataset.shapes:
-        case.meshes[entry.identifier] = mesh = case.dataset.load(entry)
-        if not isinstance(mesh, Mesh):
-            raise Failed(f"'load' returns {type(mesh).__name__} for '{entry.identifier}'; return Mesh(vertices, faces)")
-    return f"all {len(case.meshes)} load"
-
-
-def _repeatable_meshes(case: Case) -> str:
-    for entry in reversed(case.dataset.shapes):
-        mesh, before, name = case.dataset.load(entry), case.meshes[entry.identifier], entry.identifier
-        if not (np.array_equal(mesh.vertices, before.vertices) and np.array_equal(mesh.faces, before.faces)):
-            raise Failed(f"the mesh of '{name}' changes between calls; seed it, keep no state between shapes")
-    return "the same whatever was loaded before"
-
-
-def _inputs(case: Case) -> str:
-    for entry in {entry.subject: entry for entry in reversed(case.dataset.shapes)}.values():
-        mesh, camera = case.meshes[entry.identifier], case.dataset.camera(entry)
-        try:
-            prepare(mesh)
-            depth_surface(mesh, camera, case.dataset.half_width or fit_half_width([mesh], camera))
-        except BenchmarkError as error:
-            raise Failed(f"'{entry.identifier}': {error}") from error
-    return "a shape of each class can be prepared, and is seen by its camera"
-
-
 # What is checked -----------------------------------------------------------------------------------------------------
 
 #: Checks without which the others have nothing to compare.
-NECESSARY = frozenset({_training, _answer, _repeatable, _shapes, _meshes})
+NECESSARY = frozenset({_training, _answer, _repeatable})
 
 
 def checks_of(component: Component) -> dict[str, Callable[[Case], str]]:
     """Return the checks of a component by name, in their order."""
-    if component.kind == "data set":
-        return {"shapes": _shapes, "meshes": _meshes, "repeatable": _repeatable_meshes, "inputs": _inputs}
     cited = {"citation": _citation} if component.info.cite else {}
     answers = cited | {"answer": _answer, "repeatable": _repeatable}
     surfaces = {"relabelling": _relabelling, "rigid motion": _motion}

@@ -74,9 +74,9 @@ def _components(components: Mapping[str, Component]) -> Rows:
 
 
 def _datasets(selection: Selection) -> Rows:
-    """Return the data sets, official or generated, present or absent; those of plugins come last."""
+    """Return the data sets, official or generated, present or absent."""
     root = selection.require_data_root()
-    rows = [
+    return [
         {
             "name": name,
             "kind": "official" if known.folder else "generated",
@@ -91,12 +91,6 @@ def _datasets(selection: Selection) -> Rows:
         }
         for name, known in CATALOGUE.items()
     ]
-    for name, component in by_name("data set", selection.plugins).items():
-        shapes = component.create().shapes
-        facts = {"name": name, "kind": "plugin", "state": "present", "shapes": str(len(shapes))}
-        facts |= {"classes": str(len({entry.subject for entry in shapes})), "source": component.target}
-        rows.append({**facts, "summary": component.summary, "url": "", "terms": "", "use": "retrieval"})
-    return rows
 
 
 def _tables(selection: Selection) -> Rows:

@@ -63,9 +63,9 @@ class Selection:
     ] = field(default_factory=list)
     input: Annotated[Literal["mesh", "view"] | None, Option("--input", help="Default: both.")] = None
     scorer: Annotated[str, Option("--scorer", metavar="SCORER", help="Scorer; see 'list scorers'.")] = "cm-bof"
-    plugins: Annotated[
-        list[Path], Option("--plugin", metavar="FILE", help="File with methods, scorers or data sets.")
-    ] = field(default_factory=list)
+    plugins: Annotated[list[Path], Option("--plugin", metavar="FILE", help="File with methods or scorers.")] = field(
+        default_factory=list
+    )
     results: Annotated[Path, Option("--results", metavar="DIR", help="Results folder.")] = Path("results")
     data_root: Annotated[
         Path | None,
@@ -105,17 +105,11 @@ class Selection:
 
         return records_of(records, self.datasets) if self.datasets else [*records]
 
-    def source(self, name: str) -> str:
-        """Return what :func:`~benchmark.datasets.catalogue.open_dataset` takes for a data set on the command line."""
-        from benchmark.datasets.catalogue import sources
-
-        return sources([name], self.plugins)[0]
-
     def open_dataset(self, name: str) -> ShapeSet:
         """Open a data set as it is called on the command line."""
         from benchmark.datasets.catalogue import open_dataset
 
-        return open_dataset(self.source(name), self.require_data_root())
+        return open_dataset(name, self.require_data_root())
 
     def require_data_root(self) -> Path | None:
         """Return the folder of official data sets; raise ``ConfigurationError`` if it is missing or the wrong level.

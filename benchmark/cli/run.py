@@ -21,7 +21,7 @@ from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record, read_records
 from benchmark.pipeline.stages import shape_of
 from benchmark.protocols.tables import TABLES, Table, own_table
-from benchmark.registry import Component, by_name
+from benchmark.registry import Component
 from benchmark.report.frames import changed, chosen_records, fold_of
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
@@ -36,12 +36,9 @@ _SCREEN, _REASONS = 18, 5
 
 
 def _data(selection: Selection) -> dict[str, Any]:
-    """Return what selects galleries; without tables and data sets, the data sets of the plugin files are meant."""
-    names = selection.datasets
-    if not (names or selection.tables or selection.everything):
-        names = [name for name, component in by_name("data set", selection.plugins).items() if component.plugin]
+    """Return what selects galleries."""
     return {
-        "tables": selection.tables, "datasets": names, "plugins": selection.plugins, "input": selection.input,
+        "tables": selection.tables, "datasets": selection.datasets, "input": selection.input,
         "data_root": selection.require_data_root(), "quick": selection.quick,
         "subjects": [name for name in selection.subjects.split(",") if name],
         "gallery": selection.gallery, "same_names": selection.same_names,
@@ -54,7 +51,7 @@ def planned_jobs(
     """Plan a selection; raise ``ConfigurationError`` if it has no job."""
     return plan_selection(
         selection.results, methods=forms or selection.methods, scorer=selection.scorer, seed=selection.seed,
-        rerun=rerun, records=records, **_data(selection),
+        rerun=rerun, records=records, plugins=selection.plugins, **_data(selection),
     )  # fmt: skip
 
 

@@ -25,7 +25,6 @@ _JOBS = (
     "quick", "subjects", "gallery", "same_names",
 )  # fmt: skip
 _RECORDS = ("tables", "methods", "datasets", "input", "scorer", "results", "seed", "quick", "published")
-_DATA = ("plugins", "data_root")
 _CAMERA = ("intrinsics", "mask", "depth_scale", "picture")
 
 
@@ -409,7 +408,7 @@ def forget(
             say(f"deleted {what}")
 
 
-@verb(*_DATA, app=data)
+@verb("data_root", app=data)
 def check_data(selection: Selection, name: shared.SetName) -> bool:
     """Check a data set.
 
@@ -419,13 +418,13 @@ def check_data(selection: Selection, name: shared.SetName) -> bool:
     from benchmark.datasets.checking import check_source
 
     root = selection.require_data_root()
-    report = check_source(selection.source(name), root, partial(counting, f"checking {name}"))
+    report = check_source(name, root, partial(counting, f"checking {name}"))
     for line in report.lines():
         say(line)
     return report.usable
 
 
-@verb(*_DATA, app=data)
+@verb("data_root", app=data)
 def sheet(
     selection: Selection,
     name: shared.SetName,
@@ -448,7 +447,7 @@ def sheet(
     say(f"wrote {target}")
 
 
-@verb(*_DATA, app=data)
+@verb("data_root", app=data)
 def export(
     selection: Selection,
     name: shared.SetName,

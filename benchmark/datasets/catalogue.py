@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import os
 import re
-from collections.abc import Iterable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -15,7 +14,6 @@ from benchmark.datasets.base import printable
 from benchmark.datasets.changes import changed, split_name
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.official import SETS, OfficialSet
-from benchmark.datasets.own import is_own, open_own
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 
 
@@ -77,8 +75,8 @@ def open_dataset(name: str, data_root: Path | None = None) -> ShapeSet:
     Parameters
     ----------
     name
-        A key of :data:`CATALOGUE`, ``people[n=500]``, the path of a folder of meshes, or the name of a plugin data set
-        returned by :func:`sources`; followed by any number of changes, such as ``[noise=3][jitter=1]``.
+        A key of :data:`CATALOGUE`, ``people[n=500]``, or the path of a folder of meshes; followed by any number of
+        changes, such as ``[noise=3][jitter=1]``.
     data_root
         The folder of the official sets; None if there is none.
 
@@ -97,12 +95,9 @@ def open_dataset(name: str, data_root: Path | None = None) -> ShapeSet:
 
 
 def _open(name: str, data_root: Path | None) -> ShapeSet:
-    if is_own(name):
-        return open_own(name)
+    require_known(name)
     source = _source(name)
     if source is None:
-        if not is_path(name):
-            raise did_you_mean("data set", name, CATALOGUE)
         folder = Path(name)
         if not folder.is_dir():
             raise _no_folder(folder)
@@ -141,7 +136,7 @@ def is_present(name: str, data_root: Path | None) -> bool:
     base = split_name(name)[0]
     source = _source(base)
     if source is None:
-        return is_path(base) or is_own(base)
+        return is_path(base)
     return not source.folder or _is_there(source, data_root)
 
 
@@ -169,36 +164,18 @@ def catalogued(name: str) -> str | None:
     return base if _source(base) else None
 
 
-def sources(names: Iterable[str], plugins: Iterable[Path]) -> list[str]:
-    """Resolve names on the command line, including data sets of plugin files, to arguments of :func:`open_dataset`.
-
-    Raises
-    ------
-    ConfigurationError
-        If a plugin file is invalid, or a name is neither a data set nor a path.
-    DatasetError
-        If a plugin data set has the name of another set.
-    """
-    from benchmark.registry import by_name  # imports numba
-
-    own = {name: component.target for name, component in by_name("data set", plugins).items()}
-    for name in own:
-        if name in CATALOGUE:
-            raise DatasetError(f"there is a data set '{name}' already", f"rename the one in {own[name]}")
-    resolved = []
-    for name in names:
-        base, _ = split_name(name)
-        if base not in own and _source(base) is None and not is_path(base):
-            folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
-            raise did_you_mean("data set", base, [*CATALOGUE, *own, *difflib.get_close_matches(base, folders, 1)])
-        resolved.append(own.get(base, base) + name[len(base) :])
-    return resolved
+def require_known(name: str) -> None:
+    """Raise ``ConfigurationError`` unless a name on the command line, without its changes, is a data set or a path."""
+    base, _ = split_name(name)
+    if _source(base) is None and not is_path(base):
+        folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
+        raise did_you_mean("data set", base, [*CATALOGUE, *difflib.get_close_matches(base, folders, 1)])
 
 
 def table_name(source: str) -> str:
     """Return the name of the table of a data set that no table of the paper uses: its name, also for a path."""
     base, _ = split_name(source)
-    name = open_dataset(base).name if is_own(base) else base if _source(base) else folder_name(Path(base))
+    name = base if _source(base) else folder_name(Path(base))
     return name + source[len(base) :]
 
 

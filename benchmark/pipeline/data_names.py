@@ -1,4 +1,4 @@
-"""Tell data sets of one name apart: folders and plugin files at different paths."""
+"""Tell data sets of one name apart: folders at different paths."""
 
 from __future__ import annotations
 
@@ -12,18 +12,15 @@ import msgspec
 from benchmark.datasets.base import printable
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.datasets.changes import split_name
-from benchmark.datasets.own import is_own
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Data, Record
 
 
 def path_of(source: str) -> str:
-    """Return a source with the absolute path of its folder or plugin file; "" for a set of the suite."""
+    """Return a source with the absolute path of its folder; "" for a set of the suite."""
     base, _ = split_name(source)
-    file, colon, variable = base.rpartition(":") if is_own(base) else (base, "", "")
-    if colon or (is_path(base) and not is_known(base)):
-        return printable(f"{os.path.realpath(file)}{colon}{variable}{source[len(base) :]}")
-    return ""
+    is_folder = is_path(base) and not is_known(base)
+    return printable(f"{os.path.realpath(base)}{source[len(base) :]}") if is_folder else ""
 
 
 def label_data_sets(records: Sequence[Record]) -> list[Record]:
@@ -45,7 +42,7 @@ def records_of(records: Sequence[Record], words: Iterable[str]) -> list[Record]:
     chosen = set[int]()
     for word in words:
         base, _ = split_name(word)
-        path = path_of(word) if is_own(base) or Path(base).exists() else ""
+        path = path_of(word) if Path(base).exists() else ""
         here = [record for record in records if path and record.data.path == path]
         is_name = not (here and "/" in word)
         named = [record for record in records if is_name and word in _words(record) and record not in here]

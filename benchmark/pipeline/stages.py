@@ -88,7 +88,7 @@ class Preparation:
     @cached_property
     def code(self) -> dict[str, str]:
         """Code that makes the meshes and prepares them."""
-        return code_of_modules([*self.shapes.code, CODE], self.shapes.files)
+        return code_of_modules([*self.shapes.code, CODE])
 
     @cached_property
     def camera_key(self) -> str:

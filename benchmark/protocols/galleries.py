@@ -10,13 +10,10 @@ from benchmark.api.contracts import Input
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Part, check_retrievable, thinned
 from benchmark.datasets.catalogue import (
-    CATALOGUE,
     check_ranked,
-    is_known,
-    is_path,
     is_present,
     open_dataset,
-    sources,
+    require_known,
     table_name,
 )
 from benchmark.datasets.changes import CHANGES, LEVELS, changed_name, split_name
@@ -219,25 +216,25 @@ def selected_galleries(
     datasets: Iterable[str] = (),
     data_root: Path | None = None,
     *,
-    plugins: Sequence[Path] = (),
     quick: bool = False,
     subjects: Sequence[str] = (),
     input: Input | None = None,
     gallery: str = "",
     same_names: bool = False,
 ) -> list[Gallery]:
-    """Return the :func:`galleries` of a selection, with data sets of plugin files, some subjects, or one input.
+    """Return the :func:`galleries` of a selection, with some subjects, or one input.
 
     With a ``gallery``, the data sets are its queries; it lacks shapes with the name of the query for ``same_names``.
     """
-    sets, chosen = sources(datasets, plugins), list[Gallery]()
+    sets, chosen = [*datasets], list[Gallery]()
     if gallery or same_names:
         if not (gallery and sets) or [*tables]:
             raise ConfigurationError("--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER")
-        (known,) = sources([gallery], plugins)
+        for name in (gallery, *sets):
+            require_known(name)
         for name in sets:
-            own = own_table(table_name(name), f"{AGAINST}{table_name(known)}{' without same names' * same_names}")
-            table = replace(own, gallery=known, keeps_same_names=not same_names)
+            own = own_table(table_name(name), f"{AGAINST}{table_name(gallery)}{' without same names' * same_names}")
+            table = replace(own, gallery=gallery, keeps_same_names=not same_names)
             chosen += _galleries(table, name, data_root, quick=quick)
     else:
         chosen = galleries(tables, sets, data_root, quick)
@@ -271,8 +268,7 @@ def _source(table: Table, data_root: Path | None, asked_for: Sequence[str]) -> s
 
 def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table]:
     """Return the tables that use a data set; if there are none, its own table on request."""
-    if not is_known(name) and not is_path(name):
-        raise did_you_mean("data set", name, CATALOGUE)
+    require_known(name)
     if own and not any(name in table.datasets for table in TABLES if not table.is_robustness):
         return [own_table(table_name(name))]
     return [table for table in selected if table.shows(name) or table.is_robustness]

@@ -1,4 +1,4 @@
-"""Methods, scorers and data sets by name: those of the suite and of plugin files."""
+"""Methods and scorers by name: those of the suite and of plugin files."""
 
 from benchmark.registry.components import Component, component_of
 from benchmark.registry.known import BUILT_IN, SCORERS, by_name

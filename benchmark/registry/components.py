@@ -1,4 +1,4 @@
-"""A method, scorer or data set by name, with everything needed to create it in another process."""
+"""A method or scorer by name, with everything needed to create it in another process."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from types import FunctionType
 from typing import Any, Literal, Self
 
 from benchmark.api.contracts import Descriptor, Method, MethodInfo, canonical_form
-from benchmark.api.datasets import ShapeSet
 from benchmark.api.parameters import declared_parameters, format_value, non_default_values, parameter_values
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, is_installed, plugin_file
@@ -21,10 +20,10 @@ from benchmark.registry.modules import load_module
 from benchmark.registry.names import quoted
 from benchmark.text import brief
 
-Kind = Literal["method", "scorer", "data set"]
+Kind = Literal["method", "scorer"]
 
 #: For each kind of class: the type of its ``info``, what an object must be, and what it lacks otherwise.
-_CONTRACTS: Mapping[str, tuple[type[Any], tuple[type[Any], ...], str]] = {
+_CONTRACTS: Mapping[Kind, tuple[type[Any], tuple[type[Any], ...], str]] = {
     "method": (MethodInfo, (Method, Descriptor), "neither 'canonicalise' nor 'describe' and 'distances'"),
     "scorer": (ScorerInfo, (Scorer,), "no 'signature' or no 'compare'"),
 }
@@ -32,12 +31,12 @@ _CONTRACTS: Mapping[str, tuple[type[Any], tuple[type[Any], ...], str]] = {
 
 @dataclass(frozen=True)
 class Component:
-    """A method, descriptor, learner, scorer or data set.
+    """A method, descriptor, learner or scorer.
 
     Parameters
     ----------
     kind
-        ``"method"`` (descriptors and learners included), ``"scorer"`` or ``"data set"``.
+        ``"method"`` (descriptors and learners included) or ``"scorer"``.
     base_name
         Name without parameters.
     target
@@ -102,9 +101,8 @@ class Component:
 
     @property
     def info(self) -> Any:
-        """Its description: ``MethodInfo``, ``ScorerInfo`` or the ``ShapeSet``."""
-        found = self.load() if self.given is None else self.given
-        return found if self.kind == "data set" else found.info
+        """Its description: ``MethodInfo`` or ``ScorerInfo``."""
+        return (self.load() if self.given is None else self.given).info
 
     @property
     def summary(self) -> str:
@@ -122,7 +120,7 @@ class Component:
         return not hasattr(self.load(), "canonicalise") and hasattr(self.load(), "describe")
 
     def load(self) -> Any:
-        """Import and return the class, or the ``ShapeSet`` of a data set.
+        """Import and return the class.
 
         Raises
         ------
@@ -130,26 +128,26 @@ class Component:
             If that fails, or the class has no ``info``.
         """
         if self.given is not None:
-            return self.given if self.kind == "data set" else type(self.given)
+            return type(self.given)
         attribute = self.target.rpartition(":")[2]
         found = getattr(load_module(self.target), attribute, None)
         if found is None:
             raise ConfigurationError(f"{self.target.rpartition(':')[0]} has no '{attribute}'", "correct the name")
-        info_type = _CONTRACTS[self.kind][0] if self.kind in _CONTRACTS else None
-        if info_type and not isinstance(getattr(found, "info", None), info_type):
+        info_type = _CONTRACTS[self.kind][0]
+        if not isinstance(getattr(found, "info", None), info_type):
             raise ConfigurationError(f"{self.target} has no 'info: ClassVar[{info_type.__name__}]'", "add one")
         return found
 
     def create(self) -> Any:
-        """Create an object with the parameters; return the ``ShapeSet`` of a data set.
+        """Create an object with the parameters.
 
         Raises
         ------
         ConfigurationError
             If a package is missing, the class refuses the parameters, or the object lacks a method.
         """
-        if self.given is not None or self.kind == "data set":
-            return self.load() if self.given is None else self.given
+        if self.given is not None:
+            return self.given
         if missing := self.missing_packages():
             problem = f"{self.kind} '{self.base_name}' needs {', '.join(missing)}"
             raise ConfigurationError(problem, f"pip install {' '.join(missing)}")
@@ -197,7 +195,7 @@ class Component:
 
 
 def component_of(value: Any) -> Component:
-    """Return the component for a method, scorer or data set, its class, or a function from a shape to positions.
+    """Return the component for a method or scorer, its class, or a function from a shape to positions.
 
     Raises
     ------
@@ -206,8 +204,6 @@ def component_of(value: Any) -> Component:
     """
     if isinstance(value, Component):
         return value
-    if isinstance(value, ShapeSet):
-        return Component("data set", value.name, f"{value.name}:", given=value)
     if isinstance(value, FunctionType) and value.__name__ != "<lambda>":
         title = value.__name__.replace("_", " ").strip()
         value = canonical_form(name=title.replace(" ", "-").lower(), title=title.capitalize())(value)
@@ -219,7 +215,7 @@ def component_of(value: Any) -> Component:
     kind: Kind = "scorer" if isinstance(info, ScorerInfo) else "method"
     info_type, contract, lacking = _CONTRACTS[kind]
     if not (isinstance(value, contract) and isinstance(info, info_type)):
-        problem = f"an object of type {cls.__name__} is no method, scorer or data set: it has {lacking}, or no info"
+        problem = f"an object of type {cls.__name__} is no method or scorer: it has {lacking}, or no info"
         raise ConfigurationError(problem, "pass a function or a dataclass: see docs/reference/plugins.md")
     chosen, target = non_default_values(cls, parameter_values(value)), f"{cls.__module__}:{cls.__qualname__}"
     is_plain = getattr(value, "__dict__", None) == parameter_values(value)

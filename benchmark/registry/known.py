@@ -1,4 +1,4 @@
-"""Methods, scorers and data sets that are known by name.
+"""Methods and scorers that are known by name.
 
 Each name maps to a target ``"module:attribute"``. The module is imported only when it is needed, so a heavy method does
 not delay the others.
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from benchmark.api.contracts import MethodInfo
-from benchmark.api.datasets import ShapeSet
+from benchmark.api.datasets import ShapeSet, no_plugin
 from benchmark.api.scoring import ScorerInfo
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.registry.components import Component, Kind
@@ -77,19 +77,19 @@ def by_name(kind: Kind, plugins: Iterable[Path] = ()) -> Known:
     ConfigurationError
         If two of them have the same name, or a plugin file cannot be imported or defines nothing.
     """
-    built_in = {"method": BUILT_IN, "scorer": SCORERS}.get(kind, {})
+    built_in = BUILT_IN if kind == "method" else SCORERS
     ours = [Component(kind, name, target) for name, target in built_in.items()]
     of_files = [component for path in plugins for component in in_file(path) if component.kind == kind]
     return Known(kind, [*ours, *of_files])
 
 
 def in_file(path: Path) -> list[Component]:
-    """Return the methods, scorers and data sets of a plugin file, in its order.
+    """Return the methods and scorers of a plugin file, in its order.
 
     Raises
     ------
     ConfigurationError
-        If it is no Python file, cannot be imported, or defines none.
+        If it is no Python file, cannot be imported, defines none, or a data set.
     """
     if path.suffix != ".py" or not path.is_file():
         raise ConfigurationError(f"there is no Python file {path}", "name the .py file of a plugin")
@@ -97,13 +97,13 @@ def in_file(path: Path) -> list[Component]:
     module, components = load_module(target), []
     for attribute, value in vars(module).items():
         if isinstance(value, ShapeSet):
-            components.append(Component("data set", value.name, f"{target}:{attribute}"))
+            raise no_plugin(str(path))
         info = getattr(value, "info", None)
         is_own = isinstance(value, type) and value.__module__ == module.__name__
         if is_own and isinstance(info, MethodInfo | ScorerInfo):
             kind: Kind = "method" if isinstance(info, MethodInfo) else "scorer"
             components.append(Component(kind, info.name, f"{target}:{attribute}"))
     if not components:
-        hint = "write a class with an 'info' (MethodInfo or ScorerInfo), use @canonical_form, or make a ShapeSet"
-        raise ConfigurationError(f"{path} defines no method, no scorer and no data set", hint)
+        hint = "write a class with an 'info' (MethodInfo or ScorerInfo), or use @canonical_form"
+        raise ConfigurationError(f"{path} defines no method and no scorer", hint)
     return components

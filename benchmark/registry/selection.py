@@ -51,7 +51,7 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
 
 
 def select_one(name: str, plugins: Iterable[Path] = (), kind: Kind = "method") -> Component:
-    """Return the only method, scorer or data set for a name with parameters in brackets.
+    """Return the only method or scorer for a name with parameters in brackets.
 
     Raises
     ------
@@ -76,7 +76,7 @@ def variants(name: str, known: Mapping[str, Component]) -> list[Component]:
 
 
 def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
-    """Return the components of a plugin file, or the methods, scorers and data sets of a name, for ``check``.
+    """Return the components of a plugin file, or the methods and scorers of a name, for ``check``.
 
     Parameters
     ----------

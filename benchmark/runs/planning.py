@@ -103,7 +103,7 @@ def plan_selection(
     results
         The results folder.
     methods, plugins, scorer
-        Names, or objects from Python; plugin files of methods, scorers and data sets.
+        Names, or objects from Python; plugin files of methods and scorers.
     input
         ``"mesh"`` or ``"view"``; both by default.
     seed, rerun, records
@@ -117,7 +117,7 @@ def plan_selection(
         If a name is unknown, or nothing is selected.
     """
     jobs = plan(
-        selected_galleries(plugins=plugins, input=input, **data), [input] if input else INPUTS,
+        selected_galleries(input=input, **data), [input] if input else INPUTS,
         select(methods, plugins), results, scorer=select_one(scorer, plugins, "scorer"), seed=seed, rerun=rerun,
         are_named=bool(methods) and EVERY not in methods, records=records,
     )  # fmt: skip

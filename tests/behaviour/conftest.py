@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 import shutil
 from pathlib import Path
 
@@ -22,6 +23,7 @@ def material(tmp_path_factory) -> Path:
     write_rods(folder / "rods", rings=16, sides=8)
     write_rods(folder / "rods2", rings=16, sides=8)
     write_frames(folder / "frames")
+    runpy.run_path(str(ROOT / "examples" / "bent_ellipsoids.py"))["write"](folder / "bent-ellipsoids")
     depth = np.load(folder / "frames" / "lean0.npy")
     np.save(folder / "alone.npy", depth)
     Image.fromarray(((depth < 2.5) * 255).astype(np.uint8)).save(folder / "mask.png")

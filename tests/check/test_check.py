@@ -15,7 +15,7 @@ from benchmark.check import Finding, check
 from benchmark.check.checks import checks_of
 from benchmark.registry import Component, by_name
 from benchmark.registry.known import BUILT_IN, in_file
-from tests.registry.plugin import write_data_set, write_plugin
+from tests.registry.plugin import write_plugin
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -171,29 +171,6 @@ def test_a_fault_of_a_scorer_or_learner_is_found(example, old, new, name, messag
     seen = findings(component, name)
     assert seen[name].outcome == "failed", [str(finding) for finding in seen.values()]
     assert message in seen[name].explanation
-
-
-IMPORTED = "import itertools; import numpy as np; from benchmark.check.shapes import figure; COUNT = itertools.count()"
-SHIFTS = "return figure().with_vertices(figure().vertices + next(COUNT))"
-
-
-@pytest.mark.parametrize(
-    ("body", "name", "check_name", "message"),
-    [
-        ("return figure()", 'f"s{k}"', "", ""),
-        ("return figure()", '"s"', "shapes", "two shapes are called 's'"),
-        ("return None", 'f"s{k}"', "meshes", "'load' returns NoneType for 's0'; return Mesh(vertices, faces)"),
-        ("return 1 / 0", 'f"s{k}"', "meshes", "mine.py:9: ZeroDivisionError: division by zero"),
-        (SHIFTS, 'f"s{k}"', "repeatable", "the mesh of 's3' changes between calls"),
-        ("return Mesh(np.eye(3), [[0, 0, 1]])", 'f"s{k}"', "inputs", "'s1': 1 of 1 triangles have no area"),
-    ],
-)
-def test_a_data_set_is_checked(body, name, check_name, message, tmp_path):
-    shapes = f"tuple(Entry({name}, f'c{{k % 2}}', str(k)) for k in range(4))"
-    (component,) = in_file(write_data_set(tmp_path / "mine.py", load=body, shapes=shapes, imports=IMPORTED))
-    found = findings(component)
-    assert [key for key, finding in found.items() if finding.outcome == "failed"] == [check_name] * bool(check_name)
-    assert message in (found[check_name].explanation if check_name else "")
 
 
 @pytest.mark.parametrize(

@@ -78,8 +78,15 @@ def test_a_helper_with_the_name_of_a_package_is_refused(tmp_path):
 
 def test_a_file_without_a_plugin_is_refused(tmp_path):
     (tmp_path / "empty.py").write_text("from benchmark.api import MethodInfo\n")
-    with pytest.raises(ConfigurationError, match="defines no method, no scorer and no data set"):
+    with pytest.raises(ConfigurationError, match="defines no method and no scorer"):
         in_file(tmp_path / "empty.py")
+
+
+@pytest.mark.parametrize("module", ["benchmark.api", "benchmark.api.datasets"])
+def test_a_data_set_is_no_plugin(tmp_path, module):
+    (tmp_path / "rods.py").write_text(f"from {module} import ShapeSet\nRODS = ShapeSet(name='rods', shapes=())\n")
+    with pytest.raises(ConfigurationError, match=r"rods.py .*; write a folder, .*: python bent_ellipsoids.py DIR$"):
+        in_file(tmp_path / "rods.py")
 
 
 def test_prints_of_a_plugin_go_to_stderr(tmp_path):

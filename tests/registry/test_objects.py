@@ -66,7 +66,7 @@ def test_a_learner_with_a_model_is_refused():
 
 @pytest.mark.parametrize("value", [lambda shape: shape.mesh, Power().canonicalise, type("Faulty", (), {}), 3])
 def test_what_is_no_method_is_refused(value):
-    with pytest.raises(ConfigurationError, match="is no method, scorer or data set"):
+    with pytest.raises(ConfigurationError, match="is no method or scorer"):
         component_of(value)
 
 

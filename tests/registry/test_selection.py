@@ -128,7 +128,7 @@ def test_objects_classes_and_functions_are_methods():
 
 @pytest.mark.parametrize("value", [3, object, "".join])
 def test_what_is_no_method_is_refused(value):
-    with pytest.raises(ConfigurationError, match="is no method, scorer or data set"):
+    with pytest.raises(ConfigurationError, match="is no method or scorer"):
         component_of(value)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmark.api import Entry, ShapeSet
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.camera import FRONT

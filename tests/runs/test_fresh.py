@@ -16,7 +16,7 @@ from benchmark.geometry import io
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import read_records
 from benchmark.runs.planning import plan_selection
-from tests.registry.plugin import write_data_set, write_plugin
+from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, LIGHT, LIGHT_SCORER, done, planned, run_toy
 from tests.toy import SMALL_SCORER, rod, write_off, write_rods
 from tests.verbs import call, refusal
@@ -271,17 +271,6 @@ def test_a_folder_is_what_lies_at_its_path(tmp_path):
     assert sorted((results / "runs" / "forms").iterdir()) == forms, "a copy is ranked from the forms of the original"
     first, *_, last = sorted(read_records(results), key=lambda record: record.data.path)
     assert first.per_query == last.per_query
-
-
-def test_two_plugin_files_with_a_data_set_of_one_name_are_two_data_sets(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    for number, radius in enumerate((0.05, 0.1)):
-        (tmp_path / f"x{number}").mkdir()
-        load = f"return rod({radius} if entry.subject == 'thin' else 0.2, int(entry.pose))"
-        shapes = "[Entry(f'{name}{k}', name, str(k)) for name in ('thin', 'thick') for k in range(2)]"
-        file = write_data_set(tmp_path / f"x{number}" / "own.py", name="plugged", load=load, shapes=f"tuple({shapes})")
-        distances_of("plugged", "surface-area", plugins=[file])
-    assert len({record.data.path for record in read_records(tmp_path / "results")}) == 2
 
 
 def test_data_sets_of_one_name_are_told_apart(tmp_path, monkeypatch):

@@ -10,7 +10,8 @@ import sys
 import msgspec
 import pytest
 
-from benchmark.api import Entry, MethodInfo, ShapeSet
+from benchmark.api import MethodInfo
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.pipeline.records import Record, read_records, record_of
 from tests.registry.plugin import write_plugin
