@@ -7,6 +7,7 @@ import importlib.util
 import os
 import sys
 import sysconfig
+import threading
 from contextlib import redirect_stdout, suppress
 from functools import cache
 from pathlib import Path
@@ -21,6 +22,9 @@ from benchmark.text import Printed
 
 #: Contents of the sources of each plugin module when it was imported, and of the files that its methods name.
 _imported: dict[str, list[str]] = {}
+
+#: Held while a plugin file is imported: standard output belongs to all threads.
+_importing = threading.RLock()
 
 #: Names of modules that no plugin is asked about: they were imported before its turn.
 _known: set[str] = set()
@@ -44,14 +48,16 @@ def load_module(target: str) -> ModuleType:
     """
     path = plugin_file(target)
     name = target.partition(":")[0] if path is None else _unique_name(path)
-    known = sys.modules.get(name)
-    if known and (path is None or _imported.get(name) == [*_contents(target), *_named_files(known, path)]):
-        return known
     try:
-        with redirect_stdout(Printed()):
-            return importlib.import_module(name) if path is None else _import_anew(target, name, path.resolve())
+        if path is None:
+            return importlib.import_module(name)
+        with _importing:
+            known = sys.modules.get(name)
+            if known and _imported.get(name) == [*_contents(target), *_named_files(known, path)]:
+                return known
+            with redirect_stdout(Printed()):
+                return _import_anew(target, name, path.resolve())
     except (Exception, SystemExit) as error:
-        sys.modules.pop(name, None)
         hint = "" if isinstance(error, BenchmarkError) else "correct it"  # which has a hint of its own
         if isinstance(error, ModuleNotFoundError) and error.name:
             hint = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
@@ -94,6 +100,7 @@ def _outside(file: str) -> Path | None:
 
 def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     """Import a plugin file, and what belongs to its code, from their sources of today."""
+    _imported.pop(name, None)  # until this ends well
     _check_helpers(path)
     importlib.invalidate_caches()
     sources = {*sources_of(target)}

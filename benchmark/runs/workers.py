@@ -18,8 +18,8 @@ from benchmark.errors import BenchmarkError
 from benchmark.pipeline.stages import Incomplete
 from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 
-#: Seconds between looks at the workers.
-INTERVAL = 0.2
+#: Seconds between looks at the workers, and most of them that count between two: a machine may be paused.
+INTERVAL, _LONGEST_INTERVAL = 0.2, 1.0
 
 #: Work during which nothing is stopped: kernels may take minutes to compile, and the program has imported plugins, too.
 _UNLIMITED = frozenset({"starting", "loading", "compiling"})
@@ -32,8 +32,12 @@ _OWN_SIGNALS = frozenset(
 #: Work before a method's own, which all methods at a shape share.
 _SHARED = frozenset({"preparation", "geodesics"})
 
-#: The program of a worker; a module of its own would exist twice in it, as ``__main__``.
-_PROGRAM = "import sys; from benchmark.runs.tasks import serve; serve(*map(int, sys.argv[1:]))"
+#: The program of a worker; a module of its own would exist twice in it, as ``__main__``. The main program stops it;
+#: batch systems send SIGINT to every process.
+_PROGRAM = (
+    "import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); "
+    "from benchmark.runs.tasks import serve; serve(*map(int, sys.argv[1:]))"
+)
 
 #: A child is killed when the thread that started it ends; this one ends with the program.
 _starter = ThreadPoolExecutor(1, thread_name_prefix="workers")
@@ -59,8 +63,8 @@ class Worker:
         self.plugin: str | None = None
         #: Work under way that is charged to no method.
         self._uncharged: list[str] = []
-        #: Seconds for a step, and the time at which the process is stopped.
-        self._limit = self._deadline = 0.0
+        #: Seconds for a step, those that are left of it, and the time of the last look at it.
+        self._limit = self._left = self._looked = 0.0
 
     @property
     def is_alive(self) -> bool:
@@ -75,7 +79,7 @@ class Worker:
             self._start()
         self.task, self.waiting, self.plugin = task, deque(task.steps), plugin
         self._limit = self._timeout * (len(task.record.shapes) if task.record else 1)
-        self._set_deadline()
+        self._restart_clock()
         with suppress(OSError):  # it has just died; outcomes() says so
             self.connection.send(task)
 
@@ -94,9 +98,9 @@ class Worker:
             raise BenchmarkError(problem, "end other programs, or use -j 0") from error
         self._uncharged = ["starting"]
 
-    def _set_deadline(self) -> None:
-        limit = self._limit if _UNLIMITED.isdisjoint(self._uncharged) else float("inf")
-        self._deadline = time.monotonic() + limit
+    def _restart_clock(self) -> None:
+        self._left = self._limit if _UNLIMITED.isdisjoint(self._uncharged) else float("inf")
+        self._looked = time.monotonic()
 
     def outcomes(self) -> Iterator[tuple[Step, Outcome]]:
         """Yield the steps that have ended; the first one without an outcome is to blame for a death or a time-out."""
@@ -111,16 +115,18 @@ class Worker:
                     self._uncharged.pop()
                 else:
                     self._uncharged.append(message)
-                self._set_deadline()
+                self._restart_clock()
         except (EOFError, OSError, pickle.UnpicklingError):
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(1)
+        before, self._looked = self._looked, time.monotonic()
+        self._left -= min(self._looked - before, _LONGEST_INTERVAL)
         if self.waiting and not self.is_alive:
             code = self._process.returncode
             ending = signal.Signals(-code).name if code < 0 else f"exit code {code}"
             is_own = "starting" not in self._uncharged and (code >= 0 or -code in _OWN_SIGNALS)
             yield self._blame("crashed" if is_own else "incomplete", f"the process ended with {ending}")
-        elif self.waiting and time.monotonic() > self._deadline:
+        elif self.waiting and self._left < 0:
             self.close()
             yield self._blame("timeout", f"stopped after {self._limit:g} s; pass a longer --timeout")
 

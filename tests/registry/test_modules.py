@@ -6,6 +6,7 @@ import os
 import random
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -52,6 +53,19 @@ def test_a_corrected_file_can_be_imported(tmp_path):
     write_plugin(path)
     assert load_module(str(path)).Smooth
     assert load_module(str(path)) is load_module(f"{path}:Smooth")
+
+
+def test_a_thread_waits_for_a_module_that_another_one_imports(tmp_path, monkeypatch):
+    (tmp_path / "slowly_imported.py").write_text("import time; time.sleep(0.3); Late = 1\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    plugin = write_plugin(tmp_path / "slow.py", imports="import time; time.sleep(0.3)")
+    before = sys.stdout
+    with ThreadPoolExecutor(8) as threads:
+        late = threads.map(lambda _: load_module("slowly_imported:Late").Late, range(4))
+        own = threads.map(lambda _: load_module(str(plugin)).Smooth, range(4))
+        assert {*late} == {1}
+        assert len({*own}) == 1
+    assert sys.stdout is before
 
 
 def test_a_plugin_called_random_does_not_replace_the_standard_module(tmp_path):

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import sys
+import time
 
 import psutil
 import pytest
@@ -114,6 +116,25 @@ def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(pair, tmp_path, m
     assert killed
     assert {record.status for record in records.values()} == {"ok"}
     assert len(records) == 2
+
+
+def test_an_interruption_of_all_processes_and_a_pause_of_the_machine_fail_no_method(pair, tmp_path, monkeypatch):
+    monkeypatch.setenv("FAULTS", str(tmp_path))
+    paused = []
+
+    def disturb(progress):
+        if not paused and (tmp_path / "slow").is_file():
+            paused.append(psutil.Process(noted(tmp_path / "slow")[0]))
+            paused[0].send_signal(signal.SIGINT)
+            paused[0].suspend()
+            time.sleep(4)
+            paused[0].resume()
+
+    jobs = planned(pair, tmp_path / "results", "slow", plugins=(FAULTS,))
+    ((_, record),) = run(jobs, tmp_path / "results", size=1, timeout=3, watch=disturb)
+    assert paused
+    assert (record.status, record.reason) == ("ok", "")
+    assert len(noted(tmp_path / "slow")) == 2
 
 
 def test_what_cannot_be_prepared_is_refused_for_all_and_named_once(rods, tmp_path, capsys):
