@@ -42,8 +42,9 @@ DECIMALS = 6
 
 #: Length of the result list that the E-measure evaluates.
 E_MEASURE_DEPTH = 32
-#: Largest asymmetry of a distance matrix, relative to its largest entry off the diagonal.
-ASYMMETRY = 1e-6
+#: Largest asymmetry and least negative entry of a distance matrix, and largest entry on its diagonal, relative to the
+#: largest off it: products of vectors round distances of 0 to roots of what is lost.
+ASYMMETRY, SELF_DISTANCE = 1e-6, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +99,7 @@ def evaluate(
     ----------
     distances
         Distances between the m queries and the n shapes of the gallery that have a result, shape (m, n), finite; if the
-        queries are the gallery, symmetric, and the diagonal is ignored.
+        queries are the gallery, symmetric with a diagonal of 0.
     labels
         Class of each query, shape (M,), of any comparable type.
     answered
@@ -109,13 +110,12 @@ def evaluate(
     Raises
     ------
     ConfigurationError
-        If the matrix is not finite, does not fit the labels, is not symmetric although it has to be, or there is
-        nothing to retrieve.
+        If the matrix is refused by :func:`check_distances`, does not fit the labels, or there is nothing to retrieve.
     """
     names = np.asarray(labels)
     gallery = targets or Targets(names, np.arange(len(names)), answered)
     rows, columns = (_places(one, of) for one, of in ((answered, names), (gallery.answered, gallery.labels)))
-    matrix = _check_distances(distances, (len(rows), len(columns)), is_square=targets is None)
+    matrix = check_distances(distances, (len(rows), len(columns)), is_square=targets is None)
     classes = np.unique(np.concatenate([names, np.asarray(gallery.labels)]), return_inverse=True)[1]
     of_gallery, own = classes[len(names) :], np.broadcast_to(gallery.own, names.shape)
     others = np.arange(len(of_gallery)) != own[:, None]
@@ -189,19 +189,35 @@ def chance_levels(labels: ArrayLike, targets: Targets | None = None) -> dict[str
     return evaluate(np.zeros(shape), labels, targets=every).means
 
 
-def _check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: bool) -> FloatArray:
-    """Return distances; raise ``ConfigurationError`` unless they are finite, and symmetric if they have to be."""
+def check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: bool) -> FloatArray:
+    """Return distances of a shape, which are finite and not negative; if queries are the gallery, a symmetric matrix.
+
+    Raises
+    ------
+    ConfigurationError
+        If they are anything else, or differ from 0 on the diagonal, as similarities do.
+    """
     matrix = np.asarray(distances, dtype=np.float64)
     if matrix.shape != shape:
         problem = f"{shape[0]} queries and {shape[1]} shapes have distances of shape {matrix.shape}"
         raise ConfigurationError(problem, "compare all pairs")
-    if not np.isfinite(matrix).all():
-        raise ConfigurationError("a distance is NaN or infinite", "leave out the shapes that the method cannot treat")
+    if len(wrong := np.argwhere(~np.isfinite(matrix))):
+        row, column = wrong[0] + 1
+        problem = f"distances are NaN or infinite, the first in row {row}, column {column}"
+        raise ConfigurationError(problem, "use a distance larger than all others if a method has no result")
+    largest = np.abs(matrix).max(initial=0.0, where=~np.eye(*shape, dtype=bool) if is_square else True)
+    if matrix.min(initial=0.0) < -ASYMMETRY * largest:
+        raise ConfigurationError(
+            f"a distance is negative ({matrix.min():.3g})", "subtract similarities from the largest"
+        )
     difference = float(np.abs(matrix - matrix.T).max(initial=0.0)) if is_square else 0.0
-    if difference > ASYMMETRY * np.abs(matrix).max(initial=0.0, where=~np.eye(*shape, dtype=bool)):
+    if difference > ASYMMETRY * largest:
         raise ConfigurationError(
             f"the distances are not symmetric (largest difference {difference:.3g})", "average them with the transpose"
         )
+    if is_square and (itself := matrix.diagonal().max(initial=0.0)) > SELF_DISTANCE * largest:
+        problem = f"a shape is at a distance of {itself:.3g} from itself"
+        raise ConfigurationError(problem, "return distances, not similarities, with a diagonal of 0")
     return matrix
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from benchmark.errors import BenchmarkError
 from benchmark.files import sweep, write_atomically
+from benchmark.geometry.mesh import read_only
 
 Arrays = Mapping[str, NDArray[Any]]
 Kind = Literal["prepared", "forms", "signatures", "records"]  # in the order in which they are made
@@ -91,12 +92,12 @@ class Cache:
             return set()
 
     def read(self, kind: Kind, key: str, without: Collection[str] = ()) -> dict[str, NDArray[Any]] | None:
-        """Return the arrays under a key, except some; None if there are none, or their file is damaged in any way."""
+        """Return read-only arrays under a key, except some; None if there are none, or their file is damaged in any way."""
         try:
             with zipfile.ZipFile(self._path(kind, key)) as archive:
                 names = _names(archive).difference(without)
                 files = {name: io.BytesIO(archive.read(f"{name}.npy")) for name in names}  # compares checksums
-            return {name: np.lib.format.read_array(file, allow_pickle=False) for name, file in files.items()}
+            return {name: read_only(np.lib.format.read_array(file, allow_pickle=False)) for name, file in files.items()}
         except Exception:  # zip, zlib and numpy raise many types
             return None
 

@@ -95,7 +95,6 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     diagonal = matrix.diagonal().copy()
     if targets is None:
         np.fill_diagonal(matrix, 0)
-    _check(matrix)
     scores = evaluate(matrix, classes, targets=targets)
     values = np.column_stack(list(scores.per_query.values()))
     is_query = ~np.isnan(values[:, 0])
@@ -169,14 +168,3 @@ def _check_diagonal(diagonal: NDArray[np.float64], matrix: NDArray[np.float64]) 
     if is_farthest and np.unique(matrix).size > 2:
         hint = "pass distances, not similarities; set the diagonal of distances to 0"
         raise ConfigurationError("each shape is farthest from itself", hint)
-
-
-def _check(values: NDArray[np.float64]) -> None:
-    """Raise ``ConfigurationError`` if a distance is not finite or negative."""
-    if len(wrong := np.argwhere(~np.isfinite(values))):
-        row, column = wrong[0] + 1
-        problem = f"distances are NaN or infinite, the first in row {row}, column {column}"
-        raise ConfigurationError(problem, "use a distance larger than all others if a method has no result")
-    if values.min() < 0:
-        problem = f"a distance is negative ({values.min():.3g})"
-        raise ConfigurationError(problem, "subtract similarities from the largest")

@@ -71,6 +71,7 @@ def test_chance_is_the_share_of_relevant_results_and_random_matrices_reach_it():
     levels, rng = chance_levels(labels), np.random.default_rng(0)
     assert levels["NN"] == pytest.approx((3 * 2 + 5 * 4 + 8 * 7) / 16 / 16)
     noise = rng.random((1000, 17, 17))
+    noise *= 1 - np.eye(17)
     simulated = np.mean([values(evaluate(one + one.T, labels)) for one in noise], axis=0)
     np.testing.assert_allclose(simulated, list(levels.values()), atol=0.01)
 
@@ -83,6 +84,7 @@ def test_refusing_never_beats_the_same_shapes_answered_and_far_away(seed, ties):
     absent = np.setdiff1d(np.arange(len(labels)), answered)
     far = distances.copy()
     far[absent] = far[:, absent] = 3.0 * distances.max()
+    np.fill_diagonal(far, 0)
     missing = evaluate(distances[np.ix_(answered, answered)], labels, answered=answered)
     assert (values(missing) <= values(evaluate(far, labels)) + 1e-12).all()
 
@@ -93,7 +95,10 @@ def test_refusing_never_beats_the_same_shapes_answered_and_far_away(seed, ties):
         (np.zeros((3, 2)), [0, 0, 0], "shape"),
         (np.zeros((3, 3)), [0, 0], "2 shapes"),
         (np.full((2, 2), np.nan), [0, 0], "NaN"),
-        (np.array([[1e9, 1], [2, 0]]), [0, 0], "symmetric"),
+        (np.array([[0, 1], [2, 0]]), [0, 0], "symmetric"),
+        (np.array([[0, -1], [-1, 0]]), [0, 0], "negative"),
+        (np.eye(3), [0, 0, 0], "at a distance of 1 from itself; return distances, not similarities"),
+        (np.array([[2, 3, 0], [3, 9, 0], [0, 0, 1]]), [0, 0, 0], "at a distance of 9 from itself"),
         (np.zeros((2, 2)), [0, 1], "two members"),
         (np.zeros((0, 0)), [], "two members"),
     ],

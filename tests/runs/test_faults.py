@@ -15,6 +15,7 @@ from benchmark.errors import BenchmarkError
 from benchmark.pipeline.records import read_records
 from benchmark.runs import runner
 from benchmark.runs.runner import run
+from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 from tests.toy import wait_for
 
@@ -144,6 +145,26 @@ def test_what_cannot_be_prepared_is_refused_for_all_and_named_once(rods, tmp_pat
     for record in records.values():
         assert (record.status, record.unprepared, record.coverage) == ("ok", ["thin2"], 0.8)
     assert [line[:30] for line in capsys.readouterr().err.splitlines()] == ["thin2: not a readable off file"]
+
+
+COMPARES = (
+    "def describe(self, shape):\n        return [shape.source_area]\n\n    def distances(self, descriptors):\n"
+    "        d = np.abs(np.subtract.outer(*2 * [np.concatenate(descriptors)]))\n        {}"
+)
+
+
+@pytest.mark.parametrize(
+    ("ends", "reason"),
+    [
+        ("return d - d.mean()", "a distance is negative (-"),
+        ("return np.exp(-d)", "a shape is at a distance of 1 from itself; return distances, not similarities"),
+        ("descriptors[0][0] = 0\n        return d", "smooth.py:23: ValueError: assignment destination is read-only"),
+    ],
+)
+def test_a_descriptor_that_returns_no_distances_or_writes_into_its_input_fails(rods, tmp_path, ends, reason):
+    plugin = write_plugin(tmp_path / "smooth.py", imports="import numpy as np", methods=COMPARES.format(ends))
+    (record,) = run_toy(rods, tmp_path / "results", "smooth", plugins=(plugin,)).values()
+    assert (record.status, reason in record.reason) == ("failed", True), record.reason
 
 
 PREPARATION, GEODESICS = "benchmark.pipeline.preparation prepare_mesh", "benchmark.geometry.geodesics all_pairs"
