@@ -16,7 +16,7 @@ from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, obser
 from benchmark.depth.intrinsics import Intrinsics, camera_of
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import depth_surface
-from benchmark.pipeline.stages import compute_form
+from benchmark.pipeline.outputs import compute_form
 from benchmark.protocols.models import people_training, with_model
 from benchmark.registry import Component, select_one
 

@@ -1,4 +1,4 @@
-"""The benchmark from Python: run jobs in this process, and compute the form of arrays.
+"""The benchmark from Python: run jobs, and compute the form of arrays.
 
 >>> import benchmark
 >>> from baselines.classic_mds import ClassicMDS
@@ -21,6 +21,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.kernels import suite_sources
+from benchmark.machine import available_cores
 from benchmark.registry import select
 from benchmark.text import DATA_VARIABLE
 
@@ -44,7 +45,9 @@ def run(
     again: bool = False,
     watch: Callable[[Any], object] = lambda _: None,
 ) -> DataFrame:
-    """Run the jobs of a selection that have no record, in this process, and return all of them.
+    """Run the jobs of a selection that have no record, and return all of them.
+
+    Your own objects and functions run in this process, everything else in workers, as on the command line.
 
     Parameters
     ----------
@@ -97,7 +100,10 @@ def run(
         gallery=str(gallery) if gallery else "", same_names=same_names,
         rerun=["failed", "finished"] if again else ["failed"],
     )  # fmt: skip
-    ended = {job.record.key: record for job, record in run_jobs(jobs, folder, size=0, anew=again, watch=watch)}
+    ended = {
+        job.record.key: record
+        for job, record in run_jobs(jobs, folder, size=available_cores(), anew=again, watch=watch)
+    }
     return Results(folder, tuple(label_data_sets([*filter(None, (result_of(job, ended) for job in jobs))]))).jobs
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import gc
 import os
 import signal
+from collections.abc import Iterator
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 from hypothesis import settings
@@ -42,6 +44,17 @@ settings.load_profile("suite")
 for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_worker_with_size_0() -> Iterator[None]:
+    """Let runs of no workers do everything in this process, which is seconds faster."""
+    from benchmark.runs import runner
+    from tests.runs.toy import ThisProcess
+
+    real = runner._workers
+    with patch.object(runner, "_workers", lambda size, *other: real(size, *other) if size else ThisProcess()):
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -39,7 +39,7 @@ from benchmark.depth.frame import FrameFiles
 from benchmark.depth_forms import form_of_object, method_of_depth
 from benchmark.geometry import geodesics
 from benchmark.geometry.preparation import prepare
-from benchmark.pipeline.stages import compute_signature
+from benchmark.pipeline.outputs import compute_signature
 from benchmark.registry import select_one
 from benchmark.report.formats import markdown_table
 from learned.images import resampled

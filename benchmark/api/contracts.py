@@ -162,6 +162,13 @@ class CanonicalForm:
         return Mesh(self.vertices, self.faces)
 
 
+@dataclass(frozen=True)
+class Solver:
+    """Key of the geodesic distances by a solver in a :data:`ResultCache`, which equals no key that a method chooses."""
+
+    name: str
+
+
 ResultCache = Callable[[Hashable, Callable[[], Any]], Any]
 """Returns the result under a key; calls the function, which computes it, if it is missing."""
 
@@ -184,7 +191,7 @@ class Shape:
     seed
         Seed of all random choices for this shape.
     cache
-        Cache for results that methods share, by key: geodesic distances by the name of their solver, a form by its
+        Cache for results that methods share, by key: geodesic distances by their :class:`Solver`, a form by its
         method; None caches them in this object.
     """
 
@@ -250,7 +257,7 @@ class Shape:
         from benchmark.geometry import geodesics
 
         compute = lambda: read_only(geodesics.rounded(geodesics.all_pairs(self.mesh, solver)))  # noqa: E731
-        matrix: FloatArray = self.compute_once(solver, compute)
+        matrix: FloatArray = self.compute_once(Solver(solver), compute)
         return matrix
 
     def compute_once(self, key: Hashable, compute: Callable[[], Any]) -> Any:

@@ -14,7 +14,7 @@ from benchmark.api.contracts import FloatArray, Mesh, Shape
 from benchmark.api.parameters import checked, parameter_values
 from benchmark.check.shapes import BENDS, figure, view
 from benchmark.errors import BenchmarkError, UnsupportedShape, locate
-from benchmark.pipeline.stages import compute_descriptor, compute_distances, compute_form, compute_signature
+from benchmark.pipeline.outputs import compute_descriptor, compute_distances, compute_form, compute_signature
 from benchmark.registry import Component
 
 

@@ -29,11 +29,19 @@ from benchmark.geometry.interpolation import interpolate, vertex_normals
 from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import Prepared, prepare
-from benchmark.pipeline.cache import Cache
-from benchmark.pipeline.preparation import N_VERTICES, fit_frame, prepare_mesh, prepare_view
+from benchmark.pipeline.cache import Arrays, Cache
+from benchmark.pipeline.forms import shape_of
+from benchmark.pipeline.preparation import (
+    N_VERTICES,
+    Preparation,
+    fit_frame,
+    frame_of,
+    prepare_mesh,
+    prepare_view,
+    require_result,
+)
 from benchmark.pipeline.records import read_form
 from benchmark.pipeline.search import search
-from benchmark.pipeline.stages import Preparation, shape_of
 from benchmark.registry import Component, select_one
 from benchmark.report.drawing import check_ending, save_png
 from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
@@ -216,11 +224,15 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
     input_, of_gallery = _inputs(query, shapes, component, wanted)
     job = _job(name, shapes, component, options, of_gallery)
     itself = [entry for entry in shapes.shapes if entry.path and entry.path.exists() and entry.path.samefile(query)]
-    preparation = Preparation(shapes, input_, Cache(options.results))
-    if itself and not options.has_camera:
-        shape = shape_of(preparation.arrays(itself[0]), query.stem, options.seed)
+    cache, preparation = Cache(options.results), Preparation(shapes, input_)
+    fitted = cache.read("prepared", preparation.frame_key) if preparation.frame_key else None
+    half_width = float(fitted["half_width"]) if fitted else frame_of(shapes) if input_ == "view" else 0.0
+    if itself and not options.has_camera:  # nothing is written, because this process runs the code of plugins
+        known = cache.read("prepared", preparation.key(itself[0])) or preparation.prepare(itself[0], half_width)
+        arrays = require_result(known)
     else:
-        shape = _query_shape(query, preparation, options, of_gallery=bool(itself))
+        arrays = _query_arrays(query, preparation, half_width, options, of_gallery=bool(itself))
+    shape = shape_of(arrays, query.stem, options.seed)
     maker, record = _with_model(component, job, [entry.identifier for entry in itself]), job.before or job.record
     if is_depth_file(query) and (doubt := small_for_person(shape, maker)):
         say(f"{query}: {doubt}", err=True)
@@ -276,15 +288,15 @@ def _inputs(query: Path, shapes: ShapeSet, component: Component, wanted: Input |
     return input_, wanted or input_
 
 
-def _query_shape(query: Path, preparation: Preparation, options: Selection, *, of_gallery: bool) -> Shape:
-    """Return a mesh or depth image as it is passed to the method, in the frame of the gallery."""
+def _query_arrays(
+    query: Path, preparation: Preparation, half_width: float, options: Selection, *, of_gallery: bool
+) -> Arrays:
+    """Return the prepared arrays of a mesh or depth image, in the frame of the gallery."""
     if query.suffix.lower() in EXTENSIONS:
         folder = preparation.shapes.folder
         frame = FrameFiles(query, **frame_settings(folder)) if of_gallery and folder else FrameFiles(query)
         frame = replace(_with_camera(frame, options), half_width=preparation.shapes.half_width or HALF_WIDTH)
-        arrays = prepare_view(frame.observe().surface, UPRIGHT, frame.half_width)
-    elif preparation.input == "mesh":
-        arrays = prepare_mesh(read_mesh(query))
-    else:
-        arrays = prepare_view(read_mesh(query), FRONT, preparation.half_width)
-    return shape_of(arrays, query.stem, options.seed)
+        return prepare_view(frame.observe().surface, UPRIGHT, frame.half_width)
+    if preparation.input == "mesh":
+        return prepare_mesh(read_mesh(query))
+    return prepare_view(read_mesh(query), FRONT, half_width)

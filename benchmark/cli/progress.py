@@ -74,7 +74,7 @@ class Bar:
         share = state.done / state.total if state.total else 0.0
         expected = self._expected or (elapsed / share if share else 0.0)
         left = (1 - share) * ((1 - share) * expected + elapsed) if share else expected - elapsed
-        return f"{state.done}/{state.total} forms, {self._n_ended}/{self._n_jobs} jobs{_left(left)}"
+        return f"{state.done}/{state.total} steps, {self._n_ended}/{self._n_jobs} jobs{_left(left)}"
 
     def ended(self, line: str) -> None:
         """Print the line of a finished job."""

@@ -18,8 +18,8 @@ from benchmark.kernels import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.data_names import label_data_sets
+from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.records import Record, read_records
-from benchmark.pipeline.stages import shape_of
 from benchmark.protocols.tables import TABLES, Table, own_table
 from benchmark.registry import Component
 from benchmark.report.frames import changed, chosen_records, fold_of
@@ -46,12 +46,17 @@ def _data(selection: Selection) -> dict[str, Any]:
 
 
 def planned_jobs(
-    selection: Selection, records: Sequence[Record], rerun: Collection[str] = (), forms: Sequence[Component] = ()
+    selection: Selection,
+    records: Sequence[Record],
+    rerun: Collection[str] = (),
+    forms: Sequence[Component] = (),
+    *,
+    in_this_process: bool = False,
 ) -> list[Planned]:
     """Plan a selection; raise ``ConfigurationError`` if it has no job."""
     return plan_selection(
         selection.results, methods=forms or selection.methods, scorer=selection.scorer, seed=selection.seed,
-        rerun=rerun, records=records, plugins=selection.plugins, **_data(selection),
+        rerun=rerun, records=records, plugins=selection.plugins, in_this_process=in_this_process, **_data(selection),
     )  # fmt: skip
 
 
@@ -92,7 +97,8 @@ def run(
     if not (selection.everything or selection.tables or selection.methods or selection.datasets or selection.plugins):
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
     records = read_records(selection.results)
-    jobs = planned_jobs(selection, records, rerun, _forms(selection, forms))
+    of_programs, in_this_process = _forms(selection, forms), size == 0 and not dask
+    jobs = planned_jobs(selection, records, rerun, of_programs, in_this_process=in_this_process)
     for job in jobs if forms else ():
         check_forms(job.record, job.before, job.job.method.given)
     _announce(jobs, selection.data_root)
@@ -106,8 +112,8 @@ def run(
             say(f"{job.state:<11}  {names[job.record.key]}  {brief(job.reason)}{remedy}")
     if pending and not any(map(compiled_kernels, suite_sources())):
         say("the first run compiles kernels, which takes minutes; 'python -m benchmark.kernels' does so in advance")
-    if size == 0:
-        say("-j 0: in this process, by one thread, without time limits", err=True)
+    if in_this_process:
+        say("-j 0: plugins run in this process, by one thread, without time limits; nothing of them is kept", err=True)
     size = available_cores() if size is None else size
     fine = all(job.is_pending or job.state == "finished" or job in passed_over for job in jobs)
     ended: dict[str, Record] = {}
@@ -209,7 +215,7 @@ def _small_for_people(jobs: Sequence[Planned]) -> Iterator[str]:
         if not (job.galleries[0].dataset.observe and any(job.models) and job.record.files):
             continue
         doubts = list[str]()
-        for step in job.steps():
+        for *_, step in job.steps():
             arrays = Cache(step.job.results).read("prepared", step.keys["prepared"], ("depth",)) or {}
             doubt = small_for_person(shape_of(arrays, step.shape), step.model) if "vertices" in arrays else ""
             doubts += [f"{step.shape}: {doubt}"] * bool(doubt)

@@ -1,24 +1,208 @@
-"""Prepare a shape: the complete surface, or the part that a depth camera sees. Pure functions from meshes to arrays."""
+"""Prepare the shapes of a data set: the complete surface, or the part that a depth camera sees.
+
+The code of this module and of all that it imports is in the key of each prepared shape and form; it imports no check.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+import errno
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmark.errors import InvalidMesh
+from benchmark.api.contracts import Input
+from benchmark.api.datasets import Entry, ShapeSet, files_of
+from benchmark.code_digest import code_of_modules, digest
+from benchmark.errors import BenchmarkError, InvalidForm, InvalidMesh, InvalidSignature, ShapeError, UnsupportedShape
 from benchmark.geometry.camera import Camera, DepthSensor
-from benchmark.geometry.cleaning import clean
-from benchmark.geometry.depth import depth_surface, fit_half_width
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.preparation import prepare
-
-Arrays = Mapping[str, NDArray[Any]]
+from benchmark.pipeline.cache import Arrays
 
 #: Number of vertices of the prepared mesh, as usual for canonical forms (Lian et al. 2013, Pickup et al. 2018).
 N_VERTICES = 2000
+
+#: Prefix of the names of arrays that are notes on a shape.
+NOTE = "note:"
+
+#: Arrays that say why there is no result, and how many seconds the result took; a scorer can call none of its own so.
+REFUSED, SECONDS = ":refused", ":seconds"
+
+#: Problem of a shape whose key is not the planned one, and what to do without a result for a passing reason.
+CHANGED, AGAIN = "changed during the run", "run again"
+
+
+class Incomplete(BenchmarkError):
+    """A shape has no result for a reason that is not in its content, such as a read error; nothing of it is kept.
+
+    Parameters
+    ----------
+    problem
+        What goes on after the name of the shape.
+    """
+
+    def __init__(self, problem: str) -> None:
+        super().__init__(problem, AGAIN)
+
+
+# Prepared shapes of a data set ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Preparation:
+    """Keys and arrays of the prepared shapes of a data set under one input.
+
+    Parameters
+    ----------
+    shapes
+        The data set.
+    input
+        ``"mesh"`` for the complete surface, ``"view"`` for the part visible to the depth camera.
+    """
+
+    shapes: ShapeSet
+    input: Input
+
+    @cached_property
+    def code(self) -> dict[str, str]:
+        """Code that makes the meshes and prepares them."""
+        return code_of_modules([*self.shapes.code, __name__])
+
+    @cached_property
+    def camera_key(self) -> str:
+        """Digest of the frame that all views share: a width, or all shapes that it is fitted to; "" for meshes."""
+        if self.input == "mesh":
+            return ""
+        shapes = self.shapes
+        fitted = shapes.half_width or [(shapes.key(entry), repr(shapes.camera(entry))) for entry in shapes.shapes]
+        return digest([fitted, self._code_digest])
+
+    @property
+    def frame_key(self) -> str:
+        """Key of the file with the frame that is fitted to all shapes; "" if there is nothing to fit."""
+        return "" if self.shapes.half_width else self.camera_key
+
+    def key(self, entry: Entry) -> str:
+        """Return the key of a prepared shape."""
+        shapes, view = self.shapes, []
+        if self.input == "view":
+            view = [self.camera_key, repr(shapes.camera(entry)), repr(shapes.sensor(entry))]
+        return digest([self.input, shapes.key(entry), view, self._code_digest])
+
+    @cached_property
+    def _code_digest(self) -> str:
+        return digest(self.code)
+
+    def find(self, identifier: str, key: str) -> Entry:
+        """Return the shape with a name; raise :class:`Incomplete` unless its key is the planned one."""
+        with suppress(ShapeError):  # it can no longer be read
+            for entry in self.shapes.shapes:
+                if entry.identifier == identifier and self.key(entry) == key:
+                    return entry
+        raise Incomplete(CHANGED)
+
+    def frame(self) -> Arrays:
+        """Return ``half_width``: half the width of the camera's frame in file units, the same for all shapes.
+
+        Raises
+        ------
+        Incomplete
+            If a shape cannot be read now, or a file changes meanwhile.
+        """
+        compute = lambda: {"half_width": np.asarray(frame_of(self.shapes))}  # noqa: E731
+        return self._while_unchanged(self.shapes.shapes, lambda of: of.camera_key, compute)
+
+    def prepare(self, entry: Entry, half_width: float) -> Arrays:
+        """Return the arrays of a prepared shape, or the reason why its content is refused.
+
+        Raises
+        ------
+        Incomplete
+            If it cannot be read now, or its file changes meanwhile.
+        """
+        shapes = self.shapes
+
+        def compute() -> Arrays:
+            if self.input == "mesh":
+                return prepare_mesh(shapes.load(entry))
+            return prepare_view(shapes.load(entry), shapes.camera(entry), half_width, shapes.sensor(entry))
+
+        return self._while_unchanged([entry], lambda of: of.key(entry), lambda: timed(compute))
+
+    def _while_unchanged(
+        self, entries: Sequence[Entry], key: Callable[[Preparation], str], compute: Callable[[], Arrays]
+    ) -> Arrays:
+        """Return what is computed from shapes; raise :class:`Incomplete` if one of them changes meanwhile."""
+        before = [*map(last_change, entries)]
+        arrays = compute()
+        if [*map(last_change, entries)] != before or key(replace(self)) != key(self):
+            raise Incomplete(CHANGED)
+        return arrays
+
+
+def frame_of(shapes: ShapeSet) -> float:
+    """Return half the width of the frame of all views of a data set, in file units; arbitrary without shapes."""
+    from benchmark.geometry.depth import common_half_width
+
+    def fitted(entry: Entry) -> Arrays:
+        return timed(lambda: {"width": np.asarray(fit_frame(shapes.load(entry), shapes.camera(entry)))})
+
+    if shapes.half_width is not None:
+        return shapes.half_width
+    widths = [float(arrays["width"]) for arrays in map(fitted, shapes.shapes) if "width" in arrays]
+    return common_half_width(widths) if widths else 1.0
+
+
+def last_change(entry: Entry) -> int:
+    """Return when a file of a shape, or its attributes, changed last; 0 without a file."""
+    with suppress(OSError):
+        return max((path.stat().st_ctime_ns for path in files_of(entry)), default=0)
+    return 0
+
+
+def timed(compute: Callable[[], Arrays]) -> Arrays:
+    """Return the arrays of a stage, or the reason why it refuses the shape, with the seconds that it took.
+
+    Raises
+    ------
+    InvalidForm, InvalidSignature
+        If a method or a scorer returned something else, which is not the fault of the shape.
+    Incomplete
+        If memory or a read error is to blame, which may not happen again.
+    """
+    start = time.perf_counter()
+    try:
+        arrays = compute()
+    except (InvalidForm, InvalidSignature):
+        raise
+    except ShapeError as error:
+        if _is_temporary(error):
+            raise Incomplete(f"has no result: {error.problem}") from error
+        arrays = {REFUSED: np.array([error.problem, error.hint])}
+    return {**arrays, SECONDS: np.asarray(time.perf_counter() - start)}
+
+
+def _is_temporary(error: BaseException | None) -> bool:
+    """Return whether an error comes from memory, or from reading a file that is there."""
+    while error is not None:
+        is_read_error = isinstance(error, OSError) and error.errno not in (None, errno.ENOENT)
+        if is_read_error or isinstance(error, MemoryError):
+            return True
+        error = error.__cause__
+    return False
+
+
+def require_result(arrays: Arrays) -> Arrays:
+    """Return the arrays of a stage; raise ``UnsupportedShape`` with the reason if there are none."""
+    if REFUSED in arrays:
+        raise UnsupportedShape(*arrays[REFUSED].tolist())
+    return arrays
+
+
+# Meshes to arrays; what these functions import takes a second ---------------------------------------------------------
 
 
 def prepare_mesh(source: Mesh) -> Arrays:
@@ -35,6 +219,8 @@ def prepare_mesh(source: Mesh) -> Arrays:
     ShapeError
         If the mesh has no usable part.
     """
+    from benchmark.geometry.preparation import prepare
+
     prepared = prepare(source, N_VERTICES)
     return {
         "vertices": prepared.mesh.vertices,
@@ -68,6 +254,8 @@ def prepare_view(source: Mesh, camera: Camera, half_width: float, sensor: DepthS
     ShapeError
         If no part of the mesh is visible.
     """
+    from benchmark.geometry.depth import depth_surface
+
     view = depth_surface(_surface(source), camera, half_width, sensor)
     area = view.surface.area
     return {
@@ -81,11 +269,15 @@ def prepare_view(source: Mesh, camera: Camera, half_width: float, sensor: DepthS
 
 def fit_frame(source: Mesh, camera: Camera) -> float:
     """Return half the width of the frame that a mesh fills, in file units; raise ``ShapeError`` without a surface."""
+    from benchmark.geometry.depth import fit_half_width
+
     return fit_half_width([_surface(source)], camera)
 
 
 def _surface(source: Mesh) -> Mesh:
     """Return the mesh without unreferenced vertices, which would move the centre and the frame of the camera."""
+    from benchmark.geometry.cleaning import clean
+
     surface, cleaning = clean(source)
     if not surface.n_faces:
         raise InvalidMesh(f"none of the {cleaning['faces_before']} triangles has an area", "export the mesh again")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,9 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Descriptor
 from benchmark.api.scoring import Scorer
 from benchmark.pipeline.cache import Arrays, Cache, Kind
-from benchmark.pipeline.stages import MACHINE, NOTE, REFUSED, SECONDS, Incomplete, compute_distances
+from benchmark.pipeline.forms import MACHINE
+from benchmark.pipeline.outputs import compute_distances
+from benchmark.pipeline.preparation import NOTE, REFUSED, SECONDS
 from retrieval.measures import score_draws
 
 if TYPE_CHECKING:
@@ -34,12 +36,21 @@ STAGES: Mapping[Kind, str] = {
 }
 
 
-def rank(
-    record: Record,
-    cache: Cache,
-    remake: Callable[[int], object],
-    comparing: Descriptor | Scorer,
-) -> tuple[dict[str, Any], Arrays]:
+class DamagedFiles(Exception):
+    """Cached files that are missing or damaged.
+
+    Parameters
+    ----------
+    files
+        Kind and key of each.
+    """
+
+    def __init__(self, files: Sequence[tuple[Kind, str]]) -> None:
+        super().__init__(files)
+        self.files = files
+
+
+def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[dict[str, Any], Arrays]:
     """Rank a gallery whose shapes have all been processed.
 
     Parameters
@@ -48,9 +59,6 @@ def rank(
         The record of the job without its outcome: shapes, classes and keys of their files.
     cache
         The cached files.
-    remake
-        Computes the files of the shape with an index again, where the gallery follows the queries; called if they are
-        missing or damaged.
     comparing
         The scorer, or the descriptor that compares its own vectors.
 
@@ -63,13 +71,13 @@ def rank(
 
     Raises
     ------
-    Incomplete
-        If files of a shape are missing or damaged again.
+    DamagedFiles
+        If files of a shape are missing or damaged.
     """
     start = time.perf_counter()
-    answered, refused = in_gallery, refused_there = _read(record, cache, remake)
+    answered, refused = in_gallery, refused_there = _read(record, cache)
     if record.against:
-        in_gallery, refused_there = _read(record.against, cache, lambda index: remake(len(record.shapes) + index))
+        in_gallery, refused_there = _read(record.against, cache)
     if not (answered and in_gallery):
         return refused_there if answered else refused, {}
     queries, gallery = ([[*stages.values()][-1] for stages in of.values()] for of in (answered, in_gallery))
@@ -96,40 +104,29 @@ def rank(
     return content, {"distances": total / draws}
 
 
-def _read(
-    side: Ranked, cache: Cache, remake: Callable[[int], object]
-) -> tuple[dict[int, dict[Kind, Arrays]], dict[str, Any]]:
+def _read(side: Ranked, cache: Cache) -> tuple[dict[int, dict[Kind, Arrays]], dict[str, Any]]:
     """Return the stages of the shapes with a result by index, and what a record says of the others."""
     answered: dict[int, dict[Kind, Arrays]] = {}
     unsupported: list[tuple[str, str]] = []
     unprepared: list[str] = []
+    damaged: list[tuple[Kind, str]] = []
     for index, (shape, keys) in enumerate(zip(side.shapes, side.keys, strict=True)):
-        stages = _read_stages(cache, keys)
-        if stages is None:
-            remake(index)
-            stages = _read_stages(cache, keys)
-        if stages is None:
-            raise Incomplete(f"cannot read the files of {shape} again")
-        *_, last = stages.values()
-        if REFUSED in last:
-            unsupported.append((shape, "; ".join(filter(None, last[REFUSED].tolist()))))
-            unprepared += [shape] if REFUSED in stages["prepared"] else []
+        stages: dict[Kind, Arrays] = {}
+        for kind, key in keys.items():  # up to the one that refuses the shape
+            arrays = cache.read(kind, key, () if kind == "signatures" else _SURFACES)
+            if arrays is None:
+                damaged.append((kind, key))
+                break
+            stages[kind] = arrays
+            if REFUSED in arrays:
+                unsupported.append((shape, "; ".join(filter(None, arrays[REFUSED].tolist()))))
+                unprepared += [shape] if kind == "prepared" else []
+                break
         else:
             answered[index] = stages
+    if damaged:
+        raise DamagedFiles(damaged)
     return answered, {"unsupported": unsupported, "unprepared": unprepared}
-
-
-def _read_stages(cache: Cache, keys: Mapping[Kind, str]) -> dict[Kind, Arrays] | None:
-    """Return what ranking needs of a shape by stage, up to one that refuses it; None if a file is damaged."""
-    stages: dict[Kind, Arrays] = {}
-    for kind, key in keys.items():
-        arrays = cache.read(kind, key, () if kind == "signatures" else _SURFACES)
-        if arrays is None:
-            return None
-        stages[kind] = arrays
-        if REFUSED in arrays:
-            break
-    return stages
 
 
 def distances(
@@ -172,7 +169,6 @@ def _median_seconds(answered: Sequence[Mapping[Kind, Arrays]]) -> dict[str, floa
     for stages in answered:
         for kind, arrays in stages.items():
             for name, took in arrays.items():
-                first, _, shared = name.partition(":")
-                if first == SECONDS:
-                    seconds[shared or STAGES[kind]].append(float(took))
+                if name.startswith(SECONDS):
+                    seconds[name.removeprefix(SECONDS)[1:] or STAGES[kind]].append(float(took))
     return {stage: round(statistics.median(values), 4) for stage, values in sorted(seconds.items())}

@@ -13,9 +13,11 @@ from benchmark.api.scoring import Scorer
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Cache, Kind
+from benchmark.pipeline.forms import SharedResults, mesh_of
+from benchmark.pipeline.outputs import compute_output, sign
+from benchmark.pipeline.preparation import require_result
 from benchmark.pipeline.ranking import distances
 from benchmark.pipeline.records import Record
-from benchmark.pipeline.stages import SharedResults, compute_output, mesh_of, require_result, sign
 
 
 class Hit(NamedTuple):

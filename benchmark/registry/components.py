@@ -22,6 +22,9 @@ from benchmark.text import brief
 
 Kind = Literal["method", "scorer"]
 
+#: Process of the objects of a Python program: the program itself.
+THIS_PROCESS = "this process"
+
 #: For each kind of class: the type of its ``info``, what an object must be, and what it lacks otherwise.
 _CONTRACTS: Mapping[Kind, tuple[type[Any], tuple[type[Any], ...], str]] = {
     "method": (MethodInfo, (Method, Descriptor), "neither 'canonicalise' nor 'describe' and 'distances'"),
@@ -46,6 +49,8 @@ class Component:
         fields, so that equal components are equal objects however they are written.
     given, state
         The object itself, if a Python program passed one, and a text that identifies it.
+    is_unknown
+        Whether the object may depend on anything: it stays in its process, and is never known again.
 
     Raises
     ------
@@ -59,6 +64,7 @@ class Component:
     parameters: Mapping[str, Any] = field(default_factory=dict, compare=False)
     given: Any = field(default=None, compare=False, repr=False)
     state: str = ""
+    is_unknown: bool = False
     _values: str = field(init=False, repr=False)  # 1, 1.0 and True are equal
 
     def __post_init__(self) -> None:
@@ -66,6 +72,17 @@ class Component:
             chosen = non_default_values(self.load(), self.parameters, self.base_name)
             object.__setattr__(self, "parameters", chosen)
         object.__setattr__(self, "_values", repr(dict(self.parameters)))
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the object of a program out where another process gets the description."""
+        return vars(self) | ({"given": None, "parameters": {}} if self.is_unknown else {})
+
+    @property
+    def process(self) -> str:
+        """Whose process it runs in: "" for the suite, the plugin file or package, or that of the program itself."""
+        if self.is_unknown:
+            return THIS_PROCESS
+        return "" if self.of_suite else str(self.plugin or self.target.partition(":")[0])
 
     @property
     def name(self) -> str:
@@ -168,6 +185,12 @@ class Component:
         requires = getattr(self.info, "requires", ())
         return tuple(name for name in requires if importlib.util.find_spec(name) is None)
 
+    def in_this_process(self) -> Self:
+        """Return it as an object of this process, where it can be debugged; as it is if it is of the suite."""
+        if self.of_suite or self.given is not None or self.missing_packages():
+            return self
+        return replace(self, given=self.create(), state=secrets.token_hex(8), is_unknown=True)
+
     def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
         """Return the same component with additional parameters, as text or values; raise for a given object."""
         if self.given is not None:
@@ -176,7 +199,7 @@ class Component:
 
     def code(self) -> dict[str, str]:
         """Return what its code consists of, with ``info.files``; see :func:`benchmark.code_digest.code_of`."""
-        return {"its code": self.state} | (code_of(self.target, self.info.files) if self._has_file else {})
+        return {"its code": self.state} | ({} if self.is_unknown else code_of(self.target, self.info.files))
 
     def key(self) -> dict[str, Any]:
         """Return what determines its results; the path of a plugin file does not count."""
@@ -184,14 +207,9 @@ class Component:
         return {
             "target": attribute if self.plugin else f"{module}:{attribute}",
             "parameters": dict(self.parameters),
-            "code": code_digest(self.target, self.info.files) if self._has_file else "",
+            "code": "" if self.is_unknown else code_digest(self.target, self.info.files),
             "state": self.state,
         }
-
-    @property
-    def _has_file(self) -> bool:
-        """Whether it is made from files, unlike an object of the user, which may depend on anything."""
-        return self.given is None or self.of_suite
 
 
 def component_of(value: Any) -> Component:
@@ -224,4 +242,4 @@ def component_of(value: Any) -> Component:
     if is_plain and is_installed(cls.__module__):
         return Component(kind, str(info.name), target, chosen)  # its name says all
     # An object of the user depends on whatever the program may change, so it is never known again.
-    return Component(kind, str(info.name), target, chosen, value, secrets.token_hex(8))
+    return Component(kind, str(info.name), target, chosen, value, secrets.token_hex(8), is_unknown=True)

@@ -28,7 +28,7 @@ def run_in_worker(task: Task, run: str, timeout: float, threads: int) -> list[tu
         drop_stale_kernels()
         _of_thread.run, _of_thread.pool = run, Pool(1, memory_per_process(threads), timeout)
     queue, ended = Queue(lambda step: True), list[tuple[Step, Outcome]]()
-    queue.append(task)
+    queue.add(task)
     while len(ended) < len(task.steps):
         ended += _of_thread.pool.poll(queue)
     return ended
@@ -62,6 +62,7 @@ class DaskPool:
             raise ConfigurationError(f"no dask scheduler answers at {url}", "start one or correct --dask") from error
         self._timeout, self._run = timeout, secrets.token_hex(8)
         self._tasks: dict[Any, Task] = {}
+        self._process = ""
 
     @property
     def working(self) -> list[str]:
@@ -71,7 +72,8 @@ class DaskPool:
     def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
         """Submit tasks of a queue, and yield the steps that have ended; dask moves those of a lost worker."""
         threads = max(sum(self._client.nthreads().values()), 1)
-        while len(self._tasks) < 2 * threads and (task := queue.take()):
+        while len(self._tasks) < 2 * threads and (task := queue.take_any([self._process])):
+            self._process = task.process  # the next one of the same may find its process at work
             future = self._client.submit(run_in_worker, task, self._run, self._timeout, threads, pure=False, retries=0)
             self._tasks[future] = task
         done = [future for future in self._tasks if future.done()]

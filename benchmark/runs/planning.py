@@ -16,21 +16,18 @@ from benchmark.api.contracts import Input
 from benchmark.code_digest import code_of_modules, digest
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError, DatasetError
-from benchmark.pipeline.cache import Cache, Kind
+from benchmark.pipeline.cache import Kind
 from benchmark.pipeline.data_names import path_of
+from benchmark.pipeline.preparation import Preparation
 from benchmark.pipeline.ranking import STAGES
 from benchmark.pipeline.records import SUITE_RESULTS, Ranked, Record, Row, read_records, record_of
-from benchmark.pipeline.stages import Preparation
 from benchmark.protocols.galleries import Gallery, selected_galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.tables import INPUTS
 from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, select, select_one
-from benchmark.runs.tasks import Job, Step
+from benchmark.runs.tasks import CODE, Job, Step, code_of_step
 from benchmark.text import EVERY, clean
-
-#: Module with the code that ranks and measures.
-RANKING = "benchmark.pipeline.ranking"
 
 State = Literal["finished", "failed", "missing", "stale", "incomplete", "unavailable", "unsupported"]
 
@@ -46,6 +43,9 @@ class Planned:
     ----------
     job, against
         The job; what it is at the shapes of the gallery, if these are not the queries.
+    frames, codes
+        Keys of the frames of the camera that are fitted to both, "" where none is; digest of the code that makes files
+        of a kind.
     galleries
         The shapes, once for each table that shows them.
     record
@@ -65,6 +65,8 @@ class Planned:
 
     job: Job
     against: Job | None
+    frames: tuple[str, ...]
+    codes: Mapping[Kind, str] = field(repr=False)
     galleries: tuple[Gallery, ...]
     record: Record = field(repr=False)
     models: tuple[Path | None, ...] = field(repr=False)
@@ -73,15 +75,22 @@ class Planned:
     before: Record | None = field(repr=False)
     is_pending: bool
 
-    def steps(self) -> list[Step]:
-        """Return the step at each shape, those of the gallery behind those of the queries."""
+    def steps(self) -> list[tuple[Step, ...]]:
+        """Return the steps at each shape, in order, those at the gallery behind those at the queries."""
         jobs, models = (self.job, self.against), iter(self.models)
-        return [
-            Step(job, shape, keys, next(models))
-            for side, job in zip(self.record.sides, jobs, strict=False)
-            for shape, keys in zip(side.shapes, side.keys, strict=True)
-            if job
-        ]
+        chains = list[tuple[Step, ...]]()
+        for side, job, frame in zip(self.record.sides, jobs, self.frames, strict=False):
+            first = (Step(job, "prepared", frame),) if job and frame else ()
+            for shape, keys in zip(side.shapes, side.keys, strict=True):
+                model = next(models)
+                if job:
+                    steps = [Step(job, kind, keys[kind], shape, keys, model, self.codes.get(kind, "")) for kind in keys]
+                    chains.append((*first, *steps))
+        return chains
+
+    def ranking(self) -> Step:
+        """Return the step that ranks the gallery."""
+        return Step(self.job, "records", self.job.key, code=self.codes["records"])
 
 
 def plan_selection(
@@ -94,6 +103,7 @@ def plan_selection(
     seed: int = 0,
     rerun: Collection[str] = (),
     records: Iterable[Record] | None = None,
+    in_this_process: bool = False,
     **data: Any,
 ) -> list[Planned]:
     """Plan what the command line, or a Python program, selects.
@@ -108,6 +118,8 @@ def plan_selection(
         ``"mesh"`` or ``"view"``; both by default.
     seed, rerun, records
         As for :func:`plan`.
+    in_this_process
+        Whether plugins run in this process, and nothing of them is known again.
     **data
         Tables and data sets, as for :func:`~benchmark.protocols.galleries.selected_galleries`.
 
@@ -116,10 +128,12 @@ def plan_selection(
     ConfigurationError
         If a name is unknown, or nothing is selected.
     """
+    *selected, of_forms = [*select(methods, plugins), select_one(scorer, plugins, "scorer")]
+    if in_this_process:
+        *selected, of_forms = [component.in_this_process() for component in (*selected, of_forms)]
     jobs = plan(
-        selected_galleries(input=input, **data), [input] if input else INPUTS,
-        select(methods, plugins), results, scorer=select_one(scorer, plugins, "scorer"), seed=seed, rerun=rerun,
-        are_named=bool(methods) and EVERY not in methods, records=records,
+        selected_galleries(input=input, **data), [input] if input else INPUTS, selected, results, scorer=of_forms,
+        seed=seed, rerun=rerun, are_named=bool(methods) and EVERY not in methods, records=records,
     )  # fmt: skip
     if not jobs:
         raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
@@ -194,7 +208,8 @@ class _Planning:
 
     def __post_init__(self) -> None:
         self._key, self._code = cache(Component.key), cache(Component.code)
-        self._ranking = code_of_modules([RANKING])
+        self._forms, self._ranking = (code_of_modules([CODE[kind]]) for kind in ("forms", "records"))
+        self._code_of_step = cache(code_of_step)
         self._records = {record.row: record for record in self.records if not record.published}
 
     def jobs(self, gallery: Gallery, input_: Input, methods: Iterable[Component]) -> Iterator[Planned]:
@@ -202,7 +217,7 @@ class _Planning:
         facts, sides = gallery_facts(gallery, input_), [(gallery, input_)]
         if gallery.against:
             sides.append((gallery.against, gallery.against.inputs[0]))
-        preparations = [Preparation(side.dataset, of_side, Cache(self.results)) for side, of_side in sides]
+        preparations = [Preparation(side.dataset, of_side) for side, of_side in sides]
         prepared = [[of.key(entry) for entry in one.entries] for of, (one, _) in zip(preparations, sides, strict=True)]
         source, *there = (_absolute(side.source) for side, _ in sides)
         data_root = gallery.data_root and gallery.data_root.absolute()
@@ -218,9 +233,12 @@ class _Planning:
             if seen and gallery.table.all_unseen:
                 state, reason = "unsupported", f"{len(seen)} shapes were seen in training, such as {seen[0]}"
                 reason += "; take a model of another training"
-            key, code, parts, files = digest(["unavailable", row]), "", dict[str, str](), [dict[str, list[str]]()] * 2
+            key, parts, files = digest(["unavailable", row]), dict[str, str](), [dict[str, list[str]]()] * 2
+            codes: dict[Kind, str] = {}
             if state is None:
-                code = digest([self._key(method), self._key(self.scorer), self._ranking])
+                of_kinds: dict[Kind, Component] = {"forms": method, "records": scorer or method}
+                of_kinds |= {"signatures": scorer} if scorer else {}
+                codes = {kind: self._code_of_step(component, kind) for kind, component in of_kinds.items()}
                 files = [self._files(*side, method, scorer) for side in zip(prepared, models, strict=True)]
                 titles = [method.title, scorer.title if scorer else ""]
                 keys = [keys for of_side in files for keys in zip(*of_side.values(), strict=True)]
@@ -247,10 +265,12 @@ class _Planning:
                 "files": files[0],
                 **({"against": facts["against"] | {"files": files[1]}} if there else {}),
             }
-            job = Job(key, row, source, data_root, method, self.scorer, self.results, code)
+            job = Job(key, row, source, data_root, method, self.scorer, self.results)
             yield Planned(
                 job,
                 replace(job, source=there[0], row=row._replace(input=sides[1][1])) if there else None,
+                tuple(of.frame_key for of in preparations),
+                codes,
                 (gallery,),
                 record_of(content),
                 tuple(model.folder if model else None for model in chain(*models)),
@@ -265,7 +285,7 @@ class _Planning:
     ) -> dict[str, list[str]]:
         """Return the keys of the cached files of each shape; those of signatures are "" for a descriptor."""
         forms = [
-            digest([key, self._key(method), self.seed, model.digest if model else ""])
+            digest([key, self._key(method), self._forms, self.seed, model.digest if model else ""])
             for key, model in zip(prepared, models, strict=True)
         ]
         signatures = [digest([key, self._key(scorer)]) if scorer else "" for key in forms]
@@ -275,7 +295,8 @@ class _Planning:
         self, preparation: Preparation, models: Models, method: Component, scorer: Component | None
     ) -> dict[str, str]:
         """Return what determines the scores, by names that a user understands."""
-        parts = preparation.code | self._code(method) | self._ranking | (self._code(scorer) if scorer else {})
+        parts = preparation.code | self._code(method) | self._forms | self._ranking
+        parts |= self._code(scorer) if scorer else {}
         parts["the camera"] = preparation.camera_key
         for name, component in (("its", method), ("the scorer's", self.scorer)):
             parts[f"{name} title"] = component.info.title

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
+from functools import cache
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +21,7 @@ from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.records import Record, record_of, write_record
 from benchmark.runs.planning import Planned
-from benchmark.runs.tasks import Outcome, Queue, Step, Task
+from benchmark.runs.tasks import File, Outcome, Queue, Step, Task
 from benchmark.runs.workers import Pool
 from benchmark.text import say
 
@@ -29,7 +30,7 @@ _SMALLEST = 2**29
 
 
 class Progress(NamedTuple):
-    """How far a run is: numbers of forms, and what the workers are doing."""
+    """How far a run is: numbers of steps, and what the workers are doing."""
 
     done: int
     total: int
@@ -55,7 +56,7 @@ def run(
     results
         The results folder, which no other run may be writing to.
     size
-        Number of worker processes; 0 runs in this process, so that ``breakpoint()`` works.
+        Number of worker processes. Objects of a Python program run in this process.
     timeout
         Seconds that a method may take for a shape.
     dask
@@ -76,9 +77,9 @@ def run(
     if not pending:
         return
     with writing(results):
-        for step in chain.from_iterable(job.steps() for job in pending.values() if anew):
-            for kind, key in step.keys.items():
-                Cache(results).remove(kind, key)
+        for of_shape in chain.from_iterable(job.steps() for job in pending.values() if anew):
+            for step in of_shape:
+                Cache(results).remove(*step.file)
         drop_stale_kernels()
         workers = _workers(size, timeout, dask)
         try:
@@ -111,10 +112,10 @@ def _workers(size: int, timeout: float, dask: str) -> Any:
         from benchmark.runs.dask import DaskPool
 
         return DaskPool(dask, timeout)
-    possible = min(size, max(1, memory_per_process() // _SMALLEST))
+    possible = max(1, min(size, memory_per_process() // _SMALLEST))
     if possible < size:
         say(f"only {possible} of {size} processes run at a time: there is no memory for more", err=True)
-    return Pool(possible, memory_per_process(possible or 1), timeout)
+    return Pool(possible, memory_per_process(possible), timeout)
 
 
 class _Run:
@@ -123,21 +124,25 @@ class _Run:
     def __init__(self, jobs: dict[str, Planned], results: Path) -> None:
         self.jobs, self.results = jobs, results
         self.queue = Queue(self._is_open)
-        #: Places of steps without a result yet, by the key of the job.
-        self.left: dict[str, set[tuple[object, ...]]] = {}
-        #: Why shapes remain without one, by the key of the job.
+        #: Files that a job still lacks, by its key, and the keys of the jobs that lack a file.
+        self.left = {key: set[File]() for key in jobs}
+        self.lacking = defaultdict[File, list[str]](list)
+        #: Files that are made from a file, and tasks that wait for it.
+        self.following = defaultdict[File, dict[File, None]](dict)
+        self.waiting = defaultdict[File, list[Task]](list)
+        #: Why shapes remain without a result, by the key of the job.
         self.incomplete = defaultdict[str, list[str]](list)
-        #: Steps, and shapes of a data set, that are tried for the second time.
-        self.retried = set[tuple[str, str, str]]()
+        #: Files whose step is tried for the second time, and damaged ones that are made again.
+        self.retried, self.remade = set[File](), set[File]()
         #: Messages about shapes, by data set.
         self.announced = set[tuple[str, str]]()
 
     def records(self, workers: Any, watch: Callable[[Progress], object]) -> Iterator[tuple[Planned, Record]]:
         """Run the jobs."""
-        self.queue.extend(self._tasks())
+        self._begin()
         total = self._n_left
-        for planned in [*self.jobs.values()]:
-            yield from self._finish(planned)
+        for key in [*self.jobs]:
+            yield from self._finish(key)
         while self.jobs:
             for step, outcome in workers.poll(self.queue):
                 if self._is_open(step):
@@ -150,70 +155,130 @@ class _Run:
 
     def _is_open(self, step: Step) -> bool:
         """Return whether the outcome of a step is still wanted."""
-        return step.job.key in self.jobs and (not step.shape or step.place in self.left[step.job.key])
+        return any(key in self.jobs for key in self._jobs_of(step))
 
-    def _tasks(self) -> list[Task]:
-        """Return a task for each shape, plugin and seed, with the steps of all jobs that lack its files."""
-        tasks = defaultdict[tuple[str, str, int, str], list[Step]](list)
-        cache = Cache(self.results)
+    def _jobs_of(self, step: Step) -> list[str]:
+        """Return the keys of the jobs that a step is done for."""
+        return [step.job.key] if step.kind == "records" else self.lacking.get(step.file, [])
+
+    def _begin(self) -> None:
+        """Queue the steps that make the files of all jobs, those of methods behind those that they need."""
+        exists, steps, needs = cache(Cache(self.results).has), dict[File, Step](), dict[File, File | None]()
         for key, planned in self.jobs.items():
-            job = planned.job
-            missing = [step for step in planned.steps() if not cache.has(*[*step.keys.items()][-1])]
-            self.left[key] = {step.place for step in missing}
-            for step in missing:
-                tasks[step.job.source, job.plugin, job.row.seed, step.shape].append(step)
-        return [Task(tuple(steps)) for steps in tasks.values()]
+            for of_shape in planned.steps():
+                if exists(*of_shape[-1].file):
+                    continue
+                for before, step in zip((None, *of_shape), of_shape, strict=False):
+                    if not exists(*step.file):
+                        self._need(step.file, key)
+                        needs[step.file] = before.file if before and before.file in steps else None
+                        steps[step.file] = step
+                    if before:
+                        self.following[before.file][step.file] = None
+        tasks = defaultdict[tuple[object, ...], list[Step]](list)
+        for file, step in steps.items():
+            tasks[self._task_of(step, needs[file], steps)].append(step)
+        for group in tasks.values():
+            files = {step.file for step in group}
+            needed = [need for step in group if (need := needs[step.file]) and need not in files]
+            self._queue(Task(tuple(group)), *needed)
+
+    @staticmethod
+    def _task_of(step: Step, need: File | None, steps: Mapping[File, Step]) -> tuple[object, ...]:
+        """Return what tells apart the task of a step: a shape is loaded once, and methods share its geodesics."""
+        if step.kind == "prepared":
+            return step.job.source, step.job.data_root, step.shape, step.shape or step.key
+        if need and need[0] == "forms" and steps[need].process != step.process:
+            return step.file
+        return step.process, step.job.row.seed, step.keys["prepared"]
+
+    def _need(self, file: File, key: str) -> None:
+        """Note that a job lacks a file."""
+        if file not in self.left[key]:
+            self.left[key].add(file)
+            self.lacking[file].append(key)
+
+    def _queue(self, task: Task, *needed: File) -> None:
+        """Queue a task, or let it wait for a file."""
+        if needed:
+            self.waiting[needed[0]].append(task)
+        else:
+            self.queue.add(task)
 
     def _take(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
         """Note an outcome; yield the jobs with their records that have ended."""
-        planned = self.jobs[step.job.key]
         if outcome.status == "stopped":
             raise BenchmarkError(outcome.reason)
-        if outcome.status in ("incomplete", "crashed") and outcome.scope != "job" and self._is_first_try(step, outcome):
-            self.queue.appendleft(Task((step,)) if step.shape else self._ranking(planned))
+        if outcome.damaged and not self.remade.intersection(outcome.damaged):
+            self._make_again(step, outcome.damaged)
+        elif outcome.status in ("incomplete", "crashed") and outcome.scope != "job" and step.file not in self.retried:
+            self.retried.add(step.file)
+            self.queue.add(self._ranking(step.job.key) if step.kind == "records" else Task((step,)), first=True)
         elif outcome.status == "incomplete":
             yield from self._leave(step, outcome)
-        elif step.shape and outcome.status in ("ok", "refused"):
-            if outcome.scope == "shape":
+        elif step.kind != "records" and outcome.status in ("ok", "refused"):
+            if step.kind == "prepared" and outcome.status == "refused":
                 self._announce(step, outcome.reason)
-            yield from self._finish(planned, step)
+            yield from self._settle(step.file, is_made=outcome.status == "ok")
         else:
-            yield planned, self._end(planned, step.shape, outcome)
+            for planned in [self.jobs[key] for key in self._jobs_of(step) if key in self.jobs]:
+                yield planned, self._end(planned, step.shape, outcome)
 
-    def _is_first_try(self, step: Step, outcome: Outcome) -> bool:
-        """Return whether a step, or its shape if that has no result for any job, has not been tried again before."""
-        job, is_for_all = step.job, outcome.scope == "shape"
-        tried = (job.source if is_for_all else job.key, job.row.input, step.shape)
-        is_first = tried not in self.retried
-        self.retried.add(tried)
-        return is_first
+    def _make_again(self, step: Step, damaged: Sequence[File]) -> None:
+        """Make damaged files of a job again, and then the step that needs them."""
+        key = next(key for key in self._jobs_of(step) if key in self.jobs)
+        makers = {maker.file: maker for of_shape in self.jobs[key].steps() for maker in of_shape}
+        for file in damaged:
+            if file not in self.lacking:
+                self.remade.add(file)
+                Cache(self.results).remove(*file)
+                self.queue.add(Task((makers[file],)))
+            self._need(file, key)
+        if step.kind != "records":
+            self.following[damaged[0]][step.file] = None
+            self._queue(Task((step,)), damaged[0])
 
-    def _finish(self, planned: Planned, step: Step | None = None) -> Iterator[tuple[Planned, Record]]:
-        """Note that a job is done with a step; after the last one, rank its gallery or say what it lacks."""
-        left = self.left[planned.job.key]
-        left -= {step.place} if step else set()
-        if left:
+    def _settle(self, file: File, *, is_made: bool, reason: str = "") -> Iterator[tuple[Planned, Record]]:
+        """Note that a file is made, or will not be, nor those that are made from it; end jobs that lack no more."""
+        files, ended = [file], dict[str, None]()
+        for of_file in files:
+            files += [] if is_made else self.following.pop(of_file, ())
+            for key in filter(self.jobs.__contains__, self.lacking.pop(of_file, ())):
+                self.left[key].discard(of_file)
+                self.incomplete[key] += [reason] * bool(reason)
+                ended[key] = None
+        for task in self.waiting.pop(file, ()):  # which may have steps that need other files
+            self.queue.add(task)
+        for key in ended:
+            yield from self._finish(key)
+
+    def _finish(self, key: str) -> Iterator[tuple[Planned, Record]]:
+        """Rank the gallery of a job that lacks no file, or say what it lacks."""
+        if self.left[key]:
             return
-        reason, *others = dict.fromkeys(self.incomplete[planned.job.key]) or [""]
+        reason, *others = dict.fromkeys(self.incomplete[key]) or [""]
         if reason:
             more = f" (and {len(others)} more)" if others else ""
-            yield planned, self._end(planned, "", Outcome("incomplete", reason + more))
+            yield self.jobs[key], self._end(self.jobs[key], "", Outcome("incomplete", reason + more))
         else:
-            self.queue.append(self._ranking(planned))
+            self.queue.add(self._ranking(key))
 
-    def _ranking(self, planned: Planned) -> Task:
-        return Task((Step(planned.job),), planned.record, planned.steps())
+    def _ranking(self, key: str) -> Task:
+        planned = self.jobs[key]
+        return Task((planned.ranking(),), planned.record)
 
     def _leave(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
-        """Leave a job incomplete at a shape, or all jobs at a shape of a data set, or the whole job."""
-        if outcome.scope == "shape":
+        """Leave jobs incomplete for a file, for all files of its shape, or altogether."""
+        if step.kind == "prepared" or outcome.scope == "shape":
             self._announce(step, outcome.reason)
-        if outcome.scope == "job" or not step.shape:
-            self.left[step.job.key].clear()
-        for key, planned in [*self.jobs.items()]:
-            if key == step.job.key or (outcome.scope == "shape" and step.place in self.left[key]):
-                self.incomplete[key].append(outcome.reason)
-                yield from self._finish(planned, step)
+        if step.kind == "records":
+            self.incomplete[step.job.key].append(outcome.reason)
+            yield from self._finish(step.job.key)
+            return
+        for key in self.lacking[step.file] if outcome.scope == "job" else ():
+            self.left.get(key, set()).intersection_update({step.file})
+        file: File = ("prepared", step.keys["prepared"]) if outcome.scope == "shape" else step.file
+        yield from self._settle(file, is_made=False, reason=outcome.reason)
 
     def _announce(self, step: Step, reason: str) -> None:
         """Say once why a shape has no result."""

@@ -1,5 +1,9 @@
 """Tasks, into which jobs are divided, and the program of a worker that runs them.
 
+Each file of the cache is made by one step, in a process of its maker: prepared shapes by the suite, a form by the suite
+or by the plugin of its method, a signature by that of its scorer. So what a plugin changes in its process, such as a
+constant of the suite, changes no file of anybody else.
+
 Messages of a worker are the name of work that begins and is charged to no method, None when it ends, and outcomes.
 """
 
@@ -12,26 +16,34 @@ import signal
 import sys
 import traceback
 from bdb import BdbQuit
-from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import defaultdict, deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple
 
-from benchmark.api.contracts import Descriptor, Input, Shape
-from benchmark.api.datasets import ShapeSet
+from benchmark.api.contracts import Input, Shape
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import code_of_modules, digest
-from benchmark.errors import BenchmarkError, ConfigurationError, InvalidForm, InvalidSignature, ShapeError, locate
-from benchmark.pipeline import stages
+from benchmark.errors import BenchmarkError, ConfigurationError, locate
+from benchmark.pipeline import forms
 from benchmark.pipeline.cache import Arrays, Cache, Kind, StorageError
-from benchmark.pipeline.ranking import rank
+from benchmark.pipeline.outputs import compute_output, sign
+from benchmark.pipeline.preparation import AGAIN, CHANGED, REFUSED, Incomplete, Preparation, last_change
+from benchmark.pipeline.ranking import DamagedFiles, rank
 from benchmark.pipeline.records import Record, Row
-from benchmark.registry.components import Component
+from benchmark.registry.components import THIS_PROCESS, Component
 from benchmark.registry.modules import check_modules, remember_modules
 from benchmark.text import Printed, clean_lines
+
+#: Modules with the code of the suite that makes files of a kind, beside that of preparation and of the component.
+CODE: Mapping[Kind, str] = {"forms": forms.__name__, "records": rank.__module__}
+
+#: A file of the cache.
+File = tuple[Kind, str]
 
 # What a worker gets and gives ----------------------------------------------------------------------------------------
 
@@ -50,8 +62,6 @@ class Job:
         What to do with them.
     results
         The results folder.
-    code
-        Digest of the code that the plan saw; a worker with other code leaves the job incomplete.
     """
 
     key: str
@@ -61,45 +71,70 @@ class Job:
     method: Component
     scorer: Component
     results: Path
-    code: str
-
-    @property
-    def plugin(self) -> str:
-        """Plugin files that it runs; a worker serves the suite or one plugin."""
-        return " ".join(sorted({str(part.plugin) for part in (self.method, self.scorer) if part.plugin}))
 
 
 class Step(NamedTuple):
-    """A job at one shape, with the keys of its files and its model; or the ranking of its gallery."""
-
-    job: Job
-    shape: str = ""
-    keys: Mapping[Kind, str] = {}
-    model: Path | None = None
-
-    def __str__(self) -> str:
-        return f"{self.job.method.name}, {self.shape}" if self.shape else f"ranking {self.job.row}"
-
-    @property
-    def place(self) -> tuple[str, Path | None, Input, str]:
-        """The shape and how it is seen, for all jobs."""
-        return self.job.source, self.job.data_root, self.job.row.input, self.shape
-
-
-class Task(NamedTuple):
-    """Work for one worker: all steps at one shape of a data set, or the ranking of one job.
+    """What makes a file: the frame of the camera, a prepared shape, a form, a signature, or the distances of a gallery.
 
     Parameters
     ----------
-    steps
-        The steps.
-    record, shapes
-        For a ranking: the record without its outcome, and the step at each shape.
+    job
+        A job that needs the file; others may need it, too.
+    kind, key
+        The file.
+    shape
+        The shape; "" for a frame and for distances.
+    keys
+        Keys of the files of the shape by kind.
+    model
+        Trained model of the method.
+    code
+        Digest of the code that the plan saw; a process with other code leaves the job incomplete.
     """
+
+    job: Job
+    kind: Kind
+    key: str
+    shape: str = ""
+    keys: Mapping[Kind, str] = {}
+    model: Path | None = None
+    code: str = ""
+
+    def __str__(self) -> str:
+        work = "preparation" if self.kind == "prepared" else self.job.method.name
+        return f"{work}, {self.shape or 'camera'}" if self.kind != "records" else f"ranking {self.job.row}"
+
+    @property
+    def file(self) -> File:
+        """The file that it makes."""
+        return self.kind, self.key
+
+    @property
+    def component(self) -> Component:
+        """The method or scorer that makes the file, unless preparation does."""
+        return self.job.method if self.kind == "forms" or not self.job.row.scorer else self.job.scorer
+
+    @property
+    def process(self) -> str:
+        """Whose process it runs in: "" for the suite."""
+        return "" if self.kind == "prepared" else self.component.process
+
+
+def code_of_step(component: Component, kind: Kind) -> str:
+    """Return the digest of the code with which a method or scorer makes files of a kind."""
+    return digest([component.key(), code_of_modules([CODE[kind]] if kind in CODE else [])])
+
+
+class Task(NamedTuple):
+    """Work for one process: steps at one shape of a data set, or the ranking of one job, with its record so far."""
 
     steps: tuple[Step, ...]
     record: Record | None = None
-    shapes: Sequence[Step] = ()
+
+    @property
+    def process(self) -> str:
+        """Whose process it runs in."""
+        return self.steps[0].process
 
 
 class Outcome(NamedTuple):
@@ -114,20 +149,23 @@ class Outcome(NamedTuple):
     reason, traceback
         Why there is no result.
     scope
-        What an outcome without a result holds for: this step, all jobs at this shape, or this job at all shapes.
+        What an outcome without a result holds for: this file, all files of this shape, or the jobs of this file.
     content
         Of a ranking: what its record says.
+    damaged
+        Files that it needs and that are missing or damaged.
     """
 
     status: str
     reason: str = ""
     traceback: str = ""
-    scope: Literal["step", "shape", "job"] = "step"
+    scope: Literal["file", "shape", "job"] = "file"
     content: Mapping[str, Any] = {}
+    damaged: tuple[File, ...] = ()
 
 
-class Queue(deque[Task]):
-    """Tasks to do.
+class Queue:
+    """Tasks to do, by the process that they run in.
 
     Parameters
     ----------
@@ -136,16 +174,27 @@ class Queue(deque[Task]):
     """
 
     def __init__(self, is_open: Callable[[Step], bool]) -> None:
-        super().__init__()
         self._is_open = is_open
+        self._tasks = defaultdict[str, deque[Task]](deque)
 
-    def take(self) -> Task | None:
-        """Return the next task with its open steps; None if there is none."""
-        while self:
-            task = self.popleft()
+    def add(self, task: Task, *, first: bool = False) -> None:
+        """Add a task, behind or before all others."""
+        tasks = self._tasks[task.process]
+        tasks.appendleft(task) if first else tasks.append(task)
+
+    def take(self, process: str) -> Task | None:
+        """Return the next task of a process with its open steps; None if there is none."""
+        tasks = self._tasks[process]
+        while tasks:
+            task = tasks.popleft()
             if steps := tuple(filter(self._is_open, task.steps)):
                 return task._replace(steps=steps)
         return None
+
+    def take_any(self, processes: Iterable[str] = ()) -> Task | None:
+        """Return the next task for workers: of one of some processes if there is one, so that they need not change."""
+        others = (process for process in [*self._tasks] if process != THIS_PROCESS)
+        return next(filter(None, map(self.take, [*processes, *others])), None)
 
 
 # Steps ---------------------------------------------------------------------------------------------------------------
@@ -160,40 +209,36 @@ class RunContext:
     Parameters
     ----------
     uncharged
-        Context of work that is charged to no method: ``"loading"``, ``"preparation"``, ``"geodesics"``.
+        Context of work that is charged to no method: ``"loading"``, ``"geodesics"``.
     """
 
-    def __init__(self, uncharged: stages.Uncharged = lambda _: nullcontext()) -> None:
+    def __init__(self, uncharged: forms.Uncharged = lambda _: nullcontext()) -> None:
         self.uncharged = uncharged
-        self._components: dict[tuple[Job, Path | None], tuple[Any, Any]] = {}
+        self._components: dict[tuple[Component, Path | None, str], Any] = {}
         self._datasets: dict[tuple[str, Path | None], ShapeSet] = {}
-        self._preparations: dict[tuple[str, Path | None, Input, Path], stages.Preparation] = {}
+        self._preparations: dict[tuple[str, Path | None, Input], Preparation] = {}
 
-    def components(self, job: Job, model: Path | None) -> tuple[Any, Any]:
-        """Return the method of a job with its model, and its scorer; raise ``CodeChanged`` if the plan saw others."""
-        if (job, model) not in self._components:
-            _check_code(job)
-            method, scorer = job.method.create(), job.scorer.create()
-            method = method.load(model) if model else method
-            _check_code(job)  # what was imported is what was planned
-            self._components[job, model] = method, scorer
-        return self._components[job, model]
+    def created(self, step: Step) -> Any:
+        """Return the method of a step with its model, or its scorer; raise ``CodeChanged`` if the plan saw another."""
+        model = step.model if step.kind == "forms" else None
+        key = step.component, model, step.code
+        if key not in self._components:
+            with self.uncharged("loading"):
+                _check_code(step)
+                created = step.component.create()
+                created = created.load(model) if model else created
+                _check_code(step)  # what was imported is what was planned
+            self._components[key] = created
+        return self._components[key]
 
-    def preparation(self, job: Job) -> stages.Preparation:
-        """Return the preparation of the shapes of a job, ready for the first one."""
-        data, key = (job.source, job.data_root), (job.source, job.data_root, job.row.input, job.results)
-        if data not in self._datasets:
-            try:
+    def preparation(self, job: Job) -> Preparation:
+        """Return the preparation of the shapes of a job."""
+        data, key = (job.source, job.data_root), (job.source, job.data_root, job.row.input)
+        with self.uncharged("loading"):
+            if data not in self._datasets:
                 self._datasets[data] = _open(*data)
-            except BenchmarkError as error:  # the plan could open it
-                raise stages.Incomplete(f"{stages.CHANGED}: {error.problem}") from error
-        if key not in self._preparations:
-            preparation = stages.Preparation(self._datasets[data], job.row.input, Cache(job.results))
-            try:
-                preparation.get_ready()
-            except ConfigurationError as error:
-                raise Unrunnable(error.problem, error.hint) from error
-            self._preparations[key] = preparation
+            if key not in self._preparations:
+                self._preparations[key] = Preparation(self._datasets[data], job.row.input)
         return self._preparations[key]
 
 
@@ -205,35 +250,45 @@ class CodeChanged(BenchmarkError):
     """The code of a job is not that of its plan."""
 
 
-def _check_code(job: Job) -> None:
-    ranking = code_of_modules([rank.__module__])
-    if digest([job.method.key(), job.scorer.key(), ranking]) != job.code:
-        raise CodeChanged("its code changed during the run, or is another one on this machine", "run again")
+def _check_code(step: Step) -> None:
+    if code_of_step(step.component, step.kind) != step.code:
+        raise CodeChanged("its code changed during the run, or is another one on this machine", AGAIN)
 
 
 def _open(source: str, data_root: Path | None) -> ShapeSet:
     """Open a data set that loads a mesh once for both inputs, unless its file changes: generated ones take a second."""
     from benchmark.datasets.catalogue import open_dataset
+    from benchmark.geometry.preparation import import_pymeshlab
 
-    shapes = open_dataset(source, data_root)
+    try:
+        import_pymeshlab()
+    except ConfigurationError as error:
+        raise Unrunnable(error.problem, error.hint) from error
+    try:
+        shapes = open_dataset(source, data_root)
+    except BenchmarkError as error:  # the plan could open it
+        raise Incomplete(f"{CHANGED}: {error.problem}") from error
     load = lru_cache(1)(lambda entry, _key, _change: shapes.load(entry))
-    return replace(shapes, load=lambda entry: load(entry, shapes.key(entry), stages.last_change(entry)))
+
+    def load_once(entry: Entry) -> Any:
+        return load(entry, shapes.key(entry), last_change(entry))
+
+    return replace(shapes, load=load_once)
 
 
 class Work:
-    """A task under way, with what its steps share: surfaces of the shape and their geodesics.
+    """A task under way, with what its steps share: files, and the shape with its geodesics.
 
     Parameters
     ----------
     task, context
         The task, and what this process keeps for its run.
-    rereading
-        Whether files that exist are read to find damage; otherwise, the names of their arrays are enough.
     """
 
-    def __init__(self, task: Task, context: RunContext, *, rereading: bool = False) -> None:
-        self.task, self._context, self._rereading = task, context, rereading
-        self._surfaces: dict[str, tuple[Arrays, Shape, stages.SharedResults]] = {}
+    def __init__(self, task: Task, context: RunContext) -> None:
+        self.task, self._context = task, context
+        self._files: dict[File, Arrays] = {}
+        self._shapes: dict[str, tuple[Shape, forms.SharedResults]] = {}
 
     def outcome(self, step: Step) -> Outcome:
         """Do a step; what goes wrong in it becomes its outcome.
@@ -244,88 +299,94 @@ class Work:
             If the run is interrupted, which no method is to blame for; so is ``BdbQuit``, with which a debugger ends.
         """
         try:
-            with self._context.uncharged("loading"):
-                method, scorer = self._context.components(step.job, step.model)
-            if self.task.record:
-                return self._rank(self.task.record, step.job, method if isinstance(method, Descriptor) else scorer)
-            return self._process(step, method, scorer)
+            return self._rank(step, self.task.record) if self.task.record else self._make(step)
         except (KeyboardInterrupt, BdbQuit):
             raise
-        except MemoryError:
-            return Outcome("memory", "out of memory; run with fewer jobs (-j 1) or on a larger machine")
         except (StorageError, Unrunnable) as error:
             return Outcome("stopped", str(error))
         except CodeChanged as error:
             return Outcome("incomplete", str(error), scope="job")
-        except stages.Incomplete as error:
-            return Outcome("incomplete", f"{step.shape} {error}".strip(), scope="shape" if step.shape else "step")
-        except (InvalidForm, InvalidSignature) as error:
-            return Outcome("failed", str(error))
-        except ShapeError as error:
-            return Outcome("refused", str(error), scope="shape" if isinstance(error, stages.Unprepared) else "step")
-        except BenchmarkError as error:
-            return Outcome("failed", str(error))
+        except DamagedFiles as error:
+            reason = str(Incomplete(f"cannot read the files of {step.shape or 'the gallery'} again"))
+            return Outcome("incomplete", reason, damaged=(*error.files,))
+        except Incomplete as error:
+            scope: Literal["shape", "file"] = "shape" if isinstance(error, forms.NoGeodesics) else "file"
+            return Outcome("incomplete", f"{step.shape} {error}".strip(), scope=scope)
         except BaseException as error:  # SystemExit included: a method must not end its worker
+            out_of_memory = "out of memory" if isinstance(error, MemoryError) else ""
+            if step.kind == "prepared":  # of the suite, so that no method is to blame
+                problem = f"{step.shape or 'the camera'} was not prepared: {out_of_memory or locate(error)}"
+                return Outcome("incomplete", str(Incomplete(problem)))
+            if out_of_memory:
+                return Outcome("memory", "out of memory; run with fewer jobs (-j 1) or on a larger machine")
+            if isinstance(error, BenchmarkError):
+                return Outcome("failed", str(error))
             return Outcome("failed", locate(error), clean_lines(traceback.format_exc()))
 
-    def _process(self, step: Step, method: Any, scorer: Any) -> Outcome:
-        """Compute the files of a step that are missing."""
-        cache = Cache(step.job.results)
-        if not self._rereading:  # another job has made them, as a rule
-            names = [cache.names(kind, key) for kind, key in step.keys.items()]
-            if all(names) and stages.REFUSED not in set().union(*names):
-                return Outcome("ok")
-        prepared, shape, shared = self._surface(step)
+    def _make(self, step: Step) -> Outcome:
+        """Compute the file of a step, unless it is there; a shape that was refused before remains refused."""
+        before, make = self._MAKERS[step.kind]
+        arrays = self._read(step, before) if before else {}
+        if REFUSED not in arrays:
+            arrays = Cache(step.job.results).get(step.kind, step.key, lambda: make(self, step))
+            self._files[step.file] = arrays
+        refused = arrays.get(REFUSED)
+        return Outcome("ok") if refused is None else Outcome("refused", "; ".join(filter(None, refused.tolist())))
 
-        def compute() -> Arrays:
-            remember_modules()
-            output = stages.compute_output(method, shape, shared)
-            if step.job.method.plugin:
-                check_modules(step.job.method.target)
-            return output
+    def _read(self, step: Step, kind: Kind) -> Arrays:
+        """Return a file of the shape of a step that was made before."""
+        file = kind, step.keys[kind]
+        if file not in self._files:
+            arrays = Cache(step.job.results).read(*file)
+            if arrays is None:
+                raise DamagedFiles([file])
+            self._files[file] = arrays
+        return self._files[file]
 
-        form = self._stage(step, "forms", compute)
-        if "signatures" in step.keys:
-            mesh = stages.mesh_of(form, prepared)
-            self._stage(step, "signatures", lambda: stages.sign(scorer, mesh))
-        return Outcome("ok")
+    def _prepare(self, step: Step) -> Arrays:
+        """Prepare a shape, or fit the frame of the camera; they must be those of the plan."""
+        preparation = self._context.preparation(step.job)
+        if not step.shape:
+            if preparation.frame_key != step.key:
+                raise Incomplete(f"the camera was not prepared: the data set {CHANGED}")
+            return preparation.frame()
+        entry, half_width = preparation.find(step.shape, step.key), preparation.shapes.half_width or 0.0
+        if preparation.input == "view" and preparation.frame_key:
+            frame = step._replace(keys={"prepared": preparation.frame_key})
+            half_width = float(self._read(frame, "prepared")["half_width"])
+        return preparation.prepare(entry, half_width)
 
-    def _surface(self, step: Step) -> tuple[Arrays, Shape, stages.SharedResults]:
-        """Return the prepared shape of a step, which must be that of the plan, and what methods get of it."""
-        job, uncharged = step.job, self._context.uncharged
-        if job.row.input not in self._surfaces:
-            try:
-                with uncharged("loading"):
-                    preparation = self._context.preparation(job)
-                with uncharged("preparation"):
-                    entry = preparation.find(step.shape, step.keys["prepared"])
-                    prepared = preparation.arrays(entry)
-            except MemoryError as error:
-                raise stages.Incomplete("was not prepared: out of memory") from error
-            shared = stages.SharedResults(uncharged)
-            shape = stages.shape_of(prepared, step.shape, job.row.seed, shared)
-            self._surfaces[job.row.input] = prepared, shape, shared
-        return self._surfaces[job.row.input]
+    def _form(self, step: Step) -> Arrays:
+        method, key = self._context.created(step), step.keys["prepared"]
+        if key not in self._shapes:
+            prepared, shared = self._read(step, "prepared"), forms.SharedResults(self._context.uncharged)
+            self._shapes[key] = forms.shape_of(prepared, step.shape, step.job.row.seed, shared), shared
+        remember_modules()
+        output = compute_output(method, *self._shapes[key])
+        if step.component.plugin:
+            check_modules(step.component.target)
+        return output
 
-    def _stage(self, step: Step, kind: Kind, compute: Callable[[], Arrays]) -> Arrays:
-        return stages.require_result(Cache(step.job.results).get(kind, step.keys[kind], compute))
+    def _signature(self, step: Step) -> Arrays:
+        scorer, form = self._context.created(step), self._read(step, "forms")
+        return sign(scorer, forms.mesh_of(form, {} if "faces" in form else self._read(step, "prepared")))
 
-    def _rank(self, record: Record, job: Job, comparing: Any) -> Outcome:
+    #: By kind of a file: the one of the same shape that it is made from, and how.
+    _MAKERS: ClassVar[Mapping[Kind, tuple[Kind | None, Callable[[Any, Step], Arrays]]]] = {
+        "prepared": (None, _prepare),
+        "forms": ("prepared", _form),
+        "signatures": ("forms", _signature),
+    }
+
+    def _rank(self, step: Step, record: Record) -> Outcome:
         """Rank the gallery of a job, and keep its distances."""
-        cache = Cache(job.results)
-
-        def remake(index: int) -> None:
-            step = self.task.shapes[index]
-            outcome = Work(Task((step,)), self._context, rereading=True).outcome(step)
-            if outcome.status == "incomplete":
-                raise stages.Incomplete(outcome.reason.removesuffix(f"; {stages.AGAIN}"))
-
-        content, distances = rank(record, cache, remake, comparing)
+        cache = Cache(step.job.results)
+        content, distances = rank(record, cache, self._context.created(step))
         if not distances:
             name, reason = content["unsupported"][0]
             number = len(content["unsupported"])
             return Outcome("unsupported", f"none of {number} shapes could be processed; {name}: {reason}")
-        cache.write("records", job.key, distances)
+        cache.write(*step.file, distances)
         return Outcome("ok", content=content)
 
 

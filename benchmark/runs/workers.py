@@ -15,7 +15,8 @@ from contextlib import suppress
 from multiprocessing.connection import Pipe, wait
 
 from benchmark.errors import BenchmarkError
-from benchmark.pipeline.stages import Incomplete
+from benchmark.pipeline.preparation import Incomplete
+from benchmark.registry.components import THIS_PROCESS
 from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 
 #: Seconds between looks at the workers, and most of them that count between two: a machine may be paused.
@@ -29,9 +30,6 @@ _OWN_SIGNALS = frozenset(
     {signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGTRAP, signal.SIGSYS}
 )
 
-#: Work before a method's own, which all methods at a shape share.
-_SHARED = frozenset({"preparation", "geodesics"})
-
 #: The program of a worker; a module of its own would exist twice in it, as ``__main__``. The main program stops it;
 #: batch systems send SIGINT to every process.
 _PROGRAM = (
@@ -44,7 +42,7 @@ _starter = ThreadPoolExecutor(1, thread_name_prefix="workers")
 
 
 class Worker:
-    """A process for one task at a time; it starts with the first one, and again after its end or for another plugin.
+    """A process for one task at a time; it starts with the first one, and again after its end or for other code.
 
     Parameters
     ----------
@@ -59,8 +57,8 @@ class Worker:
         self._process: subprocess.Popen[bytes] | None = None
         self.task = Task(())
         self.waiting: deque[Step] = deque()
-        #: Plugin that it serves; "" for the suite, None before its start.
-        self.plugin: str | None = None
+        #: Whose code it runs: "" for the suite, None before its start.
+        self.process: str | None = None
         #: Work under way that is charged to no method.
         self._uncharged: list[str] = []
         #: Seconds for a step, those that are left of it, and the time of the last look at it.
@@ -73,12 +71,12 @@ class Worker:
 
     def begin(self, task: Task) -> None:
         """Give it a task; raise ``BenchmarkError`` if it cannot be started."""
-        plugin = task.steps[0].job.plugin
-        if not self.is_alive or self.plugin != plugin:
+        if not self.is_alive or self.process != task.process:
             self.close()
             self._start()
-        self.task, self.waiting, self.plugin = task, deque(task.steps), plugin
-        self._limit = self._timeout * (len(task.record.shapes) if task.record else 1)
+        self.task, self.waiting, self.process = task, deque(task.steps), task.process
+        is_of_shape = bool(task.steps[0].shape)  # the camera takes as long as its data set is large
+        self._limit = self._timeout * (len(task.record.shapes) if task.record else 1 if is_of_shape else float("inf"))
         self._restart_clock()
         with suppress(OSError):  # it has just died; outcomes() says so
             self.connection.send(task)
@@ -131,13 +129,13 @@ class Worker:
             yield self._blame("timeout", f"stopped after {self._limit:g} s; pass a longer --timeout")
 
     def _blame(self, status: str, reason: str) -> tuple[Step, Outcome]:
-        """Blame the step at work, unless the process ended from outside, or over what all methods share."""
-        step, shared = self.waiting.popleft(), _SHARED.intersection(() if self.task.record else self._uncharged)
-        for work in shared:
-            problem = Incomplete(f"{step.shape} has no result: its {work}: {reason}")
-            return step, Outcome("incomplete", str(problem), scope="shape")
-        if status == "incomplete":
-            reason = str(Incomplete(f"{step.shape or 'the ranking'} has no result: {reason}"))
+        """Blame the method of the step at work, unless the process ended from outside, or over what is the suite's."""
+        step, in_geodesics = self.waiting.popleft(), "geodesics" in self._uncharged
+        if step.kind == "prepared" or in_geodesics or status == "incomplete":
+            work = "its geodesics: " if in_geodesics else "its preparation: " if step.kind == "prepared" else ""
+            what = "the ranking" if self.task.record else step.shape or "the camera"
+            problem = Incomplete(f"{what} has no result: {work}{reason}")
+            return step, Outcome("incomplete", str(problem), scope="shape" if in_geodesics else "file")
         return step, Outcome(status, reason)
 
     def close(self) -> None:
@@ -153,13 +151,12 @@ class Worker:
 
 
 class Pool:
-    """Workers on this machine.
+    """Workers on this machine; objects of a Python program run in this process, without time-outs.
 
     Parameters
     ----------
     size
-        Number of workers; with 0, tasks run in this process, so that ``breakpoint()`` works: without time-outs, and a
-        crash ends the run.
+        Number of workers that work at a time.
     memory
         Most bytes of memory of each.
     timeout
@@ -167,31 +164,45 @@ class Pool:
     """
 
     def __init__(self, size: int, memory: int, timeout: float) -> None:
-        self._workers = [Worker(memory, timeout) for _ in range(size)]
+        self._size, self._memory, self._timeout = size, memory, timeout
+        self._workers: list[Worker] = []
         self._context = RunContext()
 
     @property
     def working(self) -> list[str]:
         """What the workers are doing."""
-        return [str(worker.waiting[0]) for worker in self._workers if worker.waiting]
+        return [str(worker.waiting[0]) for worker in self._busy]
+
+    @property
+    def _busy(self) -> list[Worker]:
+        return [worker for worker in self._workers if worker.waiting]
 
     def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
         """Begin tasks of a queue, and yield the steps that have ended."""
-        if not self._workers and (task := queue.take()):
+        if task := queue.take(THIS_PROCESS):
             work = Work(task, self._context)
             for step in task.steps:
                 yield step, work.outcome(step)
-        free = [worker for worker in self._workers if not worker.waiting]
-        while free and (task := queue.take()):
-            free.sort(key=lambda worker: worker.plugin == task.steps[0].job.plugin)
-            free.pop().begin(task)
-        busy = [worker for worker in self._workers if worker.waiting]
+        while len(self._busy) < self._size:
+            idle = [worker for worker in self._workers if not worker.waiting]
+            task = queue.take_any([worker.process for worker in idle if worker.process is not None])
+            if task is None:
+                break
+            # That of the suite waits while a plugin's works, and another plugin's ends.
+            fitting = [worker for worker in idle if worker.process == task.process]
+            others = [worker for worker in idle if worker.process]
+            worker, *_ = fitting or others or [Worker(self._memory, self._timeout)]
+            worker.begin(task)
+            if worker not in self._workers:
+                self._workers.append(worker)
+        busy = self._busy
         wait([worker.connection for worker in busy], INTERVAL if busy else 0)
         for worker in busy:
             yield from worker.outcomes()
             if not worker.is_alive:
-                queue.appendleft(worker.task._replace(steps=tuple(worker.waiting)))
-                worker.waiting.clear()
+                if worker.waiting:
+                    queue.add(worker.task._replace(steps=tuple(worker.waiting)), first=True)
+                    worker.waiting.clear()
                 worker.close()  # its children
 
     def close(self) -> None:

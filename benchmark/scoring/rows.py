@@ -23,7 +23,7 @@ from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.records import EXTERNAL, Record, read_records, record_of, write_record
 from benchmark.registry import Component
 from benchmark.report.frames import fold_of
-from benchmark.runs.planning import RANKING
+from benchmark.runs.tasks import CODE
 from benchmark.scoring.evaluation import Evaluation
 from benchmark.text import brief
 from retrieval.measures import score_draws
@@ -75,7 +75,8 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
         raise ConfigurationError(f"the shapes are not those of '{facts['gallery']}': {what}", hint)
     order = evaluation.queries.index.get_indexer(list(known))
     matrix = evaluation.distances[np.ix_(order, order)]
-    parts = [facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), code_of_modules([RANKING])]
+    ranking = code_of_modules([CODE["records"]])
+    parts = [facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), ranking]
     key = digest(parts)
     content = {
         **facts,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from benchmark.api.contracts import Mesh, Method, Shape, UnsupportedShape
-from benchmark.pipeline.stages import compute_descriptor, compute_form
+from benchmark.pipeline.outputs import compute_descriptor, compute_form
 from benchmark.registry import by_name, select_one
 from benchmark.registry.known import BUILT_IN
 from tests.baselines.deformable import centre_line, moved_to, shape_of, straightness, tube

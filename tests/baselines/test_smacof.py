@@ -23,7 +23,8 @@ from baselines.smacof import (
 )
 from benchmark.api.contracts import Shape
 from benchmark.geometry import geodesics
-from benchmark.pipeline.stages import SharedResults, compute_output
+from benchmark.pipeline.forms import SharedResults
+from benchmark.pipeline.outputs import compute_output
 from tests.baselines.deformable import moved_to, shape_of, sheet
 from tests.baselines.embedding import PointShape, brute_force_stress, limbed, points_on_ellipsoid, spread
 from tests.golden import inputs

@@ -21,17 +21,11 @@ from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.pipeline import preparation
 from benchmark.pipeline.cache import Cache
+from benchmark.pipeline.forms import MACHINE, SharedResults
+from benchmark.pipeline.outputs import compute_distances, compute_output, compute_signature
+from benchmark.pipeline.preparation import REFUSED, SECONDS, require_result
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Data, Record
-from benchmark.pipeline.stages import (
-    MACHINE,
-    SECONDS,
-    SharedResults,
-    compute_distances,
-    compute_output,
-    compute_signature,
-    require_result,
-)
 from benchmark.registry import select_one
 from tests.golden import inputs
 
@@ -106,9 +100,9 @@ def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) 
         cache, second = Cache(Path(folder)), {SECONDS: np.array(1.0)}
         for form, key in zip(forms, keys, strict=True):
             cache.write("prepared", key, {**second, "note:bridges": np.array(len(form))})
-            cache.write("forms", key, {"refused": np.array(["no reason", ""])} if form in refused else second)
+            cache.write("forms", key, {REFUSED: np.array(["no reason", ""])} if form in refused else second)
             cache.write("signatures", key, {**_committed("cm-bof", form), **second})
-        content, arrays = rank(record, cache, lambda _: None, scorer)
+        content, arrays = rank(record, cache, scorer)
     del content["machines"]
     del content["seconds"]["ranking"]  # of this machine
     refused = [forms.index(name) for name, _ in content.pop("unsupported")]

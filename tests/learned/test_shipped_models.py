@@ -12,8 +12,8 @@ from benchmark.api.datasets import ShapeSet
 from benchmark.api.learning import CARD, digest_of, read_card
 from benchmark.datasets.animals import animals
 from benchmark.datasets.people import CLEARANCE, PEOPLE, clearances, people
+from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.preparation import prepare_view
-from benchmark.pipeline.stages import shape_of
 from benchmark.protocols.trainings import SUBJECT_FOLDS
 from learned.methods import Learned, Streamed
 from learned.models import Card, load

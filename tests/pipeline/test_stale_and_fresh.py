@@ -119,7 +119,9 @@ TOUCHED = {
     "examples/distance_distribution.py": EVERYTHING - {"surface-area"},
     "retrieval/measures.py": EVERYTHING,
     "pipeline/ranking.py": EVERYTHING,
-    "pipeline/stages.py": EVERYTHING,
+    "pipeline/outputs.py": EVERYTHING,
+    "pipeline/forms.py": EVERYTHING,
+    "pipeline/preparation.py": EVERYTHING,
 }
 TOUCHES_NOTHING = ("baselines/fast_mds.py", "benchmark/errors.py", "benchmark/text.py")
 

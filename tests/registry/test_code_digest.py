@@ -59,7 +59,7 @@ def test_docstrings_comments_layout_and_other_files_do_not_matter(plugin):
 
 
 def test_the_code_of_a_method_adds_its_own_file_to_that_of_preparation():
-    code, of_all = code_of("baselines.identity"), code_of("benchmark.pipeline.stages")
+    code, of_all = code_of("baselines.identity"), code_of("benchmark.pipeline.preparation")
     assert code.keys() - of_all.keys() == {"baselines/identity.py"}
     assert not {"benchmark/errors.py", "benchmark/text.py", "psutil", "joblib", "threadpoolctl"} & of_all.keys()
 

@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.stages import compute_distances
+from benchmark.pipeline.outputs import compute_distances
 from benchmark.registry import select_one
 from retrieval import codebook
 from retrieval.clock import count_words, match

@@ -1,10 +1,7 @@
 """A plugin of methods of which most go wrong; ``FAULTS`` is a folder where they say which processes they are."""
 
 import ctypes
-import errno
-import importlib
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -141,27 +138,3 @@ def debugged(shape):
 def flat(shape):
     """Halve the height."""
     return shape.mesh.vertices * [1.0, 1.0, 0.5]
-
-
-def fail(real, how, times):
-    """Let a function that methods share fail in one way, as often as that, and work from then on."""
-
-    def failing(*arguments):
-        if len((NOTES / "failed").read_text().split() if (NOTES / "failed").exists() else ()) >= times:
-            return real(*arguments)
-        note("failed", os.getpid())
-        if how == "sleep":
-            time.sleep(3600)
-        elif how == "kill":
-            os.kill(os.getpid(), signal.SIGKILL)
-        elif how == "memory":
-            raise MemoryError
-        raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-    return failing
-
-
-if "benchmark.runs.tasks" in " ".join(sys.orig_argv) and os.environ.get("FAILS"):
-    module, name, how, times = os.environ["FAILS"].split()
-    module = importlib.import_module(module)
-    setattr(module, name, fail(getattr(module, name), how, int(times)))

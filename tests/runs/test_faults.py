@@ -7,6 +7,8 @@ import shutil
 import signal
 import sys
 import time
+from contextlib import suppress
+from pathlib import Path
 
 import psutil
 import pytest
@@ -112,8 +114,9 @@ def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(pair, tmp_path, m
     for job, record in run(jobs, tmp_path / "results", size=1, timeout=60, watch=kill):
         records[job.record.method] = record
         for child in psutil.Process().children():
-            if "benchmark.runs.tasks" in " ".join(child.cmdline()):
-                child.kill()  # it is idle, or begins to rank
+            with suppress(psutil.ZombieProcess):  # it was killed before
+                if "benchmark.runs.tasks" in " ".join(child.cmdline()):
+                    child.kill()  # it is idle, or begins to rank
     assert killed
     assert {record.status for record in records.values()} == {"ok"}
     assert len(records) == 2
@@ -182,6 +185,8 @@ def pair(rods, tmp_path_factory):
 def failing(pair, tmp_path, monkeypatch):
     """Return a function that runs two methods while a function fails in some way, so many times."""
     monkeypatch.setenv("FAULTS", str(tmp_path))
+    (tmp_path / "sitecustomize.py").write_text("import tests.runs.injection\n")
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{Path.cwd()}")
 
     def run_failing(function, how, times):
         monkeypatch.setenv("FAILS", f"{function} {how} {times}")
@@ -226,7 +231,7 @@ def undisturbed(pair, tmp_path_factory):
     ],
 )
 def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
-    undisturbed, pair, tmp_path, failing, function, how, reason
+    undisturbed, pair, tmp_path, failing, monkeypatch, function, how, reason
 ):
     results = tmp_path / "results"
     records = failing(function, how, times=99)
@@ -234,6 +239,7 @@ def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
         records.pop("fine")  # it needs none
     assert {(record.status, bool(record.scores)) for record in records.values()} == {("incomplete", False)}
     assert all(reason in record.reason and record.reason.count("run again") == 1 for record in records.values())
+    monkeypatch.delenv("FAILS")
     jobs = planned(pair, results, "needs-geodesics", "fine", plugins=(FAULTS,))
     assert {job.record.method for job in jobs if job.is_pending} >= records.keys()
     done(jobs, results, size=0)

@@ -26,7 +26,8 @@ STRETCHED = "def canonicalise(self, shape):\n        return shape.form(shape.mes
 
 @pytest.fixture
 def own(tmp_path, monkeypatch):
-    """A folder of rods of one's own, and the current folder."""
+    """A folder of rods of one's own, and the current folder; runs from Python start no workers."""
+    monkeypatch.setattr(notebook, "available_cores", lambda: 0)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     return write_rods(tmp_path / "rods", bends=(0.0, 1.0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -9,14 +10,34 @@ from typing import Any
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.pipeline.records import Record
 from benchmark.registry import select, select_one
+from benchmark.registry.components import THIS_PROCESS
 from benchmark.runs.planning import Planned, plan
 from benchmark.runs.runner import run
+from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Work
 from tests.toy import wait_for
 
 FAULTS = Path(__file__).with_name("faults.py")
 #: A scorer without images and words, for runs whose scores do not matter: a process that needs no torch starts sooner.
 LIGHT_SCORER = Path(__file__).parents[2] / "examples" / "distance_distribution.py"
 LIGHT = ("--scorer", "distance-distribution", "--plugin", LIGHT_SCORER)
+
+
+class ThisProcess:
+    """Workers of tests that need no process: all steps run in this one, also those of the suite."""
+
+    working: tuple[str, ...] = ()
+
+    def __init__(self) -> None:
+        self._context = RunContext()
+
+    def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
+        if task := queue.take(THIS_PROCESS) or queue.take_any():
+            work = Work(task, self._context)
+            for step in task.steps:
+                yield step, work.outcome(step)
+
+    def close(self) -> None:
+        """End nothing."""
 
 
 def gallery(folder: Path | str) -> Any:

@@ -1,0 +1,118 @@
+"""Forms and descriptors of prepared shapes, as arrays.
+
+The code of this module and of all that it imports is in the key of each form; it imports no check of outputs.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Hashable
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+import numpy as np
+
+from benchmark.api.contracts import CanonicalForm, FloatArray, Mesh, Shape, Solver
+from benchmark.machine import describe_machine
+from benchmark.pipeline.cache import Arrays
+from benchmark.pipeline.preparation import NOTE, SECONDS, Incomplete, timed
+
+#: Array that says on which machine a form was computed, and ending of the seconds of its geodesics.
+MACHINE, GEODESICS = ":machine", ":geodesics"
+
+#: Returns the context of work whose time is not charged to a method, such as ``"geodesics"``.
+Uncharged = Callable[[str], AbstractContextManager[object]]
+
+
+class NoGeodesics(Incomplete):
+    """There is no memory for the geodesics of a shape, which no method is to blame for."""
+
+
+class SharedResults:
+    """Geodesic distances of a shape, by solver, and forms that other methods deform, by method; each computed once.
+
+    Parameters
+    ----------
+    uncharged
+        Context of work that is not charged to a method: geodesics. A form is charged to each method that uses it.
+    """
+
+    def __init__(self, uncharged: Uncharged = lambda _: nullcontext()) -> None:
+        self._uncharged = uncharged
+        self._results: dict[Hashable, tuple[Any, float]] = {}
+        #: Seconds of the matrix that the current method used, and those that passed and are not its own.
+        self.used = 0.0
+        self.waited = 0.0
+
+    def get_or_compute(self, key: Hashable, compute: Callable[[], Any]) -> Any:
+        """Return the distances of a solver, or the form of a method; compute them if they are missing.
+
+        Raises
+        ------
+        NoGeodesics
+            If there is no memory for distances.
+        """
+        known, is_solver, start = key in self._results, isinstance(key, Solver), time.perf_counter()
+        if not known:
+            try:
+                with self._uncharged("geodesics") if is_solver else nullcontext():
+                    result = compute()
+            except MemoryError as error:
+                if is_solver:
+                    raise NoGeodesics("has no geodesics: out of memory") from error
+                raise
+            self._results[key] = result, time.perf_counter() - start
+        result, seconds = self._results[key]
+        if is_solver:
+            self.used = seconds
+            self.waited += 0.0 if known else seconds
+        elif known:
+            self.waited -= seconds
+        return result
+
+
+def shape_of(arrays: Arrays, identifier: str, seed: int = 0, shared: SharedResults | None = None) -> Shape:
+    """Return the shape passed to methods, from its prepared arrays."""
+    return Shape(
+        identifier=identifier,
+        mesh=Mesh(arrays["vertices"], arrays["faces"]),
+        depth=arrays.get("depth"),
+        source_area=float(arrays["source_area"]),
+        seed=seed,
+        cache=shared.get_or_compute if shared else None,
+    )
+
+
+def output_arrays(compute: Callable[[], CanonicalForm | FloatArray], shape: Shape, shared: SharedResults) -> Arrays:
+    """Compute the form or the descriptor of a shape; for a refused shape, the reason.
+
+    Coordinates are rounded to single precision, an error of 1e-7 that is negligible for all scorers. The scored form is
+    therefore the same whether it was just computed or read from the cache.
+
+    Returns
+    -------
+    dict
+        ``vertices``, shape (n, 3), float32, and ``faces`` if they differ from those of the shape; or ``descriptor``,
+        shape (k,); ``note:...`` for each note of the method; seconds of the method, and of the distances that it shares
+        with others.
+    """
+
+    def arrays_of() -> Arrays:
+        output = compute()
+        if not isinstance(output, CanonicalForm):
+            return {"descriptor": np.asarray(output, dtype=np.float64)}
+        mesh = output.mesh
+        changed = {} if np.array_equal(mesh.faces, shape.mesh.faces) else {"faces": mesh.faces}
+        notes = {f"{NOTE}{name}": np.asarray(value) for name, value in output.notes.items()}
+        return {"vertices": mesh.vertices.astype(np.float32), **changed, **notes}
+
+    shared.used = shared.waited = 0.0
+    arrays = timed(arrays_of)
+    geodesics = {SECONDS + GEODESICS: np.asarray(shared.used)} if shared.used else {}
+    seconds = {SECONDS: arrays[SECONDS] - shared.waited, MACHINE: np.asarray(describe_machine())}
+    return {**arrays, **geodesics, **seconds}
+
+
+def mesh_of(form: Arrays, prepared: Arrays) -> Mesh:
+    """Return the form of a shape, from the arrays of :func:`output_arrays` and of the prepared shape."""
+    return Mesh(form["vertices"], form["faces"] if "faces" in form else prepared["faces"])

@@ -1,0 +1,149 @@
+"""What methods, descriptors and scorers return, checked: values are never cast if that changes them.
+
+No key of a prepared shape or of a form contains this code: an edit of a check ranks again, and computes no form anew.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, Shape
+from benchmark.api.scoring import Scorer, SignatureArrays
+from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, one_line
+from benchmark.pipeline.cache import Arrays
+from benchmark.pipeline.forms import SharedResults, output_arrays
+from benchmark.pipeline.preparation import timed
+
+_FORM_HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
+_MATRIX_HINT = "return the distances of all pairs as a symmetric matrix of finite numbers"
+_SIGNATURE_HINT = "return a mapping from names to arrays of finite numbers"
+
+_LARGEST = float(np.finfo(np.float32).max)
+
+
+def compute_output(method: Method | Descriptor, shape: Shape, shared: SharedResults) -> Arrays:
+    """Return the arrays of a form or descriptor, or why the method refuses the shape; see :func:`output_arrays`.
+
+    Raises
+    ------
+    InvalidForm
+        If it returns anything other than a form of the shape, or a vector of finite numbers.
+    """
+
+    def compute() -> CanonicalForm | FloatArray:
+        return compute_form(method, shape) if isinstance(method, Method) else compute_descriptor(method, shape)
+
+    return output_arrays(compute, shape, shared)
+
+
+def sign(scorer: Scorer, form: Mesh) -> Arrays:
+    """Compute the signature of a form; for a refused form, the reason."""
+    return timed(lambda: compute_signature(scorer, form))
+
+
+def compute_form(method: Method, shape: Shape) -> CanonicalForm:
+    """Return the form of a shape by a method; its notes are numbers or text.
+
+    Raises
+    ------
+    ShapeError
+        If the method refuses the shape.
+    InvalidForm
+        If it returns anything other than a form of the shape.
+    """
+    method.info.check(shape)
+    try:
+        form: object = method.canonicalise(shape)
+        if not isinstance(form, CanonicalForm):
+            raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm")
+        mesh = form.mesh
+    except InvalidMesh as error:  # the shape is valid, so the method made it invalid
+        raise InvalidForm(f"{_name(method)} returned no canonical form: {error.problem}", _FORM_HINT) from error
+    if not len(mesh.faces) or np.abs(mesh.vertices).max() > _LARGEST:
+        what = "coordinates too large for single precision" if len(mesh.faces) else "a form without triangles"
+        raise InvalidForm(f"{_name(method)} returned {what}", "keep the scale and the triangles of the shape")
+    for name, value in form.notes.items():
+        if not np.isscalar(value) or np.asarray(value).dtype.kind not in "biufU":
+            problem = f"{_name(method)} returned {type(value).__name__} as note '{name}'"
+            raise InvalidForm(problem, "notes must be numbers or strings")
+    return CanonicalForm(mesh.vertices, mesh.faces, form.notes)
+
+
+def compute_descriptor(method: Descriptor, shape: Shape) -> FloatArray:
+    """Return the descriptor of a shape, shape (k,); raise ``ShapeError`` or ``InvalidForm`` if there is none."""
+    method.info.check(shape)
+    return _check_numbers(method.describe(shape), method, (), "return a vector of finite numbers")
+
+
+def compute_signature(scorer: Scorer, form: Mesh) -> SignatureArrays:
+    """Return the signature of a form: named arrays.
+
+    Raises
+    ------
+    ShapeError
+        If the scorer refuses the form, for example one without extent.
+    InvalidSignature
+        If it returns anything but named arrays of finite numbers.
+    """
+    return _check_signature(scorer.signature(form), _name(scorer))
+
+
+def _check_signature(signature: object, who: str) -> SignatureArrays:
+    if not isinstance(signature, Mapping) or not signature:
+        raise InvalidSignature(f"{who} returned {type(signature).__name__}, not named arrays", _SIGNATURE_HINT)
+    for name, value in signature.items():
+        if not (isinstance(name, str) and name.isidentifier()):
+            raise InvalidSignature(f"{who} returned an array called {name!r:.80}", "name it like a variable")
+        if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf" or not np.isfinite(value).all():
+            raise InvalidSignature(f"{who} returned '{name}', not an array of finite numbers", _SIGNATURE_HINT)
+    return dict(signature)
+
+
+def compute_distances(
+    comparing: Descriptor | Scorer, outputs: Sequence[Any], draw: int = 0, queries: Sequence[Any] | None = None
+) -> FloatArray:
+    """Return the dissimilarities of all pairs of descriptors, or of signatures for one draw of their scorer.
+
+    Those of queries to the outputs, shape (M, N), depend on no other query.
+
+    Raises
+    ------
+    InvalidForm
+        If they are anything but a matrix of finite real numbers, shape (N, N) without queries.
+    """
+    if queries is None:
+        matrix = comparing.compare(outputs, draw) if isinstance(comparing, Scorer) else comparing.distances(outputs)
+        return _check_numbers(matrix, comparing, (len(outputs),) * 2, _MATRIX_HINT)
+    if compare_to := getattr(comparing, "compare_to", None):
+        shape = len(queries), len(outputs)
+        return _check_numbers(compare_to(queries, outputs, draw), comparing, shape, _MATRIX_HINT)
+    each = (compute_distances(comparing, [*outputs, query], draw) for query in queries)
+    return np.stack([matrix[-1, :-1] for matrix in each])
+
+
+def _check_numbers(output: object, component: object, shape: tuple[int, ...], hint: str) -> FloatArray:
+    """Return an output as an array of finite real numbers of a shape; () stands for a vector that is not empty."""
+    who = f"{_name(component)} returned"
+    try:
+        array: NDArray[Any] = np.asarray(output)
+    except (TypeError, ValueError, RuntimeError) as error:  # rows of different lengths
+        raise InvalidForm(f"{who} no array ({one_line(error)})", hint) from error
+    fits = array.shape == shape if shape else array.ndim == 1 and array.size
+    if not fits or array.dtype.kind not in "iuf":
+        raise InvalidForm(f"{who} an array of shape {array.shape} and type {array.dtype}", hint)
+    if not np.isfinite(array).all():
+        raise InvalidForm(f"{who} an array with NaN or infinite numbers", hint)
+    return array.astype(np.float64)
+
+
+def _name(component: Any) -> str:
+    """Return file and name of a method or scorer, for messages."""
+    file = getattr(sys.modules.get(type(component).__module__), "__file__", None)
+    kind = "scorer" if isinstance(component, Scorer) else "method"
+    return f"{Path(file).name}: {kind} '{component.info.name}'" if file else f"{kind} '{component.info.name}'"

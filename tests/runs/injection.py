@@ -1,0 +1,36 @@
+"""Lets a function of the suite fail in workers, of the suite and of plugins alike; imported when they start."""
+
+from __future__ import annotations
+
+import errno
+import importlib
+import os
+import signal
+import sys
+import time
+
+from tests.runs.faults import NOTES, note
+
+
+def fail(real, how, times):
+    """Let a function that methods share fail in one way, as often as that, and work from then on."""
+
+    def failing(*arguments):
+        if len((NOTES / "failed").read_text().split() if (NOTES / "failed").exists() else ()) >= times:
+            return real(*arguments)
+        note("failed", os.getpid())
+        if how == "sleep":
+            time.sleep(3600)
+        elif how == "kill":
+            os.kill(os.getpid(), signal.SIGKILL)
+        elif how == "memory":
+            raise MemoryError
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    return failing
+
+
+if "benchmark.runs.tasks" in " ".join(sys.orig_argv) and os.environ.get("FAILS"):
+    module, name, how, times = os.environ["FAILS"].split()
+    module = importlib.import_module(module)
+    setattr(module, name, fail(getattr(module, name), how, int(times)))
