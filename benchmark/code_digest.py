@@ -1,7 +1,8 @@
 """Digests of the code that makes a result: sources, compiled extensions and versions of packages; nothing is imported.
 
 The code of a module is its source and that of everything that it imports, directly or not, except installed packages,
-whose versions count, errors, messages and the description of the machine. Imports inside functions count.
+whose versions count, errors, messages and the description of the machine. Imports inside functions count. Of a user's
+file, all bytes count; of the suite's, docstrings and what type checkers alone import do not.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from functools import cache, partial
 from importlib.machinery import EXTENSION_SUFFIXES
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,9 +28,8 @@ FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 #: Folder that holds the packages of the suite.
 ROOT = Path(__file__).parents[1]
 
-#: Modules that determine no result, and fields of the ``info`` of a method or scorer that hold words.
+#: Modules that determine no result.
 _WORDS = ("benchmark.errors", "benchmark.text", "benchmark.machine")
-_WORDS_OF_INFO = ("name", "title", "summary")
 
 
 def code_digest(target: str, files: Iterable[str] = ()) -> str:
@@ -52,7 +53,7 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
     Returns
     -------
     dict
-        Digest of each source without docstrings, of each compiled extension and of each of the files, by path; version
+        Digest of each source, of each compiled extension and of each of the files, by path; version
         of each package, by the name of its distribution.
 
     Raises
@@ -211,6 +212,8 @@ def _parsed_once(path: Path, *_: int) -> _Module:
         tree = None
     if tree is None:
         return _Module(digest_of_bytes(content))
+    if not any(path.is_relative_to(ROOT / package) for package in FIRST_PARTY):
+        return _Module(digest_of_bytes(content), tuple(chain.from_iterable(map(_imports, ast.walk(tree)))))
     imports: dict[tuple[int, str, str], None] = {}
     parts: list[Any] = []
     pending: list[Any] = [tree]
@@ -225,19 +228,10 @@ def _parsed_once(path: Path, *_: int) -> _Module:
         elif isinstance(node, ast.AST):
             imports |= dict.fromkeys(_imports(node))
             pending += [getattr(node, name, None) for name in node._fields]
-            if isinstance(node, ast.Call) and _makes_info(node):
-                pending[-1] = [keyword for keyword in node.keywords if keyword.arg not in _WORDS_OF_INFO]
             parts.append(type(node).__name__)
         else:
             parts.append(node)
     return _Module(digest_of_bytes(repr(parts).encode()), tuple(imports))
-
-
-def _makes_info(call: ast.Call) -> bool:
-    """Return whether a call makes the ``info`` of a method or scorer, or changes one."""
-    name = _name(call.func)
-    is_change = name == "replace" and bool(call.args) and _name(call.args[0]) == "info"
-    return is_change or name in ("MethodInfo", "ScorerInfo", "canonical_form")
 
 
 def _imports(node: ast.AST) -> list[tuple[int, str, str]]:

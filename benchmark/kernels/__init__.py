@@ -1,6 +1,7 @@
 """Compiled kernels: remove those of older code, and choose a writable folder for them.
 
-numba keeps a compiled kernel until its own file changes, although kernels of other files are compiled into it.
+numba keeps a compiled kernel until its own file changes, although kernels of other files, and values that a plugin read
+from anywhere, are compiled into it. So those of a plugin never outlive the process that compiled them.
 """
 
 from __future__ import annotations
@@ -22,18 +23,20 @@ VARIABLE = "NUMBA_CACHE_DIR"
 _PACKAGE = Path(__file__).parent
 
 
-def drop_stale_kernels(sources: Iterable[Path] | None = None) -> None:
-    """Remove the compiled kernels of modules whose code, or that of a module they use, has changed.
-
-    Parameters
-    ----------
-    sources
-        Source files; by default, those of the suite.
-    """
-    for source in suite_sources() if sources is None else sources:
-        if source.suffix == ".py" and b"numba" in source.read_bytes():
+def drop_stale_kernels() -> None:
+    """Remove the compiled kernels of the suite whose code, or that of a module they use, has changed."""
+    for source in suite_sources():
+        if b"numba" in source.read_bytes():
             with suppress(OSError):  # a folder that is read-only
                 _drop_if_stale(source)
+
+
+def remove_kernels(sources: Iterable[Path]) -> None:
+    """Remove the compiled kernels of source files."""
+    for source in sources:
+        with suppress(OSError):
+            for path in compiled_kernels(source):
+                path.unlink(missing_ok=True)
 
 
 def suite_sources() -> list[Path]:
@@ -51,16 +54,14 @@ def compiled_kernels(source: Path) -> list[Path]:
 
 
 def _drop_if_stale(source: Path) -> None:
-    is_ours = source.is_relative_to(ROOT) and source.relative_to(ROOT).parts[0] in FIRST_PARTY
-    target = ".".join(source.relative_to(ROOT).with_suffix("").parts) if is_ours else str(source)
+    target = ".".join(source.relative_to(ROOT).with_suffix("").parts)
     digest, mark = code_digest(target), kernel_folder(source) / f"{source.stem}.kernels"
     if mark.is_file() and mark.read_text(encoding="utf-8") == digest:
         return
     compiled = compiled_kernels(source)
     newest = max(path.stat().st_mtime_ns for path in sources_of(target))
     if mark.is_file() or any(path.stat().st_mtime_ns < newest for path in compiled):
-        for path in compiled:
-            path.unlink(missing_ok=True)
+        remove_kernels([source])
     write_text(mark, digest)
 
 

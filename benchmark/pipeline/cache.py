@@ -92,7 +92,7 @@ class Cache:
             return set()
 
     def read(self, kind: Kind, key: str, without: Collection[str] = ()) -> dict[str, NDArray[Any]] | None:
-        """Return read-only arrays under a key, except some; None if there are none, or their file is damaged in any way."""
+        """Return the read-only arrays under a key, except some; None if there are none, or their file is damaged."""
         try:
             with zipfile.ZipFile(self._path(kind, key)) as archive:
                 names = _names(archive).difference(without)

@@ -17,7 +17,7 @@ from typing import Any
 from benchmark.code_digest import is_installed, modules_beside, plugin_file, sources_of
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.files import file_digest
-from benchmark.kernels import drop_stale_kernels
+from benchmark.kernels import remove_kernels
 from benchmark.text import Printed
 
 #: Contents of the sources of each plugin module when it was imported, and of the files that its methods name.
@@ -107,6 +107,7 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     for source in sources:  # compiled code of the same second and size may be of an earlier edit
         with suppress(OSError):
             Path(importlib.util.cache_from_source(source)).unlink(missing_ok=True)
+    remove_kernels(sources)
     for known in [known for known in sys.modules if _file_of(known) in sources]:
         del sys.modules[known]
     contents = _contents(target)
@@ -144,7 +145,6 @@ def _check_helpers(path: Path) -> None:
 def _execute(name: str, path: Path) -> ModuleType:
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
-    drop_stale_kernels(sources_of(str(path)))
     spec: Any = importlib.util.spec_from_file_location(name, path)
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module

@@ -39,7 +39,7 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_pa
     assert "finished before" in call(*train)
     assert (folder / CARD).stat().st_mtime_ns == before
     selection = ("-t", "III-view", "-m", "nearest-view", *SMALL, "--results", tmp_path, "--data-root", root)
-    told = " ".join(call("run", *selection, "-j", "0").split())
+    told = " ".join(call("run", *selection, "-j", 1).split())
     assert "Nearest View" in told
     assert "Trained on the classes of: Nearest View 6 of 12 shapes (all shapes); they stay in the gallery" in told
     assert call("plan", *selection).startswith("finished")

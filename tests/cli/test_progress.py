@@ -23,10 +23,10 @@ def test_a_narrow_terminal_cuts_what_runs_not_how_far_it_is(width):
             bar.watch(Progress(done, 160, WORKING))
         bar.ended("ok           animals mesh gps  NN .98 FT .76 ST .90 DCG .93  (.12 s a shape)")
     shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.getvalue()).replace("\r", "\n")
-    lines = [line.rstrip() for line in shown.split("\n") if "forms" in line]
+    lines = [line.rstrip() for line in shown.split("\n") if "steps" in line]
     assert max(map(len, lines)) <= width
     assert "0/12 jobs, 0:01:30 left" in lines[0]
-    assert "160/160 forms, 1/12 jobs" in lines[-1]
+    assert "160/160 steps, 1/12 jobs" in lines[-1]
     assert "left" not in lines[-1]
     assert any("mesh-unf" in line for line in lines)
 
@@ -37,7 +37,7 @@ def test_the_first_form_which_waits_for_kernels_counts_little_beside_an_estimate
     monkeypatch.setattr("benchmark.cli.progress.time.monotonic", lambda: next(seconds))
     bar = Bar(2, expected)
     bar.watch(Progress(1, 160, ("gps, cat0",)))
-    assert f"1/160 forms, 0/2 jobs, {left} left" in capsys.readouterr().err
+    assert f"1/160 steps, 0/2 jobs, {left} left" in capsys.readouterr().err
 
 
 def test_without_a_terminal_a_line_now_and_then(monkeypatch, capsys):
@@ -46,7 +46,7 @@ def test_without_a_terminal_a_line_now_and_then(monkeypatch, capsys):
         bar.watch(Progress(0, 10, ("gps, cat0",)))
         bar.ended("ok           rods mesh gps")
     assert capsys.readouterr().err.splitlines() == [
-        "0/10 forms, 0/2 jobs, 0:01:00 left, gps, cat0",
+        "0/10 steps, 0/2 jobs, 0:01:00 left, gps, cat0",
         "ok           rods mesh gps",
     ]
 

@@ -148,23 +148,28 @@ def test_an_edit_of_a_plugin_or_of_what_it_uses_runs_it_alone(world):
     assert world.stale() == {}
 
 
-def test_docstrings_comments_and_the_name_of_a_plugin_change_nothing(world):
-    edit(world.plugin, '"""Smoothed surface."""', '"""Lengthen it."""  # by twice')
-    assert world.stale() == {}
+def test_the_name_of_a_plugin_file_changes_nothing(world):
     world.plugin = world.plugin.rename(world.plugin.with_name("stretch_it.py"))
     assert world.stale() == {}
 
 
-def test_words_about_a_method_make_no_form_anew_and_a_renamed_method_finds_its_forms(world):
-    for old, new in [('name="stretch"', 'name="lengthen"'), ('title="Smooth"', 'title="Longer", summary="twice"')]:
-        before = {path: path.stat().st_mtime_ns for path in (world.results / "runs").glob("*s/*.npz")}
-        edit(world.plugin, old, new)
-        (record,) = done(world.plan("lengthen"), world.results, size=0).values()
-        assert (record.status, record.method) == ("ok", "lengthen")
-        after = {path: path.stat().st_mtime_ns for path in (world.results / "runs").glob("*s/*.npz")}
-        assert {path.parent.name for path, _ in after.items() ^ before.items()} == {"records"}
-    assert record.title == "Longer"
-    assert len([each for each in read_records(world.results) if each.method == "lengthen"]) == 1
+def test_an_edit_of_a_check_a_ranking_step_or_a_measure_makes_no_form_anew_and_one_of_preparation_does(world, edited):
+    made = {"forms", "prepared", "signatures"}
+    expected = {"pipeline/outputs.py": set(), "pipeline/ranking.py": set(), "retrieval/measures.py": set(),
+                "pipeline/forms.py": made - {"prepared"}, "pipeline/preparation.py": made}  # fmt: skip
+    for name, kinds in expected.items():
+        edited(name)
+        before = {*(world.results / "runs").glob("*/*.npz")}
+        assert done(world.plan("stretch", "gps"), world.results, size=0)["gps"].status == "ok"
+        after = {*(world.results / "runs").glob("*/*.npz")}
+        assert {path.parent.name for path in after - before} == kinds | {"records"}, name
+
+
+def test_keys_of_shapes_and_forms_hold_no_check():
+    for module in ("preparation", "forms"):
+        assert not {"outputs.py", "ranking.py", "measures.py"} & {
+            path.name for path in code_digest.sources_of(f"benchmark.pipeline.{module}")
+        }
 
 
 def test_other_data_run_everything_on_the_shapes_that_changed_alone(world):
@@ -173,14 +178,6 @@ def test_other_data_run_everything_on_the_shapes_that_changed_alone(world):
     before = set((world.results / "runs" / "forms").iterdir())
     run_toy(world.rods, world.results, "identity")
     assert len(set((world.results / "runs" / "forms").iterdir()) - before) == 1
-
-
-def test_an_edit_of_the_measures_ranks_again_and_makes_no_form(world, edited):
-    files = {path: path.stat().st_mtime_ns for path in (world.results / "runs" / "signatures").iterdir()}
-    edited("retrieval/measures.py")
-    jobs = world.plan("identity")
-    assert done(jobs, world.results, size=0)["identity"].status == "ok"
-    assert {path: path.stat().st_mtime_ns for path in (world.results / "runs" / "signatures").iterdir()} == files
 
 
 def test_the_next_run_of_a_job_replaces_its_record_and_until_then_its_forms_are_there(world):

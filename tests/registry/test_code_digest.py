@@ -8,6 +8,7 @@ import sys
 
 import pytest
 
+from benchmark import code_digest as module
 from benchmark.code_digest import code_digest, code_of, modules_beside
 from benchmark.errors import ConfigurationError
 from tests.registry.plugin import write_plugin
@@ -50,12 +51,32 @@ def test_an_edit_of_what_a_plugin_imports_or_names_changes_the_digest(plugin, na
     assert {part for part in after if after[part] != parts.get(part)} == {name}
 
 
-def test_docstrings_comments_layout_and_other_files_do_not_matter(plugin):
+def test_all_bytes_of_a_users_file_count_and_those_of_no_other_file(plugin):
     before = code_digest(str(plugin))
-    touch(plugin, plugin.read_text().replace("Smoothed surface.", "Other words.").replace("\n\n\n", "\n\n# why\n\n"))
     touch(plugin.parent / "unused.py", "VALUE = 2\n")
     touch(plugin.parent / "random.py", "VALUE = 2\n")  # the plugin gets the standard module
     assert code_digest(str(plugin)) == before
+    text = plugin.read_text()
+    for edited in (
+        text.replace("Smoothed surface.", "Other."),
+        text.replace('title="Smooth"', 'title="S"'),
+        text + "#",
+    ):
+        touch(plugin, edited)
+        assert edited != text
+        assert code_digest(str(plugin)) != before
+
+
+def test_docstrings_and_comments_of_the_suite_do_not_count(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "ROOT", tmp_path)
+    monkeypatch.setattr(module, "FIRST_PARTY", ("suite",))
+    (tmp_path / "suite").mkdir()
+    digests = set()
+    for text in ('"""One."""\nVALUE = 1', '"""Another."""  # why\n\nVALUE = (1)', "VALUE = 2"):
+        touch(tmp_path / "suite" / "part.py", text)
+        module._parsed_once.cache_clear()
+        digests.add(module._parsed(tmp_path / "suite" / "part.py").digest)
+    assert len(digests) == 2
 
 
 def test_the_code_of_a_method_adds_its_own_file_to_that_of_preparation():
@@ -98,9 +119,9 @@ def test_a_compiled_extension_counts_by_its_content(plugin):
     assert code_of(str(plugin))["fast.abi3.so"] != before["fast.abi3.so"]
 
 
-def test_a_type_checkers_import_does_not_count(plugin):
-    write_plugin(plugin, imports="from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import unused")
-    assert "unused.py" not in code_of(str(plugin))
+def test_an_import_under_any_condition_counts(plugin):
+    write_plugin(plugin, imports="class S:\n    TYPE_CHECKING = True\nif S.TYPE_CHECKING:\n    import unused")
+    assert "unused.py" in code_of(str(plugin))
 
 
 @pytest.mark.parametrize(("name", "what"), [("tabel.csv", "missing"), ("package", "a folder")])
