@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from datetime import timedelta
@@ -12,6 +13,7 @@ from benchmark.cli.options import Selection
 from benchmark.cli.progress import Bar
 from benchmark.cli.results import outcome, print_tables
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
+from benchmark.datasets.changes import split_name
 from benchmark.datasets.checking import unread_files
 from benchmark.errors import ConfigurationError
 from benchmark.kernels import compiled_kernels, suite_sources
@@ -101,7 +103,7 @@ def run(
     jobs = planned_jobs(selection, records, rerun, of_programs, in_this_process=in_this_process)
     for job in jobs if forms else ():
         check_forms(job.record, job.before, job.job.method.given)
-    _announce(jobs, selection.data_root)
+    _announce(jobs, selection.data_root, records)
     pending = [job for job in jobs if job.is_pending]
     say(f"{len(pending)} of {len(jobs)} jobs to run, {sum(job.state == 'finished' for job in jobs)} finished before")
     names = {job.record.key: name for job, name in zip(jobs, _names(jobs, records), strict=True)}
@@ -191,8 +193,13 @@ def _print_tables_of(
     print_tables(views, robustness_markdown(of_jobs) if is_changed else "")
 
 
-def _announce(jobs: Sequence[Planned], data_root: Path | None) -> None:
-    """Announce stand-ins and files that are not read."""
+def _announce(jobs: Sequence[Planned], data_root: Path | None, records: Iterable[Record]) -> None:
+    """Announce stand-ins, folders that are no longer where they were, and files that are not read."""
+    folders = {job.record.data.name: job.record.data.path for job in jobs if job.record.data.path}
+    for path in sorted({of.data.path for of in records if folders.get(of.data.name, of.data.path) != of.data.path}):
+        if not Path(split_name(path)[0]).exists():
+            forget = shlex.join(["forget", "-d", path])
+            say(f"{path} is no longer there; its rows stay in tables until '{forget}'", err=True)
     for name, official in {job.record.data.name: job.record.data.stand_in_for for job in jobs}.items():
         if official in CATALOGUE and name in CATALOGUE:
             where = f"{data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"

@@ -361,6 +361,8 @@ def merge(selection: Selection, folders: Annotated[list[Path], Argument(metavar=
         merged = merge([folder for folder in folders if folder.resolve() != results.resolve()], results)
     for existing, other in merged.conflicts:
         say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
+        words = ["forget", "-m", existing.method, "-d", existing.data.path or existing.data.name]
+        say(f"the one here stays; to take the other, run 'python -m benchmark {shlex.join(words)}', and merge again")
     say(f"records: {len(merged.added)} added, {merged.known} known, {len(merged.conflicts)} in conflict")
     return not merged.conflicts
 

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
+
+import msgspec
 
 from benchmark.pipeline.cache import RUNS, StorageError
-from benchmark.pipeline.records import Record, read_records, write_record
+from benchmark.pipeline.records import Ranked, Record, key_at, read_records, write_record
+
+RankedSide = TypeVar("RankedSide", bound=Ranked)
 
 
 class Merged(NamedTuple):
-    """Outcome of a merge: new records, the number of known ones, and pairs with one key and different scores."""
+    """Outcome of a merge: new records, the number of known ones, and pairs of other results for one row."""
 
     added: list[Record]
     known: int
@@ -19,33 +23,53 @@ class Merged(NamedTuple):
 
 
 def merge(folders: Iterable[Path], results: Path) -> Merged:
-    """Add the records of other results folders: a result replaces a failure, and a newer job an older one of its kind.
+    """Add the records of other results folders; a result replaces a failure, and the later of two failures stays.
+
+    Records of a folder with the name, shapes and cameras of one here are of that one. Two results of one row that are
+    not the same are a conflict: the one here stays.
 
     Raises
     ------
     StorageError
         If a folder holds no records.
     """
-    known = read_records(results, published=False)
+    known = {record.row: record for record in read_records(results, published=False)}
     added, n_known, conflicts = list[Record](), 0, list[tuple[Record, Record]]()
     for folder in folders:
         if not (folder / RUNS / "records").is_dir():
             raise StorageError(f"{folder} holds no records", "name a results folder, which has runs/records")
-        for record in read_records(folder, published=False):
-            existing = next((other for other in known if other.row == record.row), None)
-            if existing is None or _replaces(record, existing):
-                new = record.without_files()
-                known = [*(other for other in known if other is not existing), new]
-                write_record(results, new, existing.key if existing else "")
+        for theirs in read_records(folder, published=False):
+            record = _of_data_here(theirs.without_files(), known.values())
+            existing = known.get(record.row)
+            is_later = existing is None or record.status == "ok" or record.finished > existing.finished
+            if existing is None or (existing.status != "ok" and is_later):
+                known[record.row] = record
+                write_record(results, record, existing.key if existing else "")
                 added.append(record)
-            elif record.key == existing.key and record.status == "ok" and record.scores != existing.scores:
+            elif existing and record.status == existing.status == "ok" and not _is_same(record, existing):
                 conflicts.append((existing, record))
             else:
                 n_known += 1
     return Merged(added, n_known, conflicts)
 
 
-def _replaces(record: Record, other: Record) -> bool:
-    if (record.status == "ok") != (other.status == "ok"):
-        return record.status == "ok"
-    return record.key != other.key and record.finished > other.finished
+def _of_data_here(record: Record, known: Collection[Record]) -> Record:
+    """Return a record whose data lie where the same data lie here."""
+    here = [side for other in known for side in other.sides]
+
+    def moved(side: RankedSide) -> RankedSide:
+        same = [of.data.path for of in here if _facts(of) == _facts(side)]
+        path = side.data.path if side.data.path in same or not same else same[-1]
+        return msgspec.structs.replace(side, data=msgspec.structs.replace(side.data, path=path))
+
+    record = moved(msgspec.structs.replace(record, against=record.against and moved(record.against)))
+    key = key_at(record.result_key, record.row.paths) if record.result_key else record.key
+    return msgspec.structs.replace(record, key=key)
+
+
+def _facts(side: Ranked) -> tuple[str, ...]:
+    return side.gallery, side.gallery_digest, side.input, side.data.name
+
+
+def _is_same(record: Record, other: Record) -> bool:
+    return (record.key, record.scores) == (other.key, other.scores)

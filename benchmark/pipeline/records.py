@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
@@ -14,7 +14,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
-from benchmark.code_digest import ROOT, digest_of_bytes
+from benchmark.code_digest import ROOT, digest, digest_of_bytes
 from benchmark.files import write_atomically
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import RUNS, Cache, Kind, storing
@@ -43,7 +43,7 @@ LARGEST_FILE = 2**28
 EXTERNAL = "external"
 
 
-class Data(msgspec.Struct, frozen=True):
+class Data(msgspec.Struct, frozen=True, omit_defaults=True):
     """The data set of a job.
 
     Parameters
@@ -55,7 +55,9 @@ class Data(msgspec.Struct, frozen=True):
     quick, n_shapes
         Whether poses were omitted, and the number of shapes without that; 0 if unknown.
     path
-        Where a folder, or a plugin file, lies; "" for a set of the suite.
+        Where a folder lies; "" for a set of the suite.
+    paths
+        Where it was found, in records of version 0.3.0; the last one is its path.
     """
 
     name: Name
@@ -65,6 +67,12 @@ class Data(msgspec.Struct, frozen=True):
     quick: bool = False
     n_shapes: int = 0
     path: Name = ""
+    paths: list[Name] = []
+
+    def __post_init__(self) -> None:
+        if self.paths:
+            msgspec.structs.force_setattr(self, "path", self.paths[-1])
+            msgspec.structs.force_setattr(self, "paths", [])
 
 
 class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -129,8 +137,8 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
 
     Parameters
     ----------
-    key
-        Digest of everything that determines the scores.
+    key, result_key
+        Digests of everything that determines the scores, with and without the paths of the data.
     status, reason, traceback
         Outcome of the job; what went wrong unless it is ``"ok"``.
     against, keeps_same_names
@@ -169,6 +177,7 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
     keeps_same_names: bool = False
     reason: str = ""
     traceback: str = ""
+    result_key: str = ""
     cite: str = ""
     parameters: dict[str, Any] = {}
     defaults: dict[str, Any] = {}
@@ -249,6 +258,11 @@ class Row(NamedTuple):
         return f"{self.gallery} {self.input} {self.method}{seed}{by}"
 
 
+def key_at(result_key: str, paths: Sequence[str]) -> str:
+    """Return the key of a record of data at some paths: a folder at another path is another data set."""
+    return digest([result_key, *paths]) if any(paths) else result_key
+
+
 # Reading -------------------------------------------------------------------------------------------------------------
 
 
@@ -290,18 +304,17 @@ def read_files(paths: Iterable[Path]) -> list[Record]:
             continue
         for number, line in enumerate([text] if path.suffix == ".json" else text.splitlines(), 1):
             try:
-                record = _decoder.decode(line)
-                content = msgspec.structs.replace(record, checksum="")
-                if record.checksum and record.checksum != _checksum(content):
+                record, content = _decoder.decode(line), msgspec.json.decode(line)
+                if content.pop("checksum", "") not in ("", _checksum(content)):
                     raise msgspec.DecodeError("it was changed after it was written")
-                records.append(content)
+                records.append(msgspec.structs.replace(record, checksum=""))
             except (msgspec.DecodeError, UnicodeError, RecursionError) as error:  # ValidationError is one
                 where = f"{path}:{number}" if path.suffix == ".jsonl" else path
                 _skip(f"{where}: it is not a record: {error}; remove it")
     return records
 
 
-def _checksum(record: Record) -> str:
+def _checksum(record: Record | Mapping[str, Any]) -> str:
     return digest_of_bytes(msgspec.json.encode(record, order="sorted"))
 
 

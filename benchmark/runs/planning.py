@@ -20,7 +20,7 @@ from benchmark.pipeline.cache import Kind
 from benchmark.pipeline.data_names import path_of
 from benchmark.pipeline.preparation import Preparation
 from benchmark.pipeline.ranking import STAGES
-from benchmark.pipeline.records import SUITE_RESULTS, Ranked, Record, Row, read_records, record_of
+from benchmark.pipeline.records import SUITE_RESULTS, Ranked, Record, Row, key_at, read_records, record_of
 from benchmark.protocols.galleries import Gallery, selected_galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.tables import INPUTS
@@ -233,7 +233,8 @@ class _Planning:
             if seen and gallery.table.all_unseen:
                 state, reason = "unsupported", f"{len(seen)} shapes were seen in training, such as {seen[0]}"
                 reason += "; take a model of another training"
-            key, parts, files = digest(["unavailable", row]), dict[str, str](), [dict[str, list[str]]()] * 2
+            key, result_key = digest(["unavailable", row]), ""
+            parts, files = dict[str, str](), [dict[str, list[str]]()] * 2
             codes: dict[Kind, str] = {}
             if state is None:
                 of_kinds: dict[Kind, Component] = {"forms": method, "records": scorer or method}
@@ -242,13 +243,15 @@ class _Planning:
                 files = [self._files(*side, method, scorer) for side in zip(prepared, models, strict=True)]
                 titles = [method.title, scorer.title if scorer else ""]
                 keys = [keys for of_side in files for keys in zip(*of_side.values(), strict=True)]
-                key = digest([row, titles, facts["gallery_digest"], keys, self._ranking])
+                result_key = digest([row._replace(paths=()), titles, facts["gallery_digest"], keys, self._ranking])
+                key = key_at(result_key, paths)
                 for side in zip(preparations, models, strict=True):
                     parts = self._parts(*side, method, scorer) | parts
                 parts["the data"] = facts["gallery_digest"]
                 state, reason = _state(before, key, parts)
             content = facts | {
                 "key": key,
+                "result_key": result_key,
                 "status": "unavailable",
                 "method": method.name,
                 "title": method.title,
@@ -322,7 +325,10 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
         of_both = digest([queries["gallery_digest"], against["gallery_digest"], against["input"], keeps])
         return queries | {"against": against, "keeps_same_names": keeps, "gallery_digest": of_both}
     shapes = gallery.dataset
-    content = [(entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries]
+    content: list[object] = [(entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries]
+    path = path_of(gallery.source)
+    if path and input_ == "view":
+        content += [shapes.half_width, *((repr(shapes.camera(of)), repr(shapes.sensor(of))) for of in gallery.entries)]
     return {
         "gallery": gallery.name,
         "gallery_digest": digest(content),
@@ -333,7 +339,7 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
             "source": clean(gallery.source),
             "stand_in_for": shapes.stand_in_for,
             "quick": gallery.quick,
-            "path": path_of(gallery.source),
+            "path": path,
             "n_shapes": len(shapes.shapes),
         },
         "shapes": [entry.identifier for entry in gallery.entries],
@@ -369,6 +375,8 @@ def _state(record: Record | None, key: str, parts: Mapping[str, str]) -> tuple[S
     """Return the state of a job that can run and the reason for it, from the record of its row."""
     if record is None:
         return "missing", "never run"
+    if record.key != key and record.parts.get("its code"):
+        return "stale", "it ran in the process of a program, or with -j 0, of which nothing is reused"
     if record.key != key:
         return "stale", describe_change(record.parts, parts)
     if record.status == "incomplete":

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import shutil
 
 import msgspec
 import pytest
 
+from benchmark.code_digest import digest_of_bytes
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline import environment
 from benchmark.pipeline.cache import StorageError
@@ -14,7 +16,7 @@ from benchmark.pipeline.merging import merge
 from benchmark.pipeline.records import Record, read_records, unneeded, write_record
 from benchmark.reference.paper import MEASURES
 from benchmark.runs.planning import describe_change
-from tests.runs.toy import run_toy
+from tests.runs.toy import planned, run_toy
 from tools import publish as publishing
 from tools.publish import portable, publish, write_published
 
@@ -105,35 +107,64 @@ def test_published_records_fill_in_for_the_same_shapes_alone(tmp_path):
     assert {record.method for record in read_records(tmp_path)} == {"gps", "pca", "identity"}
 
 
-def test_merge_joins_records_prefers_results_to_failures_and_refuses_contradictions(tmp_path):
-    here, one, two = (tmp_path / name for name in ("here", "one", "two"))
-    write_record(here, failed(method="gps"))
-    write_record(one, made("gps"))
-    write_record(one, made("identity", key="b"))
-    write_record(two, made("identity", key="b", nn=0.25))
-    write_record(two, made("gps"))
-    merged = merge([one, two], here)
-    assert [record.method for record in merged.added] == ["gps", "identity"]
-    assert (merged.known, [pair[1].scores["NN"] for pair in merged.conflicts]) == (1, [0.25])
-    assert {record.method: record.scores["NN"] for record in read_records(here)} == {"gps": 0.5, "identity": 0.5}
+def merged(folder, *records, into=()):
+    """Merge records into those that are here; return the outcome, and the scores and status here."""
+    for record in into:
+        write_record(folder / "here", record)
+    for number, record in enumerate(records):
+        write_record(folder / str(number), record)
+    outcome = merge([folder / str(number) for number in range(len(records))], folder / "here")
+    return outcome, {
+        record.method: (record.status, record.scores.get("NN")) for record in read_records(folder / "here")
+    }
+
+
+def test_merge_adds_rows_and_prefers_results_to_failures_and_later_failures_to_earlier(tmp_path):
+    others = made("gps"), made("identity", key="b"), failed(method="pca", key="c", finished="2026-03-01")
+    outcome, here = merged(tmp_path, *others, into=[failed(method="gps"), failed(method="pca", key="d")])
+    assert (len(outcome.added), outcome.known, outcome.conflicts) == (3, 0, [])
+    assert here == {"gps": ("ok", 0.5), "identity": ("ok", 0.5), "pca": ("failed", None)}
+    assert {record.key[0] for record in read_records(tmp_path / "here") if record.method == "pca"} == {"c"}
+    news = failed(key="f", finished="2026-03-01"), failed(method="pca", key="e"), made()
+    outcome, _ = merged(tmp_path / "again", *news, into=[made(), failed(method="pca", key="d", finished="2026-03-01")])
+    assert (outcome.added, outcome.known, outcome.conflicts) == ([], 3, [])
     with pytest.raises(StorageError, match=r"holds no records; name a results folder"):
-        merge([tmp_path / "none"], here)
+        merge([tmp_path / "none"], tmp_path / "here")
 
 
-def test_no_later_failure_replaces_a_result(tmp_path):
-    write_record(tmp_path / "here", made())
-    write_record(tmp_path / "other", failed(key="b", finished="2026-03-01"))
-    assert merge([tmp_path / "other"], tmp_path / "here").known == 1
-    assert [record.status for record in read_records(tmp_path / "here")] == ["ok"]
+@pytest.mark.parametrize(("key", "nn", "finished"), [("a", 0.25, "2026-01-01"), ("b", 0.5, "2026-03-01")])
+def test_two_results_of_a_row_that_are_not_the_same_are_a_conflict_and_ours_stays(tmp_path, key, nn, finished):
+    outcome, here = merged(tmp_path, made(key=key, nn=nn, finished=finished), into=[made()])
+    assert [(ours.key[0], theirs.key[0]) for ours, theirs in outcome.conflicts] == [("a", key)]
+    assert here == {"gps": ("ok", 0.5)}
+    assert [record.key for record in read_records(tmp_path / "here")] == ["a" * 32]
 
 
-def test_of_two_results_of_a_place_the_newer_one_counts(tmp_path):
-    write_record(tmp_path / "here", made(finished="2026-02-01"))
-    write_record(tmp_path / "other", made(key="b", nn=0.75, finished="2026-01-01"))
-    assert merge([tmp_path / "other"], tmp_path / "here").known == 1
-    write_record(tmp_path / "new", made(key="c", nn=1.0, finished="2026-03-01"))
-    merge([tmp_path / "new"], tmp_path / "here")
-    assert [record.scores["NN"] for record in read_records(tmp_path / "here")] == [1.0]
+def test_the_row_of_a_colleague_on_the_same_folder_elsewhere_stands_beside_ours(rods, tmp_path):
+    theirs = shutil.copytree(rods, tmp_path / "home" / "rods")
+    run_toy(theirs, tmp_path / "theirs", "identity", "classic-mds", inputs=("mesh", "view"))
+    run_toy(rods, tmp_path / "ours", "gps", "identity", inputs=("mesh", "view"))
+    assert [len(part) for part in merge([tmp_path / "theirs"], tmp_path / "ours")[::2]] == [2, 0]
+    assert {record.data.path for record in read_records(tmp_path / "ours")} == {str(rods)}
+    jobs = planned(rods, tmp_path / "ours", "classic-mds", "identity", "gps", inputs=("mesh", "view"))
+    assert {job.state for job in jobs} == {"finished"}
+    (theirs / "dataset.toml").write_text('camera = "side"')  # so that all views are others
+    run_toy(theirs, tmp_path / "other", "fast-mds", "gps", inputs=("view",))
+    merge([tmp_path / "other"], tmp_path / "ours")
+    paths = {record.method: record.data.path for record in read_records(tmp_path / "ours") if record.input == "view"}
+    assert paths.pop("fast-mds") == str(theirs)
+    assert len(paths) == 3
+
+
+def test_an_old_record_takes_its_last_path(tmp_path):
+    write_record(tmp_path, made())
+    (path,) = (tmp_path / "runs" / "records").glob("*.json")
+    content = json.loads(path.read_text())
+    content["data"] |= {"paths": ["/here", "/there"], "content": "1"}
+    del content["checksum"]
+    content["checksum"] = digest_of_bytes(msgspec.json.encode(content, order="sorted"))
+    path.write_text(json.dumps(content))
+    assert [record.data.path for record in read_records(tmp_path)] == ["/there"]
 
 
 def test_files_that_no_other_record_names_are_unneeded(rods, tmp_path):
