@@ -326,8 +326,7 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
         return queries | {"against": against, "keeps_same_names": keeps, "gallery_digest": of_both}
     shapes = gallery.dataset
     content: list[object] = [(entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries]
-    path = path_of(gallery.source)
-    if path and input_ == "view":
+    if path := path_of(gallery.source):
         content += [shapes.half_width, *((repr(shapes.camera(of)), repr(shapes.sensor(of))) for of in gallery.entries)]
     return {
         "gallery": gallery.name,

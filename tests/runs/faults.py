@@ -123,6 +123,19 @@ def needs_geodesics(shape):
     return shape.mesh.vertices * shape.geodesics().max()
 
 
+@canonical_form(name="replaces", title="Replaces geodesics")
+def replaces(shape):
+    for key in ("geodesic-graph", "heat", "geodesics", "seconds"):
+        shape.compute_once(key, lambda: np.zeros((len(shape.mesh.vertices),) * 2))
+    time.sleep(0.1)
+    return shape.mesh.vertices
+
+
+@canonical_form(name="misreads", title="Misreads a file of its own")
+def misreads(shape):
+    raise UnsupportedShape("no table", "fetch it") from OSError(5, "Input/output error")
+
+
 @canonical_form(name="interrupts", title="Interrupts")
 def interrupts(shape):
     raise KeyboardInterrupt

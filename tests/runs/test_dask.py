@@ -18,20 +18,6 @@ from tests.toy import rod, write_off
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(autouse=True)
-def distributed():
-    return pytest.importorskip("distributed", reason="needs dask: pip install 'dask[distributed]'")
-
-
-@pytest.fixture
-def cluster(distributed, tmp_path, monkeypatch):
-    """Return the address of a scheduler with two workers under nannies."""
-    monkeypatch.setenv("FAULTS", str(tmp_path))
-    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "local_directory": tmp_path}
-    with distributed.LocalCluster(**options) as cluster:
-        yield cluster.scheduler_address
-
-
 def test_rows_are_those_of_one_machine_though_a_worker_is_killed(rods, tmp_path, cluster):
     jobs = planned(rods, tmp_path / "results", "slow", "surface-area", "bug", "segfault", plugins=(FAULTS,))
     killed = []

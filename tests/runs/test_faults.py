@@ -15,6 +15,7 @@ import pytest
 
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.records import read_records
+from benchmark.registry import select_one
 from benchmark.runs import runner
 from benchmark.runs.runner import run
 from tests.registry.plugin import write_plugin
@@ -37,6 +38,26 @@ ENDINGS = {
     "nan": ("failed", "thick0: faults.py: method 'nan' returned no canonical form"),
     "short": ("failed", "thick0: faults.py: method 'short' returned no canonical form"),
 }
+
+
+NAMED = """
+from dataclasses import dataclass
+from typing import ClassVar
+import numpy as np
+from benchmark.api import ScorerInfo
+
+
+@dataclass(frozen=True, kw_only=True)
+class Named:
+    info: ClassVar[ScorerInfo] = ScorerInfo(name="named", title="Named")
+
+    def signature(self, form):
+        return {"seconds": np.ones(1), "refused": np.array([form.area]), "machine": np.zeros(1)}
+
+    def compare(self, signatures, draw):
+        areas = np.array([one["refused"][0] * one["seconds"][0] for one in signatures])
+        return abs(areas[:, None] - areas)
+"""
 
 
 @pytest.fixture(scope="module")
@@ -168,6 +189,25 @@ def test_a_descriptor_that_returns_no_distances_or_writes_into_its_input_fails(r
     plugin = write_plugin(tmp_path / "smooth.py", imports="import numpy as np", methods=COMPARES.format(ends))
     (record,) = run_toy(rods, tmp_path / "results", "smooth", plugins=(plugin,)).values()
     assert (record.status, reason in record.reason) == ("failed", True), record.reason
+
+
+def test_no_key_of_a_method_is_that_of_a_solver_and_no_fault_of_a_method_takes_a_shape_from_others(rods, tmp_path):
+    methods = ("replaces", "misreads", "needs-geodesics", "surface-area")
+    records = run_toy(rods, tmp_path / "results", *methods, plugins=(FAULTS,))
+    alone = run_toy(rods, tmp_path / "alone", "needs-geodesics", plugins=(FAULTS,))["needs-geodesics"]
+    assert {name: record.status for name, record in records.items()} == dict.fromkeys(methods, "ok") | {
+        "misreads": "incomplete"
+    }
+    assert records["needs-geodesics"].per_query == alone.per_query
+    assert 0.1 < records["replaces"].seconds["canonicalise"] < 0.5
+    assert "geodesics" not in records["replaces"].seconds
+
+
+def test_arrays_of_a_scorer_may_have_any_name(rods, tmp_path):
+    (tmp_path / "named.py").write_text(NAMED)
+    scorer = select_one("named", [tmp_path / "named.py"], kind="scorer")
+    record = run_toy(rods, tmp_path / "results", "identity", scorer=scorer)["identity"]
+    assert (record.status, record.coverage) == ("ok", 1.0)
 
 
 PREPARATION, GEODESICS = "benchmark.pipeline.preparation prepare_mesh", "benchmark.geometry.geodesics all_pairs"

@@ -192,23 +192,24 @@ def test_a_shape_that_is_not_the_planned_one_leaves_nothing(own, tmp_path, size)
     }
 
 
-def test_a_mesh_that_changes_while_it_is_read_is_read_again(own, tmp_path, monkeypatch):
+@pytest.mark.parametrize("view", ["mesh", "view"])  # of views, the frame of the camera reads it first
+def test_a_mesh_that_changes_while_it_is_read_is_read_again(own, tmp_path, monkeypatch, view):
     real, original = io.read_mesh, (own / "thin1.off").read_bytes()
     seen = []
 
     def change_meanwhile(path):
         if path.name == "thin1.off" and not seen:
             seen.append(path)
-            write_off(path, rod(0.06, 0.3))
+            write_off(path, rod(0.5, 0.3))
             mesh = real(path)
             path.write_bytes(original)
             return mesh
         return real(path)
 
     monkeypatch.setattr("benchmark.api.datasets.read_mesh", change_meanwhile)
-    record = run_toy(own, tmp_path / "results", "gps")["gps"]
+    record = run_toy(own, tmp_path / "results", "gps", inputs=(view,))["gps"]
     assert seen
-    clean = run_toy(own, tmp_path / "clean", "gps")["gps"]
+    clean = run_toy(own, tmp_path / "clean", "gps", inputs=(view,))["gps"]
     assert (record.status, record.per_query) == ("ok", clean.per_query)
 
 

@@ -1,0 +1,76 @@
+"""What a plugin changes in its process changes no figure of anybody else, also where it ran first and alone."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from benchmark.pipeline.records import read_records
+from tests.toy import SMALL_SCORER, write_rods
+
+POISON = """
+import ctypes
+import numpy as np
+import scipy.linalg
+import torch
+from benchmark.api import canonical_form
+from benchmark.pipeline import forms, preparation
+
+
+def spoil():
+    preparation.N_VERTICES = 60
+    ctypes.CDLL("libm.so.6").fesetround(0x800)
+    np.seterr(all="raise")
+    torch.set_default_dtype(torch.float64)
+    np.linalg.eigh = scipy.linalg.eigh = lambda matrix, *_, **__: (np.zeros(len(matrix)), np.eye(len(matrix)))
+
+
+@canonical_form(name="poison", title="Poison")
+def poison(shape):
+    spoil()
+    return shape.mesh.vertices * [1, 1, 0.5]
+"""
+
+
+def figures(results: Path) -> dict[str, object]:
+    """Everything that a run made but the times and machines, by file and by row."""
+    of_rows = {str(r.row): (r.status, r.key, r.per_query) for r in read_records(results) if r.method != "poison"}
+    files = dict[str, object]()
+    for path in (results / "runs").glob("*/*.npz"):
+        with zipfile.ZipFile(path) as archive:
+            files[f"{path.parent.name}/{path.name}"] = {
+                name: archive.read(name) for name in archive.namelist() if not name.startswith((":seconds", ":machine"))
+            }
+    return of_rows | files
+
+
+PROGRAM = """
+import benchmark
+for methods, plugins in (("poison", ["poison.py"]), ([own], []), (["classic-mds", "identity", "surface-area"], [])):
+    for view in ("mesh", "view"):
+        benchmark.run("rods", methods, plugins=plugins, scorer="{}", input=view)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["1", "0", "python", "dask"])
+def test_rows_of_the_suite_are_those_of_an_undisturbed_run(tmp_path, monkeypatch, how, request):
+    where = ("--dask", request.getfixturevalue("cluster")) if how == "dask" else ("-j", how)
+    monkeypatch.chdir(tmp_path)
+    write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    (tmp_path / "poison.py").write_text(POISON)
+    suite = ("-m", "classic-mds", "-m", "identity", "-m", "surface-area")
+    command = [sys.executable, "-m", "benchmark", "run", "-d", "rods", "--scorer", SMALL_SCORER]
+    subprocess.run([*command, *suite, "-j", "1", "--results", "clean"], check=True)
+    if how == "python":  # as an object of the program, too, which then plans the rows of the suite
+        program = PROGRAM.format(SMALL_SCORER).replace("own", "poison.poison").replace("import ", "import poison, ")
+        subprocess.run([sys.executable, "-c", program], check=True)
+    else:
+        for methods in (["-m", "poison", "--plugin", "poison.py"], suite):
+            subprocess.run([*command, *methods, *where], check=True)
+    clean, disturbed = figures(Path("clean")), figures(Path("results"))
+    assert {name: disturbed[name] for name in clean} == clean
