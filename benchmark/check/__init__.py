@@ -14,6 +14,7 @@ from typing import Any, Literal
 from benchmark.check.case import Case, Failed, Skipped, explained
 from benchmark.check.checks import NECESSARY, checks_of
 from benchmark.registry import Component, component_of
+from benchmark.registry.components import watching_component
 from benchmark.text import Printed, clean_lines
 
 __all__ = ["Finding", "check", "failures"]
@@ -92,7 +93,8 @@ def _refusing_spawn() -> Iterator[None]:
 def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Finding:
     faulthandler.dump_traceback_later(limit, exit=True, file=2)
     try:
-        with redirect_stdout(Printed()), _refusing_spawn():  # what a plugin prints must not stand among the findings
+        # What a plugin prints must not stand among the findings.
+        with redirect_stdout(Printed()), _refusing_spawn(), watching_component(case.component, [case.folder]):
             return Finding(name, "ok", run(case))
     except Skipped as reason:
         return Finding(name, "skipped", str(reason))

@@ -19,6 +19,7 @@ from benchmark.cli.verbs import cli, data
 from benchmark.errors import BenchmarkError
 from benchmark.kernels import choose_kernel_cache
 from benchmark.machine import pin_threads
+from benchmark.registry.reads import watch_this_process
 from benchmark.text import say
 
 __all__ = ["cli", "data", "program"]
@@ -50,6 +51,7 @@ def program() -> None:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
     pin_threads()
     choose_kernel_cache()
+    watch_this_process()
     _open_streams()
     try:
         code = cli(standalone_mode=False)  # which turns KeyboardInterrupt into a code

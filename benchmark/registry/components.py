@@ -5,7 +5,8 @@ from __future__ import annotations
 import importlib.util
 import inspect
 import secrets
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import MISSING, dataclass, field, replace
 from pathlib import Path
 from types import FunctionType
@@ -18,6 +19,7 @@ from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, is_installe
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.registry.modules import load_module
 from benchmark.registry.names import quoted
+from benchmark.registry.reads import watching
 from benchmark.text import brief
 
 Kind = Literal["method", "scorer"]
@@ -210,6 +212,13 @@ class Component:
             "code": "" if self.is_unknown else code_digest(self.target, self.info.files),
             "state": self.state,
         }
+
+
+def watching_component(component: Component, allowed: Iterable[Path] = ()) -> AbstractContextManager[object]:
+    """Return the context in which the code of a plugin is watched; see :func:`benchmark.registry.reads.watching`."""
+    if component.is_unknown or not component.plugin:
+        return nullcontext()
+    return watching(component.target, [*(component.plugin.parent / name for name in component.info.files), *allowed])
 
 
 def component_of(value: Any) -> Component:

@@ -6,10 +6,9 @@ import hashlib
 import importlib.util
 import os
 import sys
-import sysconfig
 import threading
+from collections.abc import Iterable
 from contextlib import redirect_stdout, suppress
-from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,6 +17,7 @@ from benchmark.code_digest import is_installed, modules_beside, plugin_file, sou
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.files import file_digest
 from benchmark.kernels import remove_kernels
+from benchmark.registry.reads import watching
 from benchmark.text import Printed
 
 #: Contents of the sources of each plugin module when it was imported, and of the files that its methods name.
@@ -25,13 +25,6 @@ _imported: dict[str, list[str]] = {}
 
 #: Held while a plugin file is imported: standard output belongs to all threads.
 _importing = threading.RLock()
-
-#: Names of modules that no plugin is asked about: they were imported before its turn.
-_known: set[str] = set()
-
-_INSTALLED = tuple(
-    {Path(sysconfig.get_path(name)).resolve() for name in ("stdlib", "platstdlib", "purelib", "platlib")}
-)
 
 
 def load_module(target: str) -> ModuleType:
@@ -53,7 +46,7 @@ def load_module(target: str) -> ModuleType:
             return importlib.import_module(name)
         with _importing:
             known = sys.modules.get(name)
-            if known and _imported.get(name) == [*_contents(target), *_named_files(known, path)]:
+            if known and _imported.get(name) == _contents(target, _named_files(known, path)):
                 return known
             with redirect_stdout(Printed()):
                 return _import_anew(target, name, path.resolve())
@@ -62,40 +55,6 @@ def load_module(target: str) -> ModuleType:
         if isinstance(error, ModuleNotFoundError) and error.name:
             hint = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
         raise ConfigurationError(f"{path or name} cannot be imported: {locate(error)}", hint) from error
-
-
-def remember_modules() -> None:
-    """Note which modules are imported already, before the turn of a plugin."""
-    _known.update(sys.modules)
-
-
-def check_modules(target: str) -> None:
-    """Raise ``ConfigurationError`` if a plugin has imported a module, since its turn began, that is not in its code."""
-    new, sources = [name for name in [*sys.modules] if name not in _known], {*sources_of(target)}
-    remember_modules()
-    for name in new:
-        file = _file_of(name)
-        if file and file not in sources:
-            del sys.modules[name]
-            _known.discard(name)  # the next attempt ends likewise
-            problem = f"{plugin_file(target)} imports {file} in a way that its code does not show"
-            raise ConfigurationError(problem, "write 'import NAME' or 'from NAME import ...', with the name as it is")
-
-
-def _file_of(name: str) -> Path | None:
-    """Return the file of an imported module of the user; None for one of Python, of a package or of the suite."""
-    file = getattr(sys.modules.get(name), "__file__", None)
-    if not file or name == "__main__" or is_installed(name) or not Path(file).is_absolute():
-        return None
-    return _outside(file)
-
-
-@cache
-def _outside(file: str) -> Path | None:
-    """Return where a file is; None for one of Python or of an installed package."""
-    path = Path(os.path.realpath(file))
-    is_of_package = any(map(path.is_relative_to, _INSTALLED)) or {"site-packages", "dist-packages"} & {*path.parts}
-    return None if is_of_package else path
 
 
 def _import_anew(target: str, name: str, path: Path) -> ModuleType:
@@ -108,29 +67,35 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
         with suppress(OSError):
             Path(importlib.util.cache_from_source(source)).unlink(missing_ok=True)
     remove_kernels(sources)
-    for known in [known for known in sys.modules if _file_of(known) in sources]:
-        del sys.modules[known]
+    for known in [known for known, module in sys.modules.items() if _file_of(module) in sources]:
+        if not is_installed(known):
+            del sys.modules[known]
     contents = _contents(target)
-    remember_modules()
-    module = _execute(name, path)
-    check_modules(target)
-    _imported[name] = [*contents, *_named_files(module, path)]
+    with watching(target) as declared:
+        module = _execute(name, path)
+        declared += _named_files(module, path)
+    _imported[name] = contents + _contents(target, declared)[len(contents) :]
     return module
+
+
+def _file_of(module: ModuleType) -> Path | None:
+    file = getattr(module, "__file__", None)
+    return Path(os.path.realpath(file)) if file else None
 
 
 def _unique_name(path: Path) -> str:
     return f"plugin_{path.stem}_{hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:8]}"
 
 
-def _contents(target: str) -> list[str]:
-    return [file_digest(path) for path in sources_of(target)]
+def _contents(target: str, files: Iterable[Path] = ()) -> list[str]:
+    """Return the digests of the sources of a plugin, and of files that it declares."""
+    return [file_digest(path) for path in (*sources_of(target), *files) if path.is_file()]
 
 
-def _named_files(module: ModuleType, path: Path) -> list[str]:
-    """Return the digests of the files on which the methods of a plugin depend."""
+def _named_files(module: ModuleType, path: Path) -> list[Path]:
+    """Return the files on which the methods of a plugin depend."""
     infos = [getattr(value, "info", None) for value in vars(module).values()]
-    files = [path.parent / name for info in infos for name in getattr(info, "files", ())]
-    return [file_digest(file) for file in files if file.is_file()]
+    return [path.parent / name for info in infos for name in getattr(info, "files", ())]
 
 
 def _check_helpers(path: Path) -> None:

@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 
 from benchmark.api.contracts import Input, Shape
 from benchmark.api.datasets import Entry, ShapeSet
@@ -35,12 +35,14 @@ from benchmark.pipeline.outputs import compute_output, sign
 from benchmark.pipeline.preparation import AGAIN, CHANGED, REFUSED, Incomplete, Preparation, last_change
 from benchmark.pipeline.ranking import DamagedFiles, rank
 from benchmark.pipeline.records import Record, Row
-from benchmark.registry.components import THIS_PROCESS, Component
-from benchmark.registry.modules import check_modules, remember_modules
+from benchmark.registry.components import THIS_PROCESS, Component, watching_component
+from benchmark.registry.reads import watch_this_process
 from benchmark.text import Printed, clean_lines
 
 #: Modules with the code of the suite that makes files of a kind, beside that of preparation and of the component.
 CODE: Mapping[Kind, str] = {"forms": forms.__name__, "records": rank.__module__}
+
+T = TypeVar("T")
 
 #: A file of the cache.
 File = tuple[Kind, str]
@@ -328,10 +330,17 @@ class Work:
         before, make = self._MAKERS[step.kind]
         arrays = self._read(step, before) if before else {}
         if REFUSED not in arrays:
-            arrays = Cache(step.job.results).get(step.kind, step.key, lambda: make(self, step))
+            arrays = Cache(step.job.results).get(step.kind, step.key, lambda: self._watched(step, make))
             self._files[step.file] = arrays
         refused = arrays.get(REFUSED)
         return Outcome("ok") if refused is None else Outcome("refused", "; ".join(filter(None, refused.tolist())))
+
+    def _watched(self, step: Step, make: Callable[[Any, Step], T]) -> T:
+        """Return what a step makes; raise ``ConfigurationError`` if a plugin reads what it does not declare."""
+        if step.kind == "prepared":
+            return make(self, step)
+        with watching_component(step.component, filter(None, [step.job.results, step.model])):
+            return make(self, step)
 
     def _read(self, step: Step, kind: Kind) -> Arrays:
         """Return a file of the shape of a step that was made before."""
@@ -361,11 +370,7 @@ class Work:
         if key not in self._shapes:
             prepared, shared = self._read(step, "prepared"), forms.SharedResults(self._context.uncharged)
             self._shapes[key] = forms.shape_of(prepared, step.shape, step.job.row.seed, shared), shared
-        remember_modules()
-        output = compute_output(method, *self._shapes[key])
-        if step.component.plugin:
-            check_modules(step.component.target)
-        return output
+        return compute_output(method, *self._shapes[key])
 
     def _signature(self, step: Step) -> Arrays:
         scorer, form = self._context.created(step), self._read(step, "forms")
@@ -381,7 +386,7 @@ class Work:
     def _rank(self, step: Step, record: Record) -> Outcome:
         """Rank the gallery of a job, and keep its distances."""
         cache = Cache(step.job.results)
-        content, distances = rank(record, cache, self._context.created(step))
+        content, distances = self._watched(step, lambda _, of: rank(record, cache, self._context.created(of)))
         if not distances:
             name, reason = content["unsupported"][0]
             number = len(content["unsupported"])
@@ -398,6 +403,7 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
     from numba.core import event
 
     _die_with(parent)
+    watch_this_process()
     limits = resource.getrlimit(resource.RLIMIT_DATA)  # of the user, which may be lower
     allowed = [limit for limit in limits if limit != resource.RLIM_INFINITY]
     resource.setrlimit(resource.RLIMIT_DATA, (min([memory, *allowed]), limits[1]))

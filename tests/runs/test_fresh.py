@@ -81,16 +81,8 @@ def of_the_same_second(folder):
     return folder / "quick.py", "from quick import FACTOR", ""
 
 
-def by_name(folder):
-    return (
-        folder / "hidden.py",
-        "from importlib import import_module; FACTOR = import_module(chr(104) + 'idden').FACTOR",
-        "",
-    )
-
-
-@pytest.mark.parametrize("place", [sub_folder, on_the_path, named_file, of_the_same_second, by_name])
-def test_what_a_plugin_imports_is_in_its_key_and_of_today_or_refused(own, tmp_path, monkeypatch, place):
+@pytest.mark.parametrize("place", [sub_folder, on_the_path, named_file, of_the_same_second])
+def test_what_a_plugin_imports_is_in_its_key_and_of_today(own, tmp_path, monkeypatch, place):
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     file, imports, info = place(tmp_path)
     plugin = write_plugin(
@@ -100,12 +92,6 @@ def test_what_a_plugin_imports_is_in_its_key_and_of_today_or_refused(own, tmp_pa
     for number, factor in enumerate((1.0, 9.0)):
         file.write_text(f"FACTOR = {factor}\n")
         os.utime(file, ns=(10**18, 10**18 + number))
-        if place is by_name:
-            with pytest.raises(
-                ConfigurationError, match=r"hidden.py in a way that its code does not show; write 'import"
-            ):
-                distances_of(own, "smooth", plugins=[plugin])
-            continue
         here = distances_of(own, "smooth", plugins=[plugin])
         methods = (
             f"def canonicalise(self, shape):\n        return shape.form(shape.mesh.vertices ** 3 * [1, 1, {factor}])"
@@ -124,17 +110,6 @@ def test_a_helper_that_is_written_after_its_import_failed_counts_from_then_on(ow
         distances_of(own, "smooth", plugins=[plugin])
         keys += [record.key for record in read_records(tmp_path / "results")]
     assert len({*keys}) == 2
-
-
-def test_a_module_that_a_method_imports_unseen_fails_its_job(own, tmp_path):
-    (tmp_path / "unseen.py").write_text("FACTOR = 2\n")
-    methods = (
-        "def canonicalise(self, shape):\n        return shape.form(shape.mesh.vertices * __import__('unseen').FACTOR)"
-    )
-    plugin = write_plugin(tmp_path / "smooth.py", methods=methods)
-    jobs = benchmark.run(own, "smooth", plugins=[plugin], scorer=SMALL_SCORER)
-    assert list(jobs["status"]) == ["failed"]
-    assert "unseen.py in a way that its code does not show" in jobs["reason"].iloc[0]
 
 
 def test_the_suite_may_not_be_edited_in_a_session(own, tmp_path, monkeypatch):

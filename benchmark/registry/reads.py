@@ -1,0 +1,136 @@
+"""What a plugin reads: a file of the user that it opens, imports or runs must be in its code or declared.
+
+An audit hook sees what Python opens. It sees no environment variable, and no file that compiled code opens, so that
+``files`` remains the contract.
+"""
+
+from __future__ import annotations
+
+import os
+import shlex
+import stat
+import sys
+import sysconfig
+import tempfile
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from importlib.util import source_from_cache
+from pathlib import Path
+from typing import Any
+
+from benchmark.code_digest import FIRST_PARTY, ROOT, sources_of
+from benchmark.errors import ConfigurationError
+
+#: Folders of Python, of the system and of a user's settings, and models of the suite: no result depends on others.
+_EXEMPT = (
+    *(sys.prefix, sys.base_prefix, *sysconfig.get_paths().values(), *(str(ROOT / name) for name in FIRST_PARTY)),
+    *("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys", "/dev", "~/.cache", "~/.config"),
+)
+
+#: Seconds by which the clock of a file system may be late.
+_LATE = 0.02
+
+#: What the plugin whose code runs has opened, and for each plugin the first file that it should have declared.
+_opened: dict[str, int] | None = None
+_undeclared: dict[Path, Path] = {}
+
+
+@cache
+def watch_this_process() -> None:
+    """Let this process see what plugins read. It cannot be undone: for workers and the command line alone."""
+    sys.addaudithook(_hook)
+
+
+def _hook(event: str, arguments: tuple[Any, ...]) -> None:
+    if _opened is None:
+        return
+    with suppress(OSError, ValueError, TypeError):
+        if event == "open":
+            path, mode, flags = arguments
+            is_read = "r" in mode or "a+" in mode.replace("b", "") if mode else not flags & (os.O_WRONLY | os.O_CREAT)
+            if is_read:
+                _note(path)
+        elif event == "import" and arguments[1]:  # a compiled extension
+            _note(arguments[1])
+        elif event == "ctypes.dlopen":
+            _note(arguments[0], is_program=True)
+        elif event in ("subprocess.Popen", "os.posix_spawn", "os.exec"):
+            folder = arguments[2] if event == "subprocess.Popen" else None
+            for word in (arguments[0], *arguments[1]):
+                _note(word, folder or "", is_program=True)
+        elif event == "os.system":
+            for word in shlex.split(os.fsdecode(arguments[0])):
+                _note(word, is_program=True)
+
+
+def _note(path: Any, folder: Any = "", *, is_program: bool = False) -> None:
+    """Note when a regular file changed last; -1 for a program, a library or a word that may name one."""
+    file = os.path.realpath(Path(os.fsdecode(folder), os.fsdecode(path)))
+    if file.endswith(".pyc"):
+        with suppress(ValueError):
+            file = source_from_cache(file)
+    status = Path(file).stat()
+    if _opened is not None and stat.S_ISREG(status.st_mode):
+        _opened.setdefault(file, -1 if is_program else status.st_ctime_ns)
+
+
+@contextmanager
+def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
+    """Watch what a plugin file reads while its code runs, beside its sources and the files of the list that it gets.
+
+    Parameters
+    ----------
+    target
+        The plugin file.
+    allowed
+        Folders and files that it may read.
+
+    Raises
+    ------
+    ConfigurationError
+        If it opens, imports or runs another file that was there before, now or earlier in this process.
+    """
+    global _opened
+    declared, begun = [*allowed], (time.time() - _LATE) * 1e9
+    if _opened is not None:
+        yield declared
+        return
+    plugin = Path(target.rpartition(":")[0] or target)
+    opened: dict[str, int] = {}
+    _opened = opened
+    try:
+        yield declared
+    finally:
+        _opened = None
+        known = {*sources_of(target)}
+        for file in [Path(file) for file, changed in opened.items() if changed < begun and Path(file) not in known]:
+            if _is_of_user(file, plugin.parent, declared, is_program=opened[str(file)] < 0):
+                _undeclared.setdefault(plugin, file)
+    if found := _undeclared.get(plugin):
+        does, hint = "reads", f"declare it in info: files=({os.path.relpath(found, plugin.parent.resolve())!r},)"
+        if found.suffix == ".py":
+            does, hint = "imports", f"write 'import NAME' or 'from NAME import ...', with the name as it is, or {hint}"
+        raise ConfigurationError(f"{plugin} {does} {found} in a way that its code does not show", hint)
+
+
+def _is_of_user(file: Path, folder: Path, declared: Iterable[Path], *, is_program: bool) -> bool:
+    """Return whether results may depend on a file that a plugin in a folder has read; of programs, those near it."""
+    exempt: list[Path | str] = [*_EXEMPT, *declared, *_package_folders(tuple(sys.path))]
+    if file.suffix in (".nbi", ".nbc") or _lies_in(file, exempt):  # kernels, which are removed when it is loaded
+        return False
+    temporary = Path(tempfile.gettempdir()).resolve()
+    near = [path for path in (folder.resolve(), Path.cwd()) if path not in (Path("/"), temporary)]
+    return _lies_in(file, near) or not (is_program or _lies_in(file, [temporary]))
+
+
+def _lies_in(file: Path, folders: Iterable[Path | str]) -> bool:
+    return any(file.is_relative_to(os.path.realpath(Path(folder).expanduser())) for folder in folders)
+
+
+@cache
+def _package_folders(places: tuple[str, ...]) -> list[Path]:
+    """Return the folders on the path that hold installed packages."""
+    found = [Path(place) for place in places if place]
+    return [of for of in found if of.name in ("site-packages", "dist-packages") or any(of.glob("*.dist-info"))]
