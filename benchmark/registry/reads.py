@@ -118,7 +118,8 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
 def _is_of_user(file: Path, folder: Path, declared: Iterable[Path], *, is_program: bool) -> bool:
     """Return whether results may depend on a file that a plugin in a folder has read; of programs, those near it."""
     exempt: list[Path | str] = [*_EXEMPT, *declared, *_package_folders(tuple(sys.path))]
-    if file.suffix in (".nbi", ".nbc") or _lies_in(file, exempt):  # kernels, which are removed when it is loaded
+    is_metadata = file.parent.suffix in (".dist-info", ".egg-info")  # which libraries search for entry points
+    if is_metadata or file.suffix in (".nbi", ".nbc") or _lies_in(file, exempt):  # kernels go when it is loaded
         return False
     temporary = Path(tempfile.gettempdir()).resolve()
     near = [path for path in (folder.resolve(), Path.cwd()) if path not in (Path("/"), temporary)]
