@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, MethodInfo, Shape
+from benchmark.geometry.embedding import oriented
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,7 +20,7 @@ class ClassicMDS(CheckedParameters):
     .. math:: B = -\tfrac12 J (D \circ D) J = Q \Lambda Q^\top, \qquad X = Q_3 \Lambda_3^{1/2},
 
     with the three largest eigenvalues, of which negative ones count as zero. Signs of axes and the side of the mirror
-    follow :func:`oriented`. Elad and Kimmel (2003), "On bending invariant signatures for
+    follow :func:`benchmark.api.oriented`. Elad and Kimmel (2003), "On bending invariant signatures for
     surfaces"; Torgerson (1952), "Multidimensional scaling: I. Theory and method".
     """
 
@@ -76,24 +77,3 @@ def classic_scaling(distances: FloatArray) -> tuple[FloatArray, FloatArray]:
         values, vectors = eigsh(operator, k=4, which="LA", v0=start, tol=1e-10)
     values, vectors = values[:-5:-1], vectors[:, :-4:-1]
     return vectors * np.sqrt(np.maximum(values[:3], 0.0)), values
-
-
-def oriented(points: FloatArray, areas: FloatArray) -> FloatArray:
-    r"""Choose the signs of the axes of an embedding, shape (n, 3), by moments over the surface.
-
-    The first two axes point to the side of positive third moment :math:`\sum_i a_i x_i^3`. The third makes
-    :math:`\sum_i a_i x_i y_i z_i` positive, which chooses between the form and its mirror image. Where a plane across
-    an axis is one of symmetry, as for a bent tube, a moment is zero: then rounding decides, and the form may differ by
-    a reflection between processors.
-
-    Parameters
-    ----------
-    points
-        Positions along the axes, shape (n, 3).
-    areas
-        Vertex areas, shape (n,).
-    """
-    centred = points - areas @ points / areas.sum()
-    signs = np.where(areas @ centred**3 < 0, -1.0, 1.0)
-    signs[2] = -1.0 if areas @ (centred * [signs[0], signs[1], 1.0]).prod(axis=1) < 0 else 1.0
-    return points * signs

@@ -8,8 +8,8 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from baselines.classic_mds import oriented
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
+from benchmark.geometry.embedding import oriented
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -24,7 +24,7 @@ class FastMDS(CheckedParameters):
     and the next axis uses the residual distances :math:`d'^2_{ij} = d_{ij}^2 - (x_i - x_j)^2`, where negative squares
     count as zero. Pivots are found by a walk that moves to the farthest vertex a few times; only the rows of the
     visited vertices are computed, never all pairs. Signs of axes and the side of the mirror follow
-    :func:`baselines.classic_mds.oriented`. Faloutsos and Lin (1995), "FastMap: a fast algorithm for indexing,
+    :func:`benchmark.api.oriented`. Faloutsos and Lin (1995), "FastMap: a fast algorithm for indexing,
     data-mining and visualization of traditional and multimedia datasets".
 
     Parameters

@@ -8,8 +8,8 @@ from typing import ClassVar
 import numpy as np
 
 from baselines._kernels.spectrum import spectrum
-from baselines.classic_mds import oriented
 from benchmark.api.contracts import CanonicalForm, CheckedParameters, MethodInfo, Shape
+from benchmark.geometry.embedding import oriented
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,7 +22,7 @@ class GPS(CheckedParameters):
               \right).
 
     The eigenfunctions have unit norm on the surface, so the form depends on neither the position nor the size of the
-    shape. Signs and the side of the mirror follow :func:`baselines.classic_mds.oriented`. Eigenfunctions of
+    shape. Signs and the side of the mirror follow :func:`benchmark.api.oriented`. Eigenfunctions of
     nearly equal eigenvalues may swap between poses; the notes give the relative gaps. Rustamov (2007),
     "Laplace-Beltrami eigenfunctions for deformation invariant shape representation".
     """

@@ -8,8 +8,8 @@ from scipy.sparse.csgraph import dijkstra
 
 from baselines._kernels.arap import factorise_definite
 from baselines._kernels.spectrum import spectrum
-from baselines.classic_mds import oriented
 from benchmark.api.contracts import FloatArray, Shape
+from benchmark.geometry.embedding import oriented
 
 
 def farthest_points(shape: Shape, count: int) -> list[int]:

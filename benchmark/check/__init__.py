@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from benchmark.check.case import Case, Failed, Skipped, explained
+from benchmark.check.case import Case, Failed, Skipped, explained, fresh_process
 from benchmark.check.checks import NECESSARY, checks_of
 from benchmark.registry import Component, component_of
 from benchmark.registry.components import watching_component
@@ -56,11 +56,12 @@ def check(component: Component, limit: float = LIMIT) -> Iterator[Finding]:
         return
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
         case = Case(component, Path(folder))
-        for name, run in checks_of(component).items():
-            finding = _find(name, run, case, limit)
-            yield finding
-            if finding.outcome == "failed" and run in NECESSARY:
-                return
+        with fresh_process(case, limit):
+            for name, run in checks_of(component).items():
+                finding = _find(name, run, case, limit)
+                yield finding
+                if finding.outcome == "failed" and run in NECESSARY:
+                    return
 
 
 def failures(value: Any) -> list[str]:

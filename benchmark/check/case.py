@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import faulthandler
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
 from dataclasses import FrozenInstanceError, dataclass
 from functools import cached_property
+from multiprocessing import get_context
+from multiprocessing.connection import Connection, Pipe
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +17,12 @@ import numpy as np
 from benchmark.api.contracts import FloatArray, Mesh, Shape
 from benchmark.api.parameters import checked, parameter_values
 from benchmark.check.shapes import BENDS, figure, view
-from benchmark.errors import BenchmarkError, UnsupportedShape, locate
+from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape, locate
+from benchmark.geometry.mesh import read_only
 from benchmark.pipeline.outputs import compute_descriptor, compute_distances, compute_form, compute_signature
 from benchmark.registry import Component
+from benchmark.registry.modules import import_plugins_anew
+from benchmark.text import Printed
 
 
 class Failed(Exception):
@@ -50,16 +57,24 @@ class Case:
         Where a learner is trained.
     model
         The model of a learner, once it is trained.
+    fresh
+        Connection to a process in which no shape was treated before; see :func:`fresh_process`.
     """
 
     component: Component
     folder: Path
     model: Path | None = None
+    fresh: Any = None
 
     @property
     def is_scorer(self) -> bool:
         """Whether it compares forms."""
         return self.component.kind == "scorer"
+
+    @property
+    def compares(self) -> bool:
+        """Whether it compares signatures or descriptors."""
+        return self.is_scorer or self.component.describes
 
     @property
     def is_random(self) -> bool:
@@ -102,7 +117,25 @@ class Case:
         """Return the dissimilarities of all pairs by a descriptor or a scorer."""
         created = self.create()
         answers = [self._answer(created, shape) for shape in shapes]
+        for answer in answers:  # as in a run
+            for array in answer.values() if self.is_scorer else [answer]:
+                read_only(array)
         return compute_distances(created, answers, draw)
+
+    def answers_after_another(self) -> list[FloatArray]:
+        """Return :attr:`reference` and :meth:`compared` of a process that began with other shapes."""
+        self.fresh.send(self.model)
+        try:
+            answers: list[FloatArray] | str = self.fresh.recv()
+        except EOFError:
+            raise Failed("ends the process if another shape comes first") from None
+        if isinstance(answers, str):
+            raise Failed(f"if another shape comes first: {answers}")
+        return answers
+
+    def compared(self, bends: Sequence[float] = BENDS) -> list[FloatArray]:
+        """Return the dissimilarities of the figure in its poses, in a list that is empty if nothing is compared."""
+        return [self.dissimilarities([self.shape(bend) for bend in bends])] if self.compares else []
 
     def _answer(self, created: Any, shape: Shape) -> Any:
         if self.is_scorer:
@@ -110,3 +143,33 @@ class Case:
         if self.component.describes:
             return compute_descriptor(created, shape)
         return compute_form(created, shape).vertices
+
+
+@contextmanager
+def fresh_process(case: Case, limit: float) -> Iterator[None]:
+    """Fork a process in which no shape was treated before; it ends with the context."""
+    case.fresh, theirs = Pipe()
+    process = get_context("fork").Process(target=_serve, args=(case, theirs, limit))
+    process.start()
+    theirs.close()
+    try:
+        yield
+    finally:
+        process.kill()
+
+
+def _serve(case: Case, connection: Connection, limit: float) -> None:
+    case.fresh.close()
+    with suppress(EOFError, KeyboardInterrupt), redirect_stdout(Printed()):
+        case.model = connection.recv()
+        faulthandler.dump_traceback_later(limit, exit=True, file=2)
+        try:
+            import_plugins_anew()
+            used = case.create()
+            with suppress(ShapeError):
+                case.answer(view(), used)
+            case.answer(case.shape(BENDS[1]), used)
+            case.compared(BENDS[:2])
+            connection.send([case.answer(case.shape(), used), *case.compared()])
+        except Exception as error:
+            connection.send(explained(error))

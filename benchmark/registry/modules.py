@@ -57,6 +57,11 @@ def load_module(target: str) -> ModuleType:
         raise ConfigurationError(f"{path or name} cannot be imported: {locate(error)}", hint) from error
 
 
+def import_plugins_anew() -> None:
+    """Let each plugin file be imported again, with its helpers, when it is needed next."""
+    _imported.clear()
+
+
 def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     """Import a plugin file, and what belongs to its code, from their sources of today."""
     _imported.pop(name, None)  # until this ends well

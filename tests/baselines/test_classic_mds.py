@@ -5,10 +5,11 @@ import pytest
 from sklearn.manifold import ClassicalMDS, Isomap
 
 from baselines.accelerated_mds import AcceleratedMDS
-from baselines.classic_mds import ClassicMDS, classic_scaling, oriented
+from baselines.classic_mds import ClassicMDS, classic_scaling
 from baselines.gps import GPS
 from baselines.shape_dna import ShapeDNA
 from baselines.si_hks import ScaleInvariantHKS
+from benchmark.api import oriented
 from benchmark.api.contracts import Mesh, Shape, UnsupportedShape
 from tests.baselines.deformable import shape_of, sheet
 from tests.baselines.embedding import limbed, sphere, spread

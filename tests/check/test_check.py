@@ -29,8 +29,16 @@ import numpy as np
 
 from benchmark.api import CanonicalForm, UnsupportedShape
 
+from benchmark.geometry.laplacian import eigenpairs
+
 CALLS = []
 COUNT = itertools.count()
+STATE = {}
+
+
+def spectral(shape):
+    values, functions = eigenpairs(shape.laplacian(), 4)
+    return functions[:, 1:] / values[1:]
 """
 FORM = "def canonicalise(self, shape):\n        x = shape.mesh.vertices\n        "
 RIGHT = FORM + "return shape.form(x)"
@@ -53,6 +61,25 @@ POSITIONS = (
 WRITES = "d = shape.geodesics()\n        d.flags.writeable = True\n        d *= 2\n        return shape.form(x)"
 COUNTS = "CALLS.append(1)\n        return shape.form(x * {})"
 SIGNS = "return shape.form(x * np.where(np.arange(3) == next(COUNT) % 3, -1, 1))"
+#: What methods, and a descriptor, keep of the shape or the gallery that they saw first.
+STATES = (
+    FORM + "return shape.form(x * STATE.setdefault('size', np.ptp(x)))",
+    FORM + "return shape.form(x * STATE.setdefault(len(x), np.ptp(x)))",
+    FORM + "type(self).first = getattr(self, 'first', np.ptp(x))\n        return shape.form(x * self.first)",
+    FORM + "np.first = getattr(np, 'first', np.ptp(x))\n        return shape.form(x * np.first)",
+    DESCRIBE + SPREAD + DISTANCES + " / STATE.setdefault('mean', np.mean(d))",
+)
+#: Forms of eigenvectors with signs that depend on the numbering, or on the position.
+SIGNED = ("spectral(shape)", "spectral(shape) * np.sign(spectral(shape)[0])")
+PLACED = "spectral(shape) * np.sign((spectral(shape) * x).sum(axis=0))"
+SIMILAR = (
+    (" - 0.1", "a distance is negative"),
+    (" * [1, 2, 3]", "not symmetric"),
+    (".max() - np.abs(d[:, None] - d[None]).sum(axis=2)", "from itself; return distances, not similarities"),
+    (" @ np.ones((len(d), 1)) @ np.ones((1, len(d))) * 0 + d @ d.T", "from itself; return distances, not similarities"),
+    (" * 0 + (1 - np.eye(len(d))) / (1 + np.abs(d[:, None] - d[None]).sum(axis=2))", "far from its copy"),
+    (" + (descriptors[0].sort() or 0)", "read-only"),
+)
 MUTE = "if len(x) < 5: raise UnsupportedShape('')\n        return shape.form(x)"
 
 
@@ -87,18 +114,26 @@ FAULTS = [
     ("answer", FORM + "raise UnsupportedShape('too thin')", "", r"refuses an ordinary surface \(too thin\)"),
     ("answer", "power: int = 2.5\n\n    " + RIGHT, "", "'2.5' does not fit power of smooth"),
     ("answer", FORM + "__import__('multiprocessing').get_context('spawn').Pool(1)", "", "'fork'"),
-    ("answer", FORM + "return topp", "", r"^tried.py:32: NameError: name 'topp' is not defined$"),
-    ("answer", FORM + "sys.exit(3)", "", r"^tried.py:32: SystemExit: 3$"),
+    ("answer", FORM + "return topp", "", r"^tried.py:40: NameError: name 'topp' is not defined$"),
+    ("answer", FORM + "sys.exit(3)", "", r"^tried.py:40: SystemExit: 3$"),
     ("answer", DESCRIBE + "return [1.0, 1j]" + DISTANCES, "", "type complex128; return a vector"),
     ("input untouched", FORM + WRITES, "", "changes the geodesics of the shape"),
     ("answer", FORM + "shape.seed = 7\n        return shape.form(x)", "", "work on a copy"),
     ("repeatable", FORM + COUNTS.format("len(CALLS)"), "", "two runs on one shape differ; draw from .*, keep no state"),
-    ("repeatable", FORM + COUNTS.format("(1 + (len(CALLS) > 2))"), "", "the answer differs after another shape"),
-    ("repeatable", FORM + SIGNS, "", r"differ by signs; .* a fixed start \(v0=...\), fix the signs"),
+    (
+        "repeatable",
+        FORM + COUNTS.format("(1 + (len(CALLS) > 2))"),
+        "",
+        "the answer differs if another shape comes first",
+    ),
+    ("repeatable", FORM + SIGNS, "", "differ by signs; .* choose the signs of eigenvectors by benchmark.api.oriented"),
+    *(("repeatable", state, "", "if another shape comes first; keep no state") for state in STATES),
     ("seed", FORM + "return shape.form(x * (1 + shape.random().random()))", "", "declare deterministic=False"),
     ("seed", FORM + "return shape.form(x * len(shape.identifier))", "", "depends on the name or the seed"),
     ("seed", RIGHT, "deterministic=False", "ignores the seed"),
     ("relabelling", FORM + "return shape.form(x - 0.5 * (x[0] @ x[0]) * x)", "", "break ties by geometry"),
+    *(("relabelling", FORM + f"return shape.form({signs})", "", "mirror image") for signs in SIGNED),
+    ("rigid motion", FORM + f"return shape.form({PLACED})", "", "mirror image of the form: .*api.oriented"),
     ("rigid motion", FORM + "return shape.form(x * [1, 1, 2])", "", "position of the shape in space"),
     ("mirror", FORM + LEANS, "", "mirrors some shapes and not others"),
     ("mirror", FORM + "return shape.form(x * (2 + np.tanh(np.linalg.det(x[[0, 9, 99]]))))", "", "another form"),
@@ -107,9 +142,10 @@ FAULTS = [
     ("scale", DESCRIBE + SPREAD + DISTANCES, "scale='invariant'", "or declare 'equivariant'"),
     ("scale", DESCRIBE + "return np.array([1.0])" + DISTANCES, "", "does not distinguish poses"),
     ("dissimilarities", DESCRIBE + SPREAD + DISTANCES.replace("np.abs", "np.exp"), "", "not symmetric"),
-    ("dissimilarities", DESCRIBE + SPREAD + DISTANCES.replace("return np", "return -np"), "", "return numbers >= 0"),
+    ("dissimilarities", DESCRIBE + SPREAD + DISTANCES.replace("return np", "return -np"), "", "a distance is negative"),
+    *(("dissimilarities", DESCRIBE + SPREAD + DISTANCES + end, "", message) for end, message in SIMILAR),
     ("dissimilarities", DESCRIBE + SPREAD + POSITIONS, "", "depends on the order of the shapes"),
-    ("awkward shapes", FORM + "return shape.form(x + 0 * x[10])", "", "a triangle: tried.py:32: IndexError"),
+    ("awkward shapes", FORM + "return shape.form(x + 0 * x[10])", "", "a triangle: tried.py:40: IndexError"),
     ("awkward shapes", FORM + MUTE, "", "a tetrahedron is refused without a reason"),
 ]
 
@@ -182,7 +218,7 @@ def test_a_loop_or_a_crash_ends_the_checks_and_says_at_which_line(body, code, tm
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == code
     assert [line.split()[1] for line in done.stdout.splitlines()] == ["ok"] * 8
-    assert 'tried.py", line 32 in canonicalise' in done.stderr
+    assert 'tried.py", line 40 in canonicalise' in done.stderr
 
 
 def test_prints_do_not_stand_among_findings(tmp_path, capsys):
