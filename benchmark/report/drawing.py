@@ -49,7 +49,12 @@ def outwardness(mesh: Mesh) -> NDArray[np.float64]:
 
 
 def shaded(
-    mesh: Mesh, camera: Camera, size: int, values: NDArray[np.float64] | None = None, frame: Points | None = None, *,
+    mesh: Mesh,
+    camera: Camera,
+    size: int,
+    values: NDArray[np.float64] | None = None,
+    frame: Points | None = None,
+    *,
     is_transparent: bool = False,
 ) -> Image.Image:
     """Draw a mesh on white as a camera sees it.

@@ -141,8 +141,9 @@ def classes_figure(view: TableView) -> Figure:
     figure, ((place,),) = subplots(WIDTH, 0.9 + 0.16 * len(each))
     place.imshow(each, cmap="Blues", vmin=0, vmax=1.25, aspect="auto")
     place.set_yticks(range(len(each)), each.index, parse_math=False)
-    place.set_xticks(range(each.shape[1]), map(clean, each), rotation=40 if each.shape[1] > 8 else 0,
-                     ha="right" if each.shape[1] > 8 else "center", rotation_mode="anchor", parse_math=False)  # fmt: skip
+    turn, side = (40, "right") if each.shape[1] > 8 else (0, "center")
+    names = [clean(name) for name in each]
+    place.set_xticks(range(len(names)), names, rotation=turn, ha=side, rotation_mode="anchor", parse_math=False)
     place.tick_params(length=0)
     if each.shape[1] <= 24:
         for (down, across), score in np.ndenumerate(each):

@@ -39,10 +39,10 @@ KINDS = {"": "Scores", "-forms": "Forms", "-queries": "Queries"}
 #: What the charts of a table show, in their order on its page.
 CHARTS = {
     "classes": f"Mean {MEASURE} of each class, from the hardest class to the easiest",
-    "scores": f"{MEASURE} with intervals over resampled classes (95 %); dashed: a random order, hollow: the paper. Full "
-    "circles of seconds (log scale): no row is both faster and better",
-    "map": "Shapes, so far apart as the order of their distances says, with lines to the middle of their class; a ring: "
-    "the nearest match is of another class",
+    "scores": f"{MEASURE} with intervals over resampled classes (95 %); dashed: a random order, hollow: the paper. "
+    "Full circles of seconds (log scale): no row is both faster and better",
+    "map": "Shapes, so far apart as the order of their distances says, with lines to the middle of their class; a "
+    "ring: the nearest match is of another class",
     "precision-recall": "Precision over recall, mean over all queries; a refused shape finds nothing",
     "paper": "Our scores over those of the paper",
 }
@@ -165,7 +165,10 @@ def _overview(views: Sequence[TableView]) -> dict[str, Any]:
         of = [{row.title: row.scored.get(column) for row in view.printed_rows} for view, column in columns]
         blocks_of |= {name: {title: [scores.get(title) for scores in of] for title in titles}} if titles else {}
     bests = {
-        name: [max((one.means[MEASURE] for one in of if one and one.is_rival), default=2) for of in zip(*rows.values())]
+        name: [
+            max((one.means[MEASURE] for one in of if one and one.is_rival), default=2)
+            for of in zip(*rows.values(), strict=True)
+        ]
         for name, rows in blocks_of.items()
     }
     return {"columns": columns, "blocks": blocks_of, "bests": bests}
@@ -285,11 +288,12 @@ def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
     first = rows[0][1]
     every = [number for number, score in enumerate(first.per_query[MEASURE]) if score is not None]
     cells = {number: [_outcome(record, nearest, number) for _, record, nearest in rows] for number in every}
-    order = sorted(every, key=lambda number: sum(score for _, score in cells[number]))
-    missed = [number for number in every if min(cells[number])[0] < 2]
+    worst = {number: min(cells[number])[0] for number in every}
+    order = sorted(every, key=lambda number: (worst[number], sum(score for _, score in cells[number])))
+    missed = [number for number in every if worst[number] < 2]
     return {
         "title": view.columns[0].title,
-        "queries": [{"number": of, "cells": cells[of], "is_fine": min(cells[of])[0] == 2} for of in order],
+        "queries": [{"number": of, "cells": cells[of], "is_fine": worst[of] == 2} for of in order],
         "rows": [(row.title, file_name(row.method)) for row, *_ in rows],
         "data": {
             "sides": [_shapes(pages, side) for side in first.sides],
@@ -305,10 +309,11 @@ def _shapes(pages: Pages, side: Ranked) -> list[tuple[str, str, str]]:
     return [*zip(map(clean, side.shapes), map(clean, side.labels), pictures, strict=True)]
 
 
-def _nearest(record: Record, matrix: NDArray[np.float64]) -> dict[int, list[tuple[int, int, float]]]:
+def _nearest(record: Record, matrix: NDArray[np.float64]) -> dict[int, list[tuple[int, int, float | None]]]:
     """Return the nearest shapes of each query with a result, and the first of its class if it comes later.
 
-    Each is its number, its rank, and its distance over that of the first of the class; the query itself is left out.
+    Each is its number, its rank, and its distance over that of the first of the class if that is not 0. The query
+    itself is left out.
     """
     last, found = record.sides[-1], {}
     numbers, shapes, labels = np.array(last.answered), np.array(last.shapes), np.array(last.labels)
@@ -316,14 +321,15 @@ def _nearest(record: Record, matrix: NDArray[np.float64]) -> dict[int, list[tupl
         order = np.argsort(distances, kind="stable")
         order = order[record.keeps_same_names | (shapes[numbers[order]] != record.shapes[query])]
         own = np.flatnonzero(labels[numbers[order]] == record.labels[query])[:1].tolist()
-        unit = max(float(distances[order[own[0]]]), 1e-12) if own else np.nan
+        unit = float(distances[order[own[0]]]) if own else 0.0
         ranks = [*range(min(MATCHES, len(order))), *(rank for rank in own if rank >= MATCHES)]
-        found[query] = [(int(numbers[order[k]]), k + 1, round(float(distances[order[k]]) / unit, 2)) for k in ranks]
+        ratios = [round(float(distances[order[k]]) / unit, 2) if unit else None for k in ranks]
+        found[query] = [(int(numbers[order[k]]), k + 1, ratio) for k, ratio in zip(ranks, ratios, strict=True)]
     return found
 
 
 def _drawn(
-    pages: Pages, record: Record, nearest: Mapping[int, Sequence[tuple[int, int, float]]], missed: Sequence[int]
+    pages: Pages, record: Record, nearest: Mapping[int, Sequence[tuple[int, int, float | None]]], missed: Sequence[int]
 ) -> dict[int, str]:
     """Return the pictures of the forms of missed queries, and of their matches, by number; empty without forms."""
     shown = {of for of in missed if of in nearest}
@@ -337,7 +343,9 @@ def _drawn(
     return {of: file for of, file in files.items() if file}
 
 
-def _outcome(record: Record, nearest: Mapping[int, Sequence[tuple[int, int, float]]], number: int) -> tuple[int, float]:
+def _outcome(
+    record: Record, nearest: Mapping[int, Sequence[tuple[int, int, float | None]]], number: int
+) -> tuple[int, float]:
     """Return 0 for a refused query, 1 where the nearest match is of another class, otherwise 2; and its score."""
     first = nearest.get(number, ())[:1]
     is_hit = any(record.sides[-1].labels[match] == record.labels[number] for match, *_ in first)

@@ -113,10 +113,10 @@ def finished(tmp_path_factory):
 
 
 def test_a_figure_is_not_drawn_over_another_file(finished, tmp_path):
-    words = ("report", "--results", finished[1], "--figure", "cost", "-o", tmp_path / "cost.png")
-    (tmp_path / "cost.png").write_text("mine")
+    words = ("report", "--results", finished[1], "--figure", "map", "-o", tmp_path / "map.png")
+    (tmp_path / "map.png").write_text("mine")
     assert "pass --force" in refusal(*words)
-    assert (tmp_path / "cost.png").read_text() == "mine"
+    assert (tmp_path / "map.png").read_text() == "mine"
 
 
 def test_results_of_a_quick_run_are_named_where_quick_is_missing(tmp_path):

@@ -27,10 +27,10 @@ from benchmark.report.figures import (
     RECALLS,
     WIDTH,
     _precision,
-    cost_figure,
-    distances_figure,
+    classes_figure,
     effect_records,
     forms_figure,
+    map_figure,
     paper_figure,
     save,
     scores_figure,
@@ -40,7 +40,7 @@ from benchmark.report.pages import _nearest, write_report
 from benchmark.report.sheets import contact_sheet, frame_picture, spread
 from benchmark.report.tables import table_views
 from benchmark.text import DATA_VARIABLE
-from tests.report.records import failed, record
+from tests.report.records import by_class, failed, record
 from tests.report.test_formats import HOSTILE
 from tests.toy import rod
 
@@ -95,9 +95,9 @@ def test_records_alone_make_a_page_that_says_how_to_make_forms_and_a_chart_for_e
     page = found["table-rods.html"]
     assert "it &lt;b&gt;fell&lt;/b&gt;" in page
     assert page.count("python -m benchmark run -d rods") == 1
-    for chart, ending in product(("scores-mesh", "scores-view", "cost-mesh", "cost-view"), ("svg", "pdf", "csv")):
+    for chart, ending in product(("scores-mesh", "scores-view", "classes-mesh"), ("svg", "pdf", "csv")):
         assert f'href="charts/table-rods-{chart}.{ending}"' in page
-    view = (tmp_path / "report" / "charts" / "table-rods-cost-view.csv").read_text().splitlines()
+    view = (tmp_path / "report" / "charts" / "table-rods-scores-view.csv").read_text().splitlines()
     assert view[1] == '"Depth network, 128 px",NN,0.75,0.75,0.75,,1.5'
 
 
@@ -108,19 +108,29 @@ def test_a_table_has_one_score_a_cell_with_what_it_is_sorted_by_its_interval_and
     ]
     row = re.search(r"<tr>(?:(?!<tr).)*>GPS<.*?</tr>", text, re.DOTALL)[0]
     cells = re.findall(r"<td ([^>]*)>([.\d]*)(.*?)</td>", row, re.DOTALL)
-    assert [score for _, score, _ in cells] == [*[".71", ".52", ".72", ".76", ".47", ".50", ".60", ".70"], "1.5"]
-    assert re.fullmatch(r'class="" data-value="0.46875" title="95 %: .2\d to .6\d; paper .71"', cells[4][0])
-    assert [svg.count('class="paper"') for *_, svg in cells] == [0] * 4 + [1] * 4 + [0]
-    assert re.findall(r"<td data-value=\"([^\"]*)\">", row) == ["1.5"]
+    assert [score for _, score, _ in cells] == [*[".71", ".52", ".72", ".76", ".47", ".50", ".60", ".70"], "", "1.5"]
+    assert cells[4][0] == 'class="" data-value="0.46875"'
+    assert re.fullmatch(r'class="range form" title="DCG .70, 95 %: .\d+ to .\d+; paper .76"', cells[8][0])
+    assert [svg.count('class="paper"') for *_, svg in cells] == [0] * 8 + [1, 0]
+    assert cells[9][0] == 'data-value="1.5"'
 
 
-def test_tabs_name_generated_data_and_the_overview_the_best_row_of_each_column(tmp_path):
-    refused = record("classic-mds", dataset="humans-scanlike", unsupported=[("cat0", "too thin")])  # is not best
+def test_the_overview_has_a_column_for_each_table_and_the_best_of_each_block_is_bold(tmp_path):
+    refused = record("classic-mds", 0.8, dataset="humans-scanlike", unsupported=[("cat0", "too thin")])  # is not best
     found = pages(tmp_path, record("gps", dataset="people[draw=0]"), record("gps", dataset="humans-scanlike"), refused)
-    text = " ".join(Facts(found["index.html"]).text.split())
-    assert "I: generated people, draw 0" in text
-    assert "No record says which machine made the forms." in text
-    assert re.search(r"oursGPS .70.57 Scores", text)
+    index = found["index.html"]
+    assert "I: generated people, draw 0" in index
+    assert "No record says which machine made the forms." in index
+    rows = re.findall(r'<th scope="row">(?:GPS|Classic MDS|Random order)</th>(.*?)</tr>', index, re.DOTALL)
+    cells = [
+        re.findall(r'<td(?: data-value="[.\d]*" style="--part: (\d+)%" class="(\w*)")?>([.\d]*)</td>', row)
+        for row in rows
+    ]
+    assert cells == [
+        [("0", "other", ".23"), ("29", "bold", ".70")],  # two of three draws are missing
+        [("", "", ""), ("29", "other", ".70")],
+        [("", "", ".57"), ("", "", ".57")],
+    ]
 
 
 def test_hostile_names_are_text_on_pages_and_in_names_of_files(tmp_path, monkeypatch):
@@ -173,24 +183,32 @@ def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch
         "Mesh: 1 of 5 queries fail",
         "View: 2 of 5 queries fail",
     ]
-    order = re.findall(r'<tr( class="fine")?><th scope="row"><button data-query="(\d)">', page)
+    order = re.findall(r'<tr id="[-\w]+"( class="fine")?><th scope="row"><button data-query="(\d)">', page)
     assert order[0] == ("", "3")
     assert order[5:7] == [("", "4"), ("", "3")]
     assert all(mark for mark, _ in order[1:5] + order[7:])
     row = re.search(r'data-query="4".*?</tr>', page[page.index("View") :], re.DOTALL)[0]
     assert re.findall(r"<td(.*?)>(.*?)</td>", row) == [(' class="refused" data-value="-1"', "– refused"), ("", "✓ .70")]
     data = json.loads(re.search(r"<script type=\"application/json\">(.*?)</script>", page)[1])
-    assert data["rows"] == [
-        ["GPS", {"0": [1, 2, 3, 4], "1": [0, 2, 3, 4], "2": [3, 4, 0, 1], "3": [0, 2, 4, 1], "4": [3, 2, 0, 1]}]
-    ]
+    ((title, near, forms),) = data["rows"]
+    assert (title, forms) == ("GPS", {})  # no forms are stored
+    assert near["3"] == [[0, 1, 0.75], [2, 2, 1.0], [4, 3, 1.25], [1, 4, 2.25]]
 
 
 def test_matches_are_shapes_of_the_gallery_without_the_name_of_the_query():
     gallery = record(labels=["a", "a", "b", "b"])
     ranked = Ranked(**{name: getattr(gallery, name) for name in Ranked.__struct_fields__})
     matrix = np.array([[0.0, 3, 2, 1], [5, 4, 0, 6]])
-    for keeps, expected in ((False, {0: [3, 2, 1], 1: [2, 1, 0, 3]}), (True, {0: [0, 3, 2, 1], 1: [2, 1, 0, 3]})):
-        assert _nearest(record(labels=["a", "b"], against=ranked, keeps_same_names=keeps), matrix) == expected
+    for keeps, expected in ((False, [(3, 1, 0.33), (2, 2, 0.67), (1, 3, 1.0)]), (True, [(0, 1, None), (3, 2, None)])):
+        found = _nearest(record(labels=["a", "b"], against=ranked, keeps_same_names=keeps), matrix)
+        assert found[0][: len(expected)] == expected
+        assert found[1] == [(2, 1, None), (1, 2, None), (0, 3, None), (3, 4, None)]
+
+
+def test_the_first_of_the_class_of_a_query_is_listed_with_its_rank_where_it_is_late():
+    matrix = np.array([[0.0, *range(9, 1, -1)], *np.zeros((8, 9))])
+    found = _nearest(record(labels=["a", "a", *"bbbbbbb"]), matrix)
+    assert found[0] == [(8, 1, 0.22), (7, 2, 0.33), (6, 3, 0.44), (5, 4, 0.56), (4, 5, 0.67), (1, 8, 1.0)]
 
 
 def test_text_has_a_contrast_of_four_and_a_half_in_both_schemes(tmp_path):
@@ -222,7 +240,7 @@ def test_pages_of_400_shapes_are_small(tmp_path):
 def test_figures_have_fonts_that_publishers_take(results, tmp_path):
     view = table_views(results.records)[0]
     forms = StoredForms(results.folder)
-    figures = [scores_figure(view), cost_figure(view), forms_figure(view, forms)[0]]
+    figures = [scores_figure(view), map_figure(view, forms), forms_figure(view, forms)[0]]
     for number, figure in enumerate(figures):
         save(figure, tmp_path / f"{number}.pdf")
         data = (tmp_path / f"{number}.pdf").read_bytes()
@@ -243,17 +261,21 @@ def test_precision_counts_refused_shapes_among_the_queries_and_the_relevant():
     assert _precision(refused, matrix)[RECALLS > 0.5] == pytest.approx(0.4)
 
 
-def test_the_line_of_costs_steps_along_the_best_so_far_and_names_stand_beside_the_axes(monkeypatch):
+def test_rows_are_full_circles_of_seconds_where_none_is_faster_and_better(monkeypatch):
     monkeypatch.setattr("benchmark.report.figures.MEASURE", "NN")
     rows = {"slow": (9.0, 0.5), "best": (3.0, 0.9), "fast": (4e-5, 0.1), "worse": (4.0, 0.4)}
     records = [record(name, nn, seconds={"canonicalise": seconds}) for name, (seconds, nn) in rows.items()]
-    (place,) = cost_figure(table_views(records)[0]).axes
-    assert place.lines[-1].get_xydata() == pytest.approx(np.array([[0.001, 0.1], [3, 0.9], [4, 0.9], [9, 0.9]]))
-    assert [line.get_xdata()[0] for line in place.lines if line.get_marker() == "<"] == [0.001]  # not measured
-    assert [text.get_text() for text in place.texts] == ["Fast", "Worse", "Slow", "Best"]
-    across, heights = zip(*(text.xyann for text in place.texts), strict=True)
-    assert min(across) > 1
-    assert np.diff(heights) == pytest.approx(0.25)
+    scores, seconds = scores_figure(table_views(records)[0]).axes
+    names = [text.get_text() for text in scores.get_yticklabels()]
+    shown = {names[int(of.get_ydata()[0])]: (of.get_xdata()[0], of.get_marker(), of.get_mfc()) for of in seconds.lines}
+    blue = COLOURS["form"]
+    expected = {
+        "Slow": (9.0, "o", "none"),
+        "Worse": (4.0, "o", "none"),
+        "Best": (3.0, "o", blue),
+        "Fast": (0.001, "<", blue),
+    }
+    assert shown == expected  # what takes less than a millisecond is not measured
 
 
 def test_the_papers_scores_are_hollow_marks_and_lie_in_a_band_beside_ours():
@@ -276,17 +298,28 @@ def test_colours_of_marks_have_a_contrast_of_three_with_white():
 def test_networks_of_views_are_in_charts_beside_rows_of_complete_surfaces():
     view = table_views([record(), record("learned", input_="view")])[0]
     titles = ["GPS", "Depth network, 128 px, view"]
-    assert sorted(text.get_text() for text in cost_figure(view).axes[0].texts) == titles[::-1]
+    assert [text.get_text() for text in classes_figure(view).axes[0].get_yticklabels()] == titles
     assert list(effect_records(view)) == titles
 
 
-def test_distances_are_sorted_by_class(monkeypatch):
-    labels = ["b", "a", "b", "a"]
-    apart = (np.array(labels)[:, None] != np.array(labels)).astype(float)
+def test_classes_stand_from_the_hardest_to_the_easiest(monkeypatch):
+    monkeypatch.setattr("benchmark.report.figures.MEASURE", "NN")
+    values = {"owl": 0.25, "cat": 0.5, "dog": 1.0}
+    rows = [record("gps", by_class(values))]
+    (place,) = classes_figure(table_views(rows)[0]).axes
+    assert [text.get_text() for text in place.get_xticklabels()] == ["owl", "cat", "dog"]
+    assert place.images[0].get_array().tolist() == [[0.25, 0.5, 1.0]]
+
+
+def test_a_map_has_shapes_apart_as_their_distances_say_and_a_ring_at_those_whose_match_is_wrong(monkeypatch):
+    labels, places = ["b", "a", "b", "a"], np.array([0.0, 9.0, 1.0, 2.4])  # the last one lies among the others
+    apart = np.abs(places[:, None] - places)
     monkeypatch.setattr("benchmark.report.figures.read_distances", lambda folder, record: apart)
-    (image,) = distances_figure(table_views([record(labels=labels)])[0], StoredForms(None)).axes[0].images
-    near, far = 0, 1  # ranks of distances
-    assert image.get_array().tolist() == [[near, near, far, far]] * 2 + [[far, far, near, near]] * 2
+    (place,) = map_figure(table_views([record(labels=labels)])[0], StoredForms(None)).axes
+    points, rings = (line.get_xydata() for line in place.lines[-2:])
+    assert rings.tolist() == points[[3]].tolist()
+    between = np.linalg.norm(points[:, None] - points, axis=-1)
+    assert between[0, 2] < between[2, 3] < between[0, 3] < between[3, 1] < between[0, 1]
 
 
 def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_path):
