@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -29,7 +30,7 @@ from benchmark.report.drawing import shaded
 from benchmark.report.formats import hundredths
 from benchmark.report.forms import Drawn, StoredForms, spread_of_forms
 from benchmark.report.sheets import spread
-from benchmark.report.tables import Row, Scored, TableView
+from benchmark.report.tables import Row, Scored, TableView, file_name
 from benchmark.report.verdicts import TOLERANCE
 from benchmark.text import clean
 
@@ -48,8 +49,11 @@ OBLIQUE = Camera((-0.9, 0.0, -1.0), (0.0, 1.0, 0.0))
 #: Maps side by side in a figure, and title of the shapes beside forms.
 _ACROSS, _ITSELF = 3, "Shape"
 
-#: Most classes that are all named on a map.
+#: Classes that are named on a map: those with most wrong matches.
 _NAMED = 15
+
+#: Smallest class, and fewest points, of which a chart of precision, or of the paper's scores, is drawn.
+_FEWEST_SHAPES, _FEWEST_POINTS = 5, 8
 
 #: Measure of charts that show one.
 MEASURE = "DCG"
@@ -69,7 +73,7 @@ RECALLS = np.round(np.arange(1, 21) * 0.05, 2)
 
 _SIZE, _MARKERS, _DASHES = 7, "os^DvP<X>*ph", ("-", "--", "-.", ":")
 _STYLE = {"axes.labelsize": _SIZE, "axes.titlesize": _SIZE, "axes.spines.top": False, "axes.spines.right": False,
-          "xtick.labelsize": _SIZE - 1, "ytick.labelsize": _SIZE - 1}  # fmt: skip
+          "xtick.labelsize": _SIZE, "ytick.labelsize": _SIZE}  # fmt: skip
 
 #: Metadata by file extension, without the date and the version of matplotlib.
 _UNDATED: dict[str, dict[str, str | None]] = {
@@ -125,19 +129,16 @@ def scores_figure(view: TableView) -> Figure:
 
 
 def classes_figure(view: TableView) -> Figure:
-    """Draw the mean of each class by each row, classes from the hardest to the easiest; dark is high.
+    """Draw the mean of each class by each row; dark is high.
 
     Raises
     ------
     ConfigurationError
         If no row has scores.
     """
-    rows = first_records(view)
-    if not rows:
+    each = class_means(view)
+    if each.empty:
         raise ConfigurationError(f"no row of {view.stem} has scores", "run a method here")
-    frames = {row.title: DataFrame({"of": of.labels, MEASURE: of.per_query[MEASURE]}) for row, of in rows.items()}
-    each = DataFrame({title: frame.dropna().groupby("of")[MEASURE].mean() for title, frame in frames.items()}).T
-    each = each[each.mean().sort_values().index]
     figure, ((place,),) = subplots(WIDTH, 0.9 + 0.16 * len(each))
     place.imshow(each, cmap="Blues", vmin=0, vmax=1.25, aspect="auto")
     place.set_yticks(range(len(each)), each.index, parse_math=False)
@@ -147,9 +148,18 @@ def classes_figure(view: TableView) -> Figure:
     place.tick_params(length=0)
     if each.shape[1] <= 24:
         for (down, across), score in np.ndenumerate(each):
-            place.text(across, down, hundredths(score), ha="center", va="center", fontsize=_SIZE - 1,
+            place.text(across, down, hundredths(score), ha="center", va="center", fontsize=_SIZE,
                        color="white" if score > 0.75 else "black")  # fmt: skip
     return figure
+
+
+def class_means(view: TableView) -> DataFrame:
+    """Return the mean of each class, from the hardest class to the easiest, by row."""
+    each = {
+        row.title: DataFrame(of.per_query).groupby(of.labels)[MEASURE].mean() for row, of in first_records(view).items()
+    }
+    means = DataFrame(each).T.rename_axis("method").dropna(axis=1)
+    return means[means.mean().sort_values().index]
 
 
 def precision_recall_figure(curves: Sequence[tuple[Row, NDArray[np.float64]]]) -> Figure:
@@ -161,20 +171,27 @@ def precision_recall_figure(curves: Sequence[tuple[Row, NDArray[np.float64]]]) -
         If there are no curves.
     """
     if not curves:
-        raise ConfigurationError("no distances of this table are stored here", "run it here")
+        raise ConfigurationError("no distances of classes of five or more shapes are stored here", "run them here")
     figure, ((place,),) = subplots(WIDTH, 3)
     for number, (row, curve) in enumerate(curves):
         place.plot(RECALLS, curve, lw=0.8, mew=0.8, mfc="none", ms=3.5, marker=_MARKERS[number % len(_MARKERS)],
-                   markevery=(number % 4, 4), color=COLOURS[row.kind], label=row.title, ls=_DASHES[number % 4],
-                   clip_on=False)  # fmt: skip
+                   markevery=(number % 4, 4), color=COLOURS[row.kind], ls=_DASHES[number % 4],
+                   label=fill(row.title, 28), clip_on=False)  # fmt: skip
     place.set(xlim=(0, 1), ylim=(0, 1.02), xlabel="recall", ylabel="precision")
-    figure.legend(loc="outside right center", fontsize=5, frameon=False)
+    figure.legend(loc="outside right center", fontsize=_SIZE, frameon=False)
     return figure
 
 
 def precision_recall(view: TableView, forms: StoredForms) -> list[tuple[Row, NDArray[np.float64]]]:
-    """Return rows whose distances are all stored with their mean interpolated precision at :data:`RECALLS`."""
-    return [(row, np.mean([_precision(*pair) for pair in pairs], axis=0)) for row, pairs in _distances(view, forms)]
+    """Return rows whose distances are all stored with their mean interpolated precision at :data:`RECALLS`.
+
+    Of classes of fewer than five shapes, a query finds so few that a curve has two or three levels; they have none.
+    """
+    curves = []
+    for row, pairs in _distances(view, forms):
+        if all(min(Counter(record.sides[-1].labels).values()) >= _FEWEST_SHAPES for record, _ in pairs):
+            curves.append((row, np.mean([_precision(*pair) for pair in pairs], axis=0)))
+    return curves
 
 
 def _distances(view: TableView, forms: StoredForms) -> list[tuple[Row, list[tuple[Record, NDArray[np.float64]]]]]:
@@ -209,15 +226,16 @@ def paper_figure(view: TableView) -> Figure:
         If the paper has no scores of these rows.
     """
     rows = [(view.paper[row.method], one.means) for row, one in shown_rows(view) if row.method in view.paper]
-    if not rows:
-        raise ConfigurationError(f"the paper has no scores of the rows of {view.stem}", "select Table I, II, III or IV")
+    if len(rows) * len(MEASURES) < _FEWEST_POINTS:
+        problem = f"the paper has no scores of two rows of {view.stem}"
+        raise ConfigurationError(problem, "select Table I, II, III or IV, and more methods")
     figure, ((place,),) = subplots(COLUMN, COLUMN)
     for name, marker in zip(MEASURES, _MARKERS, strict=False):
         theirs, ours = zip(*((printed[name], means[name]) for printed, means in rows), strict=True)
         place.plot(theirs, ours, marker, ms=4, mew=0.8, mfc="none", color=COLOURS["form"], label=name)
     place.fill_between([0, 1], [-TOLERANCE, 1 - TOLERANCE], [TOLERANCE, 1 + TOLERANCE], color="0.9", zorder=0)
     place.set(xlim=(0, 1), ylim=(0, 1), aspect="equal", xlabel="paper", ylabel=view.columns[0].title)
-    place.legend(fontsize=_SIZE - 1, frameon=False)
+    place.legend(fontsize=_SIZE, frameon=False)
     return figure
 
 
@@ -241,20 +259,22 @@ def map_figure(view: TableView, forms: StoredForms) -> Figure:
         place.axis("off")
         place.set_aspect("equal")
     for place, (row, record, matrix) in zip(figure.axes, known, strict=False):
-        labels = np.array([clean(record.labels[number]) for number in record.answered])
+        labels, names = (np.array(of)[record.answered] for of in (record.labels, record.shapes))
         near = matrix + np.diag(np.full(len(matrix), np.inf))
         is_missed = labels[near.argmin(axis=1)] != labels
         order = squareform(rankdata(squareform((matrix + matrix.T) / 2, checks=False)))
         points = MDS(metric_mds=True, metric="precomputed", init="classical_mds", n_init=1).fit_transform(order)
-        for label in np.unique(labels):
+        for count, label in enumerate(sorted(np.unique(labels), key=lambda label: -is_missed[labels == label].sum())):
             mine = points[labels == label]
             centre = mine.mean(axis=0)
-            place.plot(*np.stack([np.broadcast_to(centre, mine.shape), mine], axis=1).T, color=GREY, lw=0.5)
-            if len(np.unique(labels)) <= _NAMED or is_missed[labels == label].any():
-                place.annotate(label, centre, fontsize=5, ha="center", va="center", parse_math=False,
-                               bbox={"pad": 0.4, "lw": 0, "fc": "white", "alpha": 0.7})  # fmt: skip
-        place.plot(*points.T, "o", ms=2.5, color=COLOURS[row.kind], zorder=0)
-        place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED, zorder=0)
+            place.plot(*np.stack([np.broadcast_to(centre, mine.shape), mine], axis=1).T, color=GREY, lw=0.5, zorder=0)
+            if count < _NAMED:
+                place.annotate(clean(label), centre, fontsize=_SIZE, ha="center", va="center", parse_math=False,
+                               zorder=0, bbox={"pad": 0.4, "lw": 0, "fc": "white", "alpha": 0.7})  # fmt: skip
+        place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED)
+        # A report makes addresses of queries of these.
+        addresses = [f"#{file_name(name)}" for name in names.tolist()]
+        place.scatter(points[:, 0], points[:, 1], 9, COLOURS[row.kind], urls=addresses)
         place.set_title(fill(row.title, 30), fontsize=_SIZE, parse_math=False)
     return figure
 

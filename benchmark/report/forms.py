@@ -58,19 +58,19 @@ class Drawn:
     mesh
         The surface, centred by area, of unit root mean square radius.
     body
-        Surface with the same vertices, which says how far each is from the centre: of a form, its shape.
+        Its shape, if a form has the same vertices, which says how far each is from the centre.
     is_mirrored
         Whether it is the mirror image of the form that a method made.
     """
 
     mesh: Mesh
-    body: Mesh
+    body: Drawn | None = None
     is_mirrored: bool = False
 
     @cached_property
     def values(self) -> NDArray[np.float64]:
         """How far each vertex is from the centre of the body."""
-        return outwardness(self.body)
+        return self.body.values if self.body else outwardness(self.mesh)
 
 
 @dataclass(frozen=True)
@@ -88,16 +88,17 @@ class StoredForms:
     folder: Path
     data_root: Path | None = None
     _sets: dict[str, ShapeSet | None] = field(default_factory=dict, repr=False)
+    _shapes: dict[tuple[str, str, str], Drawn | None] = field(default_factory=dict, repr=False)
     _firsts: dict[tuple[str, str], Drawn | None] = field(default_factory=dict, repr=False)
 
     def shape(self, record: Ranked, name: str) -> Drawn | None:
         """Return a prepared shape; None if it is not stored."""
-        mesh = read_prepared(self.folder, record, name)
-        if mesh is None:
-            return None
-        rotation = self._camera(record, name).rotation if record.input == "mesh" else np.eye(3)
-        turned = centred(mesh.with_vertices(mesh.vertices @ rotation.T))
-        return Drawn(turned, turned)
+        place = record.gallery_digest, record.input, name
+        if place not in self._shapes:
+            mesh = read_prepared(self.folder, record, name)
+            rotation = self._camera(record, name).rotation if mesh and record.input == "mesh" else np.eye(3)
+            self._shapes[place] = Drawn(centred(mesh.with_vertices(mesh.vertices @ rotation.T))) if mesh else None
+        return self._shapes[place]
 
     def form(self, record: Record, name: str) -> Drawn | None:
         """Return the form of a shape, turned to that of the first pose; None if it is not stored.
@@ -121,7 +122,7 @@ class StoredForms:
         if mesh.vertices.shape == shape.mesh.vertices.shape:
             turn, _ = orthogonal_procrustes(mesh.vertices, shape.mesh.vertices)
             mesh = mesh.with_vertices(mesh.vertices @ turn)
-        return Drawn(mesh, shape.mesh if np.array_equal(mesh.faces, shape.mesh.faces) else mesh)
+        return Drawn(mesh, shape if np.array_equal(mesh.faces, shape.mesh.faces) else None)
 
     def _camera(self, record: Ranked, name: str) -> Camera:
         source = record.data.source

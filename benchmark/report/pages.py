@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import product
+from itertools import chain, product
 from pathlib import Path
 from typing import Any
 
@@ -22,15 +22,17 @@ from scipy.spatial import cKDTree
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.preparation import decimate
 from benchmark.pipeline.records import Ranked, Record, read_distances
+from benchmark.protocols.tables import AGAINST, Column, Kind
 from benchmark.reference.paper import MEASURES
 from benchmark.report import figures
 from benchmark.report.drawing import PALETTE, shaded
 from benchmark.report.figures import MEASURE, OBLIQUE
 from benchmark.report.formats import BLOCKS, blocks, hundredths
 from benchmark.report.forms import Drawn, StoredForms
+from benchmark.report.frames import changed
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
-from benchmark.report.tables import Scored, TableView, file_name
+from benchmark.report.tables import Row, Scored, TableView, file_name
 from benchmark.text import clean, say
 
 #: Pages of a table by the end of their name.
@@ -42,16 +44,23 @@ CHARTS = {
     "scores": f"{MEASURE} with intervals over resampled classes (95 %); dashed: a random order, hollow: the paper. "
     "Full circles of seconds (log scale): no row is both faster and better",
     "map": "Shapes, so far apart as the order of their distances says, with lines to the middle of their class; a "
-    "ring: the nearest match is of another class",
+    "ring: the nearest match is of another class. A click on a point leads to its query. Maps of two "
+    "methods have nothing in common but their shapes: only compare distances within one",
     "precision-recall": "Precision over recall, mean over all queries; a refused shape finds nothing",
     "paper": "Our scores over those of the paper",
 }
 
+#: Groups of the columns of the overview.
+GROUPS = ("Complete surfaces", "One depth view", "One depth view against complete surfaces")
+
 #: Classes, and shapes of each, on a page of forms; vertices of a form in 3D, and pixels of its picture.
 CLASSES, POSES, VERTICES, SIDE = 3, 2, 2000, 240
 
-#: Matches of a query, pixels of the picture of a shape, and per inch of matrices.
-MATCHES, _SMALL, _DPI = 5, 96, 150
+#: Matches of a query, and failed queries whose forms are drawn, the hardest ones; pixels of the picture of a shape.
+MATCHES, HARDEST, _SMALL = 5, 20, 96
+
+#: What follows the class in the name of a shape whose pose has a name.
+_POSE = re.compile(r"[_/-]([^\W\d_][^\d]*)")
 
 _TEMPLATES = Environment(
     loader=PackageLoader("benchmark.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
@@ -85,8 +94,13 @@ class Pages:
         records = [record for view in views for row in view.printed_rows for record in row.records]
         content["machines"] = "; ".join(dict.fromkeys(machine for record in records for machine in record.machines))
         content["tables"] = {"index": "Overview"} if len(self.views) > 1 else {}
-        content["tables"] |= {view.stem: _label(view) for view in self.views}
+        content["tables"] |= {view.stem: _label(view) for view in self.views if self.main(view) is view}
         self.files[name] = _TEMPLATES.get_template(template).render(title=title, here=name, **content)
+
+    def main(self, view: TableView) -> TableView:
+        """Return the table on whose pages another one stands: that of the unchanged views."""
+        base = (changed(view.dataset) or [""])[0] if view.table.is_cross else ""
+        return next((main for main in self.views if (main.table, main.dataset) == (view.table, base)), view)
 
     def picture(self, name: str, drawn: Drawn | None, size: int, *, is_coloured: bool = False) -> str:
         """Return the name of the picture of a surface, which is drawn once; "" without a surface."""
@@ -128,10 +142,9 @@ def write_report(
     """
     pages = Pages(StoredForms(results, data_root), views)
     pages.files |= {name: fixed_file(name) for name in ("style.css", "table.css", "report.js")}
-    listed = [_add_table(pages, view) for view in views]
-    pages.add(
-        "index.html", "index.html", "Canonical forms benchmark", views, **_overview(views), kinds={}, stem="index"
-    )
+    listed = [_add_table(pages, view) for view in views if pages.main(view) is view]
+    content = {"kinds": {}, "stem": "index", "matrix": _matrix(pages, views)}
+    pages.add("index.html", "index.html", "Canonical forms benchmark", views, **content)
     if len(views) == 1:
         pages.files["index.html"] = pages.files[f"{views[0].stem}.html"]
     if any("Forms" in kinds.values() for kinds in listed):
@@ -146,7 +159,9 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     facets = [replace(view, columns=(column,)) for column in view.columns]
     forms = [found for facet in facets if (found := _forms(pages, facet))]
     queries = [found for facet in facets if (found := _queries(pages, facet))]
+    of_angles = [other for other in pages.views if pages.main(other) is view]
     scores = _scores(view, forms, queries) | {"charts": _charts(pages, facets)}
+    scores["matrix"] = _matrix(pages, of_angles) if len(of_angles) > 1 else {}
     content = {"": scores, "-forms": {"facets": forms}, "-queries": {"facets": queries}}
     kinds = {f"{view.stem}{ending}.html": KINDS[ending] for ending, shown in content.items() if any(shown.values())}
     for name, kind in kinds.items():
@@ -156,22 +171,43 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     return kinds
 
 
-def _overview(views: Sequence[TableView]) -> dict[str, Any]:
-    """Return all columns of all tables, the rows of each block with their scores there, and the best of the block."""
-    columns = [(view, column.title) for view in views for column in view.columns]
-    blocks_of: dict[str, dict[str, list[Scored | None]]] = {}
+def _matrix(pages: Pages, views: Iterable[TableView]) -> dict[str, Any]:
+    """Return the columns of some tables by group and label, and by block the rows with their scores in each column."""
+    columns: dict[tuple[int, str], tuple[TableView, Column]] = {}
+    for view in views:
+        for column in view.columns:
+            columns.setdefault(_place(view, column), (view, column))
+    places = sorted(columns, key=lambda place: place[0])  # stable
+    rows: dict[str, dict[str, list[tuple[Row, Scored, bool] | None]]] = {}
     for kind, name in BLOCKS.items():
-        titles = dict.fromkeys(row.title for view in views for row in view.printed_rows if row.kind == kind)
-        of = [{row.title: row.scored.get(column) for row in view.printed_rows} for view, column in columns]
-        blocks_of |= {name: {title: [scores.get(title) for scores in of] for title in titles}} if titles else {}
-    bests = {
-        name: [
-            max((one.means[MEASURE] for one in of if one and one.is_rival), default=2)
-            for of in zip(*rows.values(), strict=True)
-        ]
-        for name, rows in blocks_of.items()
-    }
-    return {"columns": columns, "blocks": blocks_of, "bests": bests}
+        of = [_column_scores(kind, *columns[place], views_apart=(1, place[1]) in columns) for place in places]
+        if titles := dict.fromkeys(chain(*of)):
+            rows[name] = {title: [scores.get(title) for scores in of] for title in titles}
+    groups = {name: sum(GROUPS[group] == name for group, _ in places) for name in GROUPS}
+    shown = [(label, pages.main(columns[group, label][0]).stem, *columns[group, label]) for group, label in places]
+    return {"columns": shown, "groups": groups, "rows": rows}
+
+
+def _place(view: TableView, column: Column) -> tuple[int, str]:
+    """Return the number of the group of a column in the overview, and its label."""
+    is_against = any(part.startswith(AGAINST) for part in column.parts)
+    has_parts = column.parts != ("",) and not is_against and not view.table.is_ablation
+    label = _data_title(view) + ", ablation" * view.table.is_ablation + f", {column.title}" * has_parts
+    return 2 if is_against else int(column.input == "view"), label
+
+
+def _column_scores(
+    kind: Kind, view: TableView, column: Column, *, views_apart: bool
+) -> dict[str, tuple[Row, Scored, bool]]:
+    """Return the rows of a block by title with their scores in a column, and whether these are of views.
+
+    In a column of complete surfaces, networks have scores of views; with ``views_apart``, these stand in their own.
+    """
+    rows = [
+        (row, row.scored[column.title]) for row in view.printed_rows if row.kind == kind and column.title in row.scored
+    ]
+    is_view = {row: column.input == "as printed" and one.all_records[0].input == "view" for row, one in rows}
+    return {row.title: (row, one, is_view[row]) for row, one in rows if not (views_apart and is_view[row])}
 
 
 # Scores --------------------------------------------------------------------------------------------------------------
@@ -215,8 +251,11 @@ def _charts(pages: Pages, facets: Sequence[TableView]) -> dict[str, list[tuple[s
         with suppress(ConfigurationError):  # distances, or scores of the paper, may not be there
             figure, title = figures.CHARTS[kind](facet, pages.forms), facet.columns[0].title
             name = f"charts/{facet.stem}-{kind}-{file_name(title.replace(' ', '-'))}"
-            files = [name + ending for ending in (".svg", ".pdf", ".csv")[: 3 - (kind == "map")]]
-            pages.files |= {file: figures.encode(figure, file[-4:], _DPI) for file in files[:2]}
+            files = [name + ending for ending in (".svg", ".pdf", ".csv")[: 3 - (kind in ("map", "paper"))]]
+            queries = f'<a xlink:href="../{facet.stem}-queries.html#{file_name(title)}-'
+            svg, pdf = (figures.encode(figure, file[-4:]) for file in files[:2])
+            svg = svg.replace(b'<a xlink:href="#', queries.encode()).replace(b'target="_blank"', b'target="_top"')
+            pages.files |= {files[0]: svg, files[1]: pdf}
             pages.files |= {file: _numbers(facet, pages.forms, kind).to_csv(float_format="%.6g") for file in files[2:]}
             column = f", {title}" * (len(facets) > 1)
             shown.setdefault(kind.capitalize(), []).append((f"{says}{column}.", files))
@@ -224,7 +263,9 @@ def _charts(pages: Pages, facets: Sequence[TableView]) -> dict[str, list[tuple[s
 
 
 def _numbers(view: TableView, forms: StoredForms, kind: str) -> DataFrame:
-    """Return the numbers of a chart: precision by recall, or all scores with intervals and seconds."""
+    """Return the numbers of a chart: means of classes, precision by recall, or scores with intervals and seconds."""
+    if kind == "classes":
+        return figures.class_means(view)
     if kind == "precision-recall":
         curves = {row.title: curve for row, curve in figures.precision_recall(view, forms)}
         return DataFrame(curves, index=figures.RECALLS).rename_axis("recall")
@@ -290,11 +331,12 @@ def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
     cells = {number: [_outcome(record, nearest, number) for _, record, nearest in rows] for number in every}
     worst = {number: min(cells[number])[0] for number in every}
     order = sorted(every, key=lambda number: (worst[number], sum(score for _, score in cells[number])))
-    missed = [number for number in every if worst[number] < 2]
+    missed = [number for number in order if worst[number] < 2][:HARDEST]
     return {
         "title": view.columns[0].title,
         "queries": [{"number": of, "cells": cells[of], "is_fine": worst[of] == 2} for of in order],
         "rows": [(row.title, file_name(row.method)) for row, *_ in rows],
+        "kept": [_kept_pose(record, nearest) for _, record, nearest in rows],
         "data": {
             "sides": [_shapes(pages, side) for side in first.sides],
             "rows": [(row.title, near, _drawn(pages, record, near, missed)) for row, record, near in rows],
@@ -328,6 +370,28 @@ def _nearest(record: Record, matrix: NDArray[np.float64]) -> dict[int, list[tupl
     return found
 
 
+def _kept_pose(record: Record, nearest: Mapping[int, Sequence[tuple[int, int, float | None]]]) -> list[float]:
+    """Return how often the match of a failed query has its pose, and how often a random shape of another class has it.
+
+    Empty if poses have no names, as in ``man-1_kneeling``, or no query fails.
+    """
+    last = record.sides[-1]
+    poses = [
+        [_POSE.fullmatch(shape.removeprefix(label)) for shape, label in zip(side.shapes, side.labels, strict=True)]
+        for side in record.sides
+    ]
+    if not all(map(all, poses)):
+        return []
+    names = [[pose[1] for pose in of_side if pose] for of_side in poses]
+    labels, every = np.array(last.labels), np.array(names[-1])
+    failed = [(query, of[0][0]) for query, of in nearest.items() if of and labels[of[0][0]] != record.labels[query]]
+    others = [every[labels != record.labels[query]] == names[0][query] for query, _ in failed]
+    if not any(map(np.any, others)):
+        return []
+    shares = [every[match] == names[0][query] for query, match in failed], [of.mean() for of in others]
+    return [float(np.mean(of)) for of in shares]
+
+
 def _drawn(
     pages: Pages, record: Record, nearest: Mapping[int, Sequence[tuple[int, int, float | None]]], missed: Sequence[int]
 ) -> dict[int, str]:
@@ -359,6 +423,12 @@ def _title(view: TableView) -> str:
 
 def _label(view: TableView) -> str:
     """Return a short name of a table and its data."""
-    data = re.sub(r"\[(\w+)=([^]]*)\]$", r", \1 \2", view.dataset)
-    made = "generated " * (view.dataset in view.table.stand_ins)
-    return data if view.table.identifier == view.dataset else f"{view.table.identifier}: {made}{data}"
+    data = _data_title(view)
+    return data if view.table.identifier == view.dataset else f"{view.table.identifier}: {data}"
+
+
+def _data_title(view: TableView) -> str:
+    """Return a short name of the data of a table."""
+    title = next(iter(view.samples.values()))[0].data.title
+    title = re.sub(r" \((stand-in|generated)[^)]*\)|, draw \d+", "", title)
+    return clean(re.sub(r": largest angle in degrees (\d+)$", " \\1\N{DEGREE SIGN}", title))

@@ -25,7 +25,7 @@ def body(bend=1.2):
 def test_rotated_and_mirrored_copies_come_out_equal_and_the_mirrored_one_is_marked(sign, seed):
     mesh, turn = body(), sign * special_ortho_group(3, seed).rvs()
     copy = mesh.with_vertices(mesh.vertices @ turn)
-    form = turned(Drawn(copy, copy), Drawn(mesh, mesh))
+    form = turned(Drawn(copy), Drawn(mesh))
     assert form.is_mirrored == (sign < 0)
     assert form.mesh.vertices == pytest.approx(mesh.vertices, abs=1e-9)
 
@@ -36,7 +36,7 @@ def test_a_form_that_hardly_differs_from_its_turned_self_is_turned_little():
     other = mesh.with_vertices(
         mesh.vertices * [1, 1, -1] + np.random.default_rng(0).normal(scale=0.02, size=mesh.vertices.shape)
     )
-    form = turned(Drawn(mesh, mesh), Drawn(other, other))
+    form = turned(Drawn(mesh), Drawn(other))
     assert form.mesh.vertices == pytest.approx(mesh.vertices, abs=0.1)
 
 

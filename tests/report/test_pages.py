@@ -32,6 +32,7 @@ from benchmark.report.figures import (
     forms_figure,
     map_figure,
     paper_figure,
+    precision_recall,
     save,
     scores_figure,
 )
@@ -82,7 +83,7 @@ def read(folder):
         assert all(attrs.get("alt") for tag, attrs in page.found if tag == "img"), name
         assert len(set(page.values("id"))) == len(page.values("id"))
         assert sum(tag == "tr" for tag, _ in page.found) > 1  # no page is empty
-        for link in page.values("href") + page.values("src") + page.values("data-mesh"):
+        for link in page.values("href") + page.values("src") + page.values("data", "object") + page.values("data-mesh"):
             file, _, anchor = link.partition("#")
             assert link == "data:," or (folder / file).is_file(), link  # so that no network is needed
             assert not anchor or anchor in facts[file].values("id"), link
@@ -119,18 +120,51 @@ def test_the_overview_has_a_column_for_each_table_and_the_best_of_each_block_is_
     refused = record("classic-mds", 0.8, dataset="humans-scanlike", unsupported=[("cat0", "too thin")])  # is not best
     found = pages(tmp_path, record("gps", dataset="people[draw=0]"), record("gps", dataset="humans-scanlike"), refused)
     index = found["index.html"]
-    assert "I: generated people, draw 0" in index
     assert "No record says which machine made the forms." in index
-    rows = re.findall(r'<th scope="row">(?:GPS|Classic MDS|Random order)</th>(.*?)</tr>', index, re.DOTALL)
-    cells = [
-        re.findall(r'<td(?: data-value="[.\d]*" style="--part: (\d+)%" class="(\w*)")?>([.\d]*)</td>', row)
-        for row in rows
+    assert re.findall(r'title="[^"]*">([^<]*)</a></th>', index) == ["people[draw=0]", "humans-scanlike"]
+    assert cells_of(index, "GPS") == [("0", "other", ".23"), ("29", "", ".70")]  # two of three draws are missing
+    assert cells_of(index, "Classic MDS") == [("", "", ""), ("29", "other", ".70")]
+    assert cells_of(index, "Random order") == [("", "", ".57"), ("", "", ".57")]
+
+
+def cells_of(text, title):
+    row = re.search(rf'<th scope="row">{title}</th>(.*?)</tr>', text, re.DOTALL)[1]
+    cells = re.findall(r'<td(?: data-value="[.\d]*" style="--part: (\d+)%" class="(\w*)")?>(.*?)</td>', row)
+    return cells
+
+
+def test_a_score_of_views_stands_in_the_column_of_views_or_says_so(tmp_path):
+    labels = [f"s{k // 2}" for k in range(18)]
+    surfaces = [
+        record("gps", dataset="tosca", labels=labels),
+        record("learned", dataset="tosca", input_="view", labels=labels),
     ]
-    assert cells == [
-        [("0", "other", ".23"), ("29", "bold", ".70")],  # two of three draws are missing
-        [("", "", ""), ("29", "other", ".70")],
-        [("", "", ".57"), ("", "", ".57")],
+    alone = table_views(surfaces, ["III"])
+    write_report(tmp_path, [view for view in alone if view.table.identifier == "III"], tmp_path / "alone")
+    page = (tmp_path / "alone" / "index.html").read_text()
+    assert "Turned cameras" not in page
+    index = pages(tmp_path, *surfaces)["index.html"]
+    assert cells_of(index, "GPS")[1:] == [("", "", "")]
+    assert [text for *_, text in cells_of(index, "Depth network, 128 px")] == ["", ".70"]
+
+
+def test_turned_views_are_columns_of_the_table_of_unturned_ones(tmp_path):
+    labels = [f"s{k // 2}" for k in range(18)]
+    gallery = record(dataset="tosca", labels=labels)
+    ranked = Ranked(**{name: getattr(gallery, name) for name in Ranked.__struct_fields__})
+    titles = {"tosca": "TOSCA", "tosca[view-angle=3]": "TOSCA, view angle: largest angle in degrees 30"}
+    common = {"fold": "against complete surfaces", "input_": "view", "labels": labels, "against": ranked}
+    rows = [
+        record(dataset=name, data={"name": name, "title": title, "source": name}, **common)
+        for name, title in titles.items()
     ]
+    found = pages(tmp_path, *rows)
+    assert found.keys() == {"index.html", "table-III-cross-tosca.html"}
+    for page in found.values():
+        assert re.findall(r'<a href="(.*?)" title="[^"]*">([^<]*)</a></th>', page) == [
+            ("table-III-cross-tosca.html", "TOSCA"),
+            ("table-III-cross-tosca.html", "TOSCA, view angle 30°"),
+        ]
 
 
 def test_hostile_names_are_text_on_pages_and_in_names_of_files(tmp_path, monkeypatch):
@@ -279,15 +313,22 @@ def test_rows_are_full_circles_of_seconds_where_none_is_faster_and_better(monkey
 
 
 def test_the_papers_scores_are_hollow_marks_and_lie_in_a_band_beside_ours():
-    view = table_views([record("gps", 0.7, dataset="tosca"), record("learned", 0.7, dataset="tosca")])[0]
+    names = "gps", "skeleton", "learned"
+    view = table_views(record(name, 0.7, dataset="tosca") for name in names)[0]
     marks = [line for line in scores_figure(view).axes[0].lines if line.get_marker() == "D"]
-    assert [(line.get_xdata()[0], line.get_markerfacecolor()) for line in marks] == [(0.76, "none")]
+    assert [(line.get_xdata()[0], line.get_markerfacecolor()) for line in marks] == [(0.84, "none"), (0.76, "none")]
     points = [line.get_xydata().tolist() for line in paper_figure(view).axes[0].lines]
-    assert points == [
-        [[PRINTED["III"]["gps"][name], view.printed_rows[0].scored["ours"].means[name]]] for name in MEASURES
-    ]
-    with pytest.raises(ConfigurationError, match="the paper has no scores"):
-        paper_figure(table_views([record()])[0])
+    ours = view.printed_rows[0].scored["ours"].means
+    assert points == [[[PRINTED["III"][row][name], ours[name]] for row in names[:2]] for name in MEASURES]
+    with pytest.raises(ConfigurationError, match="the paper has no scores of two rows"):
+        paper_figure(table_views(record(name, 0.7, dataset="tosca") for name in names[::2])[0])
+
+
+def test_classes_of_fewer_than_five_shapes_have_no_curve_of_precision(monkeypatch):
+    monkeypatch.setattr("benchmark.report.figures.read_distances", lambda folder, one: np.ones((len(one.shapes),) * 2))
+    for size, count in ((4, 0), (5, 1)):
+        view = table_views([record(labels=[*"a" * size, *"bbbbb"])])[0]
+        assert len(precision_recall(view, StoredForms(None))) == count
 
 
 def test_colours_of_marks_have_a_contrast_of_three_with_white():
@@ -316,7 +357,7 @@ def test_a_map_has_shapes_apart_as_their_distances_say_and_a_ring_at_those_whose
     apart = np.abs(places[:, None] - places)
     monkeypatch.setattr("benchmark.report.figures.read_distances", lambda folder, record: apart)
     (place,) = map_figure(table_views([record(labels=labels)])[0], StoredForms(None)).axes
-    points, rings = (line.get_xydata() for line in place.lines[-2:])
+    points, rings = place.collections[0].get_offsets().data, place.lines[-1].get_xydata()
     assert rings.tolist() == points[[3]].tolist()
     between = np.linalg.norm(points[:, None] - points, axis=-1)
     assert between[0, 2] < between[2, 3] < between[0, 3] < between[3, 1] < between[0, 1]

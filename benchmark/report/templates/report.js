@@ -96,6 +96,7 @@ for (const box of document.querySelectorAll(".queries")) {
     if (event.isTrusted) history.replaceState(null, "", "#" + row.id); // the address shows this query
   });
   const asked = document.getElementById(location.hash.slice(1));
+  if (body.contains(asked)) asked.classList.remove("fine");
   const start = (body.contains(asked) ? asked : body).querySelector(body.contains(asked) ? "button" : "tr:not(.fine) button");
   if (start) start.click();
 }
