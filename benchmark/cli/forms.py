@@ -40,10 +40,10 @@ from benchmark.pipeline.preparation import (
     prepare_view,
     require_result,
 )
-from benchmark.pipeline.records import read_form
 from benchmark.pipeline.search import search
 from benchmark.registry import Component, select_one
 from benchmark.report.drawing import check_ending, save_png
+from benchmark.report.forms import Drawn, StoredForms, seen, upright
 from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
 from benchmark.runs.planning import Planned, plan_selection
 from benchmark.text import say, say_table
@@ -76,7 +76,9 @@ def canonicalise(
         raise ShapeError(problem, error.hint) from error
     write_mesh(output, form.mesh)
     if options.picture is not None:
-        save_png(mesh_picture(read_mesh(source), form.mesh), options.picture)
+        mesh = read_mesh(source)  # the form may have the vertices of the prepared mesh
+        drawn = mesh if mesh.n_vertices == len(form.vertices) else prepare(mesh, N_VERTICES).mesh
+        save_png(mesh_picture(drawn, form.mesh), options.picture)
     say(", ".join([f"{output}: {len(form.vertices)} vertices", *_facts(form.notes)]))
     return True
 
@@ -204,7 +206,7 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
         seconds = time.perf_counter() - start
         write_mesh(target, form.mesh)
         if picture:
-            save_png(frame_picture(observed.depths, observed.mask, form.mesh), picture)
+            save_png(frame_picture(observed.depths, observed.mask, observed.surface, form.mesh), picture)
         facts = [fact for fact in _facts(form.notes) if len(frames) == 1 or fact.startswith("doubt")]
         say(", ".join([f"{count}{target}: {len(form.vertices)} vertices, {seconds:.2f} s", *facts]))
     if failures:
@@ -241,12 +243,20 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
     rows = [(str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}") for rank, hit in enumerate(hits, 1)]
     say_table([("rank", "name", "class", "distance"), *rows])
     if options.picture:
-        panels: list[tuple[str, Mesh | None]] = [(f"query\n{query.name}\n", nearest.form or shape.mesh)]
+        stored, mesh = StoredForms(options.results, options.data_root), shape.mesh
+        camera = UPRIGHT if input_ == "view" else shapes.camera(itself[0]) if itself else FRONT
+        drawn = upright(nearest.form, seen(mesh, camera)) if nearest.form else seen(mesh, camera)
+        panels: list[tuple[str, Drawn | None]] = [(f"query\n{query.name}\n", drawn)]
         for rank, *texts in rows:
-            panels.append((f"{rank}. " + "\n".join(texts), read_form(options.results, record, texts[0])))
+            panels.append((f"{rank}. " + "\n".join(texts), stored.upright(record, texts[0])))
         save_png(retrieved_picture(panels), options.picture)
-    margin = f"by a margin of {nearest.margin:.1%} over the second class"
-    say(f"class {hits[0].subject}, {margin}; {time.perf_counter() - start:.1f} s")
+    if hits[0].distance == 0:
+        say(f"{hits[0].shape} has the distance 0: the gallery holds the query, or its copy", err=True)
+    margin = f"a margin of {nearest.margin:.1%} over the second class"
+    says = f"class {hits[0].subject}, by {margin}"
+    if not nearest.is_decided:
+        says = f"undecided: {hits[0].subject} has {margin}, within the range of the scorer's draws"
+    say(f"{says}; {time.perf_counter() - start:.1f} s")
 
 
 def _job(name: str, shapes: ShapeSet, component: Component, options: Selection, input_: Input) -> Planned:

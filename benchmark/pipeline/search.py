@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.api.contracts import Descriptor, Method, Shape
 from benchmark.api.scoring import Scorer
@@ -29,17 +30,25 @@ class Hit(NamedTuple):
 
 
 class SearchResult(NamedTuple):
-    """Shapes of the gallery that have a form, nearest first, and the form of the query; None for a descriptor."""
+    """Shapes of the gallery that have a form, nearest first, and the form of the query; None for a descriptor.
+
+    ``margins`` are those of the nearest class before the second, one for each draw of the scorer, relative to the mean
+    distance of the second; empty without a second class, or if its distance is 0.
+    """
 
     hits: list[Hit]
     form: Mesh | None
+    margins: NDArray[np.float64]
 
     @property
     def margin(self) -> float:
         """Margin between the nearest class and the second nearest, relative to the distance of the second."""
-        first = self.hits[0]
-        other = next((hit for hit in self.hits if hit.subject != first.subject), None)
-        return 0.0 if other is None or not other.distance > 0 else 1 - first.distance / other.distance
+        return float(self.margins.mean()) if len(self.margins) else 0.0
+
+    @property
+    def is_decided(self) -> bool:
+        """Whether the margin is larger than what the draws of the scorer differ by."""
+        return len(self.margins) > 0 and self.margin > float(np.ptp(self.margins))
 
 
 def search(
@@ -83,7 +92,11 @@ def search(
     if not stored:
         raise ConfigurationError(f"no form of {record.row} is kept in {results}", "run it again here")
     comparing = scorer if isinstance(method, Method) else method
-    (nearness,) = np.mean([*distances(comparing, [*stored.values()], [answer])], axis=0)
-    pairs = zip(nearness.tolist(), stored, strict=True)
-    hits = [Hit(record.shapes[index], record.labels[index], distance) for distance, index in sorted(pairs)]
-    return SearchResult(hits, form)
+    draws = np.concatenate([*distances(comparing, [*stored.values()], [answer])])
+    nearness, numbers = draws.mean(axis=0), [*stored]
+    order = np.lexsort([numbers, nearness]).tolist()
+    labels = [record.labels[index] for index in numbers]
+    hits = [Hit(record.shapes[numbers[k]], labels[k], float(nearness[k])) for k in order]
+    second = next((k for k in order if labels[k] != hits[0].subject and nearness[k] > 0), None)
+    margins = [] if second is None else (draws[:, second] - draws[:, order[0]]) / nearness[second]
+    return SearchResult(hits, form, np.array(margins))

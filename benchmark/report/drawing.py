@@ -29,6 +29,9 @@ PALETTE = ("#4a62b0", "#3a82be", "#4aaca8", "#96d088", "#f4d264", "#f69e5c")
 _RAMP = np.array([[int(name[k : k + 2], 16) for k in (1, 3, 5)] for name in PALETTE]) / 255
 _PLAIN = np.array([0.60, 0.68, 0.77])
 
+#: View of forms, whose errors in depth do not show from the front.
+OBLIQUE = Camera((-0.9, 0.0, -1.0), (0.0, 1.0, 0.0))
+
 _SOURCES = 48
 _FINER = 2
 

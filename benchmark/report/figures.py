@@ -26,7 +26,7 @@ from benchmark.geometry.camera import Camera
 from benchmark.pipeline.records import Record, read_distances
 from benchmark.protocols.tables import Kind
 from benchmark.reference.paper import MEASURES
-from benchmark.report.drawing import shaded
+from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.formats import hundredths
 from benchmark.report.forms import Drawn, StoredForms, spread_of_forms
 from benchmark.report.sheets import spread
@@ -42,9 +42,6 @@ DPI = 300
 
 #: Side in inches of a picture in a figure of forms, at most, and height of the titles above them.
 _TALLEST, _HEAD = 0.85, 0.44
-
-#: View of forms of depth images, whose errors do not show from the front.
-OBLIQUE = Camera((-0.9, 0.0, -1.0), (0.0, 1.0, 0.0))
 
 #: Maps side by side in a figure, and title of the shapes beside forms.
 _ACROSS, _ITSELF = 3, "Shape"
@@ -101,7 +98,10 @@ def scores_figure(view: TableView) -> Figure:
 
     Hollow diamonds are the paper's scores; no row is both faster and better than those of full circles of seconds.
     """
-    titles, rows = [column.title for column in view.columns], view.printed_rows[::-1]
+    titles = [column.title for column in view.columns]
+    rows = [
+        row for row in view.printed_rows[::-1] if row.method in view.paper or not row.scored.keys().isdisjoint(titles)
+    ]
     figure, axes = subplots(WIDTH, 0.55 + 0.16 * len(rows), n_columns=len(titles) + 1, sharey=True)
     for place, title in zip(axes[0], titles, strict=False):
         for height, row in enumerate(rows):
@@ -257,7 +257,7 @@ def map_figure(view: TableView, forms: StoredForms) -> Figure:
     figure, _ = subplots(n_columns * side, n_rows * (side + 0.2), n_rows, n_columns)
     for place in figure.axes:
         place.axis("off")
-        place.set_aspect("equal")
+        place.set_aspect("equal", "datalim")
     for place, (row, record, matrix) in zip(figure.axes, known, strict=False):
         labels, names = (np.array(of)[record.answered] for of in (record.labels, record.shapes))
         near = matrix + np.diag(np.full(len(matrix), np.inf))

@@ -18,6 +18,7 @@ from trimesh.sample import sample_surface
 from benchmark.api.datasets import ShapeSet
 from benchmark.code_digest import digest
 from benchmark.datasets.catalogue import open_dataset
+from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import BenchmarkError
 from benchmark.files import file_digest
 from benchmark.geometry.camera import FRONT, Camera
@@ -96,8 +97,8 @@ class StoredForms:
         place = record.gallery_digest, record.input, name
         if place not in self._shapes:
             mesh = read_prepared(self.folder, record, name)
-            rotation = self._camera(record, name).rotation if mesh and record.input == "mesh" else np.eye(3)
-            self._shapes[place] = Drawn(centred(mesh.with_vertices(mesh.vertices @ rotation.T))) if mesh else None
+            camera = self._camera(record, name) if mesh and record.input == "mesh" else UPRIGHT
+            self._shapes[place] = seen(mesh, camera) if mesh else None
         return self._shapes[place]
 
     def form(self, record: Record, name: str) -> Drawn | None:
@@ -116,13 +117,7 @@ class StoredForms:
     def upright(self, record: Record, name: str) -> Drawn | None:
         """Return the form of a shape, turned as the shape; None if it is not stored."""
         form, shape = read_form(self.folder, record, name), self.shape(record, name)
-        if form is None or shape is None:
-            return None
-        mesh = centred(form)
-        if mesh.vertices.shape == shape.mesh.vertices.shape:
-            turn, _ = orthogonal_procrustes(mesh.vertices, shape.mesh.vertices)
-            mesh = mesh.with_vertices(mesh.vertices @ turn)
-        return Drawn(mesh, shape if np.array_equal(mesh.faces, shape.mesh.faces) else None)
+        return upright(form, shape) if form and shape else None
 
     def _camera(self, record: Ranked, name: str) -> Camera:
         source = record.data.source
@@ -134,6 +129,20 @@ class StoredForms:
         shapes = self._sets[source]
         entries = [entry for entry in shapes.shapes if entry.identifier == name] if shapes else []
         return shapes.camera(entries[0]) if shapes and entries else FRONT
+
+
+def upright(form: Mesh, shape: Drawn) -> Drawn:
+    """Return a form as it is drawn, turned as its shape if both have the same vertices."""
+    mesh = centred(form)
+    if mesh.vertices.shape == shape.mesh.vertices.shape:
+        turn, _ = orthogonal_procrustes(mesh.vertices, shape.mesh.vertices)
+        mesh = mesh.with_vertices(mesh.vertices @ turn)
+    return Drawn(mesh, shape if np.array_equal(mesh.faces, shape.mesh.faces) else None)
+
+
+def seen(mesh: Mesh, camera: Camera) -> Drawn:
+    """Return a shape as it is drawn: as a camera sees it."""
+    return Drawn(centred(mesh.with_vertices(mesh.vertices @ camera.rotation.T)))
 
 
 def centred(mesh: Mesh) -> Mesh:

@@ -25,8 +25,8 @@ from benchmark.pipeline.records import Ranked, Record, read_distances
 from benchmark.protocols.tables import AGAINST, Column, Kind
 from benchmark.reference.paper import MEASURES
 from benchmark.report import figures
-from benchmark.report.drawing import PALETTE, shaded
-from benchmark.report.figures import MEASURE, OBLIQUE
+from benchmark.report.drawing import OBLIQUE, PALETTE, shaded
+from benchmark.report.figures import MEASURE
 from benchmark.report.formats import BLOCKS, blocks, hundredths
 from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.frames import changed
@@ -51,7 +51,7 @@ CHARTS = {
 }
 
 #: Groups of the columns of the overview.
-GROUPS = ("Complete surfaces", "One depth view", "One depth view against complete surfaces")
+GROUPS = ("Complete surfaces", "One depth view", "View against surfaces")
 
 #: Classes, and shapes of each, on a page of forms; vertices of a form in 3D, and pixels of its picture.
 CLASSES, POSES, VERTICES, SIDE = 3, 2, 2000, 240

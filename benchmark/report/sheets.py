@@ -17,7 +17,8 @@ from benchmark.geometry.camera import FRONT
 from benchmark.geometry.cleaning import clean
 from benchmark.geometry.depth import common_half_width, fit_half_width, render_depth
 from benchmark.geometry.mesh import Mesh
-from benchmark.report.drawing import depth_picture, shaded
+from benchmark.report.drawing import OBLIQUE, depth_picture, shaded
+from benchmark.report.forms import Drawn, seen, upright
 
 T = TypeVar("T")
 
@@ -95,7 +96,7 @@ def _pictures(shapes: ShapeSet, entries: Sequence[Entry]) -> tuple[dict[str, Ima
     return pictures, problems
 
 
-def frame_picture(depths: Depths, mask: Mask, form: Mesh) -> Image.Image:
+def frame_picture(depths: Depths, mask: Mask, surface: Mesh, form: Mesh) -> Image.Image:
     """Draw depths, the object in them, and its canonical form, as a depth image and as a surface.
 
     Parameters
@@ -104,13 +105,15 @@ def frame_picture(depths: Depths, mask: Mask, form: Mesh) -> Image.Image:
         Shape (h, w), metres; 0 for missing values.
     mask
         Pixels of the object, shape (h, w).
+    surface
+        The surface of the object.
     form
         Vertices: right, up, towards the viewer.
     """
-    seen = depths > 0
-    near, far = np.percentile(depths[seen], (1, 99)) if seen.any() else (0.0, 1.0)
+    known = depths > 0
+    near, far = np.percentile(depths[known], (1, 99)) if known.any() else (0.0, 1.0)
     shade = 0.9 - 0.75 * np.clip((depths - near) / max(far - near, 1e-9), 0, 1)
-    grey = np.repeat(np.where(seen, shade, 1.0)[..., None], 3, axis=2)  # near points are bright, missing values white
+    grey = np.repeat(np.where(known, shade, 1.0)[..., None], 3, axis=2)  # near points are bright, missing values white
     marked = np.where(mask[..., None], 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey)
     canonical = render_depth(form, UPRIGHT, fit_half_width([form], UPRIGHT), 3 * _HEIGHT)
     scaled = []
@@ -118,25 +121,26 @@ def frame_picture(depths: Depths, mask: Mask, form: Mesh) -> Image.Image:
         image = Image.fromarray(np.round(255 * np.clip(picture, 0, 1)).astype(np.uint8))
         size = (max(1, round(image.width * _HEIGHT / image.height)), _HEIGHT)
         scaled.append(image.resize(size, Image.Resampling.LANCZOS))
-    pictures = [*scaled, depth_picture(canonical, _HEIGHT), shaded(form, UPRIGHT, _HEIGHT)]
+    pictures = [*scaled, depth_picture(canonical, _HEIGHT), _coloured(upright(form, seen(surface, UPRIGHT)), _HEIGHT)]
     return _beside(("depth", "object", "canonical depth", "canonical form"), pictures, 14)
 
 
 def mesh_picture(mesh: Mesh, form: Mesh) -> Image.Image:
     """Draw a mesh (z up, facing -y) and its canonical form side by side."""
-    return _beside(("shape", "canonical form"), [shaded(mesh, FRONT, _HEIGHT), shaded(form, UPRIGHT, _HEIGHT)], 14)
+    shape = seen(mesh, FRONT)
+    return _beside(
+        ("shape", "canonical form"), [_coloured(each, _HEIGHT) for each in (shape, upright(form, shape))], 14
+    )
 
 
-def retrieved_picture(panels: Sequence[tuple[str, Mesh | None]]) -> Image.Image:
-    """Draw forms side by side, each below its text.
+def retrieved_picture(panels: Sequence[tuple[str, Drawn | None]]) -> Image.Image:
+    """Draw forms side by side, each below its lines of text; None is no picture."""
+    pictures = [_coloured(form, _SIDE) if form else _blank(_SIDE, _SIDE) for _, form in panels]
+    return _beside([text for text, _ in panels], pictures, _TEXT)
 
-    Parameters
-    ----------
-    panels
-        Lines of text, and a form (right, up, towards the viewer) or None for no picture; the query comes first.
-    """
-    drawn = [shaded(mesh, UPRIGHT, _SIDE) if mesh else _blank(_SIDE, _SIDE) for _, mesh in panels]
-    return _beside([text for text, _ in panels], drawn, _TEXT)
+
+def _coloured(drawn: Drawn, size: int) -> Image.Image:
+    return shaded(drawn.mesh, OBLIQUE, size, drawn.values)
 
 
 def _beside(texts: Sequence[str], pictures: Sequence[Image.Image], font_size: int) -> Image.Image:

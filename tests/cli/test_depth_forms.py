@@ -1,15 +1,18 @@
 """``canonicalise`` of depth images, and ``retrieve``."""
 
 import re
+import shutil
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from PIL import Image
 
 from benchmark import code_digest
 from benchmark.cli.forms import _with_model
 from benchmark.errors import ConfigurationError
+from benchmark.pipeline.search import SearchResult
 from tests.datasets.test_frames import write_frames
 from tests.toy import SMALL_SCORER
 from tests.verbs import call, refusal
@@ -62,12 +65,27 @@ def test_a_gallery_that_was_run_is_searched(frames, tmp_path, monkeypatch):
     with Image.open(picture) as drawn:
         assert drawn.width > drawn.height
     described = call(*(word if word != "identity" else "surface-area" for word in asked))
-    assert re.search(r"class (one|two), by a margin of", described)
+    assert re.search(r"(class (one|two), by|undecided: (one|two) has) a margin of", described)
     real = code_digest._parsed
     edited = lambda path: real(path)._replace(digest="e" * 16) if path.name == "identity.py" else real(path)  # noqa: E731
     monkeypatch.setattr(code_digest, "_parsed", edited)
     stale = refusal(*asked)
     assert "the gallery is stale: identity.py changed; run `python -m benchmark run -m identity -d" in stale
+
+
+@pytest.mark.parametrize(
+    ("margins", "is_decided"), [([0.1], True), ([0.1, 0.2, 0.1], True), ([-0.1, 0.2, 0.1], False), ([], False)]
+)
+def test_a_class_is_undecided_where_its_margin_lies_within_the_range_of_the_draws(margins, is_decided):
+    assert SearchResult([], None, np.array(margins)).is_decided is is_decided
+
+
+def test_a_copy_of_a_shape_of_the_gallery_is_named(frames, tmp_path):
+    copy, small = tmp_path / "copy", ("--scorer", SMALL_SCORER, "--results", tmp_path / "results")
+    shutil.copytree(frames, copy)
+    call("run", "-d", frames, "-m", "identity", *small, "-j", "0")
+    asked = ("retrieve", "-m", "identity", "-d", frames, *small, copy / "two" / "1.png")
+    assert "two/1 has the distance 0: the gallery holds the query, or its copy" in call(*asked)
 
 
 def test_a_query_takes_the_model_that_made_the_gallery():

@@ -38,7 +38,7 @@ from benchmark.report.figures import (
 )
 from benchmark.report.forms import StoredForms
 from benchmark.report.pages import _nearest, write_report
-from benchmark.report.sheets import contact_sheet, frame_picture, spread
+from benchmark.report.sheets import contact_sheet, frame_picture, mesh_picture, spread
 from benchmark.report.tables import table_views
 from benchmark.text import DATA_VARIABLE
 from tests.report.records import by_class, failed, record
@@ -422,10 +422,20 @@ def test_some_of_many_are_spread_evenly():
     assert spread([1], 4) == [1]
 
 
+def test_a_form_is_drawn_turned_as_its_shape_in_the_colours_of_its_parts():
+    mesh = rod(0.1, 0.5)
+    turned = mesh.with_vertices(mesh.vertices[:, [1, 2, 0]])
+    picture, same = (np.asarray(mesh_picture(mesh, form)).astype(int) for form in (turned, mesh))
+    assert np.abs(picture - same).max() <= 2
+    colours = picture[30:].reshape(-1, 3)
+    assert (colours[:, 2] > colours[:, 0] + 50).any()  # blue
+    assert (colours[:, 0] > colours[:, 2] + 50).any()  # orange
+
+
 def test_the_object_in_a_depth_image_is_orange_and_its_surroundings_are_pale():
     depths = np.full((40, 30), 2.0)
     mask = np.zeros(depths.shape, dtype=bool)
     mask[10:30, 8:22] = True
-    picture = np.asarray(frame_picture(depths, mask, rod(0.1, 0.5)).convert("RGB"))
+    picture = np.asarray(frame_picture(depths, mask, rod(0.1, 0.5), rod(0.1, 0.5)).convert("RGB"))
     colours = set(map(tuple, picture.reshape(-1, 3).tolist()))
     assert {(238, 171, 113), (238, 238, 238)} <= colours
