@@ -454,7 +454,6 @@ def export(
     selection: Selection,
     name: shared.SetName,
     output: Annotated[Path, Option("-o", "--output", metavar="DIR", help="New or empty folder.")],
-    force: shared.Force = False,
 ) -> bool:
     """Write a data set as files.
 
@@ -464,7 +463,7 @@ def export(
     from benchmark.datasets.export import export
 
     watched = partial(counting, f"writing {name}")
-    written, problems = export(selection.open_dataset(name), output, force=force, watched=watched)
+    written, problems = export(selection.open_dataset(name), output, watched=watched)
     for problem in problems:
         say(f"not written: {problem}", err=True)
     say(f"wrote {len(written)} files to {output}; use them with -d {output}")
