@@ -81,7 +81,7 @@ def canonical_form_of_depth(
     if not isinstance(intrinsics, Intrinsics):
         intrinsics = camera_of(np.asarray(intrinsics, dtype=np.float64).ravel().tolist())
     mask = None if mask is None else np.asarray(mask)
-    observed = observe(scaled(np.asarray(depth), intrinsics, mask, scale), intrinsics, mask, up, half_width)
+    observed = observe(scaled(np.asarray(depth), intrinsics, scale), intrinsics, mask, up, half_width)
     return form_of_object(observed, maker, half_width=half_width, seed=seed)
 
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_intrinsics
 from benchmark.depth.reading import (
+    DEFAULT_SCALE,
     FEWEST_SEEN,
     Depths,
     Mask,
@@ -21,7 +22,6 @@ from benchmark.depth.reading import (
     in_metres,
     read_mask,
     read_values,
-    readings,
 )  # fmt: skip
 from benchmark.depth.segmentation import Plane, background_planes, find_object, jump
 from benchmark.errors import DepthError
@@ -40,9 +40,6 @@ IMAGE_UP = np.array([0.0, -1.0, 0.0])
 
 MOST_TILTED = np.cos(np.radians(75))
 """Minimum cosine of the angle between a given up direction and the image plane."""
-
-_DISTANCES, _SIZES = (0.1, 20.0), (0.05, 5.0)
-"""Bounds of the distance and the size of an object, in metres, among which a depth scale must have one reading."""
 
 _PLANE_STEP = 2
 """Pixel stride of the subsampled image in which planes are detected."""
@@ -127,52 +124,31 @@ def observe(
     return ObservedObject(depths, kept, surface, notes)
 
 
-def scaled(
-    values: NDArray[Any], intrinsics: Intrinsics, mask: NDArray[Any] | None = None, scale: float | None = None
-) -> Depths:
+def scaled(values: NDArray[Any], intrinsics: Intrinsics, scale: float | None = None) -> Depths:
     """Return a depth image in metres, see :func:`benchmark.depth.reading.in_metres`.
-
-    Without a scale, that in the file of the camera is used: the only reading that puts the object at a plausible
-    distance and, with a mask, gives it a plausible size. Floats may be metres whatever the file says.
 
     Parameters
     ----------
     values
         Shape (h, w), in units of the image.
-    intrinsics, mask
-        As for :func:`observe`.
+    intrinsics
+        The camera, whose file may state a depth scale.
     scale
-        Units per metre.
+        Units per metre; None for those of the file, or for 1000 (integers) or 1 (floats).
 
     Raises
     ------
     DepthError
-        If no reading is plausible, or several are; or as in ``in_metres``.
+        If the file states a scale that is neither a unit nor, in any of its readings, that of the image's type; or as
+        in ``in_metres``.
     """
-    if scale is not None or not intrinsics.scales:
-        return in_metres(values, scale)
-    raw, is_float = readings(values), np.asarray(values).dtype.kind == "f"
-    height, width = raw.shape
-    intrinsics.check_size(width, height)
-    shown = raw > 0 if mask is None else checked_mask(mask, raw > 0)
-    if not shown.any():
-        return in_metres(values)
-    units = {*intrinsics.scales, *([1.0] if is_float else [])}
-    points = unprojected(raw, intrinsics.rays(width, height))[shown]
-    lengths = {"away": (float(np.median(points[:, 2])), *_DISTANCES)}
-    if mask is not None:
-        lengths["large"] = (float(np.ptp(points[:, :2], axis=0).max()), *_SIZES)
-    plausible = [unit for unit in units if all(low <= length / unit <= high for length, low, high in lengths.values())]
-    if len(units) > 1 and len(plausible) != 1:
-
-        def reading(unit: float) -> str:
-            sizes = " and ".join(f"{length / unit:.3g} m {what}" for what, (length, *_) in lengths.items())
-            return f"{sizes} with {unit:g} units per metre"
-
-        listed = ", ".join(map(reading, sorted(plausible or units)))
-        problem = f"the depth scale of the camera file has {len(plausible)} plausible readings: {listed}"
+    stated = intrinsics.scales
+    usual = 1.0 if np.asarray(values).dtype.kind == "f" else DEFAULT_SCALE
+    if scale is None and len(stated) > 1 and not np.isclose(stated, usual).any():
+        readings = " or ".join(f"{unit:g}" for unit in dict.fromkeys(stated))
+        problem = f"the depth scale of the camera file may mean {readings} units per metre"
         raise DepthError(problem, "pass --depth-scale with the units per metre")
-    return in_metres(values, *(plausible or units))
+    return in_metres(values, scale or (stated[0] if len(stated) == 1 else None))
 
 
 def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[NDArray[np.float64], str]:
@@ -343,7 +319,7 @@ class FrameFiles:
         values, mask_file, camera = read_values(self.image), self.mask_file, self._camera()
         mask = read_mask(mask_file) if mask_file else None
         with named_errors(self.image, "depth image", DepthError, "export the image again"):
-            depths = scaled(values, camera, mask, self.scale)
+            depths = scaled(values, camera, self.scale)
         return observe(depths, camera, mask, self.up, self.half_width)
 
     def _camera(self) -> Intrinsics:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from contextlib import nullcontext
 from pathlib import Path
 
 import cv2
@@ -205,43 +204,26 @@ THERE = np.where(OBJECT, np.linspace(1.9, 2.3, 160), 0)
     [
         *((1000, "i4", {"depth_scale": value}) for value in (1000, 0.001, 1.0, "mm", "millimetres")),
         *((1000, "i4", {key: value}) for key, value in (("depthUnits", 0.001), ("depth_unit", "mm"))),
-        *((5000, "u2", {key: 5000}) for key in ("depth_scale", "png_depth_scale", "depth_factor")),
-        (5000, "u2", {"depth_unit_scale_factor": 0.0002}),
-        (10000, "u2", {"depth_scale": 0.1}),
-        *((1, "f4", {"depth_scale": value}) for value in (1000, 0.001, 1)),
-        *((1000, "f4", {"depth_scale": value}) for value in (1000, 0.001, 1)),
+        *((1, "f4", {"depth_scale": value}) for value in (1000, 1, "m")),
+        (1000, "f4", {"depth_scale": "mm"}),
     ],
 )  # fmt: skip
-def test_a_depth_scale_of_a_camera_file_has_its_only_plausible_meaning(tmp_path: Path, factor, kind, stated) -> None:
+def test_a_depth_scale_of_a_camera_file_is_a_unit_or_agrees_with_the_type(tmp_path: Path, factor, kind, stated) -> None:
     (tmp_path / "camera.json").write_text(json.dumps(CAMERA | stated))
     values = np.round(factor * THERE, 3).astype(kind)
-    for mask in (OBJECT, None):
-        depths = scaled(values, read_intrinsics(tmp_path / "camera.json"), mask)
-        np.testing.assert_allclose(depths[OBJECT], THERE[OBJECT], atol=1e-3)
+    depths = scaled(values, read_intrinsics(tmp_path / "camera.json"))
+    np.testing.assert_allclose(depths[OBJECT], THERE[OBJECT], atol=1e-3)
 
 
-def test_a_depth_scale_with_two_meanings_or_none_is_refused_unless_the_units_are_passed(tmp_path: Path) -> None:
+def test_any_other_depth_scale_is_refused_unless_the_units_are_passed(tmp_path: Path) -> None:
     file, image = tmp_path / "camera.json", tmp_path / "depth.npy"
-    np.save(image, THERE)
-    for stated, said in ((2, "3 plausible readings: 4.2 m away with 0.5 units per"), (1e-9, "")):
-        file.write_text(json.dumps(CAMERA | {"depth_scale": stated}))
-        with pytest.raises(DepthError, match=said) if said else nullcontext():
-            FrameFiles(image).observe()
-        assert FrameFiles(image, scale=1).observe().notes["distance"] == pytest.approx(2.1, abs=0.05)
     np.save(image, np.round(5000 * THERE).astype(np.uint16))
-    file.write_text(json.dumps(CAMERA | {"depth_scale": 5000}))
-    given = Intrinsics(130, 130, 79.5, 59.5)
-    assert FrameFiles(image, given).observe().notes["distance"] == pytest.approx(2.1, abs=0.05)
-    file.write_text(json.dumps(CAMERA | {"depth_scale": 100}))
-    nearer = np.round(70 * THERE).astype(np.int32)
-    np.save(image, nearer)
-    Image.fromarray(OBJECT).save(tmp_path / "mask.png")
-    assert FrameFiles(image, mask=tmp_path / "mask.png").observe().notes["distance"] == pytest.approx(1.47, abs=0.04)
-    with pytest.raises(DepthError, match="2 plausible readings: 14.* m away with 10 .*, 1.* m away with 100"):
-        scaled(nearer, read_intrinsics(file))
-    file.write_text(json.dumps(CAMERA | {"depth_scale": 5000}))
-    with pytest.raises(DepthError, match="0 plausible readings: .*m large with 5000 units per metre; pass"):
-        scaled(np.round(THERE * 9).astype(np.int32), read_intrinsics(file), OBJECT)
+    for stated, said in ((5000, "may mean 5000 or 0.0002 or 0.2 units per metre; pass"), (0.2, "0.2 or 5 or 5000 un")):
+        file.write_text(json.dumps(CAMERA | {"depth_scale": stated}))
+        for camera in (None, Intrinsics(130, 130, 79.5, 59.5)):
+            with pytest.raises(DepthError, match=said):
+                FrameFiles(image, camera).observe()
+            assert FrameFiles(image, camera, scale=5000).observe().notes["distance"] == pytest.approx(2.1, abs=0.05)
 
 
 def test_without_a_size_the_centre_lies_in_the_middle_and_numbers_on_the_command_line_are_no_file() -> None:
