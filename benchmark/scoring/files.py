@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -14,8 +13,8 @@ from numpy.typing import NDArray
 
 from benchmark.datasets.base import natural_key
 from benchmark.datasets.folder import class_list, folder_set, read_cla
+from benchmark.datasets.labels import cells_of, lines_of, read_labels, separator_of
 from benchmark.errors import ConfigurationError, one_line
-from benchmark.files import decode
 from benchmark.geometry.io import named_errors
 
 _HINT = "write the matrix as .npy, .npz, .txt, .csv, .mat (-v7), or .matrix of PSB"
@@ -64,18 +63,8 @@ def _read_labels(path: Path) -> tuple[Labels, Orders]:
     if path.suffix.lower() == ".cla":
         classes = {str(number): label for number, label in read_cla(path).items()}
         return classes, {"list": list(classes), "number": sorted(classes, key=int)}
-    hint = "write 'label' or 'name label' on each line"
-    with named_errors(path, "list of labels", ConfigurationError, hint):
-        rows = _cells(_lines(path))
-        widths = {len(row) for row in rows}
-        if widths == {1}:
-            return [row[0] for row in rows], {}
-        if widths != {2}:
-            raise ConfigurationError(f"it has lines of {' and '.join(map(str, sorted(widths)))} words", hint)
-        labels = dict(rows)
-        if len(labels) < len(rows):
-            raise ConfigurationError("it names a shape twice", "name each shape once")
-        return labels, _orders_of_numbers(labels)
+    labels = read_labels(path)
+    return labels, _orders_of_numbers(labels) if isinstance(labels, dict) else {}
 
 
 def _orders_of_numbers(names: Iterable[str]) -> Orders:
@@ -179,7 +168,7 @@ def _read(path: Path, count: int, n_columns: int) -> Any:
             return _matrix_of(loadmat(path), (count, n_columns))  # all variables, which finds where the file is cut
         if suffix == ".matrix" and path.read_bytes().translate(None, _NUMERALS):
             return _read_psb(path, (count, n_columns))
-        return _read_text(_lines(path), (count, n_columns))
+        return _read_text(lines_of(path), (count, n_columns))
 
 
 def _matrix_of(found: Mapping[str, Any], size: tuple[int, int]) -> Any:
@@ -219,12 +208,12 @@ def _read_text(lines: Sequence[str], size: tuple[int, int]) -> Any:
 
     count, n_columns = size
     try:
-        matrix = np.loadtxt(lines, delimiter=_separator(lines), ndmin=2)  # the fast way, for most files
+        matrix = np.loadtxt(lines, delimiter=separator_of(lines), ndmin=2)  # the fast way, for most files
         if matrix.shape == (size if n_columns else matrix.shape[:1] * 2):
             return matrix
     except ValueError:
         pass
-    rows = _cells(lines)
+    rows = cells_of(lines)
     if len(rows) > 1 and len(rows[0]) == len(rows[1]) - 1:
         rows[0].insert(0, "")  # R leaves out the corner
     width = len(rows[0])
@@ -265,26 +254,3 @@ def _numbers(rows: Sequence[Sequence[str]]) -> list[list[Any]]:
         if may_be_thousands or any("." in cell for cell in cells):
             raise ConfigurationError("commas may be decimal or divide thousands", "write decimal points")
     return [[_number(cell) for cell in row] for row in rows]
-
-
-def _separator(lines: Sequence[str]) -> str | None:
-    return next((mark for mark in ";\t," if any(mark in line for line in lines)), None)
-
-
-def _cells(lines: Sequence[str]) -> list[list[str]]:
-    """Split lines at semicolons, else tabs, else commas, else blanks; cells may be in quotes."""
-    separator = _separator(lines)
-    if separator is None:
-        lines = [" ".join(line.split()) for line in lines]
-    read = csv.reader(lines, delimiter=separator or " ", skipinitialspace=True)
-    rows = [[cell.strip() for cell in row] for row in read]
-    return [row[:-1] for row in rows] if all(row[-1] == "" for row in rows) else rows
-
-
-def _lines(path: Path) -> list[str]:
-    """Return the lines of a text with content, without comments."""
-    text = decode(path.read_bytes())
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    if not lines:
-        raise ConfigurationError("it is empty", "name another file")
-    return [line.rstrip(" ;") for line in lines] if all(line.rstrip().endswith(";") for line in lines) else lines

@@ -1,0 +1,57 @@
+"""Lists of labels, and the cells of other tables in text."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmark.errors import ConfigurationError
+from benchmark.files import decode
+from benchmark.geometry.io import named_errors
+
+
+def read_labels(path: Path) -> dict[str, str] | list[str]:
+    """Read text with lines ``label`` or ``name label``: the labels in order, or by name.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is no such text, or names a shape twice.
+    """
+    hint = "write 'label' or 'name label' on each line"
+    with named_errors(path, "list of labels", ConfigurationError, hint):
+        rows = cells_of(lines_of(path))
+        widths = {len(row) for row in rows}
+        if widths == {1}:
+            return [row[0] for row in rows]
+        if widths != {2}:
+            raise ConfigurationError(f"it has lines of {' and '.join(map(str, sorted(widths)))} words", hint)
+        labels = dict(rows)
+        if len(labels) < len(rows):
+            raise ConfigurationError("it names a shape twice", "name each shape once")
+        return labels
+
+
+def separator_of(lines: Sequence[str]) -> str | None:
+    """Return what separates cells: semicolons, else tabs, else commas; None for blanks."""
+    return next((mark for mark in ";\t," if any(mark in line for line in lines)), None)
+
+
+def cells_of(lines: Sequence[str]) -> list[list[str]]:
+    """Split lines at semicolons, else tabs, else commas, else blanks; cells may be in quotes."""
+    separator = separator_of(lines)
+    if separator is None:
+        lines = [" ".join(line.split()) for line in lines]
+    read = csv.reader(lines, delimiter=separator or " ", skipinitialspace=True)
+    rows = [[cell.strip() for cell in row] for row in read]
+    return [row[:-1] for row in rows] if all(row[-1] == "" for row in rows) else rows
+
+
+def lines_of(path: Path) -> list[str]:
+    """Return the lines of a text with content, without comments."""
+    text = decode(path.read_bytes())
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    if not lines:
+        raise ConfigurationError("it is empty", "name another file")
+    return [line.rstrip(" ;") for line in lines] if all(line.rstrip().endswith(";") for line in lines) else lines
