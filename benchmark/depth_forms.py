@@ -12,8 +12,9 @@ from numpy.typing import ArrayLike
 
 from benchmark.api.contracts import CanonicalForm, Method, Shape
 from benchmark.api.learning import MeasuresFit
-from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, observe, scaled
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, observe, scale_of
 from benchmark.depth.intrinsics import Intrinsics, camera_of
+from benchmark.depth.reading import in_metres
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import depth_surface
 from benchmark.pipeline.outputs import compute_form
@@ -81,7 +82,9 @@ def canonical_form_of_depth(
     if not isinstance(intrinsics, Intrinsics):
         intrinsics = camera_of(np.asarray(intrinsics, dtype=np.float64).ravel().tolist())
     mask = None if mask is None else np.asarray(mask)
-    observed = observe(scaled(np.asarray(depth), intrinsics, scale), intrinsics, mask, up, half_width)
+    values = np.asarray(depth)
+    depths = in_metres(values, scale_of(values, intrinsics, scale))
+    observed = observe(depths, intrinsics, mask, up, half_width)
     return form_of_object(observed, maker, half_width=half_width, seed=seed)
 
 

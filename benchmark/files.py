@@ -1,20 +1,71 @@
-"""Digests of files, and writing of files atomically: to a temporary file, which then replaces the old one."""
+"""Reading of files of users within bounds, and writing atomically: to a temporary file that replaces the old one."""
 
 from __future__ import annotations
 
 import codecs
 import contextlib
+import errno
 import functools
 import hashlib
+import json
 import os
 import secrets
-from collections.abc import Callable
+import stat
+from collections.abc import Callable, Sequence
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
 from benchmark.errors import UnreadableMesh
 
+#: Largest file of a user that is read, and largest list or settings file, in bytes.
+LARGEST_FILE, LARGEST_LIST = 2**30, 2**24
+
 _SUFFIX = ".tmp"
+
+
+def open_file(path: Path) -> BufferedReader:
+    """Open a regular file; raise ``OSError``, without waiting, for folders, pipes, devices and links to them."""
+    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK | os.O_NOCTTY))  # noqa: SIM115
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(None, "it is a pipe or a device, not a file")
+    return file
+
+
+def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
+    """Return the content of a file of a user, which is opened and read once.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read, is no regular file, or holds more than ``largest`` bytes; ``errno`` is None if reading it
+        again would not help.
+    """
+    with open_file(path) as file:
+        size = os.fstat(file.fileno()).st_size
+        if size > largest:
+            raise OSError(None, f"it holds more than {largest:,} bytes")
+        content = file.read(size + 1)
+    if len(content) != size:  # it is being written, or lies in /proc
+        raise OSError(errno.EAGAIN, "it does not have the size that it announces")
+    return content
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Parse JSON; raise ``ValueError`` if it is none or has a key twice, and ``RecursionError`` if it is deep."""
+    return json.loads(text, object_pairs_hook=_with_different_keys)
+
+
+def _with_different_keys(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    check_different([key for key, _ in pairs])
+    return dict(pairs)
+
+
+def check_different(keys: Sequence[str]) -> None:
+    """Raise ``ValueError`` if a key of a mapping stands there twice."""
+    if len({*keys}) < len(keys):
+        raise ValueError(f"key '{next(key for key in keys if keys.count(key) > 1)}' stands there twice")
 
 
 def write_atomically(path: Path, write: Callable[[Any], object], *, durable: bool = False) -> None:
@@ -92,5 +143,5 @@ def file_digest(path: Path) -> str:
 @functools.lru_cache(maxsize=65536)
 def _digest(path: Path, size: int, modified: int, changed: int) -> str:
     """Compute a file digest; size and times distinguish versions of a file in the cache."""
-    with path.open("rb") as stream:
+    with open_file(path) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

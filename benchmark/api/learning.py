@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
 from benchmark.errors import ConfigurationError
+from benchmark.files import read_file
 
 __all__ = [
     "CARD",
@@ -233,7 +234,7 @@ def read_card(folder: Path, kind: type[Any] = Card) -> Any:
 
 @lru_cache(maxsize=256)
 def _decoded(path: Path, _mtime: int, _size: int, kind: Any) -> Any:
-    return msgspec.json.decode(path.read_bytes(), type=kind)
+    return msgspec.json.decode(read_file(path), type=kind)
 
 
 def checked_weights(folder: Path) -> bytes:
@@ -246,7 +247,7 @@ def checked_weights(folder: Path) -> bytes:
     """
     expected, path = read_card(folder).digest, folder / WEIGHTS
     try:
-        content = path.read_bytes()
+        content = read_file(path)
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be read: {error.strerror}", "train the model again") from error
     if (actual := hashlib.sha256(content).hexdigest()) != expected:

@@ -11,7 +11,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.settings import SETTINGS_FILE, canonical_poses, positive, read_settings
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, checked_up
 from benchmark.depth.intrinsics import intrinsics_of
-from benchmark.errors import BenchmarkError, DatasetError
+from benchmark.errors import BenchmarkError, DatasetError, ShapeError
 from benchmark.files import file_digest
 
 _KEYS = ("canonical_pose", "depth_scale", "half_width", "intrinsics", "up")
@@ -40,9 +40,12 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
 
     def key(entry: Entry) -> str:
         frame = files[entry.identifier]
-        beside = {"mask": frame.mask_file, "intrinsics": frame.intrinsics_file}
-        digests = [f"{what}:{file_digest(path)}" for what, path in beside.items() if path]
-        return " ".join([file_digest(frame.image), *digests, repr(settings)])
+        try:
+            beside = {"mask": frame.mask_file, "intrinsics": frame.intrinsics_file}
+            digests = [f"{what}:{file_digest(path)}" for what, path in beside.items() if path]
+            return " ".join([file_digest(frame.image), *digests, repr(settings)])
+        except ShapeError as error:  # it is refused when it is prepared
+            return f"{entry.identifier}: {error}"
 
     shapes = ShapeSet(
         name=name,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmark.errors import ConfigurationError
-from benchmark.files import decode
+from benchmark.files import LARGEST_LIST, decode, read_file
 from benchmark.geometry.io import named_errors
 
 
@@ -21,7 +21,7 @@ def read_labels(path: Path) -> dict[str, str] | list[str]:
     """
     hint = "write 'label' or 'name label' on each line"
     with named_errors(path, "list of labels", ConfigurationError, hint):
-        rows = cells_of(lines_of(path))
+        rows = cells_of(lines_of(read_file(path, LARGEST_LIST)))
         widths = {len(row) for row in rows}
         if widths == {1}:
             return [row[0] for row in rows]
@@ -48,10 +48,9 @@ def cells_of(lines: Sequence[str]) -> list[list[str]]:
     return [row[:-1] for row in rows] if all(row[-1] == "" for row in rows) else rows
 
 
-def lines_of(path: Path) -> list[str]:
-    """Return the lines of a text with content, without comments."""
-    text = decode(path.read_bytes())
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+def lines_of(content: bytes) -> list[str]:
+    """Return the lines of a text that are not blank, without comments."""
+    lines = [line for line in decode(content).splitlines() if line.strip() and not line.lstrip().startswith("#")]
     if not lines:
         raise ConfigurationError("it is empty", "name another file")
     return [line.rstrip(" ;") for line in lines] if all(line.rstrip().endswith(";") for line in lines) else lines

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
@@ -11,8 +12,9 @@ from typing import Any
 from benchmark.api.datasets import ShapeSet
 from benchmark.datasets.base import by_subject
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
-from benchmark.files import decode
+from benchmark.files import LARGEST_LIST, decode, read_file
 from benchmark.geometry.camera import FRONT, SIDE, Camera
+from benchmark.geometry.io import named_errors
 
 SETTINGS_FILE = "dataset.toml"
 
@@ -23,6 +25,9 @@ VIEWS: Mapping[str, Camera] = {
     "back": Camera((0.0, -1.0, 0.0)),
     "other-side": Camera((-1.0, 0.0, 0.0)),
 }
+
+#: Most dots in a key, for which parsing takes the square of their number.
+_MOST_DOTS = 20
 
 _KEYS = ("camera", "canonical_pose", "half_width", "stand_in_for", "up")
 
@@ -77,10 +82,11 @@ def read_settings(path: Path, keys: Iterable[str], where: str = "") -> dict[str,
     """
     if not (path.is_symlink() or path.exists()):
         return {}
-    try:
-        values = tomllib.loads(text_of(path))
-    except (ValueError, RecursionError) as error:  # including huge numbers and deep nesting
-        raise DatasetError(f"cannot read {path}: {error}", "correct the file or remove it") from error
+    text = text_of(path)
+    with named_errors(path, "settings file", DatasetError, "correct the file or remove it"):
+        if max(part.count(".") for part in re.split("[,=\n]", text)) > _MOST_DOTS:
+            raise ValueError("a key has too many dots")
+        values = tomllib.loads(text)
     for key in values:
         if key not in keys:
             raise did_you_mean(f"key of {path}{where}", key, keys)
@@ -89,12 +95,8 @@ def read_settings(path: Path, keys: Iterable[str], where: str = "") -> dict[str,
 
 def text_of(path: Path) -> str:
     """Return the text of a list of shapes or a settings file; raise ``DatasetError`` if it is unreadable."""
-    try:
-        if not path.is_file():
-            raise DatasetError(f"{path} is no file, or a link that leads nowhere", "correct it or remove it")
-        return decode(path.read_bytes())
-    except (OSError, UnicodeError) as error:
-        raise DatasetError(f"cannot read {path}: {error}", "correct the file or remove it") from error
+    with named_errors(path, "text", DatasetError, "correct the file or remove it"):
+        return decode(read_file(path, LARGEST_LIST))
 
 
 def positive(value: Any, key: str, path: Path) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_intrinsics
 from benchmark.depth.reading import (
-    DEFAULT_SCALE,
     FEWEST_SEEN,
     Depths,
     Mask,
@@ -22,6 +22,7 @@ from benchmark.depth.reading import (
     in_metres,
     read_mask,
     read_values,
+    usual_scale,
 )  # fmt: skip
 from benchmark.depth.segmentation import Plane, background_planes, find_object, jump
 from benchmark.errors import DepthError
@@ -63,8 +64,9 @@ class ObservedObject:
     surface
         Surface of the object in metres: right, up, towards the camera, which looks level.
     notes
-        Details of the detection: ``mask`` ("given" or "found"), ``up`` ("floor", "sidecar" or "image"), ``planes``,
-        ``object_pixels``, ``flying_pixels``, ``distance`` (median depth) and ``size`` (longest side), in metres.
+        Details of the detection: ``mask`` ("found", "given" or its file), ``up`` ("floor", "sidecar" or "image"),
+        ``planes``, ``object_pixels``, ``flying_pixels``, ``distance`` (median depth) and ``size`` (longest side), in
+        metres; of files also ``unit`` and ``camera``.
     """
 
     depths: Depths
@@ -124,31 +126,29 @@ def observe(
     return ObservedObject(depths, kept, surface, notes)
 
 
-def scaled(values: NDArray[Any], intrinsics: Intrinsics, scale: float | None = None) -> Depths:
-    """Return a depth image in metres, see :func:`benchmark.depth.reading.in_metres`.
+def scale_of(values: NDArray[Any], intrinsics: Intrinsics, scale: float | None = None) -> float | None:
+    """Return the units per metre that are passed, or that the file of a camera states; None for the usual ones.
 
     Parameters
     ----------
     values
         Shape (h, w), in units of the image.
     intrinsics
-        The camera, whose file may state a depth scale.
+        The camera.
     scale
-        Units per metre; None for those of the file, or for 1000 (integers) or 1 (floats).
+        Units per metre, if they are passed.
 
     Raises
     ------
     DepthError
-        If the file states a scale that is neither a unit nor, in any of its readings, that of the image's type; or as
-        in ``in_metres``.
+        If the file's is neither a unit nor, in any of its readings, the usual scale of the image's type.
     """
-    stated = intrinsics.scales
-    usual = 1.0 if np.asarray(values).dtype.kind == "f" else DEFAULT_SCALE
-    if scale is None and len(stated) > 1 and not np.isclose(stated, usual).any():
+    stated = intrinsics.scales if scale is None else (scale,)
+    if len(stated) > 1 and not np.isclose(stated, usual_scale(values)).any():
         readings = " or ".join(f"{unit:g}" for unit in dict.fromkeys(stated))
         problem = f"the depth scale of the camera file may mean {readings} units per metre"
         raise DepthError(problem, "pass --depth-scale with the units per metre")
-    return in_metres(values, scale or (stated[0] if len(stated) == 1 else None))
+    return stated[0] if len(stated) == 1 else None
 
 
 def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[NDArray[np.float64], str]:
@@ -319,8 +319,15 @@ class FrameFiles:
         values, mask_file, camera = read_values(self.image), self.mask_file, self._camera()
         mask = read_mask(mask_file) if mask_file else None
         with named_errors(self.image, "depth image", DepthError, "export the image again"):
-            depths = scaled(values, camera, self.scale)
-        return observe(depths, camera, mask, self.up, self.half_width)
+            scale = scale_of(values, camera, self.scale)
+            observed = observe(in_metres(values, scale), camera, mask, self.up, self.half_width)
+        observed.notes["unit"] = f"1 / {scale or usual_scale(values):g} m"
+        observed.notes["camera"] = (
+            "given" if self.intrinsics else os.path.relpath(self.intrinsics_file or "", self.image.parent)
+        )
+        if mask_file:
+            observed.notes["mask"] = mask_file.name
+        return observed
 
     def _camera(self) -> Intrinsics:
         file = self.intrinsics_file

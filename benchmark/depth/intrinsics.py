@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import json
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import DepthError
-from benchmark.files import decode
+from benchmark.files import check_different, decode, parse_json, read_file
 from benchmark.geometry.io import named_errors
 
 Rays = NDArray[np.float64]
@@ -28,7 +27,7 @@ NAMES = (
     "intrinsic_depth.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "camera_intrinsic.json", "K.txt",
 )  # fmt: skip
 
-CENTRAL = (0.25, 0.75)
+CENTRAL = (0.4, 0.6)
 """Bounds of the principal point as fractions of width and height, if the intrinsics do not give the image size."""
 
 #: Coefficients of Brown's model with its rational extension, and its names in files; an empty name means this model.
@@ -71,7 +70,8 @@ _UNITS = {"m": 1.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "meter": 1.0, "centimeter
 #: Largest skew of a camera matrix that is rounding, in pixels.
 _LARGEST_SKEW = 1e-6
 
-_LARGEST_FILE = 100_000
+#: Largest file in bytes, and most levels of YAML.
+_LARGEST_FILE, _DEEPEST = 100_000, 20
 _HINT = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, or fx,fy,cx,cy"
 
 #: Iterations to find the ray of a distorted pixel; lenses of depth cameras need five.
@@ -123,7 +123,10 @@ class Intrinsics:
         low, high = (0.0, 1.0) if self.size else CENTRAL
         if not (low * width <= self.cx + 0.5 <= high * width and low * height <= self.cy + 0.5 <= high * height):
             problem = f"the principal point {self.cx:g}, {self.cy:g} is far from the middle of {width} x {height}"
-            raise DepthError(problem, "pass the intrinsics of this image; for a part of one, add its width and height")
+            raise DepthError(
+                problem,
+                "pass the intrinsics of this image, not of one turned; for a part of one, add its width and height",
+            )
 
     @functools.lru_cache(maxsize=4)  # noqa: B019
     def rays(self, width: int, height: int) -> Rays:
@@ -154,12 +157,19 @@ def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
 
 def parse_intrinsics(text: str) -> Intrinsics:
     """Parse ``fx,fy,cx,cy`` or the numbers of a matrix; raises ``DepthError`` for anything else."""
-    words = re.sub(r"(#|%|//).*|[\[\],;]", " ", text).split()
+    words = re.sub(r"(?<!\S)(#|%|//).*|[\[\],;]", " ", text).split()
     try:
-        numbers = [float(word) for word in words]
+        numbers = [_number(word) for word in words]
     except ValueError as error:
         raise DepthError(f"'{' '.join(text.split()):.60}' is no list of numbers", _HINT) from error
     return camera_of(numbers)
+
+
+def _number(value: Any) -> float:
+    """Return a number; raise ``ValueError`` at texts that Python alone takes, such as ``1_0`` and other scripts."""
+    if isinstance(value, bool) or not re.fullmatch(r"[-+.\deEinfa]+", str(value), re.ASCII):
+        raise ValueError(f"'{value:.40}' is no number")
+    return float(value)
 
 
 def intrinsics_of(value: str, folder: Path = Path()) -> Intrinsics:
@@ -185,9 +195,7 @@ def read_intrinsics(path: Path) -> Intrinsics:
         something else that may change where pixels look or what depths mean.
     """
     with named_errors(path, "file of intrinsics", DepthError, _HINT):
-        if path.stat().st_size > _LARGEST_FILE:
-            raise DepthError("it is too large for intrinsics", _HINT)
-        content = _parsed(text := decode(path.read_bytes()))
+        content = _parsed(text := decode(read_file(path, _LARGEST_FILE)))
         return _of_mapping(content) if isinstance(content, Mapping) else parse_intrinsics(text)
 
 
@@ -198,22 +206,46 @@ def _meaning(key: object) -> str:
 def _parsed(text: str) -> Any:
     """Return the content of JSON or of the first document of YAML; None for plain numbers."""
     if text.lstrip().startswith("{"):
-        return json.loads(text)
+        return parse_json(text)
     if ":" not in text:
         return None
-    import yaml  # lazy
+    from yaml import AliasEvent, MappingNode, Node, SafeLoader, load_all  # lazy
+
+    class Loader(SafeLoader):  # type: ignore[misc]
+        depth = 0
+
+        def compose_node(self, parent: Node | None, index: int) -> Node | None:
+            if self.check_event(AliasEvent):  # a few of them can hold gigabytes
+                raise ValueError("it has aliases")
+            self.depth += 1
+            if self.depth > _DEEPEST:
+                raise RecursionError
+            node = super().compose_node(parent, index)
+            self.depth -= 1
+            if isinstance(node, MappingNode):
+                check_different([str(key.value) for key, _ in node.value])
+            return node
 
     plain = re.sub(r"(?m)^%.*$|!!opencv-\w+", "", text)
-    if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(plain)):  # a few of them can hold gigabytes
-        raise ValueError("it has aliases")
-    return next(iter(yaml.safe_load_all(plain)), None)
+    return next(iter(load_all(plain, Loader)), None)
 
 
 def find_intrinsics(image: Path) -> Path | None:
-    """Return the file of intrinsics, by its usual names, in the folder of an image or in one of its two parents."""
-    folders = (image.parent, *image.absolute().parent.parents[:2])
-    paths = (folder / name for folder in folders for name in NAMES)
-    return next((path for path in paths if path.is_file()), None)
+    """Return the file of intrinsics, by its usual names, in the folder of an image or in one of its two parents.
+
+    Raises
+    ------
+    DepthError
+        If the nearest folder with one has several.
+    """
+    for folder in (image.parent, *image.absolute().parent.parents[:2]):
+        found = [folder / name for name in NAMES if (folder / name).exists()]
+        if len(found) > 1:
+            problem = f"{folder} holds the camera files {found[0].name} and {found[1].name}"
+            raise DepthError(problem, "keep that of the depth image, or name it: --intrinsics FILE, or in dataset.toml")
+        if found:
+            return found[0]
+    return None
 
 
 def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
@@ -250,10 +282,14 @@ def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
         numbers.append(np.array(_flat(values["columns"])).reshape(3, 3).T.ravel().tolist())
     missing = [name for name in ("fx", "fy", "cx", "cy") if name not in values]
     if not missing:
-        numbers.append([float(values[name]) for name in ("fx", "fy", "cx", "cy")])
-    if any(projection := _flat(values.get("projection", []))):  # of rectified images, of which this may be one
-        numbers.append([projection[place] for place in (0, 5, 2, 6)])
+        numbers.append([_number(values[name]) for name in ("fx", "fy", "cx", "cy")])
     cameras = {camera_of(row, *facts) for row in numbers}
+    if any(projection := _flat(values.get("projection", []))):
+        rectified = camera_of([projection[place] for place in (0, 5, 2, 6)], *facts)
+        if (cameras and rectified not in cameras) or (rectified.distortion and not cameras):
+            hint = "leave that of the depth image; without the distortion, if it is rectified"
+            raise DepthError("K and distortion are those of raw images, P is that of rectified ones", hint)
+        cameras.add(rectified)
     if len(cameras) != 1:
         problem = f"name no {' and no '.join(missing)}" if not cameras else "contradict each other"
         raise DepthError(f"keys {', '.join(map(str, content)):.200} {problem}", _HINT)
@@ -298,7 +334,7 @@ def _scales(values: Mapping[str, Any]) -> tuple[float, ...]:
     if value is None or unit in _UNITS:
         return () if value is None else (_UNITS[unit],)
     try:
-        number = float(value)
+        number = _number(value)
     except (TypeError, ValueError):
         number = math.nan
     if not 0 < number < math.inf:
@@ -308,7 +344,7 @@ def _scales(values: Mapping[str, Any]) -> tuple[float, ...]:
 
 def _flat(values: Any) -> list[float]:
     """Return the numbers of a list, a nested list, or the ``data`` of an OpenCV or ROS matrix."""
-    return [float(value) for value in np.ravel(values["data"] if isinstance(values, Mapping) else values)]
+    return [_number(value) for value in np.ravel(values["data"] if isinstance(values, Mapping) else values)]
 
 
 def _distortion(values: Mapping[str, Any]) -> list[float]:
@@ -320,7 +356,7 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
         If the distortion model is another one, or the number of coefficients does not match Brown's model.
     """
     lists = [_flat(values["coefficients"])] if "coefficients" in values else []
-    given = [row for row in (*lists, [float(values.get(name, 0)) for name in _BROWN]) if any(row)]
+    given = [row for row in (*lists, [_number(values.get(name, 0)) for name in _BROWN]) if any(row)]
     for named in (str(value) for key, value in values.items() if key.startswith("model")):
         model = re.sub(r"[\W_]+", "_", named.lower()).removeprefix("distortion_")
         if re.search(_BEYOND_PINHOLE, model) or (model not in _BROWN_NAMES and given):

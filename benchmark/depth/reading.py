@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import glob
+import io
 import re
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import DepthError
+from benchmark.files import open_file, read_file
 from benchmark.geometry.io import named_errors
 
 if TYPE_CHECKING:
@@ -26,8 +27,8 @@ EXTENSIONS = (".png", ".tif", ".tiff", ".pgm", ".pfm", ".npy", ".npz")
 LARGEST_SIDE = 4096
 """Maximum pixels per side. Depth cameras have about a million pixels; larger images could exhaust the memory."""
 
-DEFAULT_SCALE = 1000.0
-"""Units per metre of an integer image; most cameras use millimetres."""
+#: Largest file of an image in bytes: one of floats, with room for a header.
+_LARGEST_FILE = 8 * LARGEST_SIDE**2 + 2**16
 
 NEAREST, FARTHEST = 0.05, 200.0
 """Bounds of a plausible median depth in metres; outside them, the scale is wrong."""
@@ -41,8 +42,20 @@ _NO_READING = 1e9
 #: Share of the pixels from which one value beyond :data:`FARTHEST` is a background.
 _FAR_PLANE = 0.01
 
-#: Words for inverse depth in names of files, folders and arrays.
-_INVERSE = re.compile("(?<![a-z])disp(arity|arities|s)?(?![a-z])|inv(erse)?[-_ ]?depth|idepth|midas", re.IGNORECASE)
+#: Least number of different values of which the lowest bits say something.
+_FEWEST_VALUES = 32
+
+#: Words in names of files, folders and arrays for what is no depth along the optical axis, and how to make it one.
+_OTHER_THAN_DEPTH = {
+    r"(?<![a-z])disp(arity|arities|s)?(?![a-z])|inv(erse)?[-_ ]?depth|idepth|midas": (
+        *("disparities or inverse depths", "convert them to depths, or rename it"),
+    ),
+    r"(?<![a-z])(dist(ances?)?(?![a-z]|[-_ ]?to[-_ ]?(image[-_ ]?)?plane)|(ranges?|radial|euclid(ean)?|rays?)"
+    r"(?![a-z]))": (*("distances along rays", "divide them by the length of (x / z, y / z, 1), or rename it"),),
+    r"(?<![a-z])(z[-_ ]?buf(fer)?|ndc|log[-_ ]?depth|normali[sz]ed)(?![a-z])": (
+        *("values of a z-buffer, or scaled ones", "convert them to depths in metres, or rename it"),
+    ),
+}
 
 #: Names of arrays beside depths that say what these mean, or where they are.
 _UNREAD = re.compile("scale|unit|offset|crop|intrinsic|camera|mask|^k$", re.IGNORECASE)
@@ -54,6 +67,13 @@ FEWEST_SEEN = 200
 
 MASK_FOLDERS = ("mask", "masks")
 """Names of mask folders."""
+
+#: Least number of values of a mask that JPEG or smoothing blurred, and most grey pixels with eight equal neighbours in
+#: it, as a share of the bright ones.
+_FEWEST_GREYS, _MOST_FLAT = 7, 0.05
+
+#: Tag of images that viewers turn.
+_ORIENTATION = 0x0112
 
 #: The word "mask" in a file name, as in ``0_mask``, ``masks3`` and ``depthMask``, but not in ``unmasked``.
 _MASK = re.compile("(?<![A-Za-z])(mask|MASK)(s|S)?(?![A-Za-z])|Masks?(?![a-z])")
@@ -84,13 +104,24 @@ def read_values(path: Path) -> NDArray[Any]:
     with named_errors(path, f"{suffix[1:]} file", DepthError, "export the image again"):
         if suffix not in EXTENSIONS:
             raise DepthError(f"unknown extension '{suffix}'", f"convert it to one of {', '.join(EXTENSIONS)}")
-        if named := next((name for name in (path.stem, path.parent.name) if _INVERSE.search(name)), None):
-            _refuse_inverse(named)
-        return _array(path) if suffix in (".npy", ".npz") else _pixels(path)
+        _check_name(path.stem)
+        if not re.search("depth|plane", path.stem, re.IGNORECASE):
+            _check_name(path.parent.name)
+        content = read_file(path, _LARGEST_FILE)
+        return _array(content) if suffix in (".npy", ".npz") else _pixels(content)
 
 
-def _refuse_inverse(name: str) -> NoReturn:
-    raise DepthError(f"'{name}' names disparities or inverse depths", "convert them to depths, or rename it")
+def _check_name(name: str) -> None:
+    """Raise ``DepthError`` if a name says that numbers are no depths along the optical axis."""
+    words = re.sub("(?<=[a-z])(?=[A-Z])", "_", name).lower()
+    for pattern, (what, hint) in _OTHER_THAN_DEPTH.items():
+        if re.search(pattern, words):
+            raise DepthError(f"'{name}' names {what}", hint)
+
+
+def usual_scale(values: NDArray[Any]) -> float:
+    """Return the units per metre of an image for which nothing else is stated: integers are millimetres."""
+    return 1.0 if np.asarray(values).dtype.kind == "f" else 1000.0
 
 
 def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
@@ -107,13 +138,12 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
     ------
     DepthError
         If the image has several channels, too few pixels with a depth, a constant depth, an implausible scale, or
-        without a scale depths that end at 1 (floats) or 255 (integers).
+        without a scale values that look raw or scaled.
     """
     if scale is not None and not (np.isfinite(scale) and scale > 0):
         raise DepthError(f"invalid depth scale {scale}", "pass a positive number of units per metre")
     depth = readings(values)
-    is_float = np.asarray(values).dtype.kind == "f"
-    units = scale or (1.0 if is_float else DEFAULT_SCALE)
+    units = scale or usual_scale(values)
     seen = depth[depth > 0]
     far = FARTHEST * units
     if (seen > far).any() and np.count_nonzero(seen == seen.max()) > _FAR_PLANE * depth.size:
@@ -127,10 +157,25 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
         raise DepthError(problem, "pass the camera's --depth-scale: 1000 for millimetres, 5000 for TUM, 1 for metres")
     if seen.min() == seen.max():
         raise DepthError(f"all {len(seen)} pixels lie at {median:g} m", "pass a depth image, not a mask")
-    if scale is None and seen.max() == (1 if is_float else 255):
-        problem = f"the depths end at {seen.max():g}, as if they were scaled to this range"
-        raise DepthError(problem, f"export measured depths, or pass --depth-scale {units:g} if they are depths")
+    if looks := _looks_unlike_depths(seen, units) if scale is None else "":
+        hint = f"export depths in millimetres or metres, or pass --depth-scale {units:g} if they are"
+        raise DepthError(f"the values {looks}", hint)
     return np.asarray(np.where(depth > far, 0, depth / units))
+
+
+def _looks_unlike_depths(seen: Depths, units: float) -> str:
+    """Return how values betray that they were scaled, or are what a sensor sends; "" if they do not."""
+    top = int(seen.max())
+    if units == 1:
+        return f"end at {seen.max():g}, as in a z-buffer or an image scaled to 1" if seen.max() <= 1 else ""
+    if top >= 255 and top & (top + 1) == 0:
+        bits = top.bit_length()
+        return f"end at {top}, the largest of {bits} bits, as raw disparities of a Kinect (11) or scaled images do"
+    whole = np.unique(seen.astype(np.int64))
+    lowest = np.unique(whole % 8)
+    if len(whole) >= _FEWEST_VALUES and len(lowest) <= 3:
+        return f"have no lowest three bits but {', '.join(map(str, lowest))}, as depths << 3 of the Kinect SDK"
+    return ""
 
 
 def readings(values: NDArray[Any]) -> Depths:
@@ -170,8 +215,8 @@ def _check_size(width: int, height: int) -> None:
         raise DepthError(problem, "reduce it, and its intrinsics alike")
 
 
-def _pixels(path: Path) -> NDArray[Any]:
-    with _opened(path) as image:
+def _pixels(content: bytes) -> NDArray[Any]:
+    with _opened(content) as image:
         _check_size(*image.size)
         if image.info.get("scale", 1) != 1:  # of a PFM
             raise DepthError(f"its scale factor is {image.info['scale']:g}, not 1", "multiply the depths by it")
@@ -180,42 +225,43 @@ def _pixels(path: Path) -> NDArray[Any]:
             raise DepthError(f"the image holds {kind}, no depth", "export depth with 16 bits per pixel and one channel")
         values = np.array(image)
         if image.mode == "I" and image.format in ("PNG", "PPM"):  # 16 bits in 32
-            head = _MAXIMUM.match(path.open("rb").read(1000))
+            head = _MAXIMUM.match(content[:1000])
             values = np.round(values * (int(head[1]) / 65535 if head else 1)).astype(np.uint16)
         return values
 
 
-def _opened(path: Path) -> Image.Image:
-    """Open an image of one frame; a PNG with wrong checksums or without its end is damaged."""
+def _opened(content: bytes) -> Image.Image:
+    """Open an image of one frame that no tag turns; a PNG with wrong checksums or without its end is damaged."""
     from PIL import Image  # lazy: most verbs read no image
 
-    with Image.open(path) as image:
+    with Image.open(io.BytesIO(content)) as image:
         image.verify()
-        if image.format == "PNG" and _END_OF_PNG not in path.read_bytes():
+        if image.format == "PNG" and _END_OF_PNG not in content:
             raise DepthError("the file is truncated", "export the image again")
-    image = Image.open(path)
+    image = Image.open(io.BytesIO(content))
     if getattr(image, "n_frames", 1) != 1:
         raise DepthError(f"it holds {getattr(image, 'n_frames', 1)} images", "write one image per file")
+    if image.getexif().get(_ORIENTATION, 1) != 1:
+        raise DepthError("its orientation tag turns it", "write the pixels as they are seen, without the tag")
     return image
 
 
-def _array(path: Path) -> NDArray[Any]:
+def _array(content: bytes) -> NDArray[Any]:
     """Return an array, whose size is checked before it is read: a small file can declare any."""
-    loaded = np.load(path, mmap_mode="r", allow_pickle=False)
+    loaded = np.load(io.BytesIO(content), allow_pickle=False)
     if isinstance(loaded, np.ndarray):
         return loaded
     with loaded as archive:
         names = archive.files
-        if unread := [name for name in names if _UNREAD.search(name)]:
+        name = "depth" if "depth" in names else names[0] if names else ""
+        _check_name(name)
+        if unread := [other for other in names if _UNREAD.search(other)]:
             hint = "apply it to the depths, or write the camera or the mask beside the image, and leave it out"
             raise DepthError(f"'{unread[0]}' of the archive is not read", hint)
-        if "depth" not in names and len(names) != 1:
+        if name != "depth" and len(names) != 1:
             listed = ", ".join(names[:6]) or "nothing"
             raise DepthError(f"the archive holds {listed}", "name the array of depths 'depth'")
-        name = "depth" if "depth" in names else names[0]
-        if _INVERSE.search(name):
-            _refuse_inverse(name)
-        if archive.zip.getinfo(f"{name}.npy").file_size > 8 * LARGEST_SIDE**2 + 1000:
+        if archive.zip.getinfo(f"{name}.npy").file_size > _LARGEST_FILE:
             raise DepthError(f"the array has more than {LARGEST_SIDE} pixels per side", "reduce it")
         return np.asarray(archive[name])
 
@@ -230,14 +276,14 @@ def is_depth_file(path: Path) -> bool:
     from PIL import Image
 
     try:
-        with Image.open(path) as image:
+        with open_file(path) as file, Image.open(file) as image:
             return bool(image.mode == "F" or image.mode.startswith("I"))
     except Exception:  # a damaged image is a shape that is lost, not one that is ignored
         return True
 
 
 def read_mask(path: Path) -> Mask:
-    """Read a mask; the object is every pixel that is neither black nor fully transparent.
+    """Read a mask: white on the object, black or transparent elsewhere; see :func:`checked_mask`.
 
     Returns
     -------
@@ -247,27 +293,58 @@ def read_mask(path: Path) -> Mask:
     Raises
     ------
     DepthError
-        If the file is unreadable.
+        If the file is unreadable, or holds more than one object.
     """
     hint = "pass a PNG that is white on the object and black elsewhere"
-    with named_errors(path, "mask", DepthError, hint), _opened(path) as image:
+    with named_errors(path, "mask", DepthError, hint), _opened(read_file(path, _LARGEST_FILE)) as image:
         _check_size(*image.size)
-        values = np.array(image.convert("RGBA") if image.mode in ("P", "PA", "LA", "RGBa") else image)
-    if values.ndim == 2:
-        return np.asarray(values > 0)
-    bright = values[..., :3].any(axis=-1)
-    return np.asarray(bright & (values[..., 3] > 0) if values.shape[-1] == 4 else bright)
+        return _object(np.array(image.convert("RGBA") if image.mode in ("P", "PA", "LA", "RGBa") else image))
+
+
+def _object(mask: NDArray[Any]) -> Mask:
+    """Return the pixels of the only object of a mask, shape (h, w), or (h, w, 3 or 4) with colours."""
+    if mask.ndim == 3 and mask.shape[2] == 1:
+        mask = mask[..., 0]
+    elif mask.ndim == 3:
+        clear = mask[..., 3] == 0 if mask.shape[-1] == 4 else np.zeros(mask.shape[:2], dtype=bool)
+        colours = np.where(clear[..., None], 0, mask[..., :3]).astype(np.int64) @ (1, 2**16, 2**32)
+        has_one = len(np.unique(colours)) <= 2
+        is_grey = np.ptp(mask[..., :3], axis=-1).max(initial=0) == 0
+        mask = mask[..., 3] if clear.any() and not has_one else mask[..., 0] if is_grey and not clear.any() else colours
+    values = np.unique(mask)
+    levels = values[values != 0]
+    if len(levels) <= 1 and len(values) <= 2:
+        return np.asarray(mask != 0)
+    if not _is_blurred(mask, values):
+        listed = ", ".join(f"{value:g}" for value in levels[:4])
+        problem = f"the mask holds {listed}{' ...' * (len(levels) > 4)}, not one object"
+        raise DepthError(problem, "write the pixels of the object alone, as 255 on 0")
+    return np.asarray(mask > values[-1] / 2)
+
+
+def _is_blurred(mask: NDArray[Any], values: NDArray[Any]) -> bool:
+    """Return whether JPEG or smoothing left greys in a mask of white on black; labels are flat, or few."""
+    from scipy.ndimage import maximum_filter, minimum_filter  # lazy
+
+    white = values[-1]
+    if white not in (255, 65535) or len(values) < _FEWEST_GREYS:
+        return False
+    is_flat = (maximum_filter(mask, 3) == minimum_filter(mask, 3)) & (mask > 0) & (mask < white)
+    bright, unclear = mask > 0.75 * white, (mask > 0.25 * white) & (mask <= 0.75 * white)
+    return bool(is_flat.sum() <= _MOST_FLAT * bright.sum() and unclear.sum() <= bright.sum())
 
 
 def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
-    """Return a mask, nonzero on the object, restricted to pixels with a depth.
+    """Return the object of a mask, restricted to pixels with a depth.
+
+    A mask has two values; a picture of white on black that JPEG or smoothing blurred is split at half.
 
     Raises
     ------
     DepthError
-        If the mask is empty, has another size, or contains no pixel with a depth.
+        If the mask is empty, holds several values, has another size, or contains no pixel with a depth.
     """
-    mask = np.asarray(mask != 0)
+    mask = _object(mask)
     if mask.shape != seen.shape:
         sizes = [" x ".join(map(str, image.shape[::-1])) for image in (mask, seen)]
         raise DepthError(f"the mask has {sizes[0]} pixels, the image {sizes[1]}", "pass a mask of the depth image")
@@ -279,18 +356,26 @@ def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
 
 
 def find_mask(image: Path) -> Path | None:
-    """Return the mask of an image by its usual names, next to it or in a folder ``mask`` or ``masks``; else None."""
-    return next((path for path in _candidates(image) if path.is_file()), None)
+    """Return the mask of an image by its usual names, next to it or in a folder ``mask`` or ``masks``; else None.
 
-
-def _candidates(image: Path) -> Iterator[Path]:
+    Raises
+    ------
+    DepthError
+        If there are several.
+    """
     shorter = re.sub(r"[._-]*(depth|Depth|DEPTH)$", "", image.stem)
-    stems = dict.fromkeys((image.stem, shorter or image.stem))
-    yield from (image.with_name(f"{stem}{mark}mask.png") for stem in stems for mark in "._-")
-    for folder in (image.parent, image.parent.parent):
-        for name in MASK_FOLDERS:
-            for stem in stems:
-                yield folder / name / f"{stem}.png"
-                yield folder / name / f"{stem}_mask.png"
-                named = sorted((folder / name).glob(f"{glob.escape(stem)}_*.png"))
-                yield from named if len(named) == 1 else []  # several masks are ambiguous
+    stems = [*dict.fromkeys((image.stem, shorter or image.stem))]
+    folders = [parent / name for parent in (image.parent, image.parent.parent) for name in MASK_FOLDERS]
+    usual = [image.with_name(f"{stem}{mark}mask.png") for stem in stems for mark in "._-"]
+    usual += [folder / f"{stem}{end}.png" for folder in folders for stem in stems for end in ("", "_mask")]
+    found = [path for path in usual if path.exists()] or [
+        path
+        for folder in folders
+        for stem in stems
+        for path in sorted(folder.glob(f"{glob.escape(stem)}_*.png"))
+        if not image.with_name(path.name).exists()  # of which it is the mask
+    ]
+    if len(found) > 1:
+        listed = " and ".join(path.relative_to(image.parent.parent).as_posix() for path in found[:2])
+        raise DepthError(f"{image} has the masks {listed}", "keep that of the object")
+    return found[0] if found else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import struct
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import UnreadableMesh
+from benchmark.files import parse_json, read_file
 
 Arrays = tuple[NDArray[np.float64], NDArray[np.int64]]
 Floats = NDArray[np.float64]
@@ -29,8 +29,8 @@ _HARMLESS = ("KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "EXT_tex
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
-#: Largest buffer beside the file in bytes, and most vertices of a scene.
-_LARGEST_BUFFER, _MOST_VERTICES = 2**30, 2**24
+#: Most vertices of a scene.
+_MOST_VERTICES = 2**24
 
 
 def read_gltf(data: bytes, path: Path) -> Arrays:
@@ -44,7 +44,7 @@ def read_gltf(data: bytes, path: Path) -> Arrays:
         If it needs an extension, a skin, morph targets or sparse data, or a buffer is missing; the message names it.
     """
     text, binary = _chunks(data) if data[:4] == b"glTF" else (data, None)
-    tree = json.loads(text)
+    tree = parse_json(text)
     if not isinstance(tree, dict) or not str(tree.get("asset", {}).get("version", "")).startswith("2."):
         raise ValueError("it is not a glTF of version 2")
     unread = [name for name in tree.get("extensionsRequired", []) if not name.startswith(_HARMLESS)]
@@ -64,8 +64,8 @@ def read_gltf(data: bytes, path: Path) -> Arrays:
 def buffer_files(path: Path) -> list[Path]:
     """Return the files beside a ``.gltf`` or ``.glb`` file that hold its numbers; none if it cannot be read."""
     try:
-        data = path.read_bytes()
-        buffers = json.loads(_chunks(data)[0] if data[:4] == b"glTF" else data).get("buffers", [])
+        data = read_file(path)
+        buffers = parse_json(_chunks(data)[0] if data[:4] == b"glTF" else data).get("buffers", [])
         names = [buffer["uri"] for buffer in buffers if "uri" in buffer]
         return [path.parent / unquote(name) for name in names if not name.startswith("data:")]
     except (OSError, ValueError, TypeError, AttributeError, RecursionError, struct.error):
@@ -86,13 +86,6 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
     if not chunks:
         raise ValueError("it ends before its first chunk")
     return chunks[0], chunks[1] if len(chunks) > 1 else None
-
-
-def _beginning(path: Path, size: int) -> bytes:
-    if not path.is_file():
-        raise UnreadableMesh(f"its buffer {path.name} is missing", "put that file beside it, or export a .glb")
-    with path.open("rb") as file:
-        return file.read(min(size, _LARGEST_BUFFER))
 
 
 def _matrix(node: Node) -> Floats:
@@ -185,8 +178,15 @@ class _File:
             elif self._path.suffix.lower() == ".gz":
                 raise UnreadableMesh(f"its buffer {uri} is not packed with it", "unpack it")
             else:
-                found = _beginning(self._path.parent / unquote(uri), buffer["byteLength"])
+                found = self._beside(unquote(uri))
             if found is None or len(found) < buffer["byteLength"]:
                 raise ValueError(f"buffer {number} holds {len(found or b'')} of {buffer['byteLength']} bytes")
             self._read[number] = found
         return self._read[number]
+
+    def _beside(self, name: str) -> bytes:
+        try:
+            return read_file(self._path.parent / name)
+        except OSError as error:
+            hint = "put that file beside it, or export a .glb"
+            raise UnreadableMesh(f"its buffer {name}: {error.strerror}", hint) from error

@@ -16,16 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnreadableMesh
-from benchmark.files import write_atomically
+from benchmark.files import LARGEST_FILE, read_file, write_atomically
 from benchmark.geometry.cleaning import merge_duplicates
 from benchmark.geometry.gltf import buffer_files, read_gltf
 from benchmark.geometry.mesh import Mesh
 from benchmark.text import counted
 
 Arrays = tuple[NDArray[np.float64], NDArray[np.int64]]
-
-LARGEST_FILE = 2**30
-"""Maximum number of bytes of a file, and of what is packed in it: some ten million vertices."""
 
 SURFACE = (
     "python -c \"import pymeshlab; m = pymeshlab.MeshSet(); m.load_new_mesh('{name}'); "
@@ -99,10 +96,11 @@ def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -
         raise type(error)(f"{path}: {error.problem}", error.hint) from error
     except Exception as error:
         if isinstance(error, OSError) and error.strerror:
-            raise kind(f"{path}: {error.strerror}", "check the path and its permissions") from error
+            advice = "check the path and its permissions" if error.errno else hint
+            raise kind(f"{path}: {error.strerror}", advice) from error
         name = "" if isinstance(error, ValueError | OSError) else f"{type(error).__name__} "
-        reason = " ".join(str(error).split())
-        raise kind(f"{path}: not a readable {what}: {name}{reason:.300}", hint) from error
+        reason = "nested too deeply" if isinstance(error, RecursionError) else name + " ".join(str(error).split())
+        raise kind(f"{path}: not a readable {what}: {reason:.300}", hint) from error
 
 
 def mesh_suffix(path: Path) -> str:
@@ -155,13 +153,13 @@ def _ply(mesh: Mesh) -> bytes:
 
 
 def _load(path: Path) -> bytes:
-    data = path.read_bytes() if path.stat().st_size <= LARGEST_FILE else None
+    data = read_file(path, LARGEST_FILE)
     if data and path.suffix.lower() == ".gz":
         unpacker = zlib.decompressobj(31)
         data = unpacker.decompress(data, LARGEST_FILE + 1)
         if not unpacker.eof and len(data) <= LARGEST_FILE:
             raise ValueError("it is cut off")
-    if data is None or len(data) > LARGEST_FILE:
+    if len(data) > LARGEST_FILE:
         raise UnreadableMesh(f"it holds more than {LARGEST_FILE / 2**30:g} GiB", "decimate the mesh")
     if not data.strip():
         raise UnreadableMesh("the file is empty", "fetch or export the file again")
@@ -335,7 +333,7 @@ def read_mat(data: bytes, _: Path) -> Arrays:
     """Read the MATLAB struct ``surface`` of TOSCA: X, Y, Z and the triangles TRIV, which count from 1."""
     from scipy.io import loadmat
 
-    _check_expansion(data)
+    check_expansion(data)
     try:
         content = loadmat(io.BytesIO(data), variable_names=["surface"])
     except NotImplementedError as error:
@@ -352,7 +350,7 @@ def read_mat(data: bytes, _: Path) -> Arrays:
     return vertices, _integers(fields["TRIV"].astype(np.float64))
 
 
-def _check_expansion(data: bytes) -> None:
+def check_expansion(data: bytes) -> None:
     """Raise ``ValueError`` if compressed variables are too large: a few kilobytes can hold terabytes."""
     order, at, left = ">" if data[126:128] == b"MI" else "<", 128, LARGEST_FILE
     while at + 8 <= len(data):

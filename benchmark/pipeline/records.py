@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
 from benchmark.code_digest import ROOT, digest, digest_of_bytes
-from benchmark.files import write_atomically
+from benchmark.files import read_file, write_atomically
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import RUNS, Cache, Kind, storing
 from benchmark.reference.paper import MEASURES
@@ -296,9 +296,7 @@ def read_files(paths: Iterable[Path]) -> list[Record]:
     records = []
     for path in sorted(paths):
         try:
-            if path.stat().st_size > LARGEST_FILE:
-                raise OSError(0, f"it is larger than {LARGEST_FILE:,} bytes")
-            text = path.read_bytes()
+            text = read_file(path, LARGEST_FILE)
         except OSError as error:
             _skip(f"{path}: {error.strerror}")
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -15,13 +16,13 @@ from benchmark.datasets.base import natural_key
 from benchmark.datasets.folder import class_list, folder_set, read_cla
 from benchmark.datasets.labels import cells_of, lines_of, read_labels, separator_of
 from benchmark.errors import ConfigurationError, one_line
-from benchmark.geometry.io import named_errors
+from benchmark.files import read_file
+from benchmark.geometry.io import check_expansion, named_errors
 
 _HINT = "write the matrix as .npy, .npz, .txt, .csv, .mat (-v7), or .matrix of PSB"
 
 #: Largest size of a file in bytes.
 _LARGEST = 2**31
-_TOO_LARGE = f"it has more than {_LARGEST // 2**30} GiB"
 
 #: What a text file of numbers may contain.
 _NUMERALS = b"0123456789.,;+-eEinfaN \t\r\n"
@@ -151,24 +152,23 @@ def _read(path: Path, count: int, n_columns: int) -> Any:
 
     suffix = path.suffix.lower()
     with named_errors(path, "matrix of distances", ConfigurationError, _HINT):
-        if path.stat().st_size > _LARGEST:
-            raise ConfigurationError(_TOO_LARGE, "write it in single precision (.npy)")
-        with path.open("rb") as file:
-            is_hdf5 = file.read(10).startswith((b"\x89HDF", b"MATLAB 7.3"))
-        if is_hdf5:
+        content = read_file(path, _LARGEST)
+        if content.startswith((b"\x89HDF", b"MATLAB 7.3")):
             raise ConfigurationError("it is an HDF5 file, such as MATLAB writes with -v7.3", _HINT)
         if suffix == ".npy":
-            return np.load(path, mmap_mode="r", allow_pickle=False)  # reads no more than the file contains
+            return np.load(io.BytesIO(content), allow_pickle=False)
         if suffix == ".npz":
-            with np.load(path, allow_pickle=False) as archive:
-                if max(part.file_size for part in archive.zip.infolist()) > _LARGEST:
-                    raise ConfigurationError(_TOO_LARGE, _HINT)
+            with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+                if sum(part.file_size for part in archive.zip.infolist()) > _LARGEST:
+                    raise ConfigurationError(f"its arrays hold more than {_LARGEST:,} bytes", _HINT)
                 return _matrix_of(archive, (count, n_columns))
         if suffix == ".mat":
-            return _matrix_of(loadmat(path), (count, n_columns))  # all variables, which finds where the file is cut
-        if suffix == ".matrix" and path.read_bytes().translate(None, _NUMERALS):
-            return _read_psb(path, (count, n_columns))
-        return _read_text(lines_of(path), (count, n_columns))
+            check_expansion(content)
+            variables = loadmat(io.BytesIO(content))  # all of them, which finds where the file is cut
+            return _matrix_of(variables, (count, n_columns))
+        if suffix == ".matrix" and content.translate(None, _NUMERALS):
+            return _read_psb(content, (count, n_columns))
+        return _read_text(lines_of(content), (count, n_columns))
 
 
 def _matrix_of(found: Mapping[str, Any], size: tuple[int, int]) -> Any:
@@ -185,9 +185,8 @@ def _matrix_of(found: Mapping[str, Any], size: tuple[int, int]) -> Any:
     return matrix
 
 
-def _read_psb(path: Path, size: tuple[int, int]) -> NDArray[np.float32]:
+def _read_psb(content: bytes, size: tuple[int, int]) -> NDArray[np.float32]:
     """Read the distances of the tools of the Princeton Shape Benchmark: N x N floats, rows in the order of the list."""
-    content = path.read_bytes()
     matrix = np.frombuffer(content, dtype="<f4").reshape(size if size[1] else (math.isqrt(len(content) // 4),) * 2)
     if ((matrix != 0) & (np.abs(matrix) < _SMALLEST)).any():
         raise ConfigurationError(f"it has numbers below {_SMALLEST}", "write it with the lowest byte first")

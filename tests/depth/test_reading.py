@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 from pathlib import Path
 
@@ -10,9 +11,9 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from benchmark.depth.frame import FrameFiles, scaled
+from benchmark.depth.frame import FrameFiles, scale_of
 from benchmark.depth.intrinsics import Intrinsics, find_intrinsics, intrinsics_of, read_intrinsics
-from benchmark.depth.reading import find_mask, in_metres, is_depth_file, read_mask, read_values
+from benchmark.depth.reading import checked_mask, find_mask, in_metres, is_depth_file, read_mask, read_values
 from benchmark.errors import DepthError
 
 INPUTS = Path(__file__).with_name("inputs")
@@ -72,7 +73,7 @@ def test_an_object_before_pixels_without_a_reading_stands_where_it_is() -> None:
 def test_each_fault_of_an_image_is_named_in_one_line_with_a_hint(name: str) -> None:
     path = INPUTS / "bad-images" / name
     with pytest.raises(DepthError, match=BAD_IMAGES.get(name, "No such file")) as caught:
-        in_metres(read_values(path))
+        FrameFiles(path, Intrinsics(25, 25, 9.5, 7.5)).observe()
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
     assert caught.value.hint
@@ -83,8 +84,11 @@ def test_each_fault_of_an_image_is_named_in_one_line_with_a_hint(name: str) -> N
     [
         (np.ones((2, 2)), "too few pixels have a depth: 4 of 4, fewer than 200"),
         (np.zeros((30, 40, 3)), r"shape \(30, 40, 3\) is no depth image"),
-        (DEPTHS / DEPTHS.max(), "the depths end at 1, as if"),
-        (np.round(255 * DEPTHS / DEPTHS.max()).astype(np.uint16), "the depths end at 255, as if .* --depth-scale 1000"),
+        (DEPTHS / DEPTHS.max(), "end at 1, as in a z-buffer"),
+        (
+            np.round(255 * DEPTHS / DEPTHS.max()).astype(np.uint16),
+            "end at 255, the largest of 8 bits, as .* --depth-scale 1000",
+        ),
         (np.full((30, 40), 1500, np.uint16), "all 1200 pixels lie at 1.5 m"),
         (1000 * DEPTHS, "the median depth is 2.* m with 1 units per metre; pass the camera's --depth-scale"),
         (np.round(DEPTHS).astype(np.uint16), "the median depth is 0.002 m with 1000 units"),
@@ -123,6 +127,58 @@ def test_what_is_neither_black_nor_transparent_is_the_object(tmp_path: Path, mod
         read_mask(tmp_path / "noise.png")
 
 
+def painted(levels: dict[int, tuple[slice, slice]], size: tuple[int, ...] = (60, 80)) -> np.ndarray:
+    image = np.zeros(size, dtype=np.uint8)
+    for level, place in levels.items():
+        image[place] = level
+    return image
+
+
+DISC, HALF = np.s_[20:50, 20:60], np.s_[20:50, 20:40]
+NOISE = np.random.default_rng(0).integers(0, 99, (60, 80, 3)).astype(np.uint8)
+
+
+def saved(mask: np.ndarray, quality: int) -> np.ndarray:
+    """Return a mask after it was saved as JPEG."""
+    stream = io.BytesIO()
+    Image.fromarray(mask).save(stream, "JPEG", quality=quality)
+    return np.array(Image.open(stream))
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        *(painted({level: DISC}) for level in (1, 38, 128, 255)),
+        painted({255: DISC}) / 255,
+        painted({255: DISC}).astype(bool),
+        *(saved(painted({255: DISC}), quality) for quality in (50, 75, 95)),
+        np.where(painted({1: DISC})[..., None], [128, 0, 0], 0).astype(np.uint8),
+        np.dstack([NOISE, painted({255: DISC})]),  # a photograph, cut out
+    ],
+)
+def test_a_mask_of_one_object_is_read_whatever_marks_it(tmp_path: Path, mask: np.ndarray) -> None:
+    seen = np.ones((60, 80), dtype=bool)
+    if mask.dtype == np.uint8:
+        Image.fromarray(mask).save(tmp_path / "mask.png")
+        np.testing.assert_array_equal(read_mask(tmp_path / "mask.png"), painted({1: DISC}) > 0)
+    np.testing.assert_array_equal(checked_mask(mask, seen), painted({1: DISC}) > 0)
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        *(painted({low: DISC, high: HALF}) for low, high in ((1, 2), (128, 255), (24, 255), (254, 255))),
+        painted({255: DISC, 1: np.s_[30:40, 30:50]}),  # a border that is void
+        *(np.linspace(0, top, 4800).reshape(60, 80) for top in (1, 255)),  # probabilities
+        np.dstack([painted({200: DISC}), painted({200: HALF}), painted({})]),
+        painted({1: DISC}) + 1,
+    ],
+)
+def test_a_mask_of_several_values_is_refused(mask: np.ndarray) -> None:
+    with pytest.raises(DepthError, match="the mask holds .*, not one object; write the pixels of the object alone"):
+        checked_mask(mask, np.ones((60, 80), dtype=bool))
+
+
 @pytest.mark.parametrize(
     ("image", "mask"),
     [
@@ -132,13 +188,14 @@ def test_what_is_neither_black_nor_transparent_is_the_object(tmp_path: Path, mod
         ("a/depth/000.png", "a/masks/000_shirt.png"),
     ],
 )
-def test_masks_are_found_by_their_usual_names_unless_there_are_several(tmp_path: Path, image: str, mask: str) -> None:
+def test_masks_are_found_by_their_usual_names_and_several_are_refused(tmp_path: Path, image: str, mask: str) -> None:
     for name in (image, mask, "a/depth/7.png", "a/mask/7_shirt.png", "a/mask/7_man.png"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
     assert find_mask(tmp_path / image) == tmp_path / mask
     assert find_mask(tmp_path / "a/1.png") is None
-    assert find_mask(tmp_path / "a/depth/7.png") is None
+    with pytest.raises(DepthError, match="7.png has the masks mask/7_man.png and mask/7_shirt.png; keep"):
+        find_mask(tmp_path / "a/depth/7.png")
 
 
 # --- intrinsics --------------------------------------------------------------------------------------------------
@@ -191,7 +248,7 @@ def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(name: str) ->
 
 def test_a_large_file_is_no_camera(tmp_path: Path) -> None:
     (tmp_path / "camera").write_text("1" * 200_000)
-    with pytest.raises(DepthError, match="it is too large for intrinsics"):
+    with pytest.raises(DepthError, match="holds more than 100,000 bytes; write a 3"):
         read_intrinsics(tmp_path / "camera")
 
 
@@ -211,7 +268,7 @@ THERE = np.where(OBJECT, np.linspace(1.9, 2.3, 160), 0)
 def test_a_depth_scale_of_a_camera_file_is_a_unit_or_agrees_with_the_type(tmp_path: Path, factor, kind, stated) -> None:
     (tmp_path / "camera.json").write_text(json.dumps(CAMERA | stated))
     values = np.round(factor * THERE, 3).astype(kind)
-    depths = scaled(values, read_intrinsics(tmp_path / "camera.json"))
+    depths = in_metres(values, scale_of(values, read_intrinsics(tmp_path / "camera.json")))
     np.testing.assert_allclose(depths[OBJECT], THERE[OBJECT], atol=1e-3)
 
 
@@ -229,6 +286,9 @@ def test_any_other_depth_scale_is_refused_unless_the_units_are_passed(tmp_path: 
 def test_without_a_size_the_centre_lies_in_the_middle_and_numbers_on_the_command_line_are_no_file() -> None:
     with pytest.raises(DepthError, match="far from the middle"):
         Intrinsics(1050, 1050, 639.5, 479.5).check_size(*SIZE)
+    for width, height in ((480, 640), (720, 1280), (1024, 1280)):  # of frames that were turned
+        with pytest.raises(DepthError, match="far from the middle .* not of one turned"):
+            Intrinsics(525, 525, height / 2, width / 2).check_size(width, height)
     Intrinsics(525, 525, -0.5, 479.5, SIZE).check_size(*SIZE)  # a part of a larger image
     with pytest.raises(DepthError, match="focal lengths 0.82, 1.09 are implausible for 640 x 480 pixels"):
         Intrinsics(0.82, 1.09, 0.5, 0.5, SIZE).check_size(*SIZE)
@@ -252,3 +312,6 @@ def test_intrinsics_are_found_by_their_usual_names_the_nearest_first(
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
     assert find_intrinsics(tmp_path / image) == tmp_path / files[0]
+    (tmp_path / files[0]).with_name("K.txt").write_text("")
+    with pytest.raises(DepthError, match=f"holds the camera files {Path(files[0]).name} and K.txt; keep that of"):
+        find_intrinsics(tmp_path / image)

@@ -114,7 +114,7 @@ def test_what_is_larger_than_the_limit_is_refused(name: str, size: int, monkeypa
     monkeypatch.setattr("benchmark.geometry.io.LARGEST_FILE", size)
     assert read_mesh(VALID / name).n_faces == 2
     monkeypatch.setattr("benchmark.geometry.io.LARGEST_FILE", size - 1)
-    with pytest.raises(UnreadableMesh, match="more than .* GiB"):
+    with pytest.raises(UnreadableMesh, match="more than"):
         read_mesh(VALID / name)
 
 
