@@ -24,13 +24,15 @@ LARGEST_FILE, LARGEST_LIST = 2**30, 2**24
 _SUFFIX = ".tmp"
 
 
-def open_file(path: Path) -> BufferedReader:
-    """Open a regular file; raise ``OSError``, without waiting, for folders, pipes, devices and links to them."""
+def open_file(path: Path, largest: int | None = None) -> BufferedReader:
+    """Open a regular file of at most so many bytes; raise ``OSError`` for others, pipes and devices, without waiting."""
     file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK | os.O_NOCTTY))  # noqa: SIM115
-    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-        file.close()
-        raise OSError(None, "it is a pipe or a device, not a file")
-    return file
+    facts = os.fstat(file.fileno())
+    if stat.S_ISREG(facts.st_mode) and (largest is None or facts.st_size <= largest):
+        return file
+    file.close()
+    is_large = stat.S_ISREG(facts.st_mode)
+    raise OSError(None, f"it holds more than {largest:,} bytes" if is_large else "it is a pipe or a device, not a file")
 
 
 def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
@@ -42,10 +44,8 @@ def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
         If it cannot be read, is no regular file, or holds more than ``largest`` bytes; ``errno`` is None if reading it
         again would not help.
     """
-    with open_file(path) as file:
+    with open_file(path, largest) as file:
         size = os.fstat(file.fileno()).st_size
-        if size > largest:
-            raise OSError(None, f"it holds more than {largest:,} bytes")
         content = file.read(size + 1)
     if len(content) != size:  # it is being written, or lies in /proc
         raise OSError(errno.EAGAIN, "it does not have the size that it announces")
@@ -125,23 +125,23 @@ def decode(content: bytes) -> str:
     return text
 
 
-def file_digest(path: Path) -> str:
+def file_digest(path: Path, largest: int | None = LARGEST_FILE) -> str:
     """Return the SHA-256 of a file in hexadecimal, cached per process while the file is unchanged.
 
     Raises
     ------
     UnreadableMesh
-        If the file is unreadable.
+        If the file is unreadable, or holds more than ``largest`` bytes.
     """
     try:
         facts = path.stat()
-        return _digest(path.absolute(), facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns)
+        return _digest(path.absolute(), largest, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns)
     except OSError as error:
         raise UnreadableMesh(f"cannot read {path}: {error.strerror}", "check the file and its rights") from error
 
 
 @functools.lru_cache(maxsize=65536)
-def _digest(path: Path, size: int, modified: int, changed: int) -> str:
+def _digest(path: Path, largest: int | None, *_: int) -> str:
     """Compute a file digest; size and times distinguish versions of a file in the cache."""
-    with open_file(path) as stream:
+    with open_file(path, largest) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()

@@ -3,10 +3,112 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
+import numpy as np
 import pytest
 
-from benchmark.files import sweep, write_atomically, write_text
+import benchmark
+from benchmark.datasets.folder import folder_set
+from benchmark.depth.frame import FrameFiles
+from benchmark.depth.intrinsics import Intrinsics, read_intrinsics
+from benchmark.depth.reading import read_mask, read_values
+from benchmark.errors import BenchmarkError
+from benchmark.files import file_digest, read_file, sweep, write_atomically, write_text
+from benchmark.geometry.io import read_mesh
+from benchmark.pipeline.records import read_files
+
+
+def pipe(path):
+    os.mkfifo(path)
+
+
+def device(path):
+    path.symlink_to("/dev/zero")
+
+
+def endless(path):
+    with path.open("wb") as file:
+        file.truncate(2**42)
+
+
+def by_system(path):
+    path.symlink_to("/proc/self/mem")
+
+
+KINDS = (pipe, device, endless, by_system, Path.mkdir)
+TRIANGLE = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+
+
+def score(distances, labels):
+    return benchmark.score(distances, labels)
+
+
+def in_settings(path):
+    (path.parent / "cat0.off").write_text(TRIANGLE)
+    return folder_set(path.parent)
+
+
+def beside_image(path):
+    np.save(path.parent / "0.npy", np.ones((30, 40)))
+    camera = Intrinsics(40, 40, 19.5, 14.5) if path.suffix == ".png" else None
+    return FrameFiles(path.parent / "0.npy", camera).observe()
+
+
+def beside_mesh(path):
+    path.with_suffix(".vert").write_text("0 0 0\n" * 3)
+    return read_mesh(path.with_suffix(".vert"))
+
+
+def of_scene(path):
+    buffers = f'{{"asset": {{"version": "2.0"}}, "buffers": [{{"byteLength": 12, "uri": "{path.name}"}}], '
+    views = '"bufferViews": [{"buffer": 0, "byteLength": 12}], "accessors": [{"bufferView": 0, "componentType": 5126, '
+    nodes = '"count": 1, "type": "VEC3"}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], '
+    path.with_suffix(".gltf").write_text(buffers + views + nodes + '"nodes": [{"mesh": 0}]}')
+    return read_mesh(path.with_suffix(".gltf"))
+
+
+DOORS = {
+    **dict.fromkeys(("cat.off", "cat.obj", "cat.ply", "cat.off.gz", "cat.mat", "cat.stl", "cat.glb"), read_mesh),
+    "x.tri": beside_mesh,
+    "x.bin": of_scene,
+    "dataset.toml": in_settings,
+    "x.cla": in_settings,
+    **dict.fromkeys(("d.txt", "d.npy", "d.npz", "d.mat", "d.matrix"), lambda path: score(path, ["a", "a", "b"])),
+    **dict.fromkeys(("l.txt", "l.cla"), lambda path: score(np.ones((3, 3)), path)),
+    **dict.fromkeys(("x.png", "x.pfm", "x.npy", "x.npz"), read_values),
+    "x_mask.png": read_mask,
+    "0_mask.png": beside_image,
+    "camera.json": beside_image,
+    "K.txt": read_intrinsics,
+    "x": file_digest,
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("name", DOORS)
+def test_what_is_no_file_is_refused_by_its_name_at_once_at_every_door(tmp_path, name, kind):
+    kind(tmp_path / name)
+    with pytest.raises(BenchmarkError, match=name) as caught:
+        DOORS[name](tmp_path / name)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_no_file_among_records_is_named_and_passed_over(tmp_path, capsys, kind):
+    kind(tmp_path / "x.json")
+    assert read_files([tmp_path / "x.json"]) == []
+    assert f"skipped {tmp_path / 'x.json'}: " in capsys.readouterr().err
+
+
+def test_a_file_of_the_largest_size_is_read_and_one_that_changes_is_not(tmp_path, monkeypatch):
+    (tmp_path / "x").write_bytes(b"12345")
+    assert read_file(tmp_path / "x", 5) == b"12345"
+    with pytest.raises(OSError, match="more than 4 bytes"):
+        read_file(tmp_path / "x", 4)
+    monkeypatch.setattr(os, "fstat", lambda _: os.stat_result((0o100644, *range(5), 4, 0, 0, 0)))
+    with pytest.raises(OSError, match="does not have the size"):
+        read_file(tmp_path / "x", 5)
 
 
 def test_a_file_is_replaced_as_a_whole_or_not_at_all(tmp_path):

@@ -94,7 +94,7 @@ def _unique_name(path: Path) -> str:
 
 def _contents(target: str, files: Iterable[Path] = ()) -> list[str]:
     """Return the digests of the sources of a plugin, and of files that it declares."""
-    return [file_digest(path) for path in (*sources_of(target), *files) if path.is_file()]
+    return [file_digest(path, None) for path in (*sources_of(target), *files) if path.is_file()]
 
 
 def _named_files(module: ModuleType, path: Path) -> list[Path]:
