@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.errors import UnreadableMesh
+from benchmark.text import nfc
 
 #: Largest file of a user that is read, and largest list or settings file, in bytes.
 LARGEST_FILE, LARGEST_LIST = 2**30, 2**24
@@ -25,7 +26,7 @@ _SUFFIX = ".tmp"
 
 
 def open_file(path: Path, largest: int | None = None) -> BufferedReader:
-    """Open a regular file of at most so many bytes; raise ``OSError`` for others, pipes and devices, without waiting."""
+    """Open a regular file of at most so many bytes; raise ``OSError`` at once for others, such as pipes and devices."""
     file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK | os.O_NOCTTY))  # noqa: SIM115
     facts = os.fstat(file.fileno())
     if stat.S_ISREG(facts.st_mode) and (largest is None or facts.st_size <= largest):
@@ -117,12 +118,12 @@ def sweep(folder: Path) -> None:
 
 
 def decode(content: bytes) -> str:
-    """Return text in UTF-8, or in the encoding of its byte-order mark; raise ``UnicodeError`` if it is binary."""
+    """Return text in UTF-8 or the encoding of its byte-order mark, composed; raise ``UnicodeError`` if it is binary."""
     marks = ((codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
     text = content.decode(next((name for mark, name in marks if content.startswith(mark)), "utf-8-sig"))
     if "\0" in text:
         raise UnicodeError("it is binary, or in UTF-16 without a byte-order mark")
-    return text
+    return nfc(text)
 
 
 def file_digest(path: Path, largest: int | None = LARGEST_FILE) -> str:

@@ -8,7 +8,8 @@ import re
 import shutil
 import sys
 import textwrap
-from collections.abc import Collection, Sequence
+import unicodedata
+from collections.abc import Collection, Iterable, Sequence
 
 #: Longest reason in tables and lists of jobs, message in a record, and text that a plugin passes, in characters.
 LONGEST_REASON, LONGEST_MESSAGE, LONGEST_TEXT = 500, 1000, 20_000
@@ -21,6 +22,9 @@ DATA_VARIABLE = "CANONICAL_FORMS_DATA"
 
 #: Name that selects all methods on the command line, and so cannot be that of one.
 EVERY = "all"
+
+#: Names in a list before the rest is only counted.
+_NAMED = 3
 
 #: Pattern of names: lower-case words joined by hyphens.
 NAME = rf"(?=.{{1,{LONGEST_NAME}}}$)[a-z][a-z0-9]*(-[a-z0-9]+)*"
@@ -38,6 +42,23 @@ _CUT = " ..."
 def is_name(name: object) -> bool:
     """Return whether this is a valid name: lower-case words joined by hyphens, not too long."""
     return isinstance(name, str) and re.fullmatch(NAME, name) is not None
+
+
+def nfc(name: object) -> str:
+    """Return a name with composed characters (NFC), as which macOS and Linux write the same name alike."""
+    return unicodedata.normalize("NFC", str(name))
+
+
+def printable(name: str) -> str:
+    r"""Return a name for records, of which no two are alike: in NFC, with escapes as in Python, such as ``\x00``."""
+    return "".join(_escaped(c) if c == "\\" else _printable(c) for c in nfc(name))
+
+
+def listed(texts: Iterable[str], joint: str = ", ") -> str:
+    """Join the first few of some texts, and count the others."""
+    every = list(texts)
+    more = [f"{len(every) - _NAMED} more"] if len(every) > _NAMED + 1 else []
+    return joint.join([*every[: _NAMED if more else None], *more])
 
 
 def clean(text: object) -> str:
@@ -133,4 +154,8 @@ def _without_breaks(match: re.Match[str]) -> str:
 
 
 def _printable(character: str) -> str:
-    return character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
+    return character if character.isprintable() else _escaped(character)
+
+
+def _escaped(character: str) -> str:
+    return character.encode("unicode_escape").decode("ascii")

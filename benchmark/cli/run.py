@@ -14,7 +14,7 @@ from benchmark.cli.progress import Bar
 from benchmark.cli.results import outcome, print_tables
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
 from benchmark.datasets.changes import split_name
-from benchmark.datasets.checking import unread_files
+from benchmark.datasets.checking import by_kind, unread_files
 from benchmark.errors import ConfigurationError
 from benchmark.kernels import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
@@ -31,7 +31,7 @@ from benchmark.runs.planning import Planned, estimate, plan_selection
 from benchmark.runs.runner import run as run_jobs
 from benchmark.runs.runner import with_results
 from benchmark.scoring.rows import check_forms, forms_of
-from benchmark.text import brief, counted, say, say_lines, say_table
+from benchmark.text import brief, nfc, say, say_lines, say_table
 
 #: Most jobs that ``plan`` lists one by one, and most reasons in its summary of more.
 _SCREEN, _REASONS = 18, 5
@@ -42,7 +42,7 @@ def _data(selection: Selection) -> dict[str, Any]:
     return {
         "tables": selection.tables, "datasets": selection.datasets, "input": selection.input,
         "data_root": selection.require_data_root(), "quick": selection.quick,
-        "subjects": [name for name in selection.subjects.split(",") if name],
+        "subjects": [name for name in nfc(selection.subjects).split(",") if name],
         "gallery": selection.gallery, "same_names": selection.same_names,
     }  # fmt: skip
 
@@ -210,8 +210,8 @@ def _announce(jobs: Sequence[Planned], data_root: Path | None, records: Iterable
         say(f"{record.gallery}: {named} queries have names of its shapes; --same-names leaves these out", err=True)
     own = {one.source: one.dataset for job in jobs for one in job.galleries if not is_known(one.source)}
     for source, dataset in own.items():
-        if unread := [anomaly.file for anomaly in unread_files(dataset)]:
-            say(f"{source}: {counted(len(unread), 'file')} not read, such as {unread[0]}; see 'data check'", err=True)
+        for anomaly in by_kind(unread_files(dataset)):
+            say(f"{source}: {anomaly}", err=True)
 
 
 def _small_for_people(jobs: Sequence[Planned]) -> Iterator[str]:

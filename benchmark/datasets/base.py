@@ -51,11 +51,6 @@ def canonical_shapes(dataset: ShapeSet) -> Mapping[str, Entry]:
     }
 
 
-def printable(name: str) -> str:
-    r"""Return a name suitable for records: unprintable characters are escaped as in Python, such as ``\x00``."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in name)
-
-
 def natural_key(text: str) -> tuple[tuple[int, int, str], ...]:
     """Return a sort key that puts ``cat2`` before ``cat10``."""
     parts = re.findall(r"[0-9]+|[^0-9]+", text)

@@ -10,11 +10,11 @@ from importlib import import_module
 from pathlib import Path
 
 from benchmark.api.datasets import ShapeSet
-from benchmark.datasets.base import printable
 from benchmark.datasets.changes import changed, split_name
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.official import SETS, OfficialSet
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
+from benchmark.text import printable
 
 
 @dataclass(frozen=True)

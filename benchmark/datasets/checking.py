@@ -1,21 +1,23 @@
-"""Validation of data sets: each problem on one line with the file and a hint."""
+"""Validation of data sets: each kind of problem on one line with its files and a hint."""
 
 from __future__ import annotations
 
 import hashlib
 import math
+import re
 import statistics
-from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
-from benchmark.datasets.folder import all_mesh_files, mesh_stem, skipped_files, sub_folders
+from benchmark.datasets.folder import all_mesh_files, is_hidden, mesh_stem, skipped_files, sub_folders
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
@@ -23,11 +25,14 @@ from benchmark.geometry.cleaning import compact, topology
 from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, camera_coordinates, common_half_width
 from benchmark.geometry.io import SURFACE
 from benchmark.geometry.preparation import prepare
+from benchmark.text import listed
 
 #: Factors between units of length: inches, centimetres, millimetres, feet, metres.
 _UNITS = (2.54, 10, 12, 25.4, 100, 304.8, 1000)
 #: Largest relative difference of a factor, and of the sizes of a subject in several poses.
 _NEAR_UNIT = 0.05
+
+_NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -38,19 +43,49 @@ class Anomaly:
     ----------
     severity
         ``"error"`` if the data set or the shape is unusable without a fix, otherwise ``"warning"``.
-    file
-        The file, relative to the folder, or the identifier of a generated shape.
+    files
+        The files, relative to the folder, or the identifiers of generated shapes.
     what, hint
         The problem, and a suggested action.
     """
 
     severity: str
-    file: str
+    files: tuple[str, ...]
     what: str
     hint: str
 
     def __str__(self) -> str:
-        return f"{self.severity:<7}  {self.file}  {self.what}; {self.hint}"
+        count = f"{len(self.files)} files: " if len(self.files) > 1 else ""
+        return f"{self.severity:<7}  {count}{listed(self.files)}  {self.what}; {self.hint}"
+
+
+def by_kind(anomalies: Iterable[Anomaly]) -> tuple[Anomaly, ...]:
+    """Join problems that differ in files and numbers alone; errors first."""
+    kinds = defaultdict[tuple[str, ...], list[Anomaly]](list)
+    for one in anomalies:
+        what = one.what if one.severity == "error" else ""  # warnings of one kind have one hint
+        kinds[one.severity, _NUMBER.sub("", what), _NUMBER.sub("", one.hint)].append(one)
+    joined = [
+        Anomaly(
+            members[0].severity,
+            tuple(file for one in members for file in one.files),
+            _over_range([one.what for one in members]),
+            max((one.hint for one in members), key=lambda hint: [float(n) for n in _NUMBER.findall(hint)]),
+        )
+        for members in kinds.values()
+    ]
+    return tuple(sorted(joined, key=lambda one: one.severity))
+
+
+def _over_range(texts: Sequence[str]) -> str:
+    """Return the longest of some texts, with the range of each of their numbers."""
+    numbers = [[float(number) for number in _NUMBER.findall(text)] for text in texts]
+    longest = max(texts, key=len)
+    if len(texts) == 1 or len({len(row) for row in numbers}) > 1:
+        return longest
+    columns = [(min(column), max(column)) for column in zip(*numbers, strict=True)]
+    ranges = iter([f"{low:.10g} to {high:.10g}" if high > low else f"{low:.10g}" for low, high in columns])
+    return _NUMBER.sub(lambda _: next(ranges), longest)
 
 
 @dataclass(frozen=True)
@@ -69,6 +104,9 @@ class Row:
         Half the longest side of the bounding box in the camera's frame, and the root of the area, in file units.
     digest
         Digest of vertices and faces, independent of the file format.
+    taken
+        As what a depth image was taken: ``unit``, ``camera``, ``mask``, and the range of its ``depths`` and the
+        ``distance`` and ``size`` of its object in metres.
     """
 
     file: str
@@ -78,11 +116,12 @@ class Row:
     extent: float
     size: float
     digest: str
+    taken: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Report:
-    """Results of a check: the readable shapes, and the problems, first those of the set, then those of its shapes."""
+    """Results of a check: the readable shapes, and the problems by kind, errors first."""
 
     dataset: ShapeSet
     rows: tuple[Row, ...]
@@ -94,18 +133,22 @@ class Report:
         return not any(anomaly.severity == "error" for anomaly in self.anomalies)
 
     def lines(self) -> list[str]:
-        """Return the report as text: a summary, one line per anomaly, and their counts."""
+        """Return the report as text: a summary, one line per kind of problem, and their counts."""
         stand_in, n_shapes = self.dataset.stand_in_for, len(self.dataset.shapes)
         sizes = Counter(entry.subject for entry in self.dataset.shapes if entry.subject)
         unread = n_shapes - len(self.rows)
         keys = {"vertices": "vertices_before", "faces": "faces_before", "components": "components", "holes": "holes"}
-        counts = Counter(anomaly.severity for anomaly in self.anomalies)
+        counts = Counter(anomaly.severity for anomaly in self.anomalies for _ in anomaly.files)
         return [
             f"{self.dataset.name}: {n_shapes} shapes, {len(sizes)} classes, "
             f"{f'stand-in for {stand_in}' if stand_in else 'not a stand-in'}"
             f"{f', {unread} unreadable, which count as 0' if unread else ''}",
             f"classes     {', '.join(f'{subject} {size}' for subject, size in sizes.items()) or 'unknown'}",
             *(f"{name:<11} {_range([row.counts[key] for row in self.rows])}" for name, key in keys.items()),
+            *(
+                f"{name:<11} {_summary([row.taken[name] for row in self.rows])}"
+                for name in (self.rows[0].taken if self.rows else ())
+            ),
             *map(str, self.anomalies),
             ", ".join(f"{counts[kind]} {kind}{'s' * (counts[kind] != 1)}" for kind in ("error", "warning")),
         ]
@@ -115,6 +158,13 @@ def _range(values: list[float]) -> str:
     if not values:
         return "none could be read"
     return f"{min(values):.10g} to {max(values):.10g}, median {statistics.median(values):.10g}"
+
+
+def _summary(values: Sequence[Any]) -> str:
+    """Return the range of numbers, or texts with their counts."""
+    if isinstance(values[0], str):
+        return listed(f"{text} ({count})" for text, count in Counter(values).most_common())
+    return _range([float(number) for number in np.ravel(values)])
 
 
 def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> Report:
@@ -145,35 +195,35 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
         entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
         unopened = ShapeSet(name=name if part else folder.resolve().name, shapes=entries, folder=folder)
         rows, of_shapes = _inspect_all(unopened, watched)
-        anomalies = [Anomaly("error", folder.name, error.problem, error.hint), *unread_files(unopened), *of_shapes]
-        return Report(unopened, rows, tuple(anomalies))
+        anomalies = [Anomaly("error", (folder.name,), error.problem, error.hint), *unread_files(unopened), *of_shapes]
+        return Report(unopened, rows, by_kind(anomalies))
 
 
 def check(dataset: ShapeSet, watched: Watched = iter) -> Report:
     """Check a data set: its files, its classes, and every mesh; see :func:`check_source`."""
     rows, of_shapes = _inspect_all(dataset, watched)
-    return Report(dataset, rows, (*_of_classes(dataset), *unread_files(dataset), *of_shapes))
+    return Report(dataset, rows, by_kind([*_of_classes(dataset), *unread_files(dataset), *of_shapes]))
 
 
 def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
     try:
         check_ranked(dataset)
     except DatasetError as error:
-        yield Anomaly("warning", dataset.name, error.problem, error.hint)
+        yield Anomaly("warning", (dataset.name,), error.problem, error.hint)
         return
     try:
         check_retrievable(dataset)
     except DatasetError as error:
-        yield Anomaly("error", dataset.name, error.problem, error.hint)
+        yield Anomaly("error", (dataset.name,), error.problem, error.hint)
     sizes = Counter(entry.subject for entry in dataset.shapes)
     if lone := [*sizes.values()].count(1):
         what = f"ranked, but no queries: {lone} of {len(dataset.shapes)} shapes (alone in their class, or of class -1)"
-        yield Anomaly("warning", dataset.name, what, "add a shape to their classes if they should count")
+        yield Anomaly("warning", (dataset.name,), what, "add a shape to their classes if they should count")
     for subject, size in (SETS[dataset.name].sizes if dataset.name in SETS else {}).items():
         if sizes[subject] != size:
             what = f"class '{subject}' has {sizes[subject]} shapes, officially {size}"
             hint = f"unpack the official archive there, or name the folder, -d {dataset.folder}, where no more is meant"
-            yield Anomaly("error", dataset.name, what, hint)
+            yield Anomaly("error", (dataset.name,), what, hint)
 
 
 def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
@@ -182,18 +232,20 @@ def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
     if folder is None:
         return
     for path in skipped_files(folder):
-        hint = f"make a surface of them: {SURFACE.format(name=path.name)}"
-        yield Anomaly("warning", _relative(path, folder), "is skipped: it holds points, not a surface", hint)
+        what, hint = "points, not a surface", f"make a surface of them: {SURFACE.format(name='FILE')}"
+        if is_hidden(path):
+            what, hint = "hidden", "remove what macOS writes beside each file, or rename a shape"
+        yield Anomaly("warning", (_relative(path, folder),), f"skipped: {what}", hint)
     for place in dict.fromkeys([folder, *(path.parent for path in used if path), *sub_folders(folder)]):
         first: dict[str, Path] = {}
         for path in all_mesh_files(place):
-            same = first.setdefault(mesh_stem(path), path)
+            name, same = _relative(path, folder), first.setdefault(mesh_stem(path), path)
             if same != path:
-                what = f"the same name as {same.name} in another format"
-                yield Anomaly("warning", _relative(path, folder), what, "keep one of the two; this one is not read")
+                what = "the name of another in another format"
+                yield Anomaly("warning", (f"{name} ({same.name})",), what, "keep one of the two; this one is not read")
             elif path not in used:
-                what = "is none of the shapes of this data set"
-                yield Anomaly("warning", _relative(path, folder), what, "remove it, or list it if it belongs here")
+                what = "none of the shapes of this data set"
+                yield Anomaly("warning", (name,), what, "remove it, or list it if it belongs here")
 
 
 def _inspect_all(dataset: ShapeSet, watched: Watched) -> tuple[tuple[Row, ...], list[Anomaly]]:
@@ -205,15 +257,17 @@ def _inspect_all(dataset: ShapeSet, watched: Watched) -> tuple[tuple[Row, ...], 
         try:
             row = _inspect(dataset, entry, file)
         except ShapeError as error:
-            anomalies.append(Anomaly("error", file, error.problem.removeprefix(f"{entry.path}: "), error.hint))
+            problem = error.problem.removeprefix(f"{entry.path}: ")
+            anomalies.append(Anomaly("error", (file,), problem, error.hint))
             continue
         rows.append(row)
-        anomalies += [Anomaly("warning", file, what, hint) for what, hint in row.changes]
+        anomalies += [Anomaly("warning", (file,), what, hint) for what, hint in row.changes]
         twin = first_with.setdefault(row.digest, row)
         if twin is not row:
-            where = "" if twin.subject == row.subject else f" of another class, '{twin.subject}'"
-            severity = "error" if where else "warning"
-            anomalies.append(Anomaly(severity, file, f"the same geometry as {twin.file}{where}", "keep one of the two"))
+            is_wrong = twin.subject != row.subject
+            what = f"the same geometry as another{' of another class' * is_wrong}"
+            severity = "error" if is_wrong else "warning"
+            anomalies.append(Anomaly(severity, (f"{file} ({twin.file})",), what, "keep one of the two"))
     units = _of_units(rows) if dataset.observe is None else ()
     return tuple(rows), [*anomalies, *units, *_of_frame(dataset, {row.file: row.extent for row in rows})]
 
@@ -229,21 +283,43 @@ def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> Row:
         counts = {"vertices_before": mesh.n_vertices, "faces_before": mesh.n_faces, **topology(surface)}
     extent = float(np.abs(camera_coordinates(surface, dataset.camera(entry))).max())
     digest = hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()
-    return Row(file, entry.subject, counts, changes, extent, float(np.sqrt(mesh.area)), digest)
+    taken = _taken(dataset.observe(entry), entry) if dataset.observe else {}
+    return Row(file, entry.subject, counts, changes, extent, float(np.sqrt(mesh.area)), digest, taken)
+
+
+def _taken(observed: Any, entry: Entry) -> dict[str, Any]:
+    """Return as what a depth image was taken, in words that are the same for images that were taken alike."""
+    notes, stem, seen = observed.notes, entry.path.stem if entry.path else "", observed.depths[observed.depths > 0]
+    words = {name: str(notes.get(name, "given")) for name in ("unit", "camera", "mask")}
+    words["mask"] = words["mask"].replace(stem, "NAME")
+    return {**words, "depths": (seen.min(), seen.max()), "distance": notes["distance"], "size": notes["size"]}
 
 
 def _of_units(rows: Sequence[Row]) -> Iterator[Anomaly]:
-    """Yield shapes that differ by the factor of a unit from their class, or from the set if a class has one shape."""
+    """Yield the shapes that differ by the factor of a unit from their class, or from the set if a class has one shape.
+
+    If some are larger and some smaller, these are the fewer ones; of equal groups, that farther from the whole set.
+    """
     of_set = statistics.median(row.size for row in rows) if rows else 1.0
+    groups: dict[float, dict[str, list[Row]]] = {unit: {"large": [], "small": []} for unit in _UNITS}
     for row in rows:
         others = [other.size for other in rows if other is not row and other.subject == row.subject]
-        usual = statistics.median(others) if others else of_set
-        ratio = max(row.size / usual, usual / row.size)
-        is_odd = len(others) > 1 or abs(math.log(row.size / of_set)) >= abs(math.log(usual / of_set))
-        for unit in _UNITS:
-            if is_odd and abs(ratio / unit - 1) < _NEAR_UNIT:
-                what = f"is {unit:g} times as {'large' if row.size > usual else 'small'} as others, a unit's factor"
-                yield Anomaly("warning", row.file, what, "write all shapes in one unit, or ignore surface-area")
+        ratio = row.size / (statistics.median(others) if others else of_set)
+        for unit, near in groups.items():
+            for word, factor in (("large", ratio), ("small", 1 / ratio)):
+                near[word] += [row] * (abs(factor / unit - 1) < _NEAR_UNIT)
+    for unit, near in groups.items():
+
+        def rank(word: str, near: Mapping[str, list[Row]] = near) -> tuple[int, float]:
+            return len(near[word]) or len(rows), -sum(abs(math.log(row.size / of_set)) for row in near[word])
+
+        odd, other = sorted(near, key=rank)
+        if near[odd]:
+            rest = [row.file for row in near[other] or rows if row not in near[odd]]
+            verb = "are" if len(near[odd]) > 1 else "is"
+            what = f"{verb} {unit:g} times as {odd} as {len(rest)} others ({listed(rest)}), a unit's factor"
+            hint = f"state the unit of each in {SETTINGS_FILE}, or ignore surface-area"
+            yield Anomaly("warning", tuple(row.file for row in near[odd]), what, hint)
 
 
 def _of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anomaly]:
@@ -255,17 +331,17 @@ def _of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anoma
     if declared is not None and extents[widest] >= declared:
         what = f"extends to {extents[widest]:.6g}, beyond the camera's half width of {declared:.6g}"
         hint = f"set half_width = {extents[widest] / FILL:.6g} in {SETTINGS_FILE}, or remove it"
-        yield Anomaly("error", widest, what, hint)
+        yield Anomaly("error", (widest,), what, hint)
     fitted = common_half_width(list(extents.values())) / FILL
     for file, extent in extents.items():
         if declared is None and extent >= fitted:
             where = f"half_width = {extent / FILL:.6g} in {SETTINGS_FILE}"
             what = f"extends to {extent:.6g}, out of scale with the others, whose frame has half width {fitted:.6g}"
             hint = f"check its unit and look for stray vertices, or set {where}; the view input leaves it out"
-            yield Anomaly("warning", file, what, hint)
+            yield Anomaly("warning", (file,), what, hint)
         elif (extent / (declared or fitted) * SIZE) ** 2 < FEWEST_PIXELS:
             what = f"extends to {extent:.6g}, almost nothing in a frame of half width {declared or fitted:.6g}"
-            yield Anomaly("warning", file, what, "check its unit; the view input leaves it out")
+            yield Anomaly("warning", (file,), what, "check its unit; the view input leaves it out")
 
 
 def _relative(path: Path, folder: Path) -> str:

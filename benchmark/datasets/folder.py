@@ -1,24 +1,30 @@
-"""Folders of meshes or depth images: classes from a PSB ``.cla`` file, file names, or sub-folders."""
+"""Folders of meshes or depth images: classes from a list of labels, a PSB ``.cla`` file, file names, or sub-folders."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.datasets.base import natural_key, printable
+from benchmark.datasets.base import natural_key
 from benchmark.datasets.frames import depth_frames
+from benchmark.datasets.labels import read_labels
 from benchmark.datasets.settings import text_of, with_settings
-from benchmark.depth.reading import MASK_FOLDERS, is_depth_file
+from benchmark.depth.reading import EXTENSIONS, MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
 from benchmark.geometry.io import READABLE, mesh_suffix
+from benchmark.text import listed, printable
 
 #: Extensions of meshes that cannot be read: they are shapes that count as 0; and of point clouds, which are skipped.
 UNREAD = (".3ds", ".3mf", ".dae", ".fbx", ".vtk", ".vtp", ".wrl")
 POINTS = (".pcd", ".pts", ".xyz")
 
+
+#: Lists of labels of a folder, with lines ``name label``.
+LABELS = ("labels.txt", "labels.csv")
 
 #: Class of the Princeton Shape Benchmark for models without a class.
 MISCELLANEOUS = "-1"
@@ -27,9 +33,9 @@ MISCELLANEOUS = "-1"
 def folder_set(folder: Path, name: str = "") -> ShapeSet:
     """Read the list of shapes of a folder.
 
-    Classes come from the first available source: a ``.cla`` file, the names of mesh files in the folder without
-    trailing number (``cat10.off`` has class ``cat``), or sub-folders. A ``dataset.toml`` sets canonical poses and
-    cameras. A folder without meshes may contain depth images, classified by sub-folder or file name.
+    Classes come from the first available source: ``labels.txt`` or ``labels.csv``, a ``.cla`` file, the names of mesh
+    files in the folder without trailing number (``cat10.off`` has class ``cat``), or sub-folders. A ``dataset.toml``
+    sets canonical poses, cameras and units. A folder without meshes may contain depth images, classified alike.
 
     Parameters
     ----------
@@ -46,14 +52,16 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
         If ``dataset.toml`` has an unknown key.
     """
     name = name or printable(folder.resolve().name)
-    files, cla = mesh_files(folder), class_list([folder])
-    if cla:
-        entries = _from_cla(cla, files)
+    files, given = mesh_files(folder), class_list([folder], (*LABELS, "*.cla"))
+    if given and given.suffix == ".cla":
+        entries = _from_cla(given, files)
     elif files:
         entries = _from_names(files)
     else:
         entries = [entry for sub in sub_folders(folder) for entry in _from_sub_folder(sub, mesh_files(sub))]
     frames = [] if entries else _from_depth_images(folder)
+    if given and given.name in LABELS:
+        entries, frames = _labelled(given, entries), _labelled(given, frames)
     if not entries and not frames:
         unread = ", ".join(sorted({path.suffix for path in skipped_files(folder)}))
         hint = f"expected files ending in {', '.join(READABLE)}, depth images of 16 bits, or sub-folders of such files"
@@ -68,7 +76,7 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
 
 def depth_files(folder: Path) -> list[Path]:
     """Return the depth images of a folder in natural order: 16 bits or more, floats or arrays; no colours or masks."""
-    files = _listed(folder, lambda path: path.is_file() and is_depth_file(path))
+    files = _listed(folder, lambda path: not path.is_dir() and is_depth_file(path))
     return sorted(files, key=lambda path: natural_key(path.name))
 
 
@@ -88,34 +96,54 @@ def mesh_files(folder: Path) -> list[Path]:
 def all_mesh_files(folder: Path) -> list[Path]:
     """Return all mesh files of a folder, preferred extensions first, including several per stem.
 
-    Broken links and unsupported formats are included, so that they are reported and counted.
+    Unsupported formats, broken links, pipes and devices are included, so that they are reported and counted.
     """
     known = (*READABLE, *UNREAD)
 
     def is_mesh(path: Path) -> bool:
-        return mesh_suffix(path) in known and (path.is_file() or (path.is_symlink() and not path.exists()))
+        return mesh_suffix(path) in known and not path.is_dir()
 
     return sorted(_listed(folder, is_mesh), key=lambda path: known.index(mesh_suffix(path)))
 
 
 def sub_folders(folder: Path) -> list[Path]:
     """Return visible sub-folders in natural order; raises ``DatasetError`` if the folder cannot be listed."""
-    folders = _listed(folder, lambda path: path.is_dir() and not path.name.startswith("."))
+    folders = _listed(folder, Path.is_dir)
     return sorted(folders, key=lambda path: natural_key(path.name))
 
 
 def skipped_files(folder: Path) -> list[Path]:
-    """Return the point clouds in a folder and its sub-folders."""
-    places = (folder, *sub_folders(folder))
-    return [path for place in places for path in _listed(place, lambda path: path.suffix.lower() in POINTS)]
+    """Return the point clouds in a folder and its sub-folders, and hidden files that end like meshes or images."""
+    places, named = (folder, *sub_folders(folder)), (*POINTS, *READABLE, *EXTENSIONS)
+    points = [path for place in places for path in _listed(place, lambda path: path.suffix.lower() in POINTS)]
+    return points + [path for place in places for path in sorted(place.glob(".*")) if mesh_suffix(path) in named]
 
 
 def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
-    """Return paths in a folder, sorted by name; raises ``DatasetError`` if it cannot be listed."""
+    """Return visible paths in a folder, sorted by name; raises ``DatasetError`` if it cannot be listed."""
     try:
-        return [path for path in sorted(folder.iterdir()) if is_wanted(path)]
+        return [path for path in sorted(folder.iterdir()) if not is_hidden(path) and is_wanted(path)]
     except OSError as error:
         raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
+
+
+def is_hidden(path: Path) -> bool:
+    """Return whether a system wrote a file or folder beside those of the user."""
+    return path.name.startswith(".") or path.name == "__MACOSX"
+
+
+def _labelled(source: Path, entries: Sequence[Entry]) -> list[Entry]:
+    """Return shapes with the labels of a list, which has each of them."""
+    if not entries:
+        return []
+    labels = read_labels(source)
+    if not isinstance(labels, dict):
+        raise DatasetError(f"{source} does not name the shapes", "write 'name label' on each line")
+    names = [entry.identifier for entry in entries]
+    if wrong := [name for name in (*names, *labels) if (name in labels) != (name in names)]:
+        problem = f"{source} and the shapes beside it differ in {listed(wrong)}"
+        raise DatasetError(problem, f"name each shape once, like {names[0]}")
+    return [replace(entry, subject=labels[entry.identifier], pose=entry.identifier) for entry in entries]
 
 
 def _from_depth_images(folder: Path) -> list[Entry]:
@@ -146,7 +174,8 @@ def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
 
 def class_list(folders: Sequence[Path], patterns: Iterable[str] = ("*.cla",)) -> Path | None:
     """Return the list of classes in some folders, or None; raises ``DatasetError`` if there are several."""
-    files = [path for folder in folders for pattern in patterns for path in sorted(folder.glob(pattern))]
+    found = [path for folder in folders for pattern in patterns for path in sorted(folder.glob(pattern))]
+    files = [path for path in found if not is_hidden(path)]
     if len(files) > 1:
         names = " and ".join(path.relative_to(folders[0]).as_posix() for path in files[:2])
         raise DatasetError(f"{folders[0]} holds {names}", "keep the list that classifies these meshes")

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
-from benchmark.api.datasets import ShapeSet
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import by_subject
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.files import LARGEST_LIST, decode, read_file
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.io import named_errors
+from benchmark.geometry.mesh import Mesh
+
+T = TypeVar("T")
 
 SETTINGS_FILE = "dataset.toml"
 
@@ -29,7 +33,10 @@ VIEWS: Mapping[str, Camera] = {
 #: Most dots in a key, for which parsing takes the square of their number.
 _MOST_DOTS = 20
 
-_KEYS = ("camera", "canonical_pose", "half_width", "stand_in_for", "up")
+#: Metres of a unit.
+METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254, "ft": 0.3048}
+
+_KEYS = ("camera", "canonical_pose", "half_width", "normalise", "stand_in_for", "unit", "up")
 
 
 def with_settings(shapes: ShapeSet) -> ShapeSet:
@@ -38,7 +45,9 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
     All keys are optional: ``camera``, the name of a view, a table with ``direction`` and optionally ``up``, or a table
     from class or shape to either; ``up`` (``"z"`` or ``"y"``), the up axis of the files for the named views;
     ``canonical_pose``, a pose or a table from class to pose; ``half_width``, half the width of the camera's frame in
-    file units; ``stand_in_for``, the official set that generated shapes replace.
+    file units, or else in those that follow; ``unit``, a key of :data:`METRES`, a number of metres, or a table from
+    class or shape to either, which make all shapes metres; ``normalise = "area"``, which gives all unit area;
+    ``stand_in_for``, the official set that generated shapes replace.
 
     Raises
     ------
@@ -60,11 +69,24 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
     if "canonical_pose" in values:
         chosen = canonical_poses(values["canonical_pose"], shapes, path)
         changes["canonical_poses"] = {**shapes.canonical_poses, **chosen}
+    if values.get("normalise", "area") != "area":
+        raise DatasetError(f"{path}: normalise is {values['normalise']!r}", 'write normalise = "area", or remove it')
+    if "unit" in values or "normalise" in values:
+        units = _by_name(values.get("unit", 1), "unit", lambda value: _metres(value, path), shapes, path)
+
+        def factor(entry: Entry) -> float:
+            return units(entry) or 1.0
+
+        def load(entry: Entry) -> Mesh:
+            mesh = shapes.load(entry)
+            by = 1 / math.sqrt(mesh.area) if "normalise" in values and mesh.area else factor(entry)
+            return mesh.with_vertices(by * mesh.vertices)
+
+        changes |= {"load": load, "code": (*shapes.code, __name__)}
+        changes["key"] = lambda entry: f"{shapes.key(entry)} {values.get('normalise') or factor(entry)}"
     if "camera" in values:
-        cameras = _cameras(values["camera"], up, shapes, path)
-        changes["camera"] = lambda entry: (
-            cameras.get(entry.identifier) or cameras.get(entry.subject) or shapes.camera(entry)
-        )
+        cameras = _by_name(values["camera"], "camera", lambda value: _camera(value, up, path), shapes, path)
+        changes["camera"] = lambda entry: cameras(entry) or shapes.camera(entry)
     elif up == "y":
         changes["camera"] = lambda entry: _y_up(shapes.camera(entry))
     return replace(shapes, **changes)
@@ -121,15 +143,28 @@ def canonical_poses(value: Any, shapes: ShapeSet, path: Path) -> dict[str, str]:
     return chosen
 
 
-def _cameras(value: Any, up: str, shapes: ShapeSet, path: Path) -> dict[str, Camera]:
-    subjects = by_subject(shapes.shapes)
+def _by_name(
+    value: Any, key: str, read: Callable[[Any], T], shapes: ShapeSet, path: Path
+) -> Callable[[Entry], T | None]:
+    """Return what a settings file says for a shape: one value for all, or a table from class or shape to values."""
     if not isinstance(value, dict) or "direction" in value:
-        return dict.fromkeys(subjects, _camera(value, up, path))
+        of_all = read(value)
+        return lambda _: of_all
+    subjects = by_subject(shapes.shapes)
     known = {*subjects, *(entry.identifier for entry in shapes.shapes)}
     for name in value:
         if name not in known:
-            raise did_you_mean(f"class under camera in {path}", name, subjects)
-    return {name: _camera(camera, up, path) for name, camera in value.items()}
+            raise did_you_mean(f"class under {key} in {path}", name, subjects)
+    found = {name: read(each) for name, each in value.items()}
+    return lambda entry: found.get(entry.identifier) or found.get(entry.subject)
+
+
+def _metres(value: Any, path: Path) -> float:
+    return (
+        METRES[value]
+        if isinstance(value, str) and value in METRES
+        else positive(value, f"unit (one of {', '.join(METRES)}, or metres)", path)
+    )
 
 
 def _camera(value: Any, up: str, path: Path) -> Camera:

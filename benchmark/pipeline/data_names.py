@@ -9,11 +9,11 @@ from pathlib import Path, PurePath
 
 import msgspec
 
-from benchmark.datasets.base import printable
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.datasets.changes import split_name
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Data, Record
+from benchmark.text import printable
 
 
 def path_of(source: str) -> str:

@@ -10,16 +10,13 @@ from benchmark.reference.paper import MEASURES
 from benchmark.report.frames import seconds_of
 from benchmark.report.statistics import ALPHA
 from benchmark.report.tables import BLOCKS, Row, TableView
-from benchmark.text import brief
+from benchmark.text import brief, listed
 
 #: Note on bold and italic.
 MARKS = (
     "Bold: the best of its block. Italic: not certainly worse (randomised Tukey test over whole classes; its level of "
     "5 % holds if all rows are equal). Rows with missing results or with shapes seen in training have neither."
 )
-
-#: Names in a list before the rest is only counted.
-_NAMED = 3
 
 
 def table_notes(view: TableView) -> list[str]:
@@ -30,14 +27,14 @@ def table_notes(view: TableView) -> list[str]:
     crossed = {title for title, records in view.samples.items() if records[0].against}
     facts = {
         "{}": " ".join(_columns(view)),
-        "No form of a surface: {}.": _listed(r.title for r in rows if r.kind == "network" and crossed - {*r.scored}),
-        "No difference is certain: {}.": _listed(_undecided(view)),
-        "No result: {}.": _listed(_failed(rows)),
-        "Cannot be read or prepared, and counts 0 in every row: {}.": _listed(unreadable),
-        "Refused shapes, which count 0: {}.": _listed(_refused(rows), "; "),
-        "Trained on the classes of: {}; they stay in the gallery, and decide no claim.": _listed(_seen(rows)),
-        "Missing, and counts 0: {}.": _listed(f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete),
-        "Left out, because they rank another version of the data: {}; run them again.": _listed(view.left_out),
+        "No form of a surface: {}.": listed(r.title for r in rows if r.kind == "network" and crossed - {*r.scored}),
+        "No difference is certain: {}.": listed(_undecided(view)),
+        "No result: {}.": listed(_failed(rows)),
+        "Cannot be read or prepared, and counts 0 in every row: {}.": listed(unreadable),
+        "Refused shapes, which count 0: {}.": listed(_refused(rows), "; "),
+        "Trained on the classes of: {}; they stay in the gallery, and decide no claim.": listed(_seen(rows)),
+        "Missing, and counts 0: {}.": listed(f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete),
+        "Left out, because they rank another version of the data: {}; run them again.": listed(view.left_out),
         "Published with the suite, not run here: {}.": _published(rows),
         "Seconds come from several machines: {}.": _machines(rows),
     }
@@ -92,7 +89,7 @@ def _failed(rows: Iterable[Row]) -> list[str]:
         if not row.records and not row.failed:
             reason = "no model was trained for this data, or it was not run" if row.kind == "network" else "not run"
             reasons.setdefault(reason, []).append(row.title)
-    return [f"{_listed(titles)} ({reason})" for reason, titles in reasons.items()]
+    return [f"{listed(titles)} ({reason})" for reason, titles in reasons.items()]
 
 
 def _refused(rows: Iterable[Row]) -> Iterator[str]:
@@ -121,18 +118,11 @@ def _published(rows: Iterable[Row]) -> str:
     if len(published) == len(scored):
         return ""
     commits = sorted({row.records[0].commit[:8] for row in published} - {""})
-    return _listed(row.title for row in published) + (f" ({', '.join(commits)})" if commits else "")
+    return listed(row.title for row in published) + (f" ({', '.join(commits)})" if commits else "")
 
 
 def _machines(rows: Iterable[Row]) -> str:
     """Name the machines that made the forms, if they differ."""
     timed = [record for row in rows for record in row.records if seconds_of(record) is not None]
     names = dict.fromkeys(name for record in timed for name in record.machines or ["unknown"])
-    return _listed(map(brief, names), "; ") if len(names) > 1 else ""
-
-
-def _listed(texts: Iterable[str], joint: str = ", ") -> str:
-    """Join the first few of some texts, and count the others."""
-    every = list(texts)
-    more = [f"{len(every) - _NAMED} more"] if len(every) > _NAMED + 1 else []
-    return joint.join([*every[: _NAMED if more else None], *more])
+    return listed(map(brief, names), "; ") if len(names) > 1 else ""

@@ -1,6 +1,7 @@
 import os
 import re
 import sys
+import unicodedata
 
 import pytest
 
@@ -113,7 +114,54 @@ def test_names_that_cannot_be_printed_are_written_so_that_they_can(rods):
             text.encode("utf-8")
         assert folder_set(rods).load(entry).n_vertices == 290
     (rods / r"thin\n0.off").write_bytes((rods / "thin\n0.off").read_bytes())
+    assert r"thin\\n0" in {entry.identifier for entry in folder_set(rods).shapes}
+
+
+@pytest.mark.parametrize("name", ["caf\u00e9", "\u00c5se", "\ud55c", "\u1ec7"])
+def test_names_are_the_same_in_both_forms_of_unicode_wherever_they_stand(tmp_path, name):
+    for number, form in enumerate(("NFC", "NFD", "NFC")):
+        write_off(tmp_path / f"{unicodedata.normalize(form, name)}{number}.off", rod(0.1, number))
+    (tmp_path / "dataset.toml").write_text(f'[canonical_pose]\n{unicodedata.normalize("NFD", name)!r} = "1"\n')
+    dataset = folder_set(tmp_path)
+    assert {entry.subject for entry in dataset.shapes} == {name}
+    assert canonical_shapes(dataset)[name].identifier == f"{name}1"
+    labels = "".join(f"{unicodedata.normalize('NFD', name)}{number} {name}\n" for number in range(3))
+    (tmp_path / "labels.txt").write_text(labels)
+    (tmp_path / "dataset.toml").unlink()
+    assert {entry.subject for entry in folder_set(tmp_path).shapes} == {name}
+    write_off(tmp_path / f"{unicodedata.normalize('NFD', name)}0.off", rod(0.1, 0))
     with pytest.raises(DatasetError, match="two shapes that are both written"):
+        folder_set(tmp_path)
+
+
+def test_what_systems_write_beside_shapes_is_no_shape(rods):
+    for name in ("._thin0.off", ".hidden.obj", "._labels.txt", "._x.cla", "__MACOSX/a.off", ".DS_Store", "Thumbs.db"):
+        (rods / name).parent.mkdir(exist_ok=True)
+        (rods / name).write_text("")
+    assert len(folder_set(rods).shapes) == 6
+    os.mkfifo(rods / "thin7.off")
+    with pytest.raises(UnreadableMesh, match=r"thin7\.off: it is a pipe or a device"):
+        folder_set(rods).load(folder_set(rods).shapes[-1])
+
+
+@pytest.mark.parametrize("name", ["labels.txt", "labels.csv"])
+def test_a_list_of_labels_is_the_first_rule(rods, name):
+    mark = "," if name == "labels.csv" else " "
+    rows = [
+        f"{build}{number}{mark}{'odd' if number % 2 else 'even'}" for build in ("thin", "thick") for number in range(3)
+    ]
+    (rods / name).write_bytes(b"\xef\xbb\xbf" + "\r\n".join(rows).encode())
+    assert {entry.identifier: entry.subject for entry in folder_set(rods).shapes}["thick1"] == "odd"
+    (rods / name).write_text("\n".join([*rows[1:], f"fat0{mark}even"]))
+    with pytest.raises(
+        DatasetError, match=f"{name} and the shapes beside it differ in thin0, fat0; name each shape once"
+    ):
+        folder_set(rods)
+    (rods / name).write_text("even\n" * 6)
+    with pytest.raises(DatasetError, match=f"{name} does not name the shapes"):
+        folder_set(rods)
+    (rods / "x.cla").write_text(CLA)
+    with pytest.raises(DatasetError, match=f"holds {name} and x.cla; keep the list"):
         folder_set(rods)
 
 
@@ -191,6 +239,10 @@ def test_cameras(rods, text, camera):
         ('canonical_pose = "7"', "unknown pose of class 'thick' in .*toml '7'; choose one of 0, 1, 2"),
         ("canonical_pose = 1.5", "the canonical pose of 'thick' is 1.5; write a pose in quotes"),
         ("half_width = 0", "half_width is 0; write a positive number"),
+        ('unit = "parsec"', "unit .one of m, cm, mm, in, ft, or metres. is 'parsec'; write a positive number"),
+        ("[unit]\nthik = 1", "unknown class under unit in .* 'thik'; did you mean thick"),
+        ("unit = [1]", r"is \[1\]; write a positive number"),
+        ('normalise = "volume"', "normalise is 'volume'; write normalise = \"area\""),
         ("half_width = inf", "half_width is inf; write a positive number"),
         ("camera = ", "not a readable settings file: .*correct the file or remove it"),
         ("half_width = 1" + "0" * 400, "half_width is 10"),
