@@ -23,8 +23,8 @@ LEVELS = 2**16
 COINCIDENT = np.float32(1e-18)
 """Distance below which points neither pull nor push."""
 
-SAME_EVERYWHERE = {"reassoc", "nsz", "nnan", "ninf"}
-"""Rules of arithmetic by which pairs are the same on every processor: no fused or approximate operations."""
+TOGETHER = 4
+"""Number of pulls that are added in single precision; sums of more are double."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +169,7 @@ def majorise(
         points = 2 * moved - points if relaxed else moved
 
 
-@njit(cache=True, nogil=True, fastmath=SAME_EVERYWHERE, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tuple[FloatArray, float]:
     """Return the Guttman transform of the points [Borg & Groenen 2005, 8.6], and their stress.
 
@@ -188,25 +188,33 @@ def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tupl
     stress : float
         Sum of squared misses of all pairs.
     """
-    x, y, z = points[:, 0].astype(targets.dtype), points[:, 1].astype(targets.dtype), points[:, 2].astype(targets.dtype)
-    moved, stress = np.empty_like(points), 0.0
-    for i in range(len(points)):
-        moved[i, 0], moved[i, 1], moved[i, 2], misses = _pull(i, x, y, z, targets[i])
-        stress += misses
-    return moved / len(points), stress / 2
+    n = len(points)
+    places, sums = np.ascontiguousarray(points.T).astype(targets.dtype), np.zeros((4, n))
+    for i in range(0, n - TOGETHER + 1, TOGETHER):
+        _add_pulls(sums, places, i, targets, i, TOGETHER)
+    for i in range(n - n % TOGETHER, n):
+        _add_pulls(sums, places, i, targets, i, 1)
+    return sums[:3].T / n, sums[3].sum() / 2
 
 
 @njit(inline="always")
-def _pull(i, x, y, z, targets):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the sum of the pulls of all points on point i, and of the squared misses."""
-    pull_x = pull_y = pull_z = misses = 0.0
-    for j in range(len(x)):  # without writes, this loop vectorises; double sums hardly depend on the order
-        dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
-        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-        ratio, miss = targets[j] / max(distance, COINCIDENT), distance - targets[j]
-        pull_x, pull_y, pull_z = pull_x + ratio * dx, pull_y + ratio * dy, pull_z + ratio * dz
-        misses += miss * miss
-    return pull_x, pull_y, pull_z, misses
+def _add_pulls(sums, places, first, targets, row, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Add the pulls of some points on each point, and the squared misses; the targets of the first stand in a row."""
+    x, y, z = places[0], places[1], places[2]
+    sums_x, sums_y, sums_z, sums_of_misses = sums[0], sums[1], sums[2], sums[3]
+    for j in range(len(x)):  # each point has sums of its own: this loop vectorises, and no order depends on the width
+        pull_x = pull_y = pull_z = misses = np.float32(0)
+        for k in range(count):
+            i, target = first + k, targets[row + k, j]
+            dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
+            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+            ratio, miss = target / max(distance, COINCIDENT), distance - target
+            pull_x, pull_y, pull_z = pull_x + ratio * dx, pull_y + ratio * dy, pull_z + ratio * dz
+            misses += miss * miss
+        sums_x[j] += pull_x
+        sums_y[j] += pull_y
+        sums_z[j] += pull_z
+        sums_of_misses[j] += misses
 
 
 def relaxable_transform(points: FloatArray, targets: NDArray[np.floating]) -> tuple[FloatArray, float]:
@@ -246,7 +254,7 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
     return transform, norm
 
 
-@njit(cache=True, nogil=True, fastmath=SAME_EVERYWHERE)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArray) -> None:
     """Write the sum of the distances of the pairs of each level, in double precision."""
     x, y, z = points[:, 0].astype(np.float32), points[:, 1].astype(np.float32), points[:, 2].astype(np.float32)
@@ -260,17 +268,21 @@ def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArr
             sums[levels[i, j]] += distances[j]
 
 
-@njit(cache=True, nogil=True, fastmath=SAME_EVERYWHERE, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def level_transform(
     points: FloatArray, levels: NDArray[np.uint16], disparities: NDArray[np.float32]
 ) -> tuple[FloatArray, float]:
     """Return the Guttman transform towards the disparities of the levels, and the raw stress of the points."""
-    x, y, z = points[:, 0].astype(np.float32), points[:, 1].astype(np.float32), points[:, 2].astype(np.float32)
-    moved, stress, target = np.empty_like(points), 0.0, np.empty(len(points), np.float32)
-    for i in range(len(points)):
-        for j in range(len(points)):
-            target[j] = disparities[levels[i, j]]
-        target[i] = 0.0
-        moved[i, 0], moved[i, 1], moved[i, 2], miss = _pull(i, x, y, z, target)
-        stress += miss
-    return moved / len(points), stress / 2
+    n = len(points)
+    places, sums = np.ascontiguousarray(points.T).astype(np.float32), np.zeros((4, n))
+    targets = np.empty((TOGETHER, n), np.float32)
+    for first in range(0, n, TOGETHER):
+        for i in range(first, min(first + TOGETHER, n)):
+            for j in range(n):
+                targets[i - first, j] = disparities[levels[i, j]]
+            targets[i - first, i] = 0.0
+        if first + TOGETHER <= n:
+            _add_pulls(sums, places, first, targets, 0, TOGETHER)
+    for i in range(n - n % TOGETHER, n):
+        _add_pulls(sums, places, i, targets, i % TOGETHER, 1)
+    return sums[:3].T / n, sums[3].sum() / 2
