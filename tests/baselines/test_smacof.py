@@ -59,9 +59,9 @@ def test_the_stress_is_the_minimum_that_scikit_learn_reaches_from_the_same_start
     steps = form.notes["iterations"]
     stresses = [
         LeastSquaresMDS(max_iterations=count, rtol=0).canonicalise(shape).notes["stress"]
-        for count in range(steps - 2, steps + 1)
+        for count in range(steps - 3, steps + 1)
     ]
-    assert stresses[0] - stresses[1] > 1e-6 * stresses[1] > stresses[1] - stresses[2]
+    assert stresses[0] - stresses[2] > 2e-6 * stresses[1] > stresses[1] - stresses[3]
     classic = LeastSquaresMDS(start="classic").canonicalise(shape).vertices
     assert np.abs(spread(classic) - spread(form.vertices)).max() > 1e-3
 
