@@ -76,14 +76,15 @@ class LeastSquaresMDS(CheckedParameters):
     def _fit(self, shape: Shape, distances: FloatArray) -> CanonicalForm:
         start = shape.mesh.vertices
         if self.start == "classic":
-            start = ClassicMDS().canonicalise(shape).vertices.round(6)  # without digits that depend on the processor
+            start = ClassicMDS().canonicalise(shape).vertices
         targets = distances.astype(np.float32)  # moves a form by less than the tolerance, in a third of the time
         transform = partial(relaxable_transform, targets=targets)
-        # In its principal axes, a shape is rounded alike however it was turned.
+        # In its principal axes, a shape is rounded alike however it was turned, to digits that every processor has.
         axes = np.linalg.eigh(np.cov(start, rowvar=False))[1]
-        points, stresses = majorise(
-            transform, start @ axes, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol
-        )
+        start = start @ axes
+        unit = 2.0 ** np.floor(np.log2(np.abs(start).max()))
+        start = (start / unit).round(6) * unit
+        points, stresses = majorise(transform, start, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol)
         total = float(np.vdot(distances, distances)) / 2
         return shape.form(points @ axes.T, stress=stresses[-1] / total, iterations=len(stresses) - 1)
 
@@ -221,7 +222,7 @@ def _add_pulls(sums, places, first, targets, row, count):  # type: ignore[no-unt
 def relaxable_transform(points: FloatArray, targets: NDArray[np.floating]) -> tuple[FloatArray, float]:
     """Return the Guttman transform of centred points, and their stress at the best scale."""
     moved, stress = guttman_transform(points, targets)
-    product, squares = np.vdot(points, points - moved), np.vdot(points, points)  # of distance and miss; of distances
+    product, squares = (points * (points - moved)).sum(), (points**2).sum()  # of distance and miss; of distances
     return moved, stress - len(points) * float(product) ** 2 / float(squares)
 
 
