@@ -23,8 +23,8 @@ LEVELS = 2**16
 COINCIDENT = np.float32(1e-18)
 """Distance below which points neither pull nor push."""
 
-TOGETHER = 4
-"""Number of pulls that are added in single precision; sums of more are double."""
+STRIP, TOGETHER = 32, 4
+"""Number of rows of pairs whose sums are in their precision, those of more are double; and of rows in one pass."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,13 +79,10 @@ class LeastSquaresMDS(CheckedParameters):
             start = ClassicMDS().canonicalise(shape).vertices
         targets = distances.astype(np.float32)  # moves a form by less than the tolerance, in a third of the time
         transform = partial(relaxable_transform, targets=targets)
-        # In its principal axes, a shape is rounded alike however it was turned, to digits that every processor has.
         axes = np.linalg.eigh(np.cov(start, rowvar=False))[1]
-        start = start @ axes
-        unit = 2.0 ** np.floor(np.log2(np.abs(start).max()))
-        start = (start / unit).round(6) * unit
+        start = _rounded(start @ axes)  # in its principal axes, alike however the shape was turned
         points, stresses = majorise(transform, start, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol)
-        total = float(np.vdot(distances, distances)) / 2
+        total = float((distances**2).sum()) / 2
         return shape.form(points @ axes.T, stress=stresses[-1] / total, iterations=len(stresses) - 1)
 
 
@@ -129,9 +126,15 @@ class NonMetricMDS(CheckedParameters):
         """Return the non-metric MDS of the distances, centred at the origin; the note is the root of the stress."""
         distances = shape.geodesics()
         transform, norm = non_metric_transform(distances)
-        start = ClassicMDS().canonicalise(shape).vertices
+        start = _rounded(ClassicMDS().canonicalise(shape).vertices)
         points, stresses = majorise(transform, start, max_iterations=self.max_iterations, rtol=self.rtol)
         return shape.form(points, stress_1=stresses[-1] ** 0.5 / norm, iterations=len(stresses) - 1)
+
+
+def _rounded(points: FloatArray) -> FloatArray:
+    """Return positions without the digits in which processors differ."""
+    unit = 2.0 ** np.floor(np.log2(np.abs(points).max()))
+    return np.asarray((points / unit).round(6) * unit)
 
 
 def majorise(
@@ -190,24 +193,31 @@ def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tupl
     stress : float
         Sum of squared misses of all pairs.
     """
-    n = len(points)
-    places, sums = np.ascontiguousarray(points.T).astype(targets.dtype), np.zeros((4, n))
-    for i in range(0, n - TOGETHER + 1, TOGETHER):
-        _add_pulls(sums, places, i, targets, i, TOGETHER)
-    for i in range(n - n % TOGETHER, n):
-        _add_pulls(sums, places, i, targets, i, 1)
-    return sums[:3].T / n, sums[3].sum() / 2
+    places, sums = np.ascontiguousarray(points.T).astype(targets.dtype), np.zeros((4, len(points)))
+    for first in range(0, len(points), STRIP):
+        _add_strip(sums, places, first, targets[first : first + STRIP])
+    return sums[:3].T / len(points), sums[3].sum() / 2
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_strip(sums, places, first, targets):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Add the pulls of some points, whose targets are given, on each point, and the squared misses."""
+    of_strip, ungrouped = np.zeros((4, places.shape[1]), places.dtype), len(targets) % TOGETHER
+    for row in range(0, len(targets) - ungrouped, TOGETHER):
+        _add_rows(of_strip, places, first, targets, row, TOGETHER)
+    for row in range(len(targets) - ungrouped, len(targets)):
+        _add_rows(of_strip, places, first, targets, row, 1)
+    sums += of_strip
 
 
 @njit(inline="always")
-def _add_pulls(sums, places, first, targets, row, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Add the pulls of some points on each point, and the squared misses; the targets of the first stand in a row."""
+def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     x, y, z = places[0], places[1], places[2]
     sums_x, sums_y, sums_z, sums_of_misses = sums[0], sums[1], sums[2], sums[3]
     for j in range(len(x)):  # each point has sums of its own: this loop vectorises, and no order depends on the width
         pull_x = pull_y = pull_z = misses = np.float32(0)
-        for k in range(count):
-            i, target = first + k, targets[row + k, j]
+        for k in range(row, row + count):
+            i, target = first + k, targets[k, j]
             dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
             distance = np.sqrt(dx * dx + dy * dy + dz * dz)
             ratio, miss = target / max(distance, COINCIDENT), distance - target
@@ -244,12 +254,12 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
     counts[0] -= len(levels)  # the diagonal
     used = counts > 0
     levels, pairs = (np.cumsum(used, dtype=np.uint16) - used)[levels], counts[used] / 2
-    norm, sums = float(np.linalg.norm(dissimilarities)) / 2**0.5, np.empty(len(pairs))
+    norm, sums = float(np.sqrt((dissimilarities**2).sum() / 2)), np.empty(len(pairs))
 
     def transform(points: FloatArray) -> tuple[FloatArray, float]:
         sum_distances(points, levels, sums)
         disparities = isotonic_regression(sums / pairs, weights=pairs).x
-        disparities *= norm / np.sqrt(pairs @ disparities**2)
+        disparities *= norm / np.sqrt((pairs * disparities**2).sum())
         moved, stress = level_transform(points, levels, disparities.astype(np.float32))
         return moved, stress
 
@@ -277,14 +287,12 @@ def level_transform(
     """Return the Guttman transform towards the disparities of the levels, and the raw stress of the points."""
     n = len(points)
     places, sums = np.ascontiguousarray(points.T).astype(np.float32), np.zeros((4, n))
-    targets = np.empty((TOGETHER, n), np.float32)
-    for first in range(0, n, TOGETHER):
-        for i in range(first, min(first + TOGETHER, n)):
+    targets = np.empty((STRIP, n), np.float32)
+    for first in range(0, n, STRIP):
+        rows = min(STRIP, n - first)
+        for row in range(rows):
             for j in range(n):
-                targets[i - first, j] = disparities[levels[i, j]]
-            targets[i - first, i] = 0.0
-        if first + TOGETHER <= n:
-            _add_pulls(sums, places, first, targets, 0, TOGETHER)
-    for i in range(n - n % TOGETHER, n):
-        _add_pulls(sums, places, i, targets, i % TOGETHER, 1)
+                targets[row, j] = disparities[levels[first + row, j]]
+            targets[row, first + row] = 0.0
+        _add_strip(sums, places, first, targets[:rows])
     return sums[:3].T / n, sums[3].sum() / 2
