@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import io
 import re
 import struct
@@ -13,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnreadableMesh
 from benchmark.files import LARGEST_FILE, read_file, write_atomically
@@ -22,7 +23,10 @@ from benchmark.geometry.gltf import buffer_files, read_gltf
 from benchmark.geometry.mesh import Mesh
 from benchmark.text import counted
 
-Arrays = tuple[NDArray[np.float64], NDArray[np.int64]]
+IntArray = NDArray[np.int64]
+Points = NDArray[np.float64]
+Arrays = tuple[Points, IntArray] | tuple[Points, IntArray, IntArray]
+"""Vertices, and the corners of triangles, shape (m, 3), or of polygons, one after the other, with their numbers."""
 
 SURFACE = (
     "python -c \"import pymeshlab; m = pymeshlab.MeshSet(); m.load_new_mesh('{name}'); "
@@ -30,6 +34,10 @@ SURFACE = (
     "m.save_current_mesh('surface.ply')\""
 )
 """Command that makes a surface of a point cloud."""
+
+#: Polygons of one size that are split at a time, most corners that are tried, and area of a triangle of a fan that may
+#: look the other way, as a share of the polygon: that of a corner on a side, in single precision.
+_MOST_POLYGONS, _MOST_CORNERS, _FOLDED = 2**16, 500, 1e-6
 
 
 def read_mesh(path: Path | str) -> Mesh:
@@ -39,8 +47,8 @@ def read_mesh(path: Path | str) -> Mesh:
     ----------
     path
         A file with one of the extensions in :data:`READABLE`, also with ``.gz`` behind it. A ``.vert`` file lies next
-        to its ``.tri`` file. Polygons are split into triangle fans. Exactly coincident corners of an STL file are
-        merged.
+        to its ``.tri`` file. Polygons are split into triangle fans, each around the first corner that sees all others.
+        Exactly coincident corners of an STL file are merged.
 
     Returns
     -------
@@ -58,23 +66,32 @@ def read_mesh(path: Path | str) -> Mesh:
     suffix = mesh_suffix(path)
     with named_errors(path, f"{suffix[1:]} file", UnreadableMesh, "fetch or export the file again"):
         if suffix == ".tri":
-            raise UnreadableMesh("it holds triangles alone", f"name {path.with_suffix('.vert').name}, its vertices")
+            raise UnreadableMesh("it holds triangles alone", f"name {path.stem.split('.')[0]}.vert, its vertices")
         if suffix not in READABLE:
             raise UnreadableMesh(f"unknown extension '{suffix}'", f"convert it to one of {', '.join(READABLE)}")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of readers, about damaged files
             warnings.filterwarnings("error", "string or file could not be read")  # numpy below 2.3 does not raise
-            vertices, faces = _READERS[suffix](_load(path), path)
-        if not len(faces):
+            vertices, corners, *sizes = _READERS[suffix](_load(path), path)
+        if not len(corners):
             raise InvalidMesh("there are no faces", f"make a surface of the points: {SURFACE.format(name=path.name)}")
-        return Mesh(vertices, _from_0(faces, len(vertices), 1 if suffix in _FROM_1 else 0))  # type: ignore[arg-type]
+        corners = _from_0(corners, len(vertices), 1 if suffix in _FROM_1 else 0)
+        return Mesh(vertices, _fans(vertices, corners, *sizes) if sizes else corners)  # type: ignore[arg-type]
 
 
 def companions(path: Path) -> list[Path]:
     """Return the files beside a mesh file that belong to it: the triangles of a ``.vert`` file, buffers of glTF."""
-    if path.suffix.lower() == ".vert":
-        return [path.with_suffix(".tri")]
+    if mesh_suffix(path) == ".vert":
+        return [_triangles_beside(path)]
     return buffer_files(path) if path.suffix.lower() in (".gltf", ".glb") else []
+
+
+def _triangles_beside(path: Path) -> Path:
+    """Return the ``.tri`` file beside a ``.vert`` file, which may be packed, too."""
+    packing = path.suffix if path.suffix.lower() == ".gz" else ""
+    plain = path.with_suffix("") if packing else path
+    found = [plain.with_suffix(f".tri{end}") for end in (packing, "" if packing else ".gz")]
+    return next((file for file in found if file.exists()), found[0])
 
 
 @contextmanager
@@ -155,10 +172,7 @@ def _ply(mesh: Mesh) -> bytes:
 def _load(path: Path) -> bytes:
     data = read_file(path, LARGEST_FILE)
     if data and path.suffix.lower() == ".gz":
-        unpacker = zlib.decompressobj(31)
-        data = unpacker.decompress(data, LARGEST_FILE + 1)
-        if not unpacker.eof and len(data) <= LARGEST_FILE:
-            raise ValueError("it is cut off")
+        data = gzip.GzipFile(fileobj=io.BytesIO(data)).read(LARGEST_FILE + 1)
     if len(data) > LARGEST_FILE:
         raise UnreadableMesh(f"it holds more than {LARGEST_FILE / 2**30:g} GiB", "decimate the mesh")
     if not data.strip():
@@ -167,11 +181,21 @@ def _load(path: Path) -> bytes:
 
 
 def _text(data: bytes) -> bytes:
-    """Return text in ASCII, without comments and byte-order marks, with one kind of line break."""
+    """Return text in ASCII, without comments and byte-order marks, with one kind of line break.
+
+    Raises
+    ------
+    UnreadableMesh
+        If it ends within a line of numbers: the last one may be cut off.
+    """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16").encode()
-    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    return re.sub(rb"#[^\n]*", b"", data) if b"#" in data else data
+    text = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    text = re.sub(rb"(?<!\S)#[^\n]*", b"\n", text) if b"#" in text else text
+    if re.match(rb"\s*[vf\d.+-]", text.rpartition(b"\n")[2]):
+        problem = "its last line has no line break, so it may be cut off"
+        raise UnreadableMesh(problem, "fetch or export it again, or add a line break if it is whole")
+    return text
 
 
 def _lines(text: bytes) -> list[bytes]:
@@ -203,15 +227,36 @@ def _integers(numbers: NDArray[np.number]) -> NDArray[np.int64]:
     return numbers.astype(np.int64)
 
 
-def _fans(corners: NDArray[np.int64], sizes: Sequence[int]) -> NDArray[np.int64]:
-    """Split polygons, one after the other, into fans around their first corners."""
-    of_polygon = np.asarray(sizes, dtype=np.int64)
-    for face in np.flatnonzero(of_polygon < 3)[:1]:
-        raise ValueError(f"face {face + 1} of {len(sizes)} has {counted(sizes[face], 'corner')}")
-    starts = np.cumsum(of_polygon) - of_polygon
-    first = np.repeat(starts, of_polygon - 2)
-    within = np.arange(len(first)) - np.repeat(starts - 2 * np.arange(len(starts)), of_polygon - 2)
-    return np.stack([corners[first], corners[first + within + 1], corners[first + within + 2]], axis=1)
+def _fans(vertices: Points, corners: IntArray, sizes: IntArray) -> IntArray:
+    """Split polygons, one after the other, into fans around the first corner that sees all others."""
+    starts, first = np.cumsum(sizes) - sizes, np.zeros(len(sizes), dtype=np.int64)
+    scaled = vertices / (np.abs(vertices).max() or 1.0)  # products of coordinates stay in range
+    for size in np.unique(sizes[sizes > 3]):
+        same = np.flatnonzero(sizes == size)
+        for block in np.array_split(same, len(same) // _MOST_POLYGONS + 1):
+            first[block] = _seeing_corners(scaled[corners[starts[block, None] + np.arange(size)]])
+    for face in np.flatnonzero(first < 0)[:1]:
+        problem = f"face {face + 1} of {len(sizes)} is a polygon without a corner that sees all others"
+        raise InvalidMesh(problem, "triangulate the polygons before exporting them")
+    polygon = np.repeat(np.arange(len(sizes)), sizes - 2)
+    within = np.arange(len(polygon)) - np.repeat(starts - 2 * np.arange(len(starts)), sizes - 2)
+    turned = [(first[polygon] + step) % sizes[polygon] for step in (0, within + 1, within + 2)]
+    return np.stack([corners[starts[polygon] + place] for place in turned], axis=1)
+
+
+def _seeing_corners(polygons: Points) -> IntArray:
+    """Return the first corner of each polygon, shape (p, k, 3), whose fan nowhere folds back; -1 if there is none."""
+    first, left = np.full(len(polygons), -1), np.arange(len(polygons))
+    for corner in range(min(polygons.shape[1], _MOST_CORNERS)):
+        a, *others = np.moveaxis(np.roll(polygons[left], -corner, axis=1), 1, 0)
+        sides = np.stack(others) - a
+        normals = np.cross(sides[:-1], sides[1:])
+        whole = normals.sum(axis=0)
+        ahead = ((normals * whole).sum(axis=2) >= -_FOLDED * (whole**2).sum(axis=1)).all(axis=0)
+        first[left[ahead]], left = corner, left[~ahead]
+        if not len(left):
+            break
+    return first
 
 
 def _from_0(corners: NDArray[np.int64], n_vertices: int, base: int) -> NDArray[np.int64]:
@@ -239,18 +284,26 @@ def read_off(data: bytes, _: Path) -> Arrays:
     lines = _lines(body)
     if len(lines) != n_vertices + n_faces:
         raise ValueError(f"{n_vertices} vertices and {n_faces} faces announced, but {len(lines)} lines follow")
-    return _table(lines[:n_vertices])[:, :3], _counted_polygons(lines[n_vertices:])
+    return _table(lines[:n_vertices])[:, :3], *_counted_polygons(lines[n_vertices:])
 
 
-def _counted_polygons(lines: Sequence[bytes]) -> NDArray[np.int64]:
-    """Parse lines of the number of corners, the corners, and perhaps a colour; returns triangles."""
+def _counted_polygons(lines: Sequence[bytes]) -> tuple[IntArray, IntArray]:
+    """Parse lines of the number of corners, the corners, and perhaps a colour."""
     rows = [line.split() for line in lines]
-    sizes = _integers(_parsed(b" ".join(row[0] for row in rows))).tolist()
+    sizes = _sizes(_integers(_parsed(b" ".join(row[0] for row in rows))))
     for number, (row, size) in enumerate(zip(rows, sizes, strict=True), 1):
         if len(row) <= size:
             raise ValueError(f"face {number} of {len(rows)} has {counted(len(row) - 1, 'corner')}, not {size}")
     corners = [word for row, size in zip(rows, sizes, strict=True) for word in row[1 : 1 + size]]
-    return _fans(_integers(_parsed(b" ".join(corners))), sizes)
+    return _integers(_parsed(b" ".join(corners))), sizes
+
+
+def _sizes(of_polygons: ArrayLike) -> IntArray:
+    """Return the numbers of corners of polygons; raises ``ValueError`` where one has fewer than three."""
+    sizes = np.asarray(of_polygons, dtype=np.int64)
+    for face in np.flatnonzero(sizes < 3)[:1]:
+        raise ValueError(f"face {face + 1} of {len(sizes)} has {counted(int(sizes[face]), 'corner')}")
+    return sizes
 
 
 def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> Arrays | None:
@@ -277,20 +330,18 @@ def read_obj(data: bytes, _: Path) -> Arrays:
     if free := re.search(rb"(?m)^[ \t]*(surf|call)[ \t]", text):
         problem = f"it has lines '{free[1].decode()}', which are not read"
         raise UnreadableMesh(problem, "export one file of triangles")
-    if text.rpartition(b"\n")[2].strip():
-        raise ValueError("its last line has no line break, so it may be cut off")
-    sizes = [len(polygon.split()) for polygon in polygons]
+    sizes = _sizes([len(polygon.split()) for polygon in polygons])
     indices = _integers(_parsed(re.sub(rb"/\S*", b"", b" ".join(polygons))))
     of_vertices, of_faces = ([match.start() for match in matches] for matches in found.values())
     latest = np.repeat(np.searchsorted(np.array(of_vertices), np.array(of_faces, dtype=np.int64)), sizes)
     # One that counts back beyond the first vertex becomes -1.
     corners = np.where(indices < 0, np.where(indices + latest < 0, -1, indices + latest + 1), indices)
-    return _table(vertices)[:, :3], _fans(corners, sizes)
+    return _table(vertices)[:, :3], corners, sizes
 
 
 def read_vert_tri(data: bytes, path: Path) -> Arrays:
     """Read the ASCII pair of TOSCA, which counts from 1, unless it names vertex 0."""
-    companion = path.with_suffix(".tri")
+    companion = _triangles_beside(path)
     with named_errors(companion, "tri file", UnreadableMesh, "fetch it again"):
         vertices, faces = (_table(_lines(_text(part))) for part in (data, _load(companion)))
     if vertices.shape[1] != 3 or faces.shape[1] != 3:
@@ -304,29 +355,84 @@ def read_vert_tri(data: bytes, path: Path) -> Arrays:
     return vertices, _integers(faces) - (first > 0)
 
 
-def read_ply(data: bytes, path: Path) -> Arrays:
+def read_ply(data: bytes, _: Path) -> Arrays:
     """Read the elements ``vertex`` and ``face`` of PLY."""
-    from plyfile import PlyData, PlyParseError
+    found = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
+    head, end, body = data.partition(b"%send_header%s" % (found[1], found[1])) if found else (data, b"", b"")
+    if not found or not end:
+        raise ValueError("it does not begin with a header between the lines 'ply' and 'end_header'")
+    elements, is_text = _elements(head.decode("latin-1").splitlines()[1:])
+    names = [name for name, *_ in elements]
+    if not {"vertex", "face"} <= {*names} or "tristrips" in names or len(names) > len({*names}):
+        raise ValueError(f"it has the elements {', '.join(names) or 'none'}, not vertex and face alone")
+    lines = _lines(_text(body)) if is_text else []
+    body = _parsed(b" ".join(lines)).tobytes() if is_text else body
+    at, runs = 0, dict[str, list[NDArray[Any]]]()
+    for name, count, fields in elements:
+        runs[name] = _ply_rows(body, at, name, count, fields)
+        at += sum(run.nbytes for run in runs[name])
+    if body[at:].strip(b"\0 \t\r\n"):
+        raise ValueError(f"{len(body) - at} bytes follow the rows that its header announces")
+    widths = [run.itemsize // 8 for name in names for run in runs[name] for _ in run]
+    if is_text and widths != [len(line.split()) for line in lines]:
+        raise ValueError("its lines are not the rows that its header announces")
+    vertices = np.concatenate([np.stack([run[axis] for axis in "xyz"], axis=1) for run in runs["vertex"]])
+    corners = "vertex_index" if "vertex_index" in (runs["face"][0].dtype.names or ()) else "vertex_indices"
+    sizes = [run[corners].shape[1] for run in runs["face"] for _ in run]
+    flat = np.concatenate([run[corners].ravel() for run in runs["face"]])
+    return vertices.astype(np.float64), _integers(flat), _sizes(sizes)
 
-    header = data.partition(b"\nend_header")[0]
-    counts = [int(count) for count in re.findall(rb"(?m)^element[ \t]+\S+[ \t]+(\d{1,18})", header)]
-    if sum(counts) > len(data):
-        raise ValueError(f"{sum(counts)} rows announced, but it holds {len(data)} bytes")
-    corners = "vertex_index" if re.search(rb"(?m)\bvertex_index\s*$", header) else "vertex_indices"
-    stream = io.BytesIO(data) if path.suffix.lower() == ".gz" else path
-    try:  # triangles in a file on disk are read at once
-        ply = PlyData.read(stream, known_list_len={"face": {corners: 3}})
-    except (PlyParseError, KeyError, ValueError):
-        ply = PlyData.read(io.BytesIO(data))
-    elements = [element.name for element in ply.elements]
-    if not {"vertex", "face"} <= {*elements} or "tristrips" in elements:
-        raise ValueError(f"it has the elements {', '.join(elements) or 'none'}, not vertex and face alone")
-    vertices = np.stack([np.asarray(ply["vertex"][axis], dtype=np.float64) for axis in "xyz"], axis=1)
-    lists = ply["face"][corners]
-    if lists.ndim == 2:
-        return vertices, _integers(lists)
-    sizes = [len(polygon) for polygon in lists]
-    return vertices, _fans(_integers(np.concatenate(lists)) if len(lists) else np.empty(0, dtype=np.int64), sizes)
+
+def _elements(lines: Sequence[str]) -> tuple[list[tuple[str, int, list[Any]]], bool]:
+    """Return names, numbers of rows and fields of the elements of a header of PLY, and whether numbers are text."""
+    elements, orders = list[tuple[str, int, list[Any]]](), list[str]()
+
+    def kind_of(name: str) -> str:
+        return "<f8" if orders == ["ascii"] else orders[-1] + _PLY_TYPES[name]
+
+    for line in lines:
+        match line.split():
+            case [] | ["comment" | "obj_info", *_]:
+                pass
+            case ["format", order, "1.0"] if not orders and order in _PLY_ORDERS:
+                orders.append(_PLY_ORDERS[order])
+            case ["element", name, count] if orders and re.fullmatch("[0-9]{1,18}", count):
+                elements.append((name, int(count), []))
+            case ["property", kind, name] if elements and kind in _PLY_TYPES:
+                elements[-1][2].append((name, kind_of(kind), ""))
+            case ["property", "list", size, kind, name] if elements and {size, kind} <= _PLY_TYPES.keys():
+                elements[-1][2].append((name, kind_of(kind), kind_of(size)))
+            case _:
+                raise ValueError(f"the line '{line:.80}' of its header is not read")
+    return elements, orders == ["ascii"]
+
+
+def _ply_rows(data: bytes, at: int, element: str, count: int, fields: Sequence[Any]) -> list[NDArray[Any]]:
+    """Return rows of an element, in runs whose lists are of the same lengths; that of an element without rows is empty.
+
+    A field is its name, its type, and the type of the length of a list or "".
+    """
+    runs, most = list[NDArray[Any]](), 1
+    while count or not runs:
+        layout, lengths = list[Any](), dict[str, int]()
+        for name, kind, size in fields:
+            if size:
+                layout.append((f"{name} size", size))
+                length = np.frombuffer(data, layout, 1, at)[f"{name} size"] if count and at < len(data) else np.zeros(1)
+                lengths[f"{name} size"] = int(_integers(length)[0])
+            layout.append((name, kind, (lengths[f"{name} size"],)) if size else (name, kind))
+        row = np.dtype(layout)
+        fitting = min(count, most if lengths else count, (len(data) - at) // max(row.itemsize, 1))
+        if count and not (fitting and row.itemsize):
+            raise ValueError(f"{count} rows of {element} announced, but it ends before them")
+        run = np.frombuffer(data, row, fitting, at) if fitting else np.empty(0, row)
+        differs = np.zeros(len(run), dtype=bool)
+        for name, number in lengths.items():
+            differs |= run[name] != number
+        run = run[: differs.argmax()] if differs.any() else run
+        runs.append(run)
+        at, count, most = at + run.nbytes, count - len(run), 1 if differs.any() else 2 * most
+    return runs
 
 
 def read_mat(data: bytes, _: Path) -> Arrays:
@@ -396,6 +502,12 @@ _READERS: dict[str, Callable[[bytes, Path], Arrays]] = {
     ".vert": read_vert_tri,
     ".glb": read_gltf,
     ".gltf": read_gltf,
+}
+_PLY_ORDERS = {"ascii": "ascii", "binary_little_endian": "<", "binary_big_endian": ">"}
+_PLY_TYPES = {
+    **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},
+    **{"float": "f4", "double": "f8", "float32": "f4", "float64": "f8"},
+    **{f"{name}{8 * size}": f"{name[0]}{size}" for name in ("int", "uint") for size in (1, 2, 4, 8)},
 }
 _FROM_1 = (".obj", ".mat")
 READABLE: tuple[str, ...] = tuple(_READERS)
