@@ -45,6 +45,9 @@ _NO_VOLUME = 1e-9
 #: Range of extents for which the areas of the shape and of its small triangles neither overflow nor underflow.
 _EXTENTS = (1e-100, 1e100)
 
+#: Distance between neighbouring numbers of single precision above which they move a shape, in units of its extent.
+_COARSE = 1e-3
+
 
 def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
     """Merge copies of vertices; remove triangles without area, duplicate faces and unreferenced vertices.
@@ -64,8 +67,8 @@ def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
     Raises
     ------
     InvalidMesh
-        If the extent of the mesh is zero, or so small or large that areas underflow or overflow, or if vertices are
-        stray.
+        If the extent of the mesh is zero, or so small or large that areas underflow or overflow, if vertices are stray,
+        or if coordinates in single precision are so far from the origin that they are rounded.
     """
     surface = compact(mesh.vertices, mesh.faces)
     extent_of(surface)
@@ -111,7 +114,7 @@ def count_holes(boundary: IntArray) -> int:
 
 
 def extent_of(mesh: Mesh) -> float:
-    """Return the longest side of the bounding box; raises ``InvalidMesh`` if it is zero or areas are out of range."""
+    """Return the longest side of the bounding box; raises ``InvalidMesh`` if it is zero, out of range or rounded."""
     with np.errstate(over="ignore"):
         extent = float(np.ptp(mesh.vertices, axis=0).max()) if mesh.n_vertices else 0.0
     if not _EXTENTS[0] < extent < _EXTENTS[1]:
@@ -119,7 +122,21 @@ def extent_of(mesh: Mesh) -> float:
             f"the bounding box of the mesh has extent {extent:g}",
             "pass a surface of positive size in a unit that fits it",
         )
+    far = np.abs(mesh.vertices).max(axis=0)
+    rounded = mesh.vertices[:, far * np.finfo(np.float32).eps > _COARSE * extent]
+    if rounded.size and _is_single(rounded):
+        problem = (
+            f"coordinates up to {far.max():.7g} in single precision are too coarse for a shape of size {extent:.3g}"
+        )
+        raise InvalidMesh(problem, "move it to the origin, or export coordinates in double precision")
     return extent
+
+
+def _is_single(numbers: FloatArray) -> bool:
+    """Return whether all are numbers of single precision, as they are or in their shortest decimal form."""
+    with np.errstate(over="ignore"):
+        single = numbers.astype(np.float32)
+    return bool(((single == numbers) | (single.astype(str).astype(np.float64) == numbers)).all())
 
 
 def _check_stray(vertices: Points) -> None:

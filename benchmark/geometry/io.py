@@ -66,7 +66,8 @@ def read_mesh(path: Path | str) -> Mesh:
     suffix = mesh_suffix(path)
     with named_errors(path, f"{suffix[1:]} file", UnreadableMesh, "fetch or export the file again"):
         if suffix == ".tri":
-            raise UnreadableMesh("it holds triangles alone", f"name {path.stem.split('.')[0]}.vert, its vertices")
+            vertices_beside = re.sub(r"(?i)\.tri(\.gz)?$", ".vert", path.name)
+            raise UnreadableMesh("it holds triangles alone", f"name {vertices_beside}, its vertices")
         if suffix not in READABLE:
             raise UnreadableMesh(f"unknown extension '{suffix}'", f"convert it to one of {', '.join(READABLE)}")
         with warnings.catch_warnings():
@@ -373,12 +374,12 @@ def read_ply(data: bytes, _: Path) -> Arrays:
         at += sum(run.nbytes for run in runs[name])
     if body[at:].strip(b"\0 \t\r\n"):
         raise ValueError(f"{len(body) - at} bytes follow the rows that its header announces")
-    widths = [run.itemsize // 8 for name in names for run in runs[name] for _ in run]
-    if is_text and widths != [len(line.split()) for line in lines]:
+    widths = np.concatenate([np.full(len(run), run.itemsize // 8) for name in names for run in runs[name]])
+    if is_text and widths.tolist() != [len(line.split()) for line in lines]:
         raise ValueError("its lines are not the rows that its header announces")
     vertices = np.concatenate([np.stack([run[axis] for axis in "xyz"], axis=1) for run in runs["vertex"]])
     corners = "vertex_index" if "vertex_index" in (runs["face"][0].dtype.names or ()) else "vertex_indices"
-    sizes = [run[corners].shape[1] for run in runs["face"] for _ in run]
+    sizes = np.concatenate([np.full(len(run), run[corners].shape[1]) for run in runs["face"]])
     flat = np.concatenate([run[corners].ravel() for run in runs["face"]])
     return vertices.astype(np.float64), _integers(flat), _sizes(sizes)
 
@@ -412,7 +413,7 @@ def _ply_rows(data: bytes, at: int, element: str, count: int, fields: Sequence[A
 
     A field is its name, its type, and the type of the length of a list or "".
     """
-    runs, most = list[NDArray[Any]](), 1
+    runs, most = list[NDArray[Any]](), count
     while count or not runs:
         layout, lengths = list[Any](), dict[str, int]()
         for name, kind, size in fields:
@@ -422,7 +423,7 @@ def _ply_rows(data: bytes, at: int, element: str, count: int, fields: Sequence[A
                 lengths[f"{name} size"] = int(_integers(length)[0])
             layout.append((name, kind, (lengths[f"{name} size"],)) if size else (name, kind))
         row = np.dtype(layout)
-        fitting = min(count, most if lengths else count, (len(data) - at) // max(row.itemsize, 1))
+        fitting = min(count, most, (len(data) - at) // max(row.itemsize, 1))
         if count and not (fitting and row.itemsize):
             raise ValueError(f"{count} rows of {element} announced, but it ends before them")
         run = np.frombuffer(data, row, fitting, at) if fitting else np.empty(0, row)

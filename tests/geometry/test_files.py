@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnreadableMesh
-from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
+from benchmark.geometry.io import WRITABLE, _fans, companions, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
 from tests.toy import files_of_at_most, rod
 
@@ -23,6 +23,7 @@ VALID = INPUTS / "valid"
 BAD = dict(line.split("  ", 1) for line in (INPUTS / "bad.txt").read_text(encoding="utf-8").splitlines())
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 FAN = np.array([[0, 1, 2], [0, 2, 3]])
+TURN = np.linalg.qr([[1.0, 2, 3], [4, 5, 6], [7, 8, 10]])[0]
 POINTS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
 
 
@@ -33,13 +34,52 @@ def read(folder: Path, name: str, content: bytes, tri: str = "") -> Mesh:
     return read_mesh(folder / name)
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in VALID.iterdir() if path.suffix != ".tri"))
+@pytest.mark.parametrize("name", sorted(path.name for path in VALID.iterdir() if ".tri" not in path.name))
 def test_odd_but_valid_files_are_read(name: str) -> None:
     mesh = read_mesh(VALID / name)
     corners = mesh.vertices[mesh.faces[np.ptp(mesh.faces, axis=1) > 0]].reshape(-1, 9)
     expected = SQUARE[[[0, 1, 2], [0, 2, 3]]]
     np.testing.assert_array_equal(corners, expected.reshape(-1, 9))
     assert mesh.n_vertices == 4
+
+
+POLYGONS = {
+    "L": ([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], 3.0),
+    "dart": ([[0, 0], [2, 1], [4, 0], [2, 3]], 4.0),
+    "middles": ([[0, 0], [1, 0], [2, 0], [2, 1], [2, 2], [1, 2], [0, 2], [0, 1]], 4.0),
+    "star": ([[0, 3], [-1, 1], [-3, 0], [-1, -1], [0, -3], [1, -1], [3, 0], [1, 1]], 12.0),
+}
+
+
+@pytest.mark.parametrize("name", POLYGONS)
+def test_a_polygon_has_its_area_wherever_it_begins(tmp_path: Path, name: str) -> None:
+    corners, area = np.array(POLYGONS[name][0], dtype=float), POLYGONS[name][1]
+    for first in range(len(corners)):
+        lines = ["v {} {} {}".format(*np.array([x, y, 0]) @ TURN) for x, y in np.roll(corners, first, axis=0)]
+        lines += ["f " + " ".join(str(n + 1) for n in range(len(corners))), "f 1 2 3", ""]
+        mesh = read(tmp_path, "a.obj", "\n".join(lines).encode())
+        assert mesh.face_areas[:-1].sum() == pytest.approx(area)
+        assert (mesh.face_normals[:-1] @ TURN[2] > -1e-6).all()
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 10**6))
+def test_bent_convex_quads_are_split_at_their_first_corner(seed: int) -> None:
+    random = np.random.default_rng(seed)
+    angles = (np.arange(4) + random.uniform(-0.3, 0.3, (99, 4))).ravel() * np.pi / 2
+    corners = np.arange(4 * 99).reshape(-1, 4)
+    vertices = np.stack([np.cos(angles), np.sin(angles), random.normal(0, 0.3, len(angles))], axis=1)
+    triangles = _fans(vertices, corners.ravel(), np.full(99, 4))
+    np.testing.assert_array_equal(triangles, corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3))
+
+
+def test_the_triangles_beside_packed_vertices_count_as_theirs(tmp_path: Path) -> None:
+    for name, others in (("a.vert", ["a.tri", "a.tri.gz"]), ("a.vert.gz", ["a.tri.gz", "a.tri"])):
+        for other in reversed(others):
+            (tmp_path / other).touch()
+            assert companions(tmp_path / name) == [tmp_path / other]
+        for other in others:
+            (tmp_path / other).unlink()
 
 
 def test_a_pair_counts_from_1_or_0_and_an_unclear_one_is_refused(tmp_path: Path) -> None:

@@ -180,6 +180,10 @@ def test_triangles_that_are_stored_one_by_one_with_a_wall_become_the_surface_aga
 
 FAR = limbed_body(3).vertices.copy()
 FAR[17] *= 1e160
+#: In coordinates of a map, in single precision; and as a file of seven digits writes them.
+ON_MAP = np.array([448262.3, 5411932.7, 112.0])
+MAPPED = (limbed_body(3).vertices + ON_MAP).astype(np.float32)
+SEVEN_DIGITS = MAPPED.astype(str).astype(float)
 REFUSED = {
     "one triangle": (Mesh(TRIANGLE, [[0, 1, 2]]), "3 vertices remain"),
     "collinear": (Mesh(np.outer(range(4), [1, 0, 0]), [[0, 1, 2], [1, 2, 3]]), "2 of 2 triangles"),
@@ -187,6 +191,8 @@ REFUSED = {
     "too small": (Mesh(TRIANGLE * 2.5e-101, [[0, 1, 2]]), "extent 1e-100"),
     "no faces": (Mesh(FAR[:9], np.empty((0, 3))), "extent 0"),
     "stray vertex": (Mesh(FAR, limbed_body(3).faces), "extent"),
+    "single precision": (Mesh(MAPPED, limbed_body(3).faces), "5411934 in single precision are too coarse"),
+    "seven digits": (Mesh(SEVEN_DIGITS, limbed_body(3).faces), "in single precision are too coarse .* move it"),
     "stray, smaller": (Mesh(FAR * 1e-80, limbed_body(3).faces), "1 vertex beyond 100 radii of the shape; remove stray"),
 }
 
@@ -197,6 +203,12 @@ def test_what_is_no_surface_is_refused_with_a_hint(name: str) -> None:
     with pytest.raises(InvalidMesh, match=reason) as caught:
         prepare(mesh)
     assert caught.value.hint
+
+
+def test_double_precision_far_from_the_origin_is_as_good_as_at_it() -> None:
+    body = limbed_body(3)
+    for far in (body.vertices + ON_MAP, (body.vertices + 1000.0).astype(np.float32)):
+        assert prepare(Mesh(far, body.faces)).mesh.n_vertices == body.n_vertices
 
 
 def test_each_kind_of_debris_is_counted_once() -> None:
