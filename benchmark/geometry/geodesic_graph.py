@@ -12,8 +12,9 @@ from benchmark.geometry.mesh import Mesh, sides_of
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
-# Default number of windows per vertex; measured in docs/measurements.md.
-WINDOWS = 800
+# Default number of windows per vertex; and that of thin meshes, of which a tenth of the triangles are longer than THIN
+# times their height: rings reach far along them, not across. Measured in docs/measurements.md.
+WINDOWS, WINDOWS_OF_THIN, THIN = 800, 2**16, 7.0
 
 # Tangent of the angle below which a vertex lies on the boundary ray of a window, not inside the window. The ray runs
 # through a vertex, whose own windows cover the surface behind it. Regular triangulations put many vertices on such
@@ -21,7 +22,7 @@ WINDOWS = 800
 GRAZING = 1e-9
 
 
-def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> csr_array:
+def geodesic_graph(mesh: Mesh, windows: int | None = None) -> csr_array:
     """Return the graph of the straight geodesics between nearby vertices.
 
     Every shortest path on a triangle mesh is a chain of straight geodesics between vertices [Mitchell, Mount and
@@ -39,7 +40,7 @@ def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> csr_array:
         Any triangle mesh; windows end at boundaries and at edges with more than two faces.
     windows
         Number of windows to follow from each vertex; the ring that reaches it is completed. Larger values are slower
-        and more accurate.
+        and more accurate. None means :data:`WINDOWS`, or :data:`WINDOWS_OF_THIN` for meshes of thin triangles.
 
     Returns
     -------
@@ -47,6 +48,10 @@ def geodesic_graph(mesh: Mesh, windows: int = WINDOWS) -> csr_array:
         Lengths of the mesh edges and the arcs, in units of the mesh, symmetric, shape (n, n).
     """
     sides = _Sides(mesh)
+    if windows is None:
+        longest = sides.lengths.reshape(-1, 3).max(axis=1)
+        is_thin = longest**2 > THIN * 2 * mesh.face_areas
+        windows = WINDOWS_OF_THIN if is_thin.mean() > 0.1 else WINDOWS
     opposite = np.argsort(sides.apexes, kind="stable")
     first = np.concatenate(([0], np.cumsum(np.bincount(sides.apexes, minlength=mesh.n_vertices))))
     # Successors of the last ring are neither followed nor stored. If that is the first ring, it has at most one window
