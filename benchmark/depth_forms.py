@@ -1,4 +1,4 @@
-"""Canonical forms of objects in depth images."""
+"""Canonical forms of surfaces, and of objects in depth images."""
 
 from __future__ import annotations
 
@@ -17,7 +17,10 @@ from benchmark.depth.intrinsics import Intrinsics, camera_of
 from benchmark.depth.reading import in_metres
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import depth_surface
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.preparation import Prepared, prepare
 from benchmark.pipeline.outputs import compute_form
+from benchmark.pipeline.preparation import N_VERTICES
 from benchmark.protocols.models import people_training, with_model
 from benchmark.registry import Component, select_one
 
@@ -147,6 +150,25 @@ def small_for_person(shape: Shape, model: object) -> str:
     size = float(np.ptp(shape.mesh.vertices, axis=0).max() * np.sqrt(shape.source_area or 0.0))
     is_small = people_training(model) and size < _SMALLEST_PERSON
     return f"{size:.2g} m is small for a person, so the depth scale may be wrong" if is_small else ""
+
+
+def form_of_surface(
+    maker: Method, mesh: Mesh, name: str = "shape", *, n_vertices: int = N_VERTICES, seed: int = 0
+) -> tuple[CanonicalForm, Prepared]:
+    """Return the form of a surface, prepared as in a run, and the prepared surface.
+
+    Where each vertex of the surface has one in the prepared surface, the form has those of the surface in their order;
+    otherwise it has those of the prepared surface, and says in ``vertex_map`` which one of the surface is nearest.
+    """
+    prepared = prepare(mesh, n_vertices)
+    shape = Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
+    form = form_with_fit(maker, shape, prepared.notes)
+    if not np.array_equal(form.faces, prepared.mesh.faces):
+        return form, prepared
+    numbers = prepared.numbers_of(mesh)
+    if numbers is None:
+        return replace(form, vertex_map=prepared.vertex_map(mesh)), prepared
+    return CanonicalForm(form.vertices[numbers], mesh.faces, form.notes), prepared
 
 
 def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:

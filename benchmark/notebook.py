@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import ArrayLike
 
-from benchmark.api.contracts import CanonicalForm, Input, Shape
-from benchmark.depth_forms import form_maker, form_with_fit
+from benchmark.api.contracts import CanonicalForm, Input
+from benchmark.depth_forms import form_maker, form_of_surface
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.preparation import prepare
 from benchmark.kernels import suite_sources
 from benchmark.machine import available_cores
 from benchmark.registry import select
@@ -128,7 +127,9 @@ def canonicalise(
     Returns
     -------
     CanonicalForm
-        Form of the prepared surface, which has other vertices than the given one, in units of the root of its area.
+        In units of the root of the area. It has the given vertices in their order, unless some were removed; then those
+        of the prepared surface, and ``vertex_map``, shape (n,), names the nearest given vertex to each. Without a map,
+        forms of other triangles than ``faces`` have vertices of their own.
 
     Raises
     ------
@@ -138,9 +139,8 @@ def canonicalise(
         If there is no such method, or it computes no forms.
     """
     maker = form_maker(select([method])[0])
-    prepared = prepare(Mesh(vertices, faces), n_vertices)  # type: ignore[arg-type]
-    shape = Shape(identifier="shape", mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
-    return form_with_fit(maker, shape, prepared.notes)
+    mesh = Mesh(vertices, faces)  # type: ignore[arg-type]
+    return form_of_surface(maker, mesh, n_vertices=n_vertices, seed=seed)[0]
 
 
 def _check_suite_is_unedited() -> None:

@@ -15,7 +15,8 @@ from baselines.gps import GPS
 from benchmark.api import Shape
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry.preparation import prepare
-from tests.toy import SMALL_SCORER, rod
+from tests.geometry.surfaces import sphere
+from tests.toy import SMALL_SCORER, rod, write_off
 
 NOTEBOOK = Path(__file__).parents[1] / "examples" / "first_table.ipynb"
 
@@ -63,14 +64,43 @@ def test_what_is_unknown_is_raised():
 def test_a_surface_is_prepared_as_in_a_run():
     mesh = rod(0.1, 1.0)
     form = benchmark.canonicalise(mesh.vertices, mesh.faces, "gps")
-    prepared = Shape(identifier="rod", mesh=prepare(mesh).mesh)
-    np.testing.assert_array_equal(form.vertices, GPS().canonicalise(prepared).vertices)
+    prepared = prepare(mesh)
+    expected = GPS().canonicalise(Shape(identifier="rod", mesh=prepared.mesh)).vertices
+    np.testing.assert_array_equal(form.vertices, expected[prepared.numbers_of(mesh)])
     np.testing.assert_array_equal(benchmark.canonicalise(mesh.vertices, mesh.faces, GPS()).vertices, form.vertices)
     assert benchmark.canonicalise(mesh.vertices, mesh.faces, flat_shape, n_vertices=100).vertices.shape[1] == 3
     with pytest.raises(ConfigurationError, match="'shape-dna' computes no forms"):
         benchmark.canonicalise(mesh.vertices, mesh.faces, "shape-dna")
     with pytest.raises(InvalidMesh):
         benchmark.canonicalise(mesh.vertices * np.nan, mesh.faces)
+
+
+def test_forms_have_the_vertices_of_the_file_in_their_order_or_a_map_to_them(tmp_path):
+    ball = sphere(4)
+    meshes = {f"ball{n}": ball.with_vertices(ball.vertices * [1, 1, 1 + n / 4]) for n in range(2)}
+    meshes |= {f"rod{n}": rod(0.1, n / 2) for n in range(2)}
+    for name, mesh in meshes.items():
+        write_off(tmp_path / "data" / f"{name}.off", mesh)
+    chosen: Any = {"scorer": SMALL_SCORER, "results": tmp_path / "results"}
+    key = benchmark.run(tmp_path / "data", "identity", **chosen).index[0]
+    results = benchmark.open_results(tmp_path / "results")
+    for name, mesh in meshes.items():
+        form, numbers = results.form(key, name), results.vertex_map(key, name)
+        own = benchmark.canonicalise(mesh.vertices, mesh.faces, "identity")
+        given = (mesh.vertices - mesh.vertices.mean(axis=0)) / mesh.area**0.5
+        np.testing.assert_allclose(own.vertices, form.vertices, atol=1e-6)
+        if name.startswith("rod"):
+            assert own.vertex_map is None
+            np.testing.assert_array_equal(numbers, np.arange(mesh.n_vertices))
+            assert np.sort(form.faces, axis=None).tolist() == np.sort(mesh.faces, axis=None).tolist()
+        else:
+            np.testing.assert_array_equal(numbers, own.vertex_map)
+            assert len(numbers) == form.n_vertices < mesh.n_vertices
+        nearest = np.linalg.norm(form.vertices[:, None] - given, axis=2).argmin(axis=1)
+        assert (numbers == nearest).mean() > 0.98  # decimation moves the centre a little
+    with pytest.raises(ConfigurationError, match="the form of rod0 has vertices of its own, or is not in"):
+        views = benchmark.run(tmp_path / "data", "identity", input="view", **chosen)
+        benchmark.open_results(tmp_path / "results").vertex_map(views[views["input"] == "view"].index[0], "rod0")
 
 
 @pytest.mark.slow

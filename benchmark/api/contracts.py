@@ -150,11 +150,14 @@ class CanonicalForm:
         Triangles of the form, shape (m, 3); usually those of the input.
     notes
         Facts for the record: iterations, stress, edge strain, number of bridges.
+    vertex_map
+        Set by :func:`benchmark.canonicalise`; methods leave it out.
     """
 
     vertices: FloatArray
     faces: NDArray[np.int32]
     notes: Mapping[str, float | str] = field(default_factory=dict)
+    vertex_map: NDArray[np.int64] | None = None
 
     @property
     def mesh(self) -> Mesh:

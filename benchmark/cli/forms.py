@@ -22,17 +22,24 @@ from benchmark.datasets.frames import frame_settings
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
-from benchmark.depth_forms import form_maker, form_of_object, form_with_fit, method_of_depth, small_for_person
+from benchmark.depth_forms import (
+    form_maker,
+    form_of_object,
+    form_of_surface,
+    form_with_fit,
+    method_of_depth,
+    small_for_person,
+)
 from benchmark.errors import ConfigurationError, ShapeError
+from benchmark.files import write_text
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.interpolation import interpolate, vertex_normals
 from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.preparation import Prepared, prepare
+from benchmark.geometry.preparation import Prepared
 from benchmark.pipeline.cache import Arrays, Cache
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.preparation import (
-    N_VERTICES,
     Preparation,
     fit_frame,
     frame_of,
@@ -79,7 +86,12 @@ def canonicalise(
         mesh = read_mesh(source)  # the form may have the vertices of the prepared mesh
         drawn = mesh if mesh.n_vertices == len(form.vertices) else prepare(mesh, N_VERTICES).mesh
         save_png(mesh_picture(drawn, form.mesh), options.picture)
-    say(", ".join([f"{output}: {len(form.vertices)} vertices", *_facts(form.notes)]))
+    facts = _facts(form.notes)
+    if form.vertex_map is not None:
+        numbers = output.with_suffix(".vertices.txt")
+        write_text(numbers, "".join(f"{number}\n" for number in form.vertex_map))
+        facts += [f"the nearest of the file, counted from 0, in {numbers}"]
+    say(", ".join([f"{output}: {len(form.vertices)} vertices", *facts]))
     return True
 
 
@@ -127,13 +139,9 @@ def form_of_mesh(source: Path, method: str, options: Selection, *, all_vertices:
     if not reads_meshes:
         arrays = prepare_view(mesh, FRONT, fit_frame(mesh, FRONT))
         return form_with_fit(maker, shape_of(arrays, source.stem, options.seed), {})
-    prepared = prepare(mesh, N_VERTICES)
-    shape = Shape(identifier=source.stem, mesh=prepared.mesh, source_area=prepared.source_area, seed=options.seed)
-    form = form_with_fit(maker, shape, prepared.notes)
-    numbers = prepared.numbers_of(mesh)
-    if numbers is not None and np.array_equal(form.faces, prepared.mesh.faces):
-        return CanonicalForm(form.vertices[numbers], mesh.faces, form.notes)  # in the numbering of the file
-    return _at_vertices(mesh, prepared, form, spec.info.name) if all_vertices else form
+    form, prepared = form_of_surface(maker, mesh, source.stem, seed=options.seed)
+    are_all = np.array_equal(form.faces, mesh.faces)
+    return _at_vertices(mesh, prepared, form, spec.info.name) if all_vertices and not are_all else form
 
 
 def _at_vertices(mesh: Mesh, prepared: Prepared, form: CanonicalForm, method: str) -> CanonicalForm:

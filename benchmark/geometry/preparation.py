@@ -114,6 +114,11 @@ class Prepared:
         distances, nearest = cKDTree(self.mesh.vertices).query((mesh.vertices - self.centre) / self.scale)
         return nearest if distances.max(initial=0.0) <= SEAM * COPIES else None
 
+    def vertex_map(self, mesh: Mesh) -> NDArray[np.int64]:
+        """Return the nearest vertex of the file at each vertex of the prepared mesh, shape (n,)."""
+        tree = cKDTree((mesh.vertices - self.centre) / self.scale, balanced_tree=False, compact_nodes=False)
+        return np.asarray(tree.query(self.mesh.vertices)[1])
+
 
 def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     """Clean, decimate and scale a mesh; the result depends on the shape alone, not on unit, place or order of the file.

@@ -211,8 +211,8 @@ def prepare_mesh(source: Mesh) -> Arrays:
     Returns
     -------
     dict
-        ``vertices`` and ``faces`` of the prepared surface, of unit area; ``source_area`` in squared file units;
-        ``note:...`` for each note of the preparation.
+        ``vertices`` and ``faces`` of the prepared surface, of unit area; ``vertex_map``, the nearest vertex of the file
+        at each vertex; ``source_area`` in squared file units; ``note:...`` for each note of the preparation.
 
     Raises
     ------
@@ -225,6 +225,7 @@ def prepare_mesh(source: Mesh) -> Arrays:
     return {
         "vertices": prepared.mesh.vertices,
         "faces": prepared.mesh.faces,
+        "vertex_map": prepared.vertex_map(source).astype(np.int32),
         "source_area": np.asarray(prepared.source_area),
         **{f"note:{name}": np.asarray(value) for name, value in prepared.report.items()},
     }

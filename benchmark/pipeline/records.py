@@ -431,6 +431,18 @@ def read_form(results: Path, record: Record, shape: str) -> Mesh | None:
     return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in form and "faces" in arrays else None
 
 
+def read_vertex_map(results: Path, record: Record, shape: str) -> tuple[NDArray[np.int64], bool] | None:
+    """Return the nearest vertex of the file at each vertex of a form, and whether each of the file is that of one.
+
+    None means that the form has vertices of its own, as those of views have, or is not kept here.
+    """
+    form, prepared = (_read_arrays(results, record, kind, shape) for kind in ("forms", "prepared"))
+    if "vertex_map" not in prepared or "vertices" not in form or "faces" in form:
+        return None
+    numbers = prepared["vertex_map"].astype(np.int64)
+    return numbers, np.array_equal(np.sort(numbers), np.arange(int(prepared["note:vertices_before"])))
+
+
 def _read_arrays(results: Path, record: Ranked, kind: Kind, shape: str) -> dict[str, NDArray[Any]]:
     keys = dict(zip(record.shapes, record.files.get(kind, []), strict=False))
     return Cache(results).read(kind, keys.get(shape, "")) or {}

@@ -14,12 +14,13 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from pandas import DataFrame, concat
 
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.data_names import label_data_sets
-from benchmark.pipeline.records import Record, read_distances, read_form, read_records
+from benchmark.pipeline.records import Record, read_distances, read_form, read_records, read_vertex_map
 from benchmark.report.frames import chosen_records, fold_of, kind_of, scores_frame, seconds_of
 
 __all__ = ["Results", "open_results"]
@@ -121,6 +122,8 @@ class Results:
     def form(self, job: str, shape: str) -> Mesh:
         """Return the canonical form of a shape.
 
+        It has the vertices of the file in their order, unless some were removed; see :meth:`vertex_map`.
+
         Raises
         ------
         ConfigurationError
@@ -132,7 +135,22 @@ class Results:
         form = read_form(self.folder, record, shape)
         if form is None:
             raise ConfigurationError(f"the form of {shape} by {record.method} is not in {self.folder}", "run it here")
-        return form
+        numbers, are_all = read_vertex_map(self.folder, record, shape) or (np.empty(0), False)
+        return Mesh(form.vertices[np.argsort(numbers)], numbers[form.faces]) if are_all else form  # type: ignore[arg-type]
+
+    def vertex_map(self, job: str, shape: str) -> NDArray[np.int64]:
+        """Return the nearest vertex of the file at each vertex of the form of a shape, shape (n,).
+
+        Raises
+        ------
+        ConfigurationError
+            If the form is not stored here, or has vertices of its own, as forms of views have.
+        """
+        found = read_vertex_map(self.folder, self._record(job), shape)
+        if found is None:
+            problem = f"the form of {shape} has vertices of its own, or is not in {self.folder}"
+            raise ConfigurationError(problem, "run a method that keeps the vertices of complete surfaces")
+        return np.sort(found[0]) if found[1] else found[0]
 
     def matches(self, job: str, query: str, count: int = 5) -> DataFrame:
         """Return the nearest shapes, but the query itself: ``rank``, ``shape``, ``class``, ``distance``."""

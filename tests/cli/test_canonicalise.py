@@ -33,6 +33,18 @@ def test_a_small_mesh_keeps_its_numbering_and_joined_pieces_are_told(tmp_path):
     assert "joined_pieces 2, largest_gap 4" in canonicalise(tmp_path / "pair.off", "-o", tmp_path / "joined.off")
 
 
+def test_a_decimated_form_has_a_file_of_the_nearest_vertices(tmp_path):
+    body = limbed_body(4)
+    write_off(tmp_path / "body.off", body)
+    said = canonicalise(tmp_path / "body.off", "-o", tmp_path / "form.off")
+    assert f"the nearest of the file, counted from 0, in {tmp_path / 'form.vertices.txt'}" in said.replace("\n", " ")
+    numbers = np.loadtxt(tmp_path / "form.vertices.txt", dtype=int)
+    moved = (body.vertices - body.vertices.mean(axis=0)) / body.area**0.5
+    assert np.abs(read_mesh(tmp_path / "form.off").vertices - moved[numbers]).max() < 0.1
+    canonicalise(tmp_path / "body.off", "-o", tmp_path / "all.off", "--all-vertices")
+    assert not (tmp_path / "all.vertices.txt").exists()
+
+
 @pytest.mark.parametrize("subdivisions", [3, 4])
 def test_copies_and_turned_faces_change_no_vertex_of_a_form(tmp_path, subdivisions):
     """Of a mesh that keeps its vertices, and of one that is decimated; two faces of a sheet lie close together."""
