@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmark.api.contracts import CanonicalForm, Input, Shape
+from benchmark.api.contracts import CanonicalForm, Input
 from benchmark.api.datasets import ShapeSet
 from benchmark.cli.names import trained_on_people
 from benchmark.cli.options import Selection
