@@ -161,8 +161,8 @@ def score_draws(
     Returns
     -------
     dict
-        ``scores`` and ``per_query`` by measure (None for a query without a relevant result), ``tied_queries`` and
-        ``lone_queries``.
+        ``scores``, ``per_query`` (None for a query without a relevant result) and ``draw_errors`` (standard error of a
+        mean over several draws) by measure, ``tied_queries`` and ``lone_queries``.
 
     Raises
     ------
@@ -176,6 +176,11 @@ def score_draws(
         "per_query": {
             name: [None if np.isnan(value) else round(float(value), DECIMALS) for value in values]
             for name, values in queries.items()
+        },
+        "draw_errors": {
+            name: float(np.std([draw.means[name] for draw in draws], ddof=1) / len(draws) ** 0.5)
+            for name in draws[0].means
+            if len(draws) > 1
         },
         "tied_queries": max(draw.tied_queries for draw in draws),
         "lone_queries": draws[0].lone_queries,

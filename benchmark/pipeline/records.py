@@ -150,6 +150,8 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
     scores, per_query
         Each measure: its mean, and its values; None without another shape of the class. Published records have values
         of the printed measures only.
+    draw_errors
+        Standard error of each mean over the draws of the scorer; empty for a single draw.
     tied_queries, lone_queries
         Numbers of queries with ties that matter, and of queries without a relevant shape.
     models, seen
@@ -186,6 +188,7 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
     scorer_title: Name = "CM-BOF"
     scores: dict[str, Share] = {}
     per_query: dict[str, list[Share | None]] = {}
+    draw_errors: dict[str, Share] = {}
     tied_queries: int = 0
     lone_queries: int = 0
     models: list[Model] = []

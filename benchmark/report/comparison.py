@@ -2,30 +2,41 @@
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pandas import DataFrame, concat
+from pandas import DataFrame, Series, concat
 
 from benchmark.errors import ConfigurationError
 from benchmark.reference.paper import MEASURES
 from benchmark.report.formats import latex_row, latex_table, latex_title
-from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, bootstrap_intervals, tukey_test
-from benchmark.report.tables import Scored, TableView
+from benchmark.report.statistics import (
+    ALPHA,
+    FEWEST_CLASSES,
+    class_intervals,
+    permutation_test,
+    sign_flip_test,
+)
+from benchmark.report.tables import Row, TableView, least_difference
 
 #: Differences below half a unit of the last decimal of records are none.
 _SAME = 5e-7
 
-TEST = "randomised Tukey test of all measures, over whole classes"
-LEGEND = f"low, high: 95 % interval of the difference over resampled classes. p: {TEST}."
+ALONE, AMONG = "planned alone", "among the {} rows of the table"
+_TEST = "studentised permutation test over whole classes, of all measures"
+LEGEND = (
+    f"low, high: 95 % interval over classes. {ALONE.capitalize()}: if only these two rows were ever meant to be "
+    f"compared; the signs of whole classes are flipped. {AMONG.format('n').capitalize()}: {_TEST} and pairs of rows of "
+    "their blocks, as in tables."
+)
 
 
 def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFrame:
     """Return the differences of a row to another one, or to all rows of its tables in their order; a line a measure.
 
-    Compared are the queries of classes on which neither row was trained. Rows of a block are tested at once.
+    Compared are the queries of classes on which neither row was trained. A verdict does not depend on which of the two
+    is named first, or whether others are: it is that of all rows of their blocks.
 
     Parameters
     ----------
@@ -38,9 +49,10 @@ def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFra
     -------
     pandas.DataFrame
         ``place`` (table and column), ``method``, ``other``, ``title`` of the other row, ``measure``, ``score``,
-        ``other_score``, ``difference``, ``low`` and ``high`` (95 % interval), ``p``, ``verdict`` (``"certain"``, ``"not
-        distinguishable (9 classes)"``, or why there is none), and numbers: ``queries``, those ``differing`` and those
-        left out because they were ``seen`` in training, and ``classes``.
+        ``other_score``, ``difference``, ``low`` and ``high`` (its interval), ``p``, ``verdict`` (``"certain"``, ``"not
+        distinguishable (9 classes)"``, or why there is none) among the ``rows`` tested at once, ``p_alone`` and
+        ``verdict_alone`` of the two planned alone, and numbers: ``queries``, those ``differing`` and those left out
+        because they were ``seen`` in training, and ``classes``.
 
     Raises
     ------
@@ -62,47 +74,53 @@ def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFra
 
 def _frames(view: TableView, column: str, first: str, second: str) -> Iterator[DataFrame]:
     """Yield the differences to each other row in a column of a table."""
-    scored = {row.method: row.scored[column] for row in view.rows if column in row.scored}
-    others = [row for row in view.rows if row.method in ({second} if second else scored.keys() - {first})]
-    groups = defaultdict[Any, list[str]](list)
-    for row in others:
-        if {first, row.method} <= scored.keys():
-            mine, other = scored[first], scored[row.method]
-            is_incomplete = bool(mine.missing or other.missing)
-            groups[row.kind, mine.seen_classes | other.seen_classes, is_incomplete].append(row.method)
-    found: dict[str, dict[str, Any]] = {}
-    for (_, seen, is_incomplete), names in groups.items():
-        undecided = "incomplete" if is_incomplete else "not decided (quick run)" * view.quick
-        rows = [scored[name] for name in (first, *names)]
-        found |= zip(names, _differences(rows, seen, undecided), strict=True)
-    identifier = view.table.identifier
-    table = view.dataset if identifier == view.dataset else f"Table {identifier} on {view.dataset}"
-    for row in others:
-        if row.method in found:
-            names_of = {"method": first, "other": row.method, "title": row.title}
-            yield DataFrame({"place": f"{table}, {column}"} | names_of | found[row.method])
+    rows = {row.method: row for row in view.rows if column in row.scored}
+    identifier, tested = view.table.identifier, dict[Any, Any]()
+    place = f"{view.dataset if identifier == view.dataset else f'Table {identifier} on {view.dataset}'}, {column}"
+    for name in rows if first in rows else ():
+        if name in ({second} if second else rows.keys() - {first}):
+            names = {"place": place, "method": first, "other": name, "title": rows[name].title}
+            yield DataFrame(names | _differences(rows, column, first, name, tested, quick=view.quick))
 
 
-def _differences(rows: Sequence[Scored], seen: frozenset[str], undecided: str) -> Iterator[dict[str, Any]]:
-    """Yield the differences of the first row to each other one, tested at once unless all are undecided."""
-    judged = [place for place, label in enumerate(rows[0].labels) if label not in seen]
-    labels = [rows[0].labels[place] for place in judged]
-    n_classes = len(set(labels))
-    if n_classes < FEWEST_CLASSES:
-        undecided = undecided or f"not decidable ({n_classes} classes)"
-    values = np.array([row.values[judged] for row in rows])
-    means, p_values = values.sum(axis=1) / max(1, len(judged)), tukey_test(values, labels)[0]
-    for other, mean, p in list(zip(values, means, p_values, strict=True))[1:]:
-        gains, ends = values[0] - other, np.full((len(p), 2), np.nan)
-        if n_classes >= FEWEST_CLASSES:
-            ends = bootstrap_intervals(gains, labels, 0.95)
-        decided = np.where(p < ALPHA, "certain", f"not distinguishable ({n_classes} classes)")
-        yield {
-            "measure": MEASURES, "score": means[0], "other_score": mean, "difference": means[0] - mean,
-            "low": ends[:, 0], "high": ends[:, 1], "p": p, "verdict": undecided or decided, "queries": len(judged),
-            "differing": np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > _SAME),
-            "seen": len(rows[0].labels) - len(judged), "classes": n_classes,
-        }  # fmt: skip
+def _differences(
+    rows: Mapping[str, Row], column: str, first: str, second: str, tested: dict[Any, Any], *, quick: bool
+) -> dict[str, Any]:
+    """Return the differences of two rows, tested among all rows of their blocks that have a result for each shape."""
+    pair = mine, other = [rows[name].scored[column] for name in (first, second)]
+    seen, kinds = mine.seen_classes | other.seen_classes, {rows[first].kind, rows[second].kind}
+    shared = min(mine.labels, other.labels, key=len)  # of several galleries, networks rank the first
+    judged = [place for place, label in enumerate(shared) if label not in seen]
+    labels = [shared[place] for place in judged]
+    names = [
+        name for name, row in rows.items()
+        if name in (first, second) or (row.kind in kinds and row.scored[column].is_rival_beside(seen))
+    ]  # fmt: skip
+    a, b = names.index(first), names.index(second)
+    if (family := (seen, *names)) not in tested:
+        tested[family] = permutation_test([rows[name].scored[column].values[judged] for name in names], labels)
+    scores = [one.values[judged].sum(axis=0) / max(1, len(judged)) for one in pair]
+    gains = mine.values[judged] - other.values[judged]
+    p_values = {"": tested[family][a, b], "_alone": sign_flip_test(gains, labels)}
+    n_classes, (least, why) = len(set(labels)), least_difference([rows[name].scored[column] for name in names])
+    undecided = "incomplete" if mine.missing or other.missing else "not decided (quick run)" * quick
+    undecided = undecided or f"not decidable ({n_classes} classes)" * (n_classes < FEWEST_CLASSES)
+    ends = np.full((len(MEASURES), 2), np.nan)
+    if n_classes >= FEWEST_CLASSES:
+        ends = class_intervals(gains, labels, are_gains=True)
+    small = np.abs(scores[0] - scores[1]) <= least + _SAME
+    verdicts = {
+        f"verdict{test}": undecided
+        or np.where(p >= ALPHA, f"not distinguishable ({n_classes} classes)", np.where(small, why, "certain"))
+        for test, p in p_values.items()
+    }
+    return {
+        "measure": MEASURES, "score": scores[0], "other_score": scores[1], "difference": scores[0] - scores[1],
+        "low": ends[:, 0], "high": ends[:, 1], **{f"p{test}": p for test, p in p_values.items()}, **verdicts,
+        "rows": len(names), "queries": len(judged),
+        "differing": np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > _SAME),
+        "seen": len(shared) - len(judged), "classes": n_classes,
+    }  # fmt: skip
 
 
 def details(frame: DataFrame) -> Iterator[str]:
@@ -112,12 +130,19 @@ def details(frame: DataFrame) -> Iterator[str]:
         first = of_pair.iloc[0]
         seen = f"; {first.seen} queries are of classes seen in training" * bool(first.seen)
         yield f"{place}: {first.differing} of {first.queries} queries differ{seen}"
-        figures = of_pair[["measure", "score", "other_score", "difference", "low", "high", "p", "verdict"]]
-        names = [first.method, first.other, "difference", "low", "high", "p", "verdict"]
+        figures = of_pair[["measure", "score", "other_score", "difference", "low", "high"]].assign(
+            alone=_with_p(of_pair.verdict_alone, of_pair.p_alone), among=_with_p(of_pair.verdict, of_pair.p)
+        )
+        names = [first.method, first.other, "difference", "low", "high", ALONE, AMONG.format(first["rows"])]
         lines = figures.to_string(index=False, header=["", *names], float_format="{:.3f}".format, na_rep="")
         yield from lines.splitlines() if first.queries else ()
     if frame.p.notna().any():
         yield LEGEND
+
+
+def _with_p(verdicts: Series, p_values: Series) -> list[str]:
+    texts = [f" (p {p:.3f})" if p >= 0 else "" for p in p_values]  # NaN is not
+    return [verdict + text for verdict, text in zip(verdicts, texts, strict=True)]
 
 
 def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
@@ -127,7 +152,9 @@ def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
             [of_row.title.iloc[0], *map(_signed, of_row.difference), _verdict(of_row)]
             for _, of_row in of_column.groupby("other", sort=False)
         ]
-        yield f"{place}: {frame.method[0]} - each row, {of_column.queries.max()} queries", [["", *MEASURES, ""], *rows]
+        most = AMONG.format(of_column["rows"].max())
+        heading = f"{place}: {frame.method[0]} - each row, {of_column.queries.max()} queries, {most}"
+        yield heading, [["", *MEASURES, ""], *rows]
 
 
 def latex(frame: DataFrame) -> str:
@@ -135,7 +162,7 @@ def latex(frame: DataFrame) -> str:
     columns = r">{\raggedright\hangindent1em}p{\dimexpr\linewidth-21em-17pt\relax}*{4}{w{c}{1.9em}}w{l}{13.4em}"
     tables = []
     for number, (heading, rows) in enumerate(summaries(frame)):
-        body, notes = [latex_row(*rows[0]), r"\midrule"], f"Verdicts: {TEST}."
+        body, notes = [latex_row(*rows[0]), r"\midrule"], f"Verdicts: {_TEST} and rows."
         for title, *differences, verdict in rows[1:]:
             body.append(latex_row(latex_title(title), *(f"${text}$" for text in differences), verdict))
         tables.append(latex_table(f"Differences in {heading}", f"compare-{number}", columns, body, notes))

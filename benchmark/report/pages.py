@@ -32,6 +32,7 @@ from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.frames import changed
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
+from benchmark.report.statistics import INTERVALS
 from benchmark.report.tables import Row, Scored, TableView, file_name
 from benchmark.text import clean, say
 
@@ -41,7 +42,7 @@ KINDS = {"": "Scores", "-forms": "Forms", "-queries": "Queries"}
 #: What the charts of a table show, in their order on its page.
 CHARTS = {
     "classes": f"Mean {MEASURE} of each class, from the hardest class to the easiest",
-    "scores": f"{MEASURE} with intervals over resampled classes (95 %); dashed: a random order, hollow: the paper. "
+    "scores": f"{MEASURE} with intervals ({INTERVALS}); dashed: a random order, hollow: the paper. "
     "Full circles of seconds (log scale): no row is both faster and better",
     "map": "Shapes, so far apart as the order of their distances says, with lines to the middle of their class; a "
     "ring: the nearest match is of another class. A click on a point leads to its query. Maps of two "
@@ -66,7 +67,7 @@ _TEMPLATES = Environment(
     loader=PackageLoader("benchmark.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
     finalize=lambda value: "" if value is None else clean(value) if type(value) is str else value,
 )  # fmt: skip
-_TEMPLATES.globals |= {"measure": MEASURE, "measures": MEASURES, "side": SIDE, "kind_names": KINDS}
+_TEMPLATES.globals |= {"measure": MEASURE, "measures": MEASURES, "side": SIDE, "kind_names": KINDS, "intervals": INTERVALS}
 _TEMPLATES.globals |= {"palette": PALETTE, "viewing": OBLIQUE.direction}
 _TEMPLATES.filters |= {"anchor": file_name, "hundredths": hundredths}
 

@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from benchmark.api.parameters import format_value
 from benchmark.code_digest import digest_of_bytes
 from benchmark.datasets.official import SETS
-from benchmark.pipeline.records import Record
+from benchmark.pipeline.records import DEFAULT_SCORER, Record
 from benchmark.protocols.tables import AVERAGED, TABLES, TITLES, Column, Kind, Table, gallery_name
 from benchmark.reference.paper import MEASURES, PRINTED
 from benchmark.registry import BUILT_IN, Component
 from benchmark.report.frames import by_gallery, changed, fold_of, kind_of, row_of, seconds_of, tables_of
-from benchmark.report.statistics import ALPHA, bootstrap_intervals, tukey_test
+from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, class_intervals, permutation_test
 from benchmark.text import brief
 from retrieval.measures import chance_levels
 
@@ -34,6 +34,10 @@ BLOCKS: Mapping[Kind, str] = {
 
 #: Differences below half a unit of the last decimal of records are none.
 _SAME = 5e-7
+
+#: Standard errors of means over three draws of the codebook, for records that do not hold theirs: those of four methods
+#: on complete surfaces of TOSCA, over twelve draws.
+DRAW_ERRORS = {"NN": 0.011, "FT": 0.004, "ST": 0.006, "DCG": 0.003}
 
 
 def file_name(name: str, longest: int = 80) -> str:
@@ -56,12 +60,15 @@ class Scored:
         Measures of all queries of all galleries, shape (N, 4); 0 where a gallery is missing.
     labels
         Class of each of these queries, with its gallery.
+    excused
+        Refused shapes that all rows of its block lack: none of them is ahead by these.
     """
 
     records: Mapping[str, Sequence[Record]]
     missing: tuple[str, ...]
     values: NDArray[np.float64]
     labels: Sequence[str]
+    excused: frozenset[str] = frozenset()
 
     @cached_property
     def means(self) -> dict[str, float]:
@@ -83,8 +90,8 @@ class Scored:
 
     @cached_property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Interval of each mean over resampled classes (95 %)."""
-        ends = bootstrap_intervals(self.values, self.labels, 0.95)
+        """Interval of each mean; see :data:`benchmark.report.statistics.INTERVALS`."""
+        ends = class_intervals(self.values, self.labels)
         return {name: (low, high) for name, (low, high) in zip(MEASURES, ends.tolist(), strict=True)}
 
     @property
@@ -92,10 +99,20 @@ class Scored:
         """Whether every gallery and every shape has a result."""
         return not self.missing and all(record.coverage >= 1 for record in self.all_records)
 
+    @cached_property
+    def refused(self) -> frozenset[str]:
+        """Shapes without a result, with their gallery."""
+        sides = [side for record in self.all_records for side in record.sides]
+        return frozenset(f"{side.gallery} {name}" for side in sides for name, _ in side.unsupported)
+
     @property
     def is_rival(self) -> bool:
-        """Whether it may be the best row: it is complete, and no model was trained on shapes of the gallery."""
-        return self.is_complete and not self.seen_classes
+        """Whether it may be the best row."""
+        return self.is_rival_beside(frozenset())
+
+    def is_rival_beside(self, seen: frozenset[str]) -> bool:
+        """Return whether it lacks no shape that others have, and was trained on shapes of no classes but these."""
+        return not (self.missing or self.refused - self.excused or self.seen_classes - seen)
 
     @cached_property
     def seen_classes(self) -> frozenset[str]:
@@ -249,26 +266,51 @@ class TableView:
         return row.scored[group].means if group in row.scored else {}
 
     @cached_property
-    def tests(self) -> dict[tuple[str, Kind], tuple[dict[str, Scored], NDArray[np.float64]]]:
-        """By column and block, its rivals by method if there are several, and the p-values of their differences."""
+    def tests(self) -> dict[tuple[str, Kind], tuple[dict[str, Scored], NDArray[np.bool_]]]:
+        """By column and block, its rivals by method if there are several, and whether their differences are certain."""
         tests = {}
         for column, kind in product(self.columns, BLOCKS):
             of_block = {row.method: row.scored.get(column.title) for row in self.rows if row.kind == kind}
             rivals = {name: one for name, one in of_block.items() if one and one.is_rival}
             if len(rivals) > 1:
-                labels = next(iter(rivals.values())).labels
-                tests[column.title, kind] = rivals, tukey_test([one.values for one in rivals.values()], labels)
+                rows = [*rivals.values()]
+                means = np.array([[one.means[name] for name in MEASURES] for one in rows])
+                p_values = permutation_test([one.values for one in rows], rows[0].labels)
+                is_above = np.abs(means[:, None] - means) > least_difference(rows)[0] + _SAME
+                tests[column.title, kind] = rivals, (p_values < ALPHA) & is_above
         return tests
 
     @cached_property
     def marks(self) -> dict[tuple[str, str], list[str]]:
         """Marks of the scores of rivals by method and column: bold for the best of a block; see :func:`_marks`."""
         marks: dict[tuple[str, str], list[str]] = {}
-        for (title, _), (rivals, p_values) in self.tests.items():
-            if not np.isnan(p_values).any():
-                each = zip(rivals, _marks([*rivals.values()], p_values).tolist(), strict=True)
+        for (title, _), (rivals, certain) in self.tests.items():
+            if len({*next(iter(rivals.values())).labels}) >= FEWEST_CLASSES:
+                each = zip(rivals, _marks([*rivals.values()], certain).tolist(), strict=True)
                 marks |= {(name, title): of_row for name, of_row in each}
         return marks
+
+
+def least_difference(rows: Sequence[Scored]) -> tuple[NDArray[np.float64], str]:
+    """Return the difference, by measure, that a certain one must exceed, and what a smaller one may come from.
+
+    It is twice the standard error of a difference over draws of the codebook; between networks, also the largest range
+    of the scores of a row over its seeds and folds. A test over classes says nothing about either.
+    """
+    each = [one.all_records for one in rows]
+    errors = [np.square([_draw_errors(record) for record in of]).sum(axis=0) / len(of) ** 2 for of in each]
+    least = np.asarray(2 * np.sqrt(2 * np.mean(errors, axis=0)))
+    if {kind_of(of[0]) for of in each} != {"network"}:
+        return least, "within the scatter of codebooks"
+    scores = [[[record.scores[name] for name in MEASURES] for record in of] for of in each if len(of) > 1]
+    if not scores:
+        return np.full(len(MEASURES), np.inf), "one training each"
+    return np.maximum(least, np.max([np.ptp(of, axis=0) for of in scores], axis=0)), "within the spread of trainings"
+
+
+def _draw_errors(record: Record) -> list[float]:
+    is_default = record.scorer.partition("[")[0] == DEFAULT_SCORER
+    return [(record.draw_errors or (DRAW_ERRORS if is_default else {})).get(name, 0.0) for name in MEASURES]
 
 
 def table_views(
@@ -312,7 +354,7 @@ def table_views(
     return [view for view in views if not wanted or sets or _is_preferred(view, views)]
 
 
-def _marks(rivals: Sequence[Scored], p_values: NDArray[np.float64]) -> NDArray[np.str_]:
+def _marks(rivals: Sequence[Scored], certain: NDArray[np.bool_]) -> NDArray[np.str_]:
     """Return the marks of the rows of a block in one column, shape (rows, measures).
 
     ``"bold"`` for the best; ``"italic"`` where it is not certainly better than a row, if any difference is certain.
@@ -320,9 +362,9 @@ def _marks(rivals: Sequence[Scored], p_values: NDArray[np.float64]) -> NDArray[n
     means = np.array([[one.means[name] for name in MEASURES] for one in rivals])
     is_best = means >= means.max(axis=0) - _SAME
     marks = np.where(is_best, "bold", "").astype("U6")
-    if np.any(p_values < ALPHA):
-        to_best = np.take_along_axis(p_values, is_best.argmax(axis=0)[None, None], axis=0)[0]
-        marks[~is_best & (to_best >= ALPHA)] = "italic"
+    if certain.any():
+        to_best = np.take_along_axis(certain, is_best.argmax(axis=0)[None, None], axis=0)[0]
+        marks[~is_best & ~to_best] = "italic"
     return marks
 
 
@@ -349,7 +391,7 @@ def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozense
         base = record.method.partition("[")[0]
         if table.includes(base) or {base, record.method} & shown or table not in TABLES:
             rows.setdefault(row_of(record), []).append(record)
-    every = [_row(method, of, galleries, labels) for method, of in rows.items()]
+    every = _excuse([_row(method, of, galleries, labels) for method, of in rows.items()])
     listed = [row for row in every if row.scored or row.failed or row.method in printed]
     listed = _arranged(listed, {method: place for place, method in enumerate(dict.fromkeys([*printed, *TITLES]))})
     titles = Counter(row.title for row in listed)
@@ -400,6 +442,18 @@ def _row(
         failed += [record for record in part if record.status != "ok"]
     chosen = {name: value for name, value in first.parameters.items() if f"{name}=" not in AVERAGED} if first else {}
     return Row(method, title, kind, scored, tuple(failed), chosen, first.defaults if first else {})
+
+
+def _excuse(rows: Sequence[Row]) -> list[Row]:
+    """Return rows that know which refused shapes all rows of their block lack in a column, and who gains by none."""
+    lacking: dict[tuple[str, Kind], frozenset[str]] = {}
+    for row in rows:
+        for title, one in row.scored.items():
+            lacking[title, row.kind] = lacking.get((title, row.kind), one.refused) & one.refused
+    return [
+        replace(row, scored={name: replace(one, excused=lacking[name, row.kind]) for name, one in row.scored.items()})
+        for row in rows
+    ]
 
 
 def _arranged(rows: Sequence[Row], order: Mapping[str, int]) -> list[Row]:

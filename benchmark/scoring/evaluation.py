@@ -12,15 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.report.statistics import bootstrap_intervals
+from benchmark.report.statistics import class_intervals
 from benchmark.scoring.files import Labels, Orders, are_row_numbers, as_distances, as_labels
 from retrieval.measures import Targets, chance_levels, evaluate
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-#: Confidence level of the intervals.
-LEVEL = 0.95
 
 #: Precision of intervals.
 _ROUNDING = 1e-6
@@ -99,7 +96,7 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     values = np.column_stack(list(scores.per_query.values()))
     is_query = ~np.isnan(values[:, 0])
     of_queries = [label for label, counts in zip(classes, is_query, strict=True) if counts]
-    ends = bootstrap_intervals(values[is_query], of_queries, LEVEL)
+    ends = class_intervals(values[is_query], of_queries)
     columns = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance_levels(classes, targets)}
     table = DataFrame(columns, index=list(scores.means))
     is_reversed = bool(table.loc["NN", "high"] < table.loc["NN", "chance"] - _ROUNDING)

@@ -2,11 +2,12 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.report.comparison import compare, details, latex, summaries
-from benchmark.report.statistics import tukey_test
+from benchmark.report.statistics import permutation_test
 from benchmark.report.tables import table_views
 from tests.report.records import LABELS, record
 
@@ -25,16 +26,19 @@ def test_differences_are_first_minus_second_with_intervals():
     first, second = record("a", 0.5, labels=LETTERS), record("b", [0.75] * 8 + [0.5] * 8, labels=LETTERS)
     head, where, names, nn, *_, legend = lines([first, second], "a", "b")
     assert (head, where) == ("a - b", "rods, mesh: 8 of 16 queries differ")
-    assert names.split() == ["a", "b", "difference", "low", "high", "p", "verdict"]
-    assert nn.split()[:6] == ["NN", "0.500", "0.625", "-0.125", "-0.219", "-0.031"]
-    assert nn.split(maxsplit=6)[6].startswith("0.12")  # 2 of 16 exchanges
-    assert nn.endswith("not distinguishable (8 classes)")
-    assert legend.endswith("p: randomised Tukey test of all measures, over whole classes.")
+    assert names.split()[:5] == ["a", "b", "difference", "low", "high"]
+    assert "  planned alone  " in names
+    assert names.endswith("  among the 2 rows of the table")
+    assert nn.split()[:6] == ["NN", "0.500", "0.625", "-0.125", "-0.237", "-0.013"]  # .125 and 2.365 x .134 / sqrt(8)
+    alike = "not distinguishable (8 classes) (p 0.125)"  # 2 of 16 exchanges of the four classes that differ
+    assert nn.split(maxsplit=6)[6] == f"{alike} {alike}"
+    assert "among the n rows of the table: studentised permutation test over whole classes" in legend.lower()
 
 
 def test_few_classes_decide_nothing():
     found = lines([record("gps", 0.9), record("skeleton", 0.1)], "gps", "skeleton")
-    assert found[3].split(maxsplit=4) == ["NN", "0.900", "0.100", "0.800", "not decidable (3 classes)"]
+    assert found[3].split("  ")[-1].strip() == "not decidable (3 classes)"
+    assert found[3].split()[:4] == ["NN", "0.900", "0.100", "0.800"]
     assert len(found) == 7
 
 
@@ -55,26 +59,31 @@ def test_a_quick_run_decides_nothing():
 def test_the_certain_difference_is_named():
     records = [record("a", 0.4, labels=LETTERS), record("b", 0.6, labels=LETTERS)]
     found = lines(records, "a", "b")
-    assert found[3].endswith(" certain")
-    assert float(found[3].split()[-2]) == pytest.approx(2 / 2**8, abs=0.003)
-    assert found[4].split()[6] == "1.000"
+    assert found[3].count("certain (p 0.008)") == 2  # 2 of 2^8
+    assert found[4].count("(p 1.000)") == 2
 
 
 def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_test_of_the_marks():
-    values = {"gps": 0.6, "classic-mds": 0.1, "mine": 0.5, "skeleton": 0.45}
+    values = {"gps": [0.9] * 8 + [0.3] * 8, "classic-mds": 0.1, "mine": 0.5, "skeleton": 0.48}
     records = [record(name, nn, labels=LETTERS, dataset="tosca") for name, nn in values.items()]
     seen = record("learned", 0.5, labels=LETTERS, dataset="tosca", input_="view", models=[], seen=["a0"])
     other_block = record("shape-dna", 0.9, labels=LETTERS, dataset="tosca", scorer="")
     frame = compared([*records, seen, other_block], "mine")
     assert list(frame.other[::4]) == ["classic-mds", "gps", "skeleton", "learned", "shape-dna"]
     of_nn = frame[frame.measure == "NN"].set_index("other")
-    assert list(of_nn.difference.round(3)) == [0.4, -0.1, 0.05, 0.0, -0.4]
-    block = [[[nn, 0.5, 0.6, 0.7]] * 16 for nn in (0.5, 0.1, 0.6, 0.45)]
-    assert list(of_nn.p[:3]) == list(tukey_test(block, LETTERS)[0, 1:, 0])
-    alike = "not distinguishable (8 classes)"
-    assert list(of_nn.verdict) == ["certain", alike, alike, "not decidable (7 classes)", "certain"]
+    assert list(of_nn.difference.round(3)) == [0.4, -0.1, 0.02, 0.0, -0.4]
+    order = ["classic-mds", "gps", "skeleton", "mine"]  # of the rows of the table
+    block = [[[nn, 0.5, 0.6, 0.7] for nn in np.broadcast_to(values[name], 16)] for name in order]
+    assert list(of_nn.p[:3]) == list(permutation_test(block, LETTERS)[3, :3, 0])
+    alike, small = "not distinguishable (8 classes)", "within the scatter of codebooks"
+    assert list(of_nn.verdict) == ["certain", alike, small, "not decidable (7 classes)", "certain"]
+    assert list(of_nn["rows"]) == [4, 4, 4, 5, 5]
+    for other in of_nn.index:
+        for pair in (("mine", other), (other, "mine")):
+            found = compared([*records, seen, other_block], *pair)
+            assert found.verdict[0] == of_nn.verdict[other], "a comparison has one verdict"
     ((heading, (head, first, *_)),) = summaries(frame)
-    assert heading == "Table III on tosca, ours: mine - each row, 16 queries"
+    assert heading == "Table III on tosca, ours: mine - each row, 16 queries, among the 5 rows of the table"
     assert [*zip(head, first, strict=True)][1:3] == [("NN", "+.40"), ("FT", "+.00")]
     assert first[0::5] == ["Classic MDS", "certain (NN)"]
     assert r"Classic MDS & $+.40$ & $+.00$ & $+.00$ & $+.00$ & certain (NN) \\" in latex(frame)
