@@ -57,7 +57,7 @@ class SDGDM(CheckedParameters):
         product = LinearOperator(distances.shape, lambda vector: dsymv(1.0, distances.T, vector), dtype=np.float64)
         values = eigsh(product, k=self.count, which="LM", v0=start, return_eigenvectors=False)
         sizes = np.sort(np.abs(values))[::-1]
-        return np.asarray(sizes / sizes.sum())
+        return np.asarray((sizes / sizes.sum()).round(9))  # further digits depend on the processor
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the mean-normalised Manhattan distances between the descriptors, shape (N, N)."""

@@ -48,7 +48,8 @@ class ShapeDNA(CheckedParameters):
         UnsupportedShape
             If the second eigenvalue of the Laplacian is zero, or the shape has too few vertices.
         """
-        return np.asarray(spectrum(shape, self.count)[0] * shape.laplacian().mass.sum())
+        values = spectrum(shape, self.count)[0] * shape.laplacian().mass.sum()
+        return np.asarray(values.round(6))  # further digits depend on the processor
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the Euclidean distances between the descriptors, shape (N, N)."""

@@ -77,24 +77,35 @@ class ScaleInvariantHKS(CheckedParameters):
         decays = np.exp(-np.outer(values * area, times))
         heat = 1 + area * functions**2 @ decays  # the constant function keeps 1
         slope = -np.log(2) * times * (area * functions**2 @ ((values * area)[:, None] * decays)) / heat
-        moduli = np.abs(np.fft.rfft(slope, axis=1))[:, : self.frequencies]
+        # Here and below, digits that depend on the processor are rounded off.
+        moduli = np.abs(np.fft.rfft(slope, axis=1))[:, : self.frequencies].round(6)
         return np.column_stack([mass / area, moduli])[np.argsort(moduli[:, 0])].ravel()
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the sums of absolute differences of the bags of features, shape (N, N)."""
+        return self.compare_to(descriptors, descriptors)
+
+    def compare_to(self, queries: Sequence[FloatArray], gallery: Sequence[FloatArray], draw: int = 0) -> FloatArray:
+        """Return those of M queries to N shapes, from which alone the words come, shape (M, N)."""
         from scipy.spatial import cKDTree
         from scipy.spatial.distance import cdist
         from sklearn.cluster import KMeans
 
-        shapes = [descriptor.reshape(-1, 1 + self.frequencies) for descriptor in descriptors]
         # Sorted, so that the words do not depend on the order of the gallery.
-        vertices = np.unique(np.concatenate([shape[:, 1:] for shape in shapes]), axis=0)
+        vertices = np.unique(np.concatenate([self._vertices(of)[:, 1:] for of in gallery]), axis=0)
         count = min(self.words, len(vertices))
         words = KMeans(count, n_init=1, random_state=0).fit(vertices).cluster_centers_
         sigma = max(2 * np.median(cKDTree(words).query(vertices)[0]), 1e-9 * np.ptp(vertices)) or 1.0
-        bags = []
-        for shape in shapes:
+
+        def bag(descriptor: FloatArray) -> FloatArray:
+            shape = self._vertices(descriptor)
             squares = cdist(shape[:, 1:], words, "sqeuclidean")
             closeness = np.exp((squares.min(axis=1, keepdims=True) - squares) / (2 * sigma**2))
-            bags.append(shape[:, 0] @ (closeness / closeness.sum(axis=1, keepdims=True)))
-        return np.asarray(cdist(bags, bags, "cityblock"))
+            return np.asarray(shape[:, 0] @ (closeness / closeness.sum(axis=1, keepdims=True))).round(9)
+
+        columns = [bag(of) for of in gallery]
+        rows = columns if queries is gallery else [bag(of) for of in queries]
+        return np.asarray(cdist(rows, columns, "cityblock"))
+
+    def _vertices(self, descriptor: FloatArray) -> FloatArray:
+        return descriptor.reshape(-1, 1 + self.frequencies)

@@ -351,7 +351,7 @@ class Method(Protocol):
 
 @runtime_checkable
 class Descriptor(Protocol):
-    """Method that compares shapes without canonical forms."""
+    """Method that compares shapes without canonical forms; it may have ``compare_to`` like a scorer."""
 
     info: ClassVar[MethodInfo]
 

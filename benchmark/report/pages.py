@@ -67,8 +67,8 @@ _TEMPLATES = Environment(
     loader=PackageLoader("benchmark.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
     finalize=lambda value: "" if value is None else clean(value) if type(value) is str else value,
 )  # fmt: skip
-_TEMPLATES.globals |= {"measure": MEASURE, "measures": MEASURES, "side": SIDE, "kind_names": KINDS, "intervals": INTERVALS}
-_TEMPLATES.globals |= {"palette": PALETTE, "viewing": OBLIQUE.direction}
+_TEMPLATES.globals |= {"measure": MEASURE, "measures": MEASURES, "side": SIDE, "kind_names": KINDS}
+_TEMPLATES.globals |= {"intervals": INTERVALS, "palette": PALETTE, "viewing": OBLIQUE.direction}
 _TEMPLATES.filters |= {"anchor": file_name, "hundredths": hundredths}
 
 
