@@ -74,6 +74,7 @@ def tables(
     """
     from benchmark.cli.results import print_tables, recorded, selected_tables
     from benchmark.report.formats import latex
+    from benchmark.report.frames import scored_by
     from benchmark.report.output import FORMATS, table_files, write_files
     from benchmark.report.robustness import robustness_markdown
 
@@ -84,7 +85,7 @@ def tables(
     if output is not None:
         formats = [format] if format else FORMATS
         files = table_files(views, records, formats, verdicts=is_whole, robustness=robustness)
-        write_files(output, files, force=force)
+        write_files(output, files, force=force, listed=f"written{scored_by(records).suffix}.json")
         say(f"wrote {len(files)} files to {output}")
     elif format == "latex":
         say_lines("\n".join(map(latex, views)))
@@ -253,7 +254,11 @@ def score(
         content = {"title": title, "n_shapes": len(evaluation.queries), **scores.round(6).T.to_dict()}
         say_lines(json.dumps(content, indent=1))
     elif format == "latex":
-        say_lines(scores.style.format(precision=2, escape="latex").to_latex(hrules=True))
+        from benchmark.reference.paper import MEASURES
+        from benchmark.report.formats import hundredths, latex_row, latex_title
+
+        say_lines(f"% {' '.join(MEASURES)}")
+        say_lines(latex_row(latex_title(title), *map(hundredths, scores.score[[*MEASURES]])))
     else:
         say_lines(scores.to_string(float_format="{:.2f}".format))
     if record:

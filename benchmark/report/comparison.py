@@ -76,7 +76,8 @@ def _frames(view: TableView, column: str, first: str, second: str) -> Iterator[D
     """Yield the differences to each other row in a column of a table."""
     rows = {row.method: row for row in view.rows if column in row.scored}
     identifier, tested = view.table.identifier, dict[Any, Any]()
-    place = f"{view.dataset if identifier == view.dataset else f'Table {identifier} on {view.dataset}'}, {column}"
+    table = view.dataset if identifier == view.dataset else f"Table {identifier} on {view.dataset}"
+    place = f"{table}, {column}{view.by.caption}"
     for name in rows if first in rows else ():
         if name in ({second} if second else rows.keys() - {first}):
             names = {"place": place, "method": first, "other": name, "title": rows[name].title}

@@ -213,6 +213,7 @@ def _json(view: TableView, row: Row, title: str) -> dict[str, Any]:
     scores = dict.fromkeys(MEASURES) | {name: round(value, 6) for name, value in view.scores(row, title).items()}
     return {
         "table": view.table.identifier, "dataset": view.dataset, "stand_in": "stand-in" in view.title, "column": title,
+        "scorer": records[0].scorer if records else "", "seed": records[0].seed if records else None,
         "input": records[0].input if records else "", "method": row.method, "title": row.title, **scores,
         "paper": view.paper.get(row.method), "chance": view.chance.get(title), "status": status,
         "n_shapes": sum(map(len, galleries)), "n_classes": sum(len(set(of)) for of in galleries),

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from benchmark.datasets.changes import CHANGES
 from benchmark.pipeline.records import DEFAULT_SCORER, EXTERNAL, Record
@@ -66,6 +66,26 @@ def chosen_records(
     ]
 
 
+class ScoredBy(NamedTuple):
+    """Scorer and seed in a note, and what captions and names of files add if they are not the default ones."""
+
+    note: str
+    caption: str
+    suffix: str
+
+
+def scored_by(records: Iterable[Record]) -> ScoredBy:
+    """Return what tables say about the scorer and the seed of their records."""
+    every = [*records]
+    named = next(((of.scorer, of.scorer_title) for of in every if of.scorer), ("", ""))
+    is_default, seed = named[0] in ("", DEFAULT_SCORER), every[0].seed if every else 0
+    seeds = f", seed {seed}" * bool(seed)
+    draws = " (three codebooks)" * (named[0].partition("[")[0] == DEFAULT_SCORER)
+    note = f"Scored by {named[1]}{draws}{seeds}." if named[0] else ""
+    suffix = f"-by-{named[0]}" * (not is_default) + f"-seed-{seed}" * bool(seed)
+    return ScoredBy(note, f", scored by {named[1]}" * (not is_default) + seeds, suffix)
+
+
 @cache
 def tables_of(dataset: str, fold: str) -> tuple[Table, ...]:
     """Return the tables that show a part of a data set; a set that no table uses has its own."""
@@ -89,8 +109,8 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
     -------
     pandas.DataFrame
         ``table``, ``dataset``, ``method``, ``input`` (``"mesh"``, ``"view"``, or ``"paper"`` for what it prints),
-        ``fold`` (part of the data set; "" for the whole one), ``measure``, ``value``: the mean over queries, and over
-        seeds of a training.
+        ``scorer`` ("" for descriptors, and for the paper), ``seed``, ``fold`` (part of the data set; "" for the whole
+        one), ``measure``, ``value``: the mean over queries, and over seeds of a training.
     """
     from pandas import DataFrame
 
@@ -101,11 +121,12 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
         for table in tables_of(dataset, fold):
             if table.is_cross and not record.against:
                 continue  # it shows scores of another table
-            where = table.identifier, dataset, row_of(record), record.input, fold
+            where = table.identifier, dataset, row_of(record), record.input, record.scorer, record.seed, fold
             rows += [(*where, measure, value) for measure, value in record.scores.items()]
             with_paper |= {(table.identifier, dataset)} if table.has_paper else set()
     for numeral, dataset in sorted(with_paper):
         for method, figures in PRINTED[numeral].items():
-            rows += [(numeral, dataset, method, "paper", "", measure, value) for measure, value in figures.items()]
-    names = ["table", "dataset", "method", "input", "fold", "measure", "value"]
+            of_paper = numeral, dataset, method, "paper", "", "", ""
+            rows += [(*of_paper, measure, value) for measure, value in figures.items()]
+    names = ["table", "dataset", "method", "input", "scorer", "seed", "fold", "measure", "value"]
     return DataFrame(rows, columns=names).groupby(names[:-1], sort=False, as_index=False)["value"].mean()

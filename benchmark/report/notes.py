@@ -31,7 +31,7 @@ def table_notes(view: TableView) -> list[str]:
     incomplete = [(row, one) for row in rows for one in row.scored.values() if one.missing]
     crossed = {title for title, records in view.samples.items() if records[0].against}
     facts = {
-        "{}": " ".join(_columns(view)),
+        "{}": " ".join([view.by.note, *_columns(view)]).strip(),
         "No form of a surface: {}.": listed(r.title for r in rows if r.kind == "network" and crossed - {*r.scored}),
         "No difference is certain: {}.": listed(_undecided(view)),
         "No result: {}.": listed(_failed(rows)),

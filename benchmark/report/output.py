@@ -13,7 +13,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically, write_text
 from benchmark.pipeline.records import Record
 from benchmark.report.formats import as_json, bibliography, latex, markdown
-from benchmark.report.frames import scores_frame
+from benchmark.report.frames import scored_by, scores_frame
 from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import TableView
 from benchmark.report.verdicts import verdicts_markdown
@@ -34,6 +34,8 @@ def table_files(
 ) -> dict[str, str]:
     """Return tables as text by file name: a LaTeX and a Markdown file each, one CSV and one JSON file for all.
 
+    Files of another scorer or seed than the default have other names.
+
     Parameters
     ----------
     views
@@ -45,23 +47,25 @@ def table_files(
     verdicts, robustness
         Whether to add what the paper's claims come to, and the table of robustness, to Markdown.
     """
-    files: dict[str, str] = {}
+    files, suffix = dict[str, str](), scored_by(records).suffix
     if "latex" in formats:
-        files |= {f"{view.stem}.tex": latex(view) for view in views} | {"references.bib": bibliography(views)}
+        files |= {f"{view.stem}.tex": latex(view) for view in views} | {f"references{suffix}.bib": bibliography(views)}
     if "markdown" in formats:
         files |= {f"{view.stem}.md": markdown(view) for view in views}
         if verdicts and (text := verdicts_markdown(views)):
-            files["reproduction.md"] = text
+            files[f"reproduction{suffix}.md"] = text
         if robustness and (text := robustness_markdown(records)):
-            files["robustness.md"] = text
+            files[f"robustness{suffix}.md"] = text
     if "csv" in formats:
-        files["scores.csv"] = scores_frame(records).to_csv(index=False, float_format="%.6f")
+        files[f"scores{suffix}.csv"] = scores_frame(records).to_csv(index=False, float_format="%.6f")
     if "json" in formats:
-        files["tables.json"] = json.dumps(as_json(views), indent=1) + "\n"
+        files[f"tables{suffix}.json"] = json.dumps(as_json(views), indent=1) + "\n"
     return files
 
 
-def write_files(folder: Path, files: Mapping[str, str | bytes], *, force: bool = False) -> None:
+def write_files(
+    folder: Path, files: Mapping[str, str | bytes], *, force: bool = False, listed: str = LIST
+) -> None:
     """Write files into a folder, and remove those that the last command wrote there and this one does not.
 
     Parameters
@@ -72,6 +76,8 @@ def write_files(folder: Path, files: Mapping[str, str | bytes], *, force: bool =
         Texts or bytes by name.
     force
         Whether to replace files that were edited or come from elsewhere.
+    listed
+        Name of the list of these files; files of another list are left alone.
 
     Raises
     ------
@@ -79,7 +85,7 @@ def write_files(folder: Path, files: Mapping[str, str | bytes], *, force: bool =
         Before anything is written, if a file would be replaced that was edited or that no command has written.
     """
     contents = {name: text.encode() if isinstance(text, str) else text for name, text in files.items()}
-    earlier = _earlier(folder)
+    earlier = _earlier(folder / listed)
     for name, data in contents.items():
         present = _digest(folder / name)
         if present and not force and present not in (earlier.get(name), hashlib.sha256(data).hexdigest()):
@@ -91,20 +97,20 @@ def write_files(folder: Path, files: Mapping[str, str | bytes], *, force: bool =
         if _digest(folder / name) == earlier[name]:
             (folder / name).unlink()
     digests = {name: hashlib.sha256(contents[name]).hexdigest() for name in sorted(contents)}
-    write_text(folder / LIST, json.dumps(digests, indent=0))
+    write_text(folder / listed, json.dumps(digests, indent=0))
 
 
-def _earlier(folder: Path) -> dict[str, str]:
+def _earlier(path: Path) -> dict[str, str]:
     """Return the digests of the files of the last command, without names outside the folder."""
     try:
-        listed = msgspec.json.decode((folder / LIST).read_bytes(), type=dict[str, str])
+        listed = msgspec.json.decode(path.read_bytes(), type=dict[str, str])
     except (OSError, msgspec.DecodeError, UnicodeError):
         return {}
-    root = folder.resolve()
+    root = path.parent.resolve()
     return {
         name: digest
         for name, digest in listed.items()
-        if "\0" not in name and (folder / name).resolve().is_relative_to(root)
+        if "\0" not in name and (root / name).resolve().is_relative_to(root)
     }
 
 

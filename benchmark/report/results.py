@@ -20,7 +20,14 @@ from pandas import DataFrame, concat
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.data_names import label_data_sets
-from benchmark.pipeline.records import Record, read_distances, read_form, read_records, read_vertex_map
+from benchmark.pipeline.records import (
+    DEFAULT_SCORER,
+    Record,
+    read_distances,
+    read_form,
+    read_records,
+    read_vertex_map,
+)
 from benchmark.report.frames import chosen_records, fold_of, kind_of, scores_frame, seconds_of
 
 __all__ = ["Results", "open_results"]
@@ -45,10 +52,11 @@ class Results:
     def scores(self) -> DataFrame:
         """All scores of full runs, one value a line, beside those that the paper prints.
 
-        Columns: ``table``, ``dataset``, ``method``, ``input`` ("mesh", "view", or "paper" for what it prints), ``fold``
-        (part of the data set; "" for the whole one), ``measure``, and ``value`` in [0, 1], a mean over queries.
+        Columns: ``table``, ``dataset``, ``method``, ``input`` ("mesh", "view", or "paper" for what it prints),
+        ``scorer`` ("" for descriptors and the paper), ``seed``, ``fold`` (part of the data set; "" for the whole one),
+        ``measure``, and ``value`` in [0, 1], a mean over queries.
         """
-        return scores_frame(chosen_records(self.records))
+        return scores_frame(record for record in self.records if not record.data.quick)
 
     @cached_property
     def jobs(self) -> DataFrame:
@@ -81,12 +89,14 @@ class Results:
     def queries(self) -> DataFrame:
         """One line for each shape of each job with scores.
 
-        Columns: ``job``, ``dataset``, ``fold``, ``input``, ``method``, ``shape``, ``class``, and the measures.
+        Columns: ``job``, ``dataset``, ``fold``, ``input``, ``method``, ``scorer``, ``seed``, ``shape``, ``class``, and
+        the measures.
         """
         frames = [
             DataFrame({
                 "job": record.key, "dataset": record.data.name, "fold": fold_of(record), "input": record.input,
-                "method": record.method, "shape": record.shapes, "class": record.labels, **record.per_query,
+                "method": record.method, "scorer": record.scorer, "seed": record.seed, "shape": record.shapes,
+                "class": record.labels, **record.per_query,
             })
             for record in self.records
             if record.status == "ok"
@@ -94,11 +104,20 @@ class Results:
         return concat(frames, ignore_index=True) if frames else DataFrame()
 
     def job(
-        self, method: str, dataset: str, input: str = "mesh", fold: str = "", *, quick: bool = False, seed: int = 0
-    ) -> str:
-        """Return the key of a job; raise ``ConfigurationError`` if it is not finished."""
+        self, method: str, dataset: str, input: str = "mesh", fold: str = "", *, quick: bool = False, seed: int = 0,
+        scorer: str = "",
+    ) -> str:  # fmt: skip
+        """Return the key of a job, by CM-BOF if several scorers ranked it and none is named.
+
+        Raises
+        ------
+        ConfigurationError
+            If it is not finished.
+        """
         jobs = self.jobs.query("seed == @seed and quick == @quick and status == 'ok'")
         found = jobs[(jobs[["method", "dataset", "input", "fold"]] == [method, dataset, input, fold]).all(axis=1)]
+        of_scorer = found[found["scorer"].isin(["", scorer or DEFAULT_SCORER])]
+        found = of_scorer if scorer or len(of_scorer) else found
         if found.empty:
             problem = f"{self.folder} has no scores of {method} on {dataset} {fold}".rstrip() + f", {input}"
             raise ConfigurationError(problem, f"run -d {dataset} -m {method}")

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import ROBUST, TITLES, gallery_name
 from benchmark.report.formats import hundredths, markdown_table, markdown_text
-from benchmark.report.frames import changed
+from benchmark.report.frames import changed, scored_by
 
 MEASURE = "NN"
 
@@ -33,5 +33,5 @@ def robustness_markdown(records: Iterable[Record]) -> str:
     set_titles = {record.data.name: record.data.title for record in known}
     head = ["Change", "strength", *(titles[name] for name in methods)]
     sets = ", ".join(markdown_text(set_titles.get(base, base)) for base in sorted(bases))
-    lines = [f"**Robustness.** {MEASURE} of complete surfaces of {sets}; a destroyed shape counts 0.", ""]
-    return "\n".join([*lines, *markdown_table(head, body)]) + "\n"
+    words = f"**Robustness.** {MEASURE} of complete surfaces of {sets}; a destroyed shape counts 0. "
+    return "\n".join([words + scored_by(known).note, "", *markdown_table(head, body)]) + "\n"

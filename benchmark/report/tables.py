@@ -21,7 +21,17 @@ from benchmark.pipeline.records import DEFAULT_SCORER, Record
 from benchmark.protocols.tables import AVERAGED, TABLES, TITLES, Column, Kind, Table, gallery_name
 from benchmark.reference.paper import MEASURES, PRINTED
 from benchmark.registry import BUILT_IN, Component
-from benchmark.report.frames import by_gallery, changed, fold_of, kind_of, row_of, seconds_of, tables_of
+from benchmark.report.frames import (
+    ScoredBy,
+    by_gallery,
+    changed,
+    fold_of,
+    kind_of,
+    row_of,
+    scored_by,
+    seconds_of,
+    tables_of,
+)  # fmt: skip
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, class_intervals, permutation_test
 from benchmark.text import brief
 from retrieval.measures import chance_levels
@@ -186,6 +196,8 @@ class TableView:
         Methods whose rows are printed; empty for all. Marks and verdicts come from all rows.
     left_out
         Notes on records of other versions of the data.
+    by
+        Its scorer and seed.
     never_ran
         Whether to print methods of the paper that never ran.
     """
@@ -200,6 +212,7 @@ class TableView:
     paper: Mapping[str, Mapping[str, float]]
     shown: frozenset[str]
     left_out: tuple[str, ...]
+    by: ScoredBy
     never_ran: bool = False
 
     @property
@@ -237,14 +250,14 @@ class TableView:
         quick = ", quick run with some of the poses" if self.quick else ""
         is_named = any(f"{mark}{self.title}" in self.table.caption for mark in " /")  # a folder is its own table
         named = "" if is_named else f": {self.title}"
-        return f"{self.table.caption}{named} ({self.size}{quick})"
+        return f"{self.table.caption}{named} ({self.size}{quick}){self.by.caption}"
 
     @property
     def stem(self) -> str:
         """Name of its files."""
         name = f"table-{self.table.identifier}"
         name += f"-{self.dataset.removesuffix('[draw=0]')}" if self.dataset != self.table.identifier else ""
-        return file_name(name) + "-quick" * self.quick
+        return file_name(name + self.by.suffix) + "-quick" * self.quick
 
     @cached_property
     def chance(self) -> dict[str, dict[str, float]]:
@@ -336,7 +349,8 @@ def table_views(
     paper
         Whether to print methods of the paper that never ran.
     """
-    wanted, sets, shown = set(tables), set(datasets), frozenset(methods)
+    wanted, sets, shown, records = set(tables), set(datasets), frozenset(methods), [*records]
+    by = scored_by(records)
     by_table: dict[tuple[Table, str], list[Record]] = {}
     for record in records:
         name = record.data.name
@@ -349,7 +363,7 @@ def table_views(
     order = {table: place for place, table in enumerate(TABLES)}
     own = [key for key, of in by_table.items() if not key[0].is_cross or any(record.against for record in of)]
     keys = sorted(own, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
-    every = [replace(_view(table, main, by_table[table, main], shown), never_ran=paper) for table, main in keys]
+    every = [replace(_view(table, main, by_table[table, main], shown, by), never_ran=paper) for table, main in keys]
     views = [view for view in every if any(row.scored or row.failed for row in view.rows)]
     return [view for view in views if not wanted or sets or _is_preferred(view, views)]
 
@@ -375,7 +389,7 @@ def _is_preferred(view: TableView, views: Sequence[TableView]) -> bool:
     return view in here if here else view is rivals[0]
 
 
-def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozenset[str]) -> TableView:
+def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozenset[str], by: ScoredBy) -> TableView:
     """Return one table with its rows, of which none may have scores or have failed."""
     current = {gallery: _of_newest_version(of) for gallery, of in by_gallery(records).items()}
     newest = [record for of in current.values() for record in of]
@@ -402,7 +416,7 @@ def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozense
     columns = scored or tuple(sorted(known, key=lambda column: column.input != sample.input)[:1])
     return TableView(
         table, dataset, _title(sample), quick, columns, {column.title: ranked[column] for column in known},
-        tuple(listed), printed, shown, tuple(dict.fromkeys(left_out)),
+        tuple(listed), printed, shown, tuple(dict.fromkeys(left_out)), by,
     )  # fmt: skip
 
 

@@ -86,7 +86,7 @@ def test_shapes_without_a_result_rank_last_or_find_nothing(rods, finished, tmp_p
     assert record.per_query["mAP"][record.shapes.index("thin0")] > 0, "thin1 has a form in the gallery"
     (view,) = table_views([record])
     assert view.caption.startswith("Retrieval on queries against gallery without same names (4 queries of 2 classes, ")
-    assert view.caption.endswith(", 1 left out, among 4 shapes)")
+    assert ", 1 left out, among 4 shapes), scored by CM-BOF (image_size=64" in view.caption
     assert view.chance["mesh"]["NN"] == pytest.approx(1 / 3)
     kept = finished / "runs"
     for path in (kept / "records" / f"{record.key}.json", kept / "forms" / f"{record.against.keys[3]['forms']}.npz"):
