@@ -36,10 +36,11 @@ from benchmark.geometry.camera import FRONT
 from benchmark.geometry.interpolation import interpolate, vertex_normals
 from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.preparation import Prepared
+from benchmark.geometry.preparation import Prepared, prepare
 from benchmark.pipeline.cache import Arrays, Cache
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.preparation import (
+    N_VERTICES,
     Preparation,
     fit_frame,
     frame_of,
