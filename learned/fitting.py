@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import msgspec
 import numpy as np
 import torch
 from torch import nn
@@ -17,6 +18,7 @@ from benchmark.api.learning import CARD, TrainingData
 from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError
 from benchmark.machine import available_cores, describe_machine
+from learned.images import DepthScale
 from learned.models import CONFIGURATIONS, load, save
 from learned.pairs import Pairs, gather
 from learned.paper_network import RESOLUTIONS
@@ -59,17 +61,19 @@ def train(
     torch.set_num_threads(machine.threads or available_cores())
     say(f"training '{name}', seed {seed}: {words}; {data.title}")
     pairs = gather(data.pairs(), data.n_pairs, schedule.resolution, configuration.crop)
+    pairs = pairs.scaled(DepthScale.of(pairs.targets)) if schedule.stretch_depth else pairs
     recipe["images"] = pairs.digest()
     if _check_finished(folder, recipe):
         say(f"{folder} holds this model already")
         return
-    unseen = gather(data.validation(), data.n_validation, schedule.resolution, configuration.crop)
+    unseen = gather(data.validation(), data.n_validation, schedule.resolution, configuration.crop).scaled(pairs.scale)
     folder.mkdir(parents=True, exist_ok=True)
     history = fit(network, pairs, unseen, schedule, folder, seed=seed, device=device, log=say)
     network = network.cpu().eval()
     facts = {
         "seed": seed,
         "data_digest": recipe["images"],
+        "depth_scale": msgspec.to_builtins(pairs.scale),
         "schedule_in_words": f"{words}, {describe_machine()}",
         "training_measures": _measured(network, pairs),
         "validation_measures": _measured(network, unseen),
@@ -98,4 +102,4 @@ def _measured(network: nn.Module, pairs: Pairs) -> dict[str, float]:
     """Return the measures of some predictions of the finished network."""
     rows = torch.from_numpy(np.linspace(0, len(pairs) - 1, min(SAMPLES, len(pairs))).round().astype(np.int64))
     images, targets = pairs[rows]
-    return measures(torch.cat([network(image[None]) for image in images]), targets)
+    return measures(torch.cat([network(image[None]) for image in images]), targets, pairs.scale.factor)

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from typing import Self
 
+import msgspec
 import numpy as np
 import torch
 from numpy.typing import NDArray
@@ -128,6 +130,40 @@ def enlarged(prediction: Tensor) -> Floats:
     # If the fine mask exceeds a half, so does one of the coarse pixels around it, except for rounding errors.
     seen = (mask > COVERED) & (weight > 0)
     return np.asarray(torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), 0.0).numpy(), dtype=np.float32)
+
+
+class DepthScale(msgspec.Struct, frozen=True):
+    """Linear map of depths, .5 + factor (depth - mean), by which the targets of a training fill the range .1 to .9.
+
+    The frame is as deep as it is wide, so the depths of a standing body fill less than a tenth of [0, 1].
+
+    Parameters
+    ----------
+    mean, factor
+        By default, depths stay as they are.
+    """
+
+    mean: float = 0.5
+    factor: float = 1.0
+
+    @classmethod
+    def of(cls, targets: Tensor) -> Self:
+        """Return the map for depths and masks of all targets, shape (t, 2, r, r)."""
+        depths = targets[:, 0][targets[:, 1] > COVERED].double()
+        mean = math.fsum(depths.tolist()) / len(depths)  # equal on every machine
+        return cls(mean, 0.4 / max(float((depths - mean).abs().max()), LEAST_DEPTH))
+
+    def apply(self, targets: Tensor) -> Tensor:
+        """Map the foreground of targets, shape (t, 2, r, r)."""
+        depth, mask = targets.double().unbind(1)
+        scaled = torch.where(mask > COVERED, 0.5 + self.factor * (depth - self.mean), 0.0)
+        return torch.stack([scaled, mask], dim=1).float()
+
+    def undo(self, prediction: Tensor) -> Tensor:
+        """Map predicted depths back, shape (sides + 1, r, r); exact for the default."""
+        # In this order, a mean of .5 and a factor of 1 change no bit.
+        depths = prediction[:-1] / self.factor + (self.mean - 0.5 / self.factor)
+        return torch.cat([depths, prediction[-1:]])
 
 
 def undecided(mask: Tensor, decided: Tensor, tolerance: float) -> Tensor:

@@ -25,7 +25,7 @@ from benchmark.files import write_atomically
 from benchmark.geometry.depth import DepthImage
 from learned.code_network import CodeNetwork, PeopleNetwork
 from learned.field_network import FieldNetwork
-from learned.images import checked_image, resampled, undecided
+from learned.images import DepthScale, checked_image, resampled, undecided
 from learned.paper_network import PaperNetwork, window_around
 from learned.training import History, Schedule
 
@@ -102,6 +102,9 @@ class Card(learning.Card, frozen=True, kw_only=True):
     schedule: _Scale | None = None
     """None for a network without images."""
 
+    depth_scale: DepthScale = DepthScale()
+    """Map of the depths that it predicts."""
+
 
 def load(folder: Path) -> tuple[nn.Module, Card]:
     """Return the network in a folder, ready to predict in double precision, and its card.
@@ -176,14 +179,14 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
         return cast(Tensor, network(window.to(dtype=dtype, memory_format=torch.channels_last))[0])
 
     if card.configuration.architecture != "progressive":
-        return computed(pixels, torch.float64)
+        return card.depth_scale.undo(computed(pixels, torch.float64))
     prediction = computed(pixels, torch.float32).double()
     decided = torch.zeros(resolution, resolution, dtype=torch.bool)
     while len(places := undecided(prediction[-1], decided, ROUNDING * resolution)):
         outer, inner, within = zip(*(window_around(place, resolution) for place in places[0].tolist()), strict=True)
         prediction[..., *inner] = computed(pixels[..., *outer], torch.float64)[..., *within]
         decided[inner] = True
-    return prediction
+    return card.depth_scale.undo(prediction)
 
 
 def save(
@@ -228,6 +231,7 @@ def save(
         "clearance": dict(data.clearance),
         "schedule": asdict(schedule),
         "torch": str(torch.__version__),
+        "commit": data.commit,
         "losses": history[-1],
         "finished": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         **facts,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import torch
@@ -12,7 +12,7 @@ from torch import Tensor
 
 from benchmark.api.learning import TrainingPair
 from benchmark.errors import TrainingError
-from learned.images import Floats, checked_image, resampled
+from learned.images import DepthScale, Floats, checked_image, resampled
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +29,15 @@ class Pairs:
         Depth and mask of the distinct targets, shape (t, 2, r, r).
     target_of
         Row of ``targets`` for each pair, shape (n,).
+    scale
+        Map that made the depths of ``targets``.
     """
 
     names: tuple[str, ...]
     images: Tensor
     targets: Tensor
     target_of: Tensor
+    scale: DepthScale = field(default_factory=DepthScale)
 
     def __len__(self) -> int:
         return len(self.names)
@@ -45,7 +48,12 @@ class Pairs:
 
     def to(self, device: torch.device) -> Pairs:
         """Return a copy on a device."""
-        return Pairs(self.names, *(tensor.to(device) for tensor in (self.images, self.targets, self.target_of)))
+        places = {name: getattr(self, name).to(device) for name in ("images", "targets", "target_of")}
+        return replace(self, **places)
+
+    def scaled(self, scale: DepthScale) -> Pairs:
+        """Return the pairs with the depths of targets mapped."""
+        return replace(self, targets=scale.apply(self.targets), scale=scale)
 
     def digest(self) -> str:
         """Return the digest of names and pixels, 64 hexadecimal digits."""

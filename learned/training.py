@@ -51,6 +51,8 @@ class Schedule:
         Step size of Adam.
     precision
         Arithmetic of the network: ``"auto"`` takes bfloat16 if the hardware supports it.
+    stretch_depth
+        Whether the depths of targets are stretched to .1 to .9; see :class:`learned.images.DepthScale`.
     """
 
     resolution: Annotated[int, Interval(1)] = 500
@@ -60,6 +62,7 @@ class Schedule:
     batch: Annotated[int, Interval(1)] = 8
     learning_rate: Annotated[float, Interval(0, closed="neither")] = 1e-3
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
+    stretch_depth: bool = False
 
     def depth_weight(self, epoch: int) -> float:
         """Return the weight of the depth loss in an epoch, counted from 0."""
@@ -87,17 +90,17 @@ def losses(prediction: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
     return depth.mean(), mask.mean()
 
 
-def measures(predictions: Tensor, targets: Tensor) -> dict[str, float]:
+def measures(predictions: Tensor, targets: Tensor, factor: float = 1.0) -> dict[str, float]:
     """Return mean mask overlap (intersection over union), and mean depth error inside both masks, if any.
 
-    Depths and masks have shape (n, 2, r, r); the error is a share of the frame's depth.
+    Depths, stretched by a factor, and masks have shape (n, 2, r, r); the error is a share of the frame's depth.
     """
     predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
     both = predicted & true
     shares = both.sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)
     found = {"mask overlap": float(shares.mean())}
     if both.any():
-        found["depth error"] = float((predictions[:, 0] - targets[:, 0]).abs()[both].mean())
+        found["depth error"] = float((predictions[:, 0] - targets[:, 0]).abs()[both].mean()) / factor
     return found
 
 
@@ -216,7 +219,7 @@ def _predicted(network: nn.Module, image: Tensor, schedule: Schedule) -> Tensor:
 def _evaluated(network: nn.Module, pairs: Pairs, schedule: Schedule) -> dict[str, float]:
     network.eval()
     predictions = torch.cat([_predicted(network, images, schedule) for images in pairs.images.split(8)])
-    return measures(predictions, pairs.targets[pairs.target_of])
+    return measures(predictions, pairs.targets[pairs.target_of], pairs.scale.factor)
 
 
 class _State:

@@ -106,6 +106,8 @@ class TrainingData:
     clearance
         For each generated set of people, the minimum distance in phenotype space between the bodies and other subjects
         of the set; empty if no body has a phenotype.
+    commit
+        Commit of the suite that made the pairs; "" if unknown.
     """
 
     name: str
@@ -118,6 +120,7 @@ class TrainingData:
     validation: Pairs
     n_validation: int
     clearance: Mapping[str, float] = field(default_factory=dict)
+    commit: str = ""
 
 
 @runtime_checkable

@@ -17,6 +17,7 @@ from benchmark.datasets.bodies import SUBJECTS
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.people import PEOPLE, clearances
 from benchmark.errors import ConfigurationError, ShapeError, did_you_mean
+from benchmark.pipeline.environment import commit
 from benchmark.pipeline.preparation import frame_of, prepare_view
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import TRAININGS, Training, trainings_by_shape
@@ -99,6 +100,7 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
         validation=lambda: _rendered(held_out, new, frame_of(dataset), say),
         n_validation=len(held_out),
         clearance=_clearances(subjects, dataset.name),
+        commit=commit(),
     )
 
 

@@ -9,7 +9,7 @@ import torch
 from benchmark.api.learning import TrainingPair
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.depth import SIZE
-from learned.images import checked_image, enlarged, outline_blur, resampled
+from learned.images import DepthScale, checked_image, enlarged, outline_blur, resampled
 from learned.pairs import gather
 from tests.learned.toy import Image, ellipsoid, person
 
@@ -88,3 +88,17 @@ def test_nan_in_a_pair_is_found_before_training() -> None:
     for image, target in ((broken, person()), (person(), broken)):
         with pytest.raises(InvalidMesh, match="NaN"):
             gather([pair("a", "a", person(), person()), pair("b", "b", image, target)], 2, 32)
+
+
+def test_depths_of_targets_fill_their_range_and_come_back() -> None:
+    depth = torch.tensor([[[0.0, 0.48], [0.5, 0.52]], [[0.0, 0.54], [0.5, 0.52]]])
+    targets = torch.stack([depth, (depth > 0).float()], dim=1)
+    scale = DepthScale.of(targets)
+    assert (scale.mean, scale.factor) == (pytest.approx(3.06 / 6), pytest.approx(0.4 / 0.03))
+    below, above = 0.5 - 0.4 / 3, 0.5 + 0.4 / 3
+    scaled = scale.apply(targets)
+    torch.testing.assert_close(scaled[:, 0], torch.tensor([[[0.0, 0.1], [below, above]], [[0.0, 0.9], [below, above]]]))
+    assert torch.equal(scaled[:, 1], targets[:, 1])
+    torch.testing.assert_close(scale.undo(scaled[1])[0][targets[1, 1] > 0], depth[1][depth[1] > 0])
+    two_sides = torch.rand(3, 9, 9, dtype=torch.float64) ** 9
+    assert torch.equal(DepthScale().undo(two_sides), two_sides)

@@ -90,6 +90,31 @@ def test_pixels_that_rounding_may_decide_are_predicted_in_double_precision(
         assert (error < 1e-12) == is_exact
 
 
+def test_depths_of_stretched_targets_are_predicted_in_the_range_of_the_frame(trained: Path, tmp_path: Path) -> None:
+    train(TINY.name, 0, toy_data(), tmp_path, {**OPTIONS, "stretch_depth": True}, quiet)
+    card = json.loads((tmp_path / CARD).read_text())
+    targets = np.stack([resampled(pair.target, 32) for pair in list(toy_pairs(BUILDS))[::2]]).astype(float)
+    depths = targets[:, 0][targets[:, 1] == 1]
+    factor = 0.4 / np.abs(depths - depths.mean()).max()
+    assert factor > 2
+    assert card["depth_scale"] == pytest.approx({"mean": depths.mean(), "factor": factor})
+    assert card["data_digest"] != json.loads((trained / CARD).read_text())["data_digest"]
+    depth, mask = predict(tmp_path, ellipsoid(*BUILDS["slim"])).numpy()
+    assert np.abs(depth - targets[0, 0])[mask > 0.9].mean() < 0.03
+    for name in ("training_measures", "validation_measures"):  # errors are shares of the frame's depth, too
+        assert card[name]["depth error"] < 0.1
+
+
+def test_a_card_without_a_scale_changes_no_bit(copied: Path) -> None:
+    expected = predict(copied, ellipsoid(0.5, 0.7))
+    edit_card(copied, lambda card: card.pop("depth_scale"))
+    assert torch.equal(predict(copied, ellipsoid(0.5, 0.7)), expected)
+    edit_card(copied, lambda card: card.update(depth_scale={"mean": 0.6, "factor": 4.0}))
+    depth, mask = predict(copied, ellipsoid(0.5, 0.7))
+    assert torch.equal(mask, expected[1])
+    torch.testing.assert_close(0.5 + 4 * (depth - 0.6), expected[0])
+
+
 def test_a_folder_whose_model_was_replaced_is_read_again(copied: Path) -> None:
     before = load(copied)[0]
     replace_weights(copied, save({name: tensor.half() for name, tensor in TINY.build(seed=5).state_dict().items()}))

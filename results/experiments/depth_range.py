@@ -1,0 +1,217 @@
+"""Does the depth of a network say anything? ``python results/experiments/depth_range.py evaluate FOLD SEED RESULTS``.
+
+The rules are in README.md beside this file, under "Targets that fill the range". RESULTS has the models that were
+trained with ``stretch_depth``; today's are those of the suite. ``lengthen RESULTS`` trains for 250 epochs and evaluates
+on the way, and ``judge`` prints the table. Scores go to depth-range.csv; what it holds is not computed again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+import torch
+from numpy.typing import NDArray
+from safetensors.torch import save
+from scipy.ndimage import distance_transform_edt
+from scipy.stats import t as student
+from torch import Tensor
+
+from benchmark.api.learning import CARD, WEIGHTS
+from benchmark.datasets.base import canonical_shapes
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.pipeline.preparation import prepare_view
+from benchmark.pipeline.stages import frame_of
+from benchmark.protocols.pairs import training_data
+from benchmark.protocols.trainings import TRAININGS
+from learned import fitting, training
+from learned.images import COVERED, checked_image, enlarged, resampled
+from learned.methods import Learned
+from learned.models import load
+from learned.surface import open_surface
+from retrieval.cmbof import CMBOF
+from retrieval.measures import score_draws
+
+JUDGES, TRAINED = "people[n=12]", "people[draw=0]"
+RESOLUTION, EPOCHS, EARLY = 128, 60, 12
+SCORES = Path(__file__).with_name("depth-range.csv")
+MEASURES = ("NN", "FT", "ST", "DCG")
+LONG, AT = 250, (60, 120, 180, 250)
+TODAY, DIVIDED, NEW, AVERAGE, FLAT, TRUE = (
+    "today",
+    "today's depth / f",
+    "stretched",
+    "average body",
+    "flat",
+    "true depth",
+)
+CONTROLS = (DIVIDED, AVERAGE)
+
+
+@cache
+def judges() -> tuple[list[str], NDArray[np.float32], NDArray[np.float32]]:
+    """Return subject, depth image and true canonical image of each view, in the frame of the training."""
+    shapes, half_width = open_dataset(JUDGES), frame_of(open_dataset(TRAINED))
+    entries, canonical = list(shapes.shapes), canonical_shapes(shapes)
+    images = np.stack([prepare_view(shapes.load(each), shapes.camera(each), half_width)["depth"] for each in entries])
+    subjects = [entry.subject for entry in entries]
+    return subjects, images, images[[entries.index(canonical[subject]) for subject in subjects]]
+
+
+def average_body(fold: int) -> Tensor:
+    """Return the mean depth of the training bodies, shape (r, r): at each pixel, of those that cover it."""
+    seen: dict[str, NDArray[np.float32]] = {}
+    for pair in training_data(TRAININGS[f"people-fold-{fold}"], None, print).pairs():
+        if pair.target_identifier not in seen:
+            seen[pair.target_identifier] = resampled(checked_image(pair.target), RESOLUTION)
+    depth, mask = torch.from_numpy(np.stack([*seen.values()])).double().unbind(1)
+    return spread((depth * mask).sum(0) / mask.sum(0).clamp(min=1), mask.sum(0))
+
+
+def spread(depth: Tensor, mask: Tensor) -> Tensor:
+    """Return the depth inside a mask, and outside of it that of the nearest pixel inside."""
+    rows, columns = distance_transform_edt(mask.numpy() <= COVERED, return_distances=False, return_indices=True)
+    return depth[torch.from_numpy(rows).long(), torch.from_numpy(columns).long()]
+
+
+def settings(
+    today: Sequence[Tensor], new: Sequence[Tensor], truth: Sequence[Tensor], fold: int, factor: float
+) -> Iterator[tuple[str, list[Tensor]]]:
+    """Yield what is judged: depth and mask of each view."""
+    average = average_body(fold)
+    yield TODAY, [*today]
+    yield DIVIDED, [torch.stack([0.5 + (depth - 0.5) / factor, mask]) for depth, mask in today]
+    yield NEW, [*new]
+    yield AVERAGE, [torch.stack([average, mask]) for _, mask in new]
+    yield FLAT, [torch.stack([torch.full_like(mask, 0.5), mask]) for _, mask in new]
+    yield TRUE, [torch.stack([spread(*true), mask]) for (_, mask), true in zip(new, truth, strict=True)]
+
+
+def error(predicted: Tensor, true: Tensor) -> float:
+    """Return the root mean square error of the depth inside both masks, without the mean of the error."""
+    both = (predicted[1] > COVERED) & (true[1] > COVERED)
+    return float((predicted[0] - true[0])[both].std(correction=0)) if both.any() else np.nan
+
+
+def ranked(predictions: Sequence[Tensor], subjects: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    """Return the measures of each query."""
+    scorer, signatures = CMBOF(), []
+    for prediction in predictions:
+        signatures.append(scorer.signature(open_surface(enlarged(prediction))[0]))
+    matrices = (scorer.compare(signatures, draw) for draw in range(scorer.info.draws))
+    return score_draws(matrices, subjects)["per_query"]
+
+
+def by_pixels(predictions: Sequence[Tensor], subjects: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+    """Return the measures of each query by the L2 distance of depths inside the masks."""
+    flat = np.stack([torch.where(mask > COVERED, depth, 0).numpy().ravel() for depth, mask in predictions])
+    matrix = np.sqrt(np.maximum((flat**2).sum(1)[:, None] + (flat**2).sum(1) - 2 * flat @ flat.T, 0))
+    np.fill_diagonal(matrix, 0)
+    return score_draws([(matrix + matrix.T) / 2], subjects)["per_query"]
+
+
+def predictions(folder: Path) -> list[Tensor]:
+    """Return the predictions of a model for all views."""
+    method = Learned().load(folder)
+    return [method.predict(image) for image in judges()[1]]
+
+
+def evaluate(fold: int, seed: int, folder: Path, epochs: int) -> None:
+    """Append the scores of a model, of today's and of the controls."""
+    known = pandas.read_csv(SCORES) if SCORES.is_file() else pandas.DataFrame(columns=["fold", "seed", "epochs"])
+    if len(known.query(f"fold == {fold} and seed == {seed} and epochs == {epochs}")):
+        return
+    card = json.loads((folder / CARD).read_text())
+    subjects, _, canonical = judges()
+    truth = [torch.from_numpy(resampled(image, RESOLUTION)).double() for image in canonical]
+    shipped = Learned.shipped_models / f"people-fold-{fold}" / f"literal-seed{seed}"
+    today, new = predictions(shipped), predictions(folder)
+    rows: list[dict[str, Any]] = []
+
+    def note(setting: str, found: Mapping[str, Any], given: Sequence[Tensor]) -> None:
+        errors = [error(*each) for each in zip(given, truth, strict=True)]
+        table = pandas.DataFrame({**{name: found[name] for name in MEASURES}, "error": errors, "body": subjects})
+        means = table.groupby("body", sort=False).mean().reset_index()
+        facts = {"fold": fold, "seed": seed, "epochs": epochs, "setting": setting}
+        rows.extend({**facts, **row} for row in means.to_dict("records"))
+        print(setting, means[[*MEASURES, "error"]].mean().round(4).to_dict(), flush=True)
+
+    for setting, given in settings(today, new, truth, fold, card["depth_scale"]["factor"]):
+        note(setting, ranked(given, subjects), given)
+    note(f"{TODAY}, L2", by_pixels(today, subjects), today)
+    note(f"{NEW}, L2", by_pixels(new, subjects), new)
+    rounded = pandas.DataFrame(rows).round({**dict.fromkeys(MEASURES, 4), "error": 5})
+    pandas.concat([known, rounded]).to_csv(SCORES, index=False, lineterminator="\n")
+
+
+def lengthen(results: Path) -> None:
+    """Train fold 0 with seed 0 for :data:`LONG` epochs, and evaluate the weights at each of :data:`AT`."""
+    folder = results / "models" / "people-fold-0" / "literal-seed0"
+    finished = training._State.finished_epoch
+
+    def keeping(state: Any, n_pairs: int) -> dict[str, float]:
+        row = finished(state, n_pairs)
+        if state.epoch in AT:
+            halves = {name: each.detach().half().contiguous() for name, each in state.network.state_dict().items()}
+            place = results / f"epoch-{state.epoch}"
+            place.mkdir(parents=True, exist_ok=True)
+            (place / WEIGHTS).write_bytes(save(halves))
+        return row
+
+    training._State.finished_epoch = keeping  # type: ignore[method-assign]
+    options = {"resolution": RESOLUTION, "epochs": LONG, "early_epochs": EARLY, "stretch_depth": True, "threads": 1}
+    data = training_data(TRAININGS["people-fold-0"], None, print)
+    fitting.train("literal", 0, data, folder, {**options, "device": "cpu"}, lambda text: print(text, flush=True))
+    card = json.loads((folder / CARD).read_text())
+    for epoch in AT:
+        place = results / f"epoch-{epoch}"
+        digest = hashlib.sha256((place / WEIGHTS).read_bytes()).hexdigest()
+        (place / CARD).write_text(json.dumps({**card, "digest": digest}))
+        load(place)
+        evaluate(0, 0, place, -epoch)  # negative: of the long training
+
+
+def judge() -> None:
+    """Print the scores of every training and control, the paired differences, and what follows."""
+    scores = pandas.read_csv(SCORES)
+    short = scores[scores["epochs"] == EPOCHS]
+    means = short.groupby(["fold", "seed", "setting"], sort=False)[[*MEASURES, "error"]].mean()
+    print(means.round(4).to_string(), means.groupby("setting", sort=False).mean().round(4).to_string(), sep="\n\n")
+    exceeds = {}
+    for other in (TODAY, *CONTROLS, FLAT, TRUE):
+        pairs = means["FT"].unstack("setting")[[NEW, other]]
+        gain = (pairs[NEW] - pairs[other]).to_numpy()
+        bodies = short.groupby(["setting", "body"])["FT"].mean().unstack("setting")
+        each = (bodies[NEW] - bodies[other]).to_numpy()
+        unit, of_bodies = (values.std(ddof=1) / len(values) ** 0.5 for values in (gain, each))
+        reach = student.ppf(0.975, len(each) - 1) * of_bodies
+        exceeds[other] = gain.mean() >= student.ppf(0.975, len(gain) - 1) * unit
+        print(f"{NEW} - {other}: FT {gain.mean():+.4f}, {gain.mean() / unit:.2f} standard errors of {len(gain)} pairs, "
+              f"over bodies {each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}")  # fmt: skip
+    errors = means["error"].groupby("setting").mean()
+    print("lands:", exceeds[TODAY])
+    is_below = errors[NEW] < errors[AVERAGE]
+    print("sees the relief:", exceeds[TODAY] and all(exceeds[name] for name in CONTROLS) and is_below)
+    long = scores[(scores["epochs"] < 0) & (scores["setting"] == NEW)].groupby("epochs")["FT"].agg(["mean", "sem"])
+    if len(long) == len(AT):
+        best = long.loc[long["mean"].idxmax()]
+        print("epochs:", -max(epochs for epochs, row in long.iterrows() if row["mean"] >= best["mean"] - best["sem"]))
+
+
+if __name__ == "__main__":
+    torch.set_num_threads(1)
+    what, *rest = sys.argv[1:]
+    if what == "evaluate":
+        place = Path(rest[2]) / "models" / f"people-fold-{rest[0]}" / f"literal-seed{rest[1]}"
+        evaluate(int(rest[0]), int(rest[1]), place, EPOCHS)
+    elif what == "lengthen":
+        lengthen(Path(rest[0]))
+    else:
+        judge()
