@@ -17,12 +17,9 @@ unexport PYTHONDONTWRITEBYTECODE
 
 # What the figures show: shapes of quick runs, which make the forms.
 POSES := $(addprefix --shape woman-a3_,standing waving t-pose)
-VIEWS := $(addprefix --shape man-a1_,standing waving t-pose) $(POSES)
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
 OF_PEOPLE := -d people[draw=0] --input mesh --quick
 OF_SCANS := -d humans-scanlike --input mesh --quick
-OF_VIEWS := -t I-view -d people[draw=0] --quick
-NETWORKS := learned[configuration=as_printed] learned learned-wide-extra
 DRAW := $(BIN)/python -m benchmark report --force --figure forms -o results/figures
 methods = $(addprefix -m ,$(1))
 
@@ -115,8 +112,7 @@ figures: setup
 	$(DRAW)/forms.png $(OF_PEOPLE) $(POSES) $(call methods,$(CLASSICAL) $(FURTHER))
 	$(BIN)/python -m benchmark run $(OF_SCANS) $(call methods,$(FIELD))
 	$(DRAW)/field-humans.png $(OF_SCANS) $(call methods,$(FIELD))
-	$(BIN)/python -m benchmark run $(OF_VIEWS) $(call methods,$(NETWORKS))
-	$(DRAW)/learned-forms.png $(OF_VIEWS) $(VIEWS) $(call methods,$(NETWORKS))
+	$(BIN)/python results/experiments/predictions.py
 	$(DRAW)/effect.png -t III -d tosca $(call methods,$(SHOWN)) $(BODIES)
 	$(BIN)/python -m tools.scorers
 	for name in animals people humans-scanlike tosca; do \

@@ -131,8 +131,9 @@ class Learned(TrainedNetwork):
         summary="canonical pose predicted from the depth image by the paper's network",
         departs=(
             "The source counts the short-range blocks in three ways; here they are nine convolutions. Widths, output "
-            "functions, camera and canonical pose, which it leaves open, are ours. It is trained in bfloat16 and, "
-            "unless 'as_printed' is chosen, with fewer pixels and, on people, fewer epochs."
+            "functions, range of depths, camera and canonical pose, which it leaves open, are ours. It is trained in "
+            "bfloat16, for Table II on ten instead of fifteen subjects, and, unless 'as_printed' is chosen, with fewer "
+            "pixels and, on people, fewer epochs."
         ),
         requires=("torch", "safetensors"),
         inputs=("view",),

@@ -67,12 +67,16 @@ def latex_title(title: str) -> str:
 
 @dataclass(frozen=True)
 class Line:
-    """A line of a table: its scores with their marks by group, where a group without scores has a single text."""
+    """A line of a table: by group, its scores with their marks, and the least and the greatest score over folds.
+
+    A group without scores has a single text.
+    """
 
     title: str
     groups: tuple[Sequence[tuple[str, str]], ...]
     seconds: str = ""
     row: Row | None = None
+    folds: tuple[Sequence[tuple[str, str]], ...] = ()
 
 
 def blocks(view: TableView) -> Iterator[tuple[str, list[Line]]]:
@@ -94,7 +98,8 @@ def _line(view: TableView, row: Row) -> Line:
         status = "" if group == PAPER else row.failed[0].status if row.failed else BLANK
         texts = map(hundredths, scores.values())
         groups.append(list(zip(texts, marks, strict=True)) if scores else [(status, "")])
-    return Line(clean(row.title), tuple(groups), duration(row.seconds), row)
+    folds = ([(hundredths(low), hundredths(high)) for low, high in view.of_folds(row, group)] for group in view.groups)
+    return Line(clean(row.title), tuple(groups), duration(row.seconds), row, tuple(folds))
 
 
 def _joined(group: Iterable[tuple[str, str]], styles: Mapping[str, str]) -> str:
@@ -112,6 +117,8 @@ def markdown(view: TableView) -> str:
         for line in lines:
             title = markdown_text(line.title) if heading else f"*{line.title}*"
             body.append([title, *(_joined(group, styles) for group in line.groups), line.seconds])
+            if any(line.folds):
+                body.append(["", *(" ".join(map("-".join, of_group)) for of_group in line.folds), ""])
     table = markdown_table(["Method", f"{first}: {' '.join(MEASURES)}", *others, "s"], body)
     caption = f"**Table {markdown_text(view.table.identifier)}.** {markdown_text(view.caption)}."
     notes = [line for note in table_notes(view) for line in _wrapped(f"- {markdown_text(note)}", "  ")]
@@ -131,12 +138,14 @@ def markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[s
 def latex(view: TableView) -> str:
     r"""Return a table for ``\input``, which needs array and booktabs: one column of a paper, or ``table*``."""
     n_groups, n_scores = len(view.groups), len(view.groups) * len(MEASURES)
-    # Beside titles: 1.9 em per score (for DCG) and 1.4 em for seconds, 3.4 pt between scores and 6 pt after a group.
-    rest = f"{len(MEASURES) * 1.9 * n_groups + 1.4:.1f}em-{16.2 * n_groups + 3.4:.1f}pt"
+    # Beside titles: 1.9 em per score (for DCG), .7 for folds, 1.4 for seconds, 3.4 pt between scores, 6 after a group.
+    has_folds = [any(view.of_folds(row, group) for row in view.printed_rows) for group in view.groups]
+    widths = [2.6 if of else 1.9 for of in has_folds]
+    rest = f"{len(MEASURES) * sum(widths) + 1.4:.1f}em-{16.2 * n_groups + 3.4:.1f}pt"
     one_column = "table", rf"\dimexpr\linewidth-{rest}\relax"
     environment, title_width = one_column if n_scores <= _ONE_COLUMN else ("table*", r".28\linewidth")
     titles = rf">{{\raggedright\hangindent1em}}p{{{title_width}}}"  # breaks long ones
-    scores = rf"*{{{len(MEASURES)}}}{{w{{c}}{{1.9em}}}}@{{\hskip6pt}}"
+    scores = "".join(rf"*{{{len(MEASURES)}}}{{w{{c}}{{{width}em}}}}@{{\hskip6pt}}" for width in widths)
     rules = "".join(rf"\cmidrule(r){{{4 * k + 2}-{4 * k + 5}}}" for k in range(n_groups))
     styles, body = {"bold": r"\textbf{{{}}}", "italic": r"\textit{{{}}}", "": "{}"}, []
     for heading, lines in blocks(view):
@@ -145,9 +154,10 @@ def latex(view: TableView) -> str:
             body.append(rf"\multicolumn{{{n_scores + 2}}}{{@{{}}l}}{{\emph{{{latex_text(heading)}}}}} \\")
         for line in lines:
             cells = [
-                [styles[mark].format(score) for score, mark in group] if len(group) > 1 else [_spread(group[0][0])]
-                for group in line.groups
-            ]
+                [styles[mark].format(score) + ends for (score, mark), ends in zip(group, _ends(folds), strict=False)]
+                if len(group) > 1 else [_spread(group[0][0])]
+                for group, folds in zip(line.groups, line.folds or [()] * n_groups, strict=True)
+            ]  # fmt: skip
             key = entry_of(line.row.cite)[0] if line.row else ""
             cited = rf"~\cite{{{key}}}" if key else ""
             body.append(latex_row(latex_title(line.title) + cited, *chain(*cells), line.seconds))
@@ -155,7 +165,7 @@ def latex(view: TableView) -> str:
     texts = (r"\\".join(map(latex_text, wrap(group.capitalize(), 17))) for group in view.groups)
     groups = (paper if text == "Paper" else rf"\shortstack{{{text}}}" if r"\\" in text else text for text in texts)
     head = [latex_row("", *map(_spread, groups), ""), rules, latex_row("", *MEASURES * n_groups, "s")]
-    columns = f"{titles}{scores * n_groups}w{{r}}{{1.4em}}"
+    columns = f"{titles}{scores}w{{r}}{{1.4em}}"
     notes = " ".join(table_notes(view)[:-1])  # the last one is for those who have the suite
     return latex_table(view.caption, view.stem.removeprefix("table-"), columns, [*head, *body], notes, environment)
 
@@ -190,6 +200,10 @@ def latex_figure(picture: str, caption: str) -> str:
         r"\begin{figure*}", r"\centering", rf"\includegraphics[width=\textwidth]{{{picture}}}",
         rf"\caption{{{latex_text(caption)}}}", rf"\label{{fig:{label}}}", r"\end{figure*}",
     ]) + "\n"  # fmt: skip
+
+
+def _ends(folds: Sequence[tuple[str, str]]) -> list[str]:
+    return [rf"$_{{\mathrm{{{low}}}}}^{{\mathrm{{{high}}}}}$" for low, high in folds] or [""] * len(MEASURES)
 
 
 def _spread(words: str) -> str:

@@ -41,6 +41,7 @@ def table_notes(view: TableView) -> list[str]:
         "Missing, and counts 0: {}.": listed(f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete),
         "Left out, because they rank another version of the data: {}; run them again.": listed(view.left_out),
         "Published with the suite, not run here: {}.": _published(rows),
+        "Trained with one seed, so no spread over seeds: {}.": _listed(_trained_once(rows), "; "),
         "Seconds come from several machines: {}.": _machines(rows),
     }
     tested = [len({*next(iter(rivals.values())).labels}) for rivals, _ in view.tests.values()]
@@ -70,6 +71,8 @@ def _columns(view: TableView) -> Iterator[str]:
             apart, where = max(ranges)
             score = f"{apart:.2f}".removeprefix("0")
             yield f"{column.title}: mean of {draws} draws, which differ by at most {score} ({where})."
+    if any(view.of_folds(row, column.title) for row in view.printed_rows for column in view.columns):
+        yield "Beside means over folds: the least and the greatest fold."
     if any(row.seconds is not None for row in view.printed_rows):
         yield "s: median seconds per shape for form and geodesics."
 
@@ -117,6 +120,13 @@ def _seen(rows: Iterable[Row]) -> Iterator[str]:
         for title, one in row.scored.items():
             if count := sum(label in one.seen_classes for label in one.labels):
                 yield f"{row.title} {count} of {len(one.labels)} shapes ({title})"
+
+
+def _trained_once(rows: Iterable[Row]) -> Iterator[str]:
+    for row in rows:
+        galleries = [records for one in row.scored.values() for records in one.records.values()]
+        if row.kind == "network" and galleries and max(map(len, galleries)) == 1:
+            yield row.title
 
 
 def _published(rows: Iterable[Row]) -> str:

@@ -81,11 +81,15 @@ class Scored:
     excused: frozenset[str] = frozenset()
 
     @cached_property
-    def means(self) -> dict[str, float]:
-        """Means over galleries, each a mean over trainings."""
+    def of_galleries(self) -> NDArray[np.float64]:
+        """Scores of each gallery, means over trainings, shape (galleries, measures); 0 for a missing one."""
         each = [[[r.scores[name] for name in MEASURES] for r in records] for records in self.records.values()]
-        totals = np.sum([np.mean(of_gallery, axis=0) for of_gallery in each], axis=0)
-        return dict(zip(MEASURES, (totals / (len(each) + len(self.missing))).tolist(), strict=True))
+        return np.array([*(np.mean(of, axis=0) for of in each), *[np.zeros(len(MEASURES))] * len(self.missing)])
+
+    @cached_property
+    def means(self) -> dict[str, float]:
+        """Means over galleries."""
+        return dict(zip(MEASURES, self.of_galleries.mean(axis=0).tolist(), strict=True))
 
     @property
     def all_records(self) -> list[Record]:
@@ -277,6 +281,13 @@ class TableView:
         if group == PAPER:
             return self.paper.get(row.method, {})
         return row.scored[group].means if group in row.scored else {}
+
+    def of_folds(self, row: Row, group: str) -> list[tuple[float, float]]:
+        """Return the least and the greatest score over the folds of a group, by measure; empty without folds."""
+        has_folds = any(column.title == group and len(column.parts) > 1 for column in self.columns)
+        one = row.scored.get(group) if has_folds else None
+        several = one is not None and len(one.of_galleries) > 1
+        return [(min(of), max(of)) for of in one.of_galleries.T.tolist()] if one and several else []
 
     @cached_property
     def tests(self) -> dict[tuple[str, Kind], tuple[dict[str, Scored], NDArray[np.bool_]]]:

@@ -2,7 +2,8 @@
 
 The rules are in README.md beside this file, under "Targets that fill the range". RESULTS has the models that were
 trained with ``stretch_depth``; today's are those of the suite. ``lengthen RESULTS`` trains for 250 epochs and evaluates
-on the way, and ``judge`` prints the table. Scores go to depth-range.csv; what it holds is not computed again.
+on the way, ``take-apart FOLD`` looks at the network as printed, and ``judge`` prints the table. Scores go to
+depth-range.csv; what it holds is not computed again.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -65,13 +66,19 @@ def judges() -> tuple[list[str], NDArray[np.float32], NDArray[np.float32]]:
     return subjects, images, images[[entries.index(canonical[subject]) for subject in subjects]]
 
 
-def average_body(fold: int) -> Tensor:
-    """Return the mean depth of the training bodies, shape (r, r): at each pixel, of those that cover it."""
+@cache
+def training_bodies(fold: int, resolution: int) -> Tensor:
+    """Return depth and mask of each training body, shape (n, 2, r, r)."""
     seen: dict[str, NDArray[np.float32]] = {}
     for pair in training_data(TRAININGS[f"people-fold-{fold}"], None, print).pairs():
         if pair.target_identifier not in seen:
-            seen[pair.target_identifier] = resampled(checked_image(pair.target), RESOLUTION)
-    depth, mask = torch.from_numpy(np.stack([*seen.values()])).double().unbind(1)
+            seen[pair.target_identifier] = resampled(checked_image(pair.target), resolution)
+    return torch.from_numpy(np.stack([*seen.values()])).double()
+
+
+def average_body(fold: int, resolution: int = RESOLUTION) -> Tensor:
+    """Return the mean depth of the training bodies, shape (r, r): at each pixel, of those that cover it."""
+    depth, mask = training_bodies(fold, resolution).unbind(1)
     return spread((depth * mask).sum(0) / mask.sum(0).clamp(min=1), mask.sum(0))
 
 
@@ -100,26 +107,25 @@ def error(predicted: Tensor, true: Tensor) -> float:
     return float((predicted[0] - true[0])[both].std(correction=0)) if both.any() else np.nan
 
 
-def ranked(predictions: Sequence[Tensor], subjects: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+def ranked(predictions: Sequence[Tensor]) -> dict[str, NDArray[np.float64]]:
     """Return the measures of each query."""
     scorer, signatures = CMBOF(), []
     for prediction in predictions:
         signatures.append(scorer.signature(open_surface(enlarged(prediction))[0]))
     matrices = (scorer.compare(signatures, draw) for draw in range(scorer.info.draws))
-    return score_draws(matrices, subjects)["per_query"]
+    return score_draws(matrices, judges()[0])["per_query"]
 
 
-def by_pixels(predictions: Sequence[Tensor], subjects: Sequence[str]) -> dict[str, NDArray[np.float64]]:
+def by_pixels(predictions: Sequence[Tensor]) -> dict[str, NDArray[np.float64]]:
     """Return the measures of each query by the L2 distance of depths inside the masks."""
     flat = np.stack([torch.where(mask > COVERED, depth, 0).numpy().ravel() for depth, mask in predictions])
     matrix = np.sqrt(np.maximum((flat**2).sum(1)[:, None] + (flat**2).sum(1) - 2 * flat @ flat.T, 0))
     np.fill_diagonal(matrix, 0)
-    return score_draws([(matrix + matrix.T) / 2], subjects)["per_query"]
+    return score_draws([(matrix + matrix.T) / 2], judges()[0])["per_query"]
 
 
-def predictions(folder: Path) -> list[Tensor]:
+def predictions(method: Learned) -> list[Tensor]:
     """Return the predictions of a model for all views."""
-    method = Learned().load(folder)
     return [method.predict(image) for image in judges()[1]]
 
 
@@ -129,26 +135,54 @@ def evaluate(fold: int, seed: int, folder: Path, epochs: int) -> None:
     if len(known.query(f"fold == {fold} and seed == {seed} and epochs == {epochs}")):
         return
     card = json.loads((folder / CARD).read_text())
-    subjects, _, canonical = judges()
-    truth = [torch.from_numpy(resampled(image, RESOLUTION)).double() for image in canonical]
+    truth = true_images(RESOLUTION)
     shipped = Learned.shipped_models / f"people-fold-{fold}" / f"literal-seed{seed}"
-    today, new = predictions(shipped), predictions(folder)
-    rows: list[dict[str, Any]] = []
-
-    def note(setting: str, found: Mapping[str, Any], given: Sequence[Tensor]) -> None:
-        errors = [error(*each) for each in zip(given, truth, strict=True)]
-        table = pandas.DataFrame({**{name: found[name] for name in MEASURES}, "error": errors, "body": subjects})
-        means = table.groupby("body", sort=False).mean().reset_index()
-        facts = {"fold": fold, "seed": seed, "epochs": epochs, "setting": setting}
-        rows.extend({**facts, **row} for row in means.to_dict("records"))
-        print(setting, means[[*MEASURES, "error"]].mean().round(4).to_dict(), flush=True)
-
+    today, new = predictions(Learned().load(shipped)), predictions(Learned().load(folder))
+    facts, found = {"fold": fold, "seed": seed, "epochs": epochs}, []
     for setting, given in settings(today, new, truth, fold, card["depth_scale"]["factor"]):
-        note(setting, ranked(given, subjects), given)
-    note(f"{TODAY}, L2", by_pixels(today, subjects), today)
-    note(f"{NEW}, L2", by_pixels(new, subjects), new)
-    rounded = pandas.DataFrame(rows).round({**dict.fromkeys(MEASURES, 4), "error": 5})
-    pandas.concat([known, rounded]).to_csv(SCORES, index=False, lineterminator="\n")
+        found.append(scored({**facts, "setting": setting}, ranked(given), given, truth))
+    for setting, given in ((TODAY, today), (NEW, new)):
+        found.append(scored({**facts, "setting": f"{setting}, L2"}, by_pixels(given), given, truth))
+    pandas.concat([known, *found]).to_csv(SCORES, index=False, lineterminator="\n")
+
+
+def take_apart(fold: int) -> None:
+    """Append the scores of the network as printed with a part of its prediction replaced."""
+    method = Learned(configuration="as_printed")
+    method = method.load(method.shipped_models / f"people-fold-{fold}" / "as_printed-seed0")
+    truth, given = [each.float() for each in true_images(500)], [each.float() for each in predictions(method)]
+    average = average_body(fold, 500).float()
+    changes: dict[str, Callable[[Tensor, Tensor], Tensor]] = {
+        "as predicted": lambda predicted, true: predicted,
+        TRUE: lambda predicted, true: torch.stack([spread(*true), predicted[1]]),
+        "true mask": lambda predicted, true: torch.stack([spread(*predicted), true[1]]),
+        AVERAGE: lambda predicted, true: torch.stack([average, predicted[1]]),
+        FLAT: lambda predicted, true: torch.stack([torch.full_like(average, 0.5), predicted[1]]),
+        "true": lambda predicted, true: true,
+    }
+    facts, found = {"fold": fold, "seed": 0, "epochs": 500}, []
+    for setting, change in changes.items():
+        images = [change(*each) for each in zip(given, truth, strict=True)]
+        found.append(scored({**facts, "setting": f"as printed: {setting}"}, ranked(images), images, truth))
+    found.append(scored({**facts, "setting": "as printed: L2"}, by_pixels(given), given, truth))
+    known = [pandas.read_csv(SCORES)] if SCORES.is_file() else []
+    pandas.concat([*known, *found]).to_csv(SCORES, index=False, lineterminator="\n")
+
+
+def true_images(resolution: int) -> list[Tensor]:
+    """Return depth and mask of the true canonical image of each view."""
+    return [torch.from_numpy(resampled(image, resolution)).double() for image in judges()[2]]
+
+
+def scored(
+    facts: Mapping[str, Any], found: Mapping[str, Any], given: Sequence[Tensor], truth: Sequence[Tensor]
+) -> pandas.DataFrame:
+    """Return the scores and the error of each body."""
+    errors = [error(*each) for each in zip(given, truth, strict=True)]
+    table = pandas.DataFrame({**{name: found[name] for name in MEASURES}, "error": errors, "body": judges()[0]})
+    means = table.groupby("body", sort=False).mean().reset_index()
+    print(*facts.values(), means[[*MEASURES, "error"]].mean().round(4).to_dict(), flush=True)
+    return means.assign(**facts)[[*facts, *means]].round({**dict.fromkeys(MEASURES, 4), "error": 5})
 
 
 def lengthen(results: Path) -> None:
@@ -211,6 +245,8 @@ if __name__ == "__main__":
     if what == "evaluate":
         place = Path(rest[2]) / "models" / f"people-fold-{rest[0]}" / f"literal-seed{rest[1]}"
         evaluate(int(rest[0]), int(rest[1]), place, EPOCHS)
+    elif what == "take-apart":
+        take_apart(int(rest[0]))
     elif what == "lengthen":
         lengthen(Path(rest[0]))
     else:

@@ -154,6 +154,20 @@ def test_markdown_fits_100_columns_and_a_terminal_80(monkeypatch):
     assert re.search(r"GPS +\.40 \.20 \.32 \.56 +\.33 \.17 \.20 \.23 +1\.00 \.50 \.60 \.70 ", shown)
 
 
+def test_the_least_and_the_greatest_fold_stand_beside_the_mean():
+    of_view = {"dataset": SYNTHETIC_HUMANS[0], "input_": "view"}
+    records = [record(f"learned[training_seed={s}]", 0.2 * s, fold="fold 0", **of_view) for s in (1, 2)]
+    records += [
+        record("learned", nn, fold=fold, **of_view) for nn, fold in ((0.6, "fold 1"), (0.7, "fold 2"), (0.5, ""))
+    ]
+    (table,) = table_views(records, ["I-view"])
+    assert "|||.30-.70 .50-.50 .60-.60 .70-.70||" in markdown(table)
+    assert r"$_{\mathrm{.30}}^{\mathrm{.70}}$ & .50$_{\mathrm{.50}}^{\mathrm{.50}}$ & " in latex(table)
+    assert table.of_folds(table.rows[0], "15 subjects") == []
+    (missing,) = table_views(records[:3], ["I-view"])
+    assert missing.of_folds(missing.rows[0], "5 subjects")[0] == pytest.approx((0, 0.6))
+
+
 def test_json_keeps_its_keys():
     (row, *_) = as_json(table_views([record("gps", 0.25, dataset="tosca")], ["III"], paper=True))
     assert json.loads(json.dumps(row)) == row

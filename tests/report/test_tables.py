@@ -88,6 +88,10 @@ def test_trainings_are_averaged_within_a_fold_before_folds_are():
     rest = [record("learned", 0.6, fold=f"fold {k}", input_="view", **HUMANS) for k in (1, 2)]
     table = view(*seeds, *rest, tables=["IV"])
     assert cell(table, "learned", "ours") == pytest.approx((0.3 + 0.6 + 0.6) / 3)
+    assert not any("one seed" in note for note in table_notes(table))
+    assert "Trained with one seed, so no spread over seeds: Depth network, 128 px." in table_notes(
+        view(*rest, tables=["IV"])
+    )
 
 
 def test_networks_see_a_view_and_all_others_complete_surfaces():
