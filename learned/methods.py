@@ -32,6 +32,8 @@ ConfigurationName = Literal[
 ]  # fmt: skip
 """A key of ``learned.models.CONFIGURATIONS``, whose import takes a second."""
 
+Relief = Literal["predicted", "average", "flat"]
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrainedNetwork(CheckedParameters):
@@ -121,6 +123,9 @@ class Learned(TrainedNetwork):
         Seed of the training whose model is used.
     training
         Name of the training data; "" for that of the table.
+    relief
+        Depth inside the predicted mask: the predicted one, or, to see what it adds, that of the average training body
+        (of folds of people, at 128 x 128 pixels), or none.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -143,6 +148,7 @@ class Learned(TrainedNetwork):
     """Outline width in pixels that 90 % of the validation images of the shipped model do not exceed, if known."""
 
     configuration: ConfigurationName = "literal"
+    relief: Relief = "predicted"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Predict the canonical pose and return its surface, of unit area.
@@ -170,9 +176,15 @@ class Learned(TrainedNetwork):
 
     def predict(self, depth: DepthImage) -> Tensor:
         """Return the depth of each side and the mask, shape (sides + 1, r, r), predicted from a depth image."""
-        from learned.models import predict
+        import torch
 
-        return predict(self.model_folder, depth)
+        from learned.models import average_body, predict
+
+        prediction = predict(self.model_folder, depth)
+        if self.relief == "predicted":
+            return prediction
+        mask, training = prediction[-1], self.model_folder.parent.name
+        return torch.stack([average_body(training, len(mask)) if self.relief == "average" else mask * 0 + 0.5, mask])
 
     def measure_fit(self, shape: Shape) -> dict[str, float | str]:
         """Return the width of the predicted outline in pixels, and a doubt if it is unusual.
@@ -190,13 +202,20 @@ class Learned(TrainedNetwork):
         return notes
 
 
-def _row(name: str, title: str, configuration: str, summary: str, departs: str = "", **constants: Any) -> type[Learned]:
+_AVERAGE_BODIES = ("models/average-bodies.safetensors",)
+
+
+def _row(
+    name: str, title: str, configuration: str, summary: str, departs: str = "", relief: Relief = "predicted",
+    **constants: Any,
+) -> type[Learned]:  # fmt: skip
     """Return the learner of another row: the same class with other defaults."""
     departs = departs or Learned.info.departs
     info = replace(Learned.info, name=name, title=title, family="extended", summary=summary, departs=departs)
+    info = replace(info, files=_AVERAGE_BODIES) if relief == "average" else info
     row = make_dataclass(
         title.title().replace(" ", ""),
-        [("configuration", ConfigurationName, configuration)],
+        [("configuration", ConfigurationName, configuration), ("relief", Relief, relief)],
         bases=(Learned,),
         namespace={"info": info, "__module__": __name__, "__doc__": Learned.__doc__, **constants},
         frozen=True,
@@ -218,6 +237,14 @@ SizeFree = _row(
 Strict = _row(
     "learned-strict", "strict train", "literal", "ablation: neither subject nor pose seen in training, 12 folds",
     split="strict",
+)  # fmt: skip
+Average = _row(
+    "learned-average", "Average body in the predicted mask", "literal", "control: the depth is not that of the body",
+    "A control: only the mask is predicted.", relief="average",
+)  # fmt: skip
+Flat = _row(
+    "learned-flat", "Flat in the predicted mask", "literal", "control: no depth",
+    "A control: only the mask is predicted.", relief="flat",
 )  # fmt: skip
 WideExtra = _row(
     "learned-wide-extra", "Depth network, extra data", "wide-extra", "one global code, trained on sampled bodies",

@@ -189,6 +189,22 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
     return card.depth_scale.undo(prediction)
 
 
+@functools.cache
+def average_body(training: str, resolution: int) -> Tensor:
+    """Return the mean depth of the bodies of a training, shape (r, r); outside of all, that of the nearest pixel.
+
+    Raises
+    ------
+    ConfigurationError
+        If the average body of this training is not known at this resolution.
+    """
+    bodies = tensors_in(Path(__file__).with_name("models").joinpath("average-bodies.safetensors").read_bytes())
+    if training not in bodies or len(bodies[training]) != resolution:
+        problem = f"training '{training}' has no average body of {resolution} x {resolution} pixels"
+        raise ConfigurationError(problem, f"take the model of a training among {', '.join(bodies)}")
+    return bodies[training].double() + 0.5
+
+
 def save(
     network: nn.Module,
     configuration: Configuration,

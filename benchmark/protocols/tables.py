@@ -62,12 +62,17 @@ TITLES: Mapping[str, str] = {
     "learned-without-srf": "without SRF",
     "learned-without-lrf": "without LRF",
     "learned-without-weighting": "without weighting",
+    "learned-average": "average body in the predicted mask",
+    "learned-flat": "flat in the predicted mask",
 }
 
-#: Rows of the ablation: those of the paper, and one about which it makes a claim without figures.
-ABLATION = ("learned-strict", "learned-without-srf", "learned-without-lrf", "learned-without-weighting", "learned")
+#: Rows of the ablation: those of the paper, one about which it makes a claim without figures, and without any depth.
+CONTROLS = ("learned-average", "learned-flat")
+ABLATION = (
+    "learned-strict", "learned-without-srf", "learned-without-lrf", "learned-without-weighting", "learned", *CONTROLS,
+)  # fmt: skip
 
-#: Networks that have rows only in the ablation.
+#: Networks that have rows only in the ablation, and in tables that add them.
 ONLY_ABLATED = frozenset(ABLATION) - {"learned"}
 
 #: Forms that the paper does not compare, which run by default on animals alone.
@@ -122,6 +127,8 @@ class Table:
         Whether the paper's figures stand beside ours.
     names
         The methods that have rows; empty for all but :data:`ONLY_ABLATED`.
+    adds
+        Methods of these that have rows, too.
     omits
         Methods that run on its data only if they are selected by name.
     runs
@@ -145,6 +152,7 @@ class Table:
     columns: tuple[Column, ...] = (Column("ours"),)
     has_paper: bool = False
     names: tuple[str, ...] = ()
+    adds: tuple[str, ...] = ()
     omits: tuple[str, ...] = ()
     runs: Literal["quick", "full", "named", "alone"] = "full"
     part_of: str = ""
@@ -180,7 +188,7 @@ class Table:
 
     def includes(self, base_name: str) -> bool:
         """Return whether a method may have a row if none was selected by name."""
-        return base_name in self.names if self.names else base_name not in ONLY_ABLATED
+        return base_name in self.names if self.names else base_name not in ONLY_ABLATED.difference(self.adds)
 
 
 _FAIR = "all methods on one depth view"
@@ -201,7 +209,7 @@ TABLES: tuple[Table, ...] = (
     _real("II", "Retrieval of real humans", has_paper=True),
     _animals("III", "Retrieval of animals and people", has_paper=True, runs="quick"),
     _synthetic(
-        "I-view", f"Synthetic humans, {_FAIR}", part_of="I", omits=OTHER_FORMS,
+        "I-view", f"Synthetic humans, {_FAIR}", part_of="I", omits=OTHER_FORMS, adds=CONTROLS,
         columns=(Column(_ALL, input="view"), Column(_FEW, FOLDS, "view")),
     ),
     _real("II-view", f"Real humans, {_FAIR}", part_of="II", columns=(Column("ours", input="view"),)),

@@ -36,6 +36,8 @@ BUILT_IN: dict[str, str] = {
     "learned-without-weighting": "learned.methods:WithoutWeighting",
     "learned-strict": "learned.methods:Strict",
     "learned-size-free": "learned.methods:SizeFree",
+    "learned-average": "learned.methods:Average",
+    "learned-flat": "learned.methods:Flat",
     "learned-wide-extra": "learned.methods:WideExtra",
     "learned-streamed": "learned.methods:Streamed",
     "deformation-field": "learned.methods:DeformationField",

@@ -3,7 +3,7 @@
 The rules are in README.md beside this file, under "Targets that fill the range". RESULTS has the models that were
 trained with ``stretch_depth``; today's are those of the suite. ``lengthen RESULTS`` trains for 250 epochs and evaluates
 on the way, ``take-apart FOLD`` looks at the network as printed, and ``judge`` prints the table. Scores go to
-depth-range.csv; what it holds is not computed again.
+depth-range.csv; what it holds is not computed again. ``average-bodies`` writes those of the rows of tables.
 """
 
 from __future__ import annotations
@@ -245,6 +245,9 @@ if __name__ == "__main__":
     if what == "evaluate":
         place = Path(rest[2]) / "models" / f"people-fold-{rest[0]}" / f"literal-seed{rest[1]}"
         evaluate(int(rest[0]), int(rest[1]), place, EPOCHS)
+    elif what == "average-bodies":
+        bodies = {f"people-fold-{fold}": (average_body(fold) - 0.5).half() for fold in range(3)}
+        (Learned.shipped_models / "average-bodies.safetensors").write_bytes(save(bodies))
     elif what == "take-apart":
         take_apart(int(rest[0]))
     elif what == "lengthen":

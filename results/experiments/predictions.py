@@ -114,7 +114,7 @@ def inside(prediction: Tensor) -> NDArray[np.float64]:
 
 def picture(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
     """Draw a row of panels for each view; depth in one scale but for the input, which has its own."""
-    figure = Figure(figsize=(WIDTH, 1.45 * WIDTH * len(rows) / len(titles)), layout="constrained")
+    figure = Figure(figsize=(WIDTH, 1.1 * WIDTH * len(rows) / len(titles)), layout="constrained")
     places = figure.subplots(len(rows), len(titles), squeeze=False)
     for first, row, panels in zip([True, *[False] * len(rows)], places, rows, strict=False):
         for number, (place, panel, title) in enumerate(zip(row, panels, titles, strict=True)):
@@ -122,6 +122,7 @@ def picture(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
             place.imshow(panel, cmap="viridis", interpolation="nearest", **limits)
             place.set_axis_off()
             place.set_xlim(0.16 * len(panel), 0.84 * len(panel))
+            place.set_ylim(0.86 * len(panel), 0.13 * len(panel))
             if first:
                 place.set_title(title, fontsize=7)
     return figure

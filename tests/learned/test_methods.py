@@ -8,6 +8,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+import torch
 from safetensors.torch import load, save
 from scipy.spatial.transform import Rotation
 
@@ -18,9 +19,9 @@ from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.depth import back_project
 from benchmark.geometry.mesh import edges_of
 from learned import methods
-from learned.methods import Learned, Streamed, WideExtra
-from learned.models import CONFIGURATIONS
-from tests.learned.toy import TINY, Image, ellipsoid, replace_weights
+from learned.methods import Average, Flat, Learned, Streamed, WideExtra
+from learned.models import CONFIGURATIONS, average_body
+from tests.learned.toy import TINY, Image, ellipsoid, person, replace_weights
 
 
 def shape(depth: Image | None, seen: Image | None = None) -> Shape:
@@ -74,6 +75,23 @@ def test_a_network_that_predicts_nothing(method: Learned, trained: Path, tmp_pat
 def test_a_model_of_another_network_is_refused(trained: Path) -> None:
     with pytest.raises(ConfigurationError, match=f"holds '{TINY.name}', not 'literal'; name the folder"):
         Learned().load(trained)
+
+
+def test_controls_have_the_predicted_mask_and_a_depth_that_no_image_moves(method: Learned) -> None:
+    for image in (person(), ellipsoid(0.3, 0.7)):
+        depth, mask = Learned().predict(image)
+        for control, expected in (
+            (Average(), average_body("people-fold-0", 128)),
+            (Flat(), torch.full((128, 128), 0.5)),
+        ):
+            found = control.predict(image)
+            assert torch.equal(found[1], mask) and torch.equal(found[0], expected.double())
+            assert not torch.equal(found[0], depth)
+    object.__setattr__(method, "relief", "average")
+    with pytest.raises(
+        ConfigurationError, match="no average body of 32 x 32 pixels; take the model of a training among"
+    ):
+        method.predict(person())
 
 
 def test_the_rows_differ_in_what_their_names_say() -> None:

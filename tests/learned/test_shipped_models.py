@@ -11,12 +11,14 @@ from benchmark.api.contracts import Shape
 from benchmark.api.datasets import ShapeSet
 from benchmark.api.learning import CARD, digest_of, read_card
 from benchmark.datasets.animals import animals
+from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.people import CLEARANCE, PEOPLE, clearances, people
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.preparation import prepare_view
 from benchmark.protocols.trainings import SUBJECT_FOLDS
+from learned.images import resampled
 from learned.methods import Learned, Streamed
-from learned.models import Card, load
+from learned.models import Card, average_body, load
 
 MEBIBYTES, ALL_MEBIBYTES = 20, 95
 CARDS = {path.parent: read_card(path.parent, Card) for path in sorted(Learned.shipped_models.glob(f"*/*/{CARD}"))}
@@ -62,6 +64,17 @@ def test_no_body_that_was_trained_on_has_the_phenotype_of_a_tested_one() -> None
         nearest = min(np.linalg.norm(tested - astuple(body), axis=1).min() for body in bodies)
         assert nearest >= card.clearance["people[draw=0]"] >= CLEARANCE, card.data
         assert card.clearance["humans-scanlike"] == clearances(bodies)["humans-scanlike"] >= CLEARANCE, card.data
+
+
+def test_the_average_body_of_a_fold_is_that_of_its_training() -> None:
+    shapes = people()
+    assert shapes.half_width
+    trained = [each for each in canonical_shapes(shapes).values() if NAMES.index(each.subject) not in SUBJECT_FOLDS[1]]
+    views = [prepare_view(shapes.load(each), shapes.camera(each), shapes.half_width)["depth"] for each in trained]
+    depth, mask = np.stack([resampled(view, 128) for view in views]).astype(float).swapaxes(0, 1)
+    covered = mask.any(axis=0)
+    mean = (depth.sum(axis=0) / mask.sum(axis=0).clip(1))[covered]
+    np.testing.assert_allclose(average_body("people-fold-1", 128).numpy()[covered], mean, atol=4e-5)
 
 
 def seen(dataset: ShapeSet) -> Shape:

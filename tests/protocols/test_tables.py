@@ -7,7 +7,7 @@ import pytest
 from benchmark.api.learning import CARD
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.protocols.galleries import QUICK_POSES, galleries
-from benchmark.protocols.tables import ABLATION, SYNTHETIC_HUMANS, TABLES, TITLES
+from benchmark.protocols.tables import ABLATION, CONTROLS, SYNTHETIC_HUMANS, TABLES, TITLES
 from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
 from benchmark.registry import by_name, select, select_one
@@ -110,6 +110,8 @@ def test_ablations_have_rows_in_table_four_alone():
     found = {name.partition("[")[0] for name in rows(gallery("IV"), "view")}
     assert {"learned", "learned-without-srf", "learned-without-lrf"} <= found <= {*ABLATION}
     assert not {"learned-strict", "learned-without-srf"} & {*rows(gallery("I"), "view")}
+    controls = {*CONTROLS} <= found and {*CONTROLS} <= {*rows(gallery("I-view"), "view")}
+    assert controls and not {*CONTROLS} & {*rows(gallery("I"), "view"), *rows(gallery("II-view"), "view")}
 
 
 def test_a_method_that_is_named_has_a_row_everywhere():
