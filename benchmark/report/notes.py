@@ -41,7 +41,7 @@ def table_notes(view: TableView) -> list[str]:
         "Missing, and counts 0: {}.": listed(f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete),
         "Left out, because they rank another version of the data: {}; run them again.": listed(view.left_out),
         "Published with the suite, not run here: {}.": _published(rows),
-        "Trained with one seed, so no spread over seeds: {}.": _listed(_trained_once(rows), "; "),
+        "Trained with one seed, so no spread over seeds: {}.": listed(_trained_once(rows), "; "),
         "Seconds come from several machines: {}.": _machines(rows),
     }
     tested = [len({*next(iter(rivals.values())).labels}) for rivals, _ in view.tests.values()]
