@@ -19,7 +19,7 @@ from benchmark.cli.verbs import cli, data
 from benchmark.errors import BenchmarkError
 from benchmark.kernels import choose_kernel_cache
 from benchmark.machine import pin_threads
-from benchmark.registry.reads import watch_this_process
+from benchmark.reads import watch_this_process
 from benchmark.text import say
 
 __all__ = ["cli", "data", "program"]

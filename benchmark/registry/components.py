@@ -17,9 +17,9 @@ from benchmark.api.parameters import declared_parameters, format_value, non_defa
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, is_installed, plugin_file
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
+from benchmark.reads import watching
 from benchmark.registry.modules import load_module
 from benchmark.registry.names import quoted
-from benchmark.registry.reads import watching
 from benchmark.text import brief
 
 Kind = Literal["method", "scorer"]
@@ -215,7 +215,7 @@ class Component:
 
 
 def watching_component(component: Component, allowed: Iterable[Path] = ()) -> AbstractContextManager[object]:
-    """Return the context in which the code of a plugin is watched; see :func:`benchmark.registry.reads.watching`."""
+    """Return the context in which the code of a plugin is watched; see :func:`benchmark.reads.watching`."""
     if component.is_unknown or not component.plugin:
         return nullcontext()
     return watching(component.target, [*(component.plugin.parent / name for name in component.info.files), *allowed])

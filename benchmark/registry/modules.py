@@ -17,7 +17,7 @@ from benchmark.code_digest import is_installed, modules_beside, plugin_file, sou
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.files import file_digest
 from benchmark.kernels import remove_kernels
-from benchmark.registry.reads import watching
+from benchmark.reads import UndeclaredFile, watching
 from benchmark.text import Printed
 
 #: Contents of the sources of each plugin module when it was imported, and of the files that its methods name.
@@ -50,6 +50,8 @@ def load_module(target: str) -> ModuleType:
                 return known
             with redirect_stdout(Printed()):
                 return _import_anew(target, name, path.resolve())
+    except UndeclaredFile:
+        raise
     except (Exception, SystemExit) as error:
         hint = "" if isinstance(error, BenchmarkError) else "correct it"  # which has a hint of its own
         if isinstance(error, ModuleNotFoundError) and error.name:

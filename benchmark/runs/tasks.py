@@ -35,8 +35,8 @@ from benchmark.pipeline.outputs import compute_output, sign
 from benchmark.pipeline.preparation import AGAIN, CHANGED, REFUSED, Incomplete, Preparation, last_change
 from benchmark.pipeline.ranking import DamagedFiles, rank
 from benchmark.pipeline.records import Record, Row
+from benchmark.reads import watch_this_process
 from benchmark.registry.components import THIS_PROCESS, Component, watching_component
-from benchmark.registry.reads import watch_this_process
 from benchmark.text import Printed, clean_lines
 
 #: Modules with the code of the suite that makes files of a kind, beside that of preparation and of the component.

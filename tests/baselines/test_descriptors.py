@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from benchmark.pipeline.stages import compute_distances
 from scipy.sparse.linalg import eigsh
 
 from baselines.sd_gdm import SDGDM
@@ -11,6 +10,7 @@ from baselines.si_hks import ScaleInvariantHKS
 from baselines.surface_area import SurfaceArea
 from benchmark.api.contracts import Descriptor, Shape, UnsupportedShape
 from benchmark.geometry.laplacian import eigenpairs
+from benchmark.pipeline.outputs import compute_distances
 from tests.baselines.embedding import PointShape, limbed, points_on_ellipsoid, sphere
 
 

@@ -25,8 +25,9 @@ from baselines.smacof import (
 )
 from benchmark.api.contracts import Shape
 from benchmark.geometry import geodesics
-from benchmark.pipeline.forms import SharedResults
+from benchmark.pipeline.forms import GEODESICS, SharedResults
 from benchmark.pipeline.outputs import compute_output
+from benchmark.pipeline.preparation import SECONDS
 from tests.baselines.deformable import moved_to, shape_of, sheet
 from tests.baselines.embedding import PointShape, brute_force_stress, limbed, points_on_ellipsoid, spread
 from tests.golden import inputs
@@ -197,7 +198,7 @@ def test_the_form_that_others_deform_is_computed_once_and_charged_to_each(monkey
     shape = Shape(identifier="limbed", mesh=limbed(200).mesh, cache=shared.get_or_compute)
     for method in (ConstrainedMDS(), LeastSquaresMDS(), FeaturePreserved(), LeastSquaresMDS(start="classic")):
         output = compute_output(method, shape, shared)
-        assert (output["seconds"], output["seconds:geodesics"]) == (5.0, 3.0)
+        assert (output[SECONDS], output[SECONDS + GEODESICS]) == (5.0, 3.0)
     assert computed == [3.0, 5.0, 5.0]
 
 

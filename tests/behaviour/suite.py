@@ -50,6 +50,7 @@ def call(*words: object) -> Done:
         patch.dict(os.environ, environment(), clear=True),
         patch.object(sys, "argv", ["benchmark", *map(str, words)]),
         patch.object(os, "_exit", leave),
+        patch.object(sys, "addaudithook"),  # which would watch the plugins of all later tests
         redirect_stdout(out),
         redirect_stderr(err),
     ):

@@ -125,9 +125,3 @@ def test_a_package_of_another_folder_than_pythons_is_no_code_of_the_user(tmp_pat
     program = f"from benchmark.registry.modules import load_module; load_module({str(path)!r})"
     found = os.pathsep.join([str(packages), str(odd / "lib"), str(ROOT), os.environ.get("PYTHONPATH", "")])
     subprocess.run([sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": found}, check=True)
-
-
-def test_a_plugin_may_run_a_script(tmp_path):
-    (tmp_path / "script.py").write_text("FACTOR = 2\n")
-    imports = "import pathlib, runpy; F = runpy.run_path(str(pathlib.Path(__file__).with_name('script.py')))['FACTOR']"
-    assert load_module(f"{write_plugin(tmp_path / 'smooth.py', imports=imports)}:Smooth").F == 2

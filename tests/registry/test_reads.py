@@ -20,7 +20,7 @@ import importlib, json, os, sys
 from pathlib import Path
 from benchmark.errors import BenchmarkError
 from benchmark.registry.known import in_file
-from benchmark.registry.reads import watch_this_process, watching
+from benchmark.reads import watch_this_process, watching
 from benchmark.api import Shape
 from benchmark.check.shapes import figure
 shape = Shape(identifier='figure', mesh=figure())

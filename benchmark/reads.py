@@ -37,6 +37,10 @@ _opened: dict[str, int] | None = None
 _undeclared: dict[Path, Path] = {}
 
 
+class UndeclaredFile(ConfigurationError):
+    """A plugin reads a file that is neither in its code nor declared."""
+
+
 @cache
 def watch_this_process() -> None:
     """Let this process see what plugins read. It cannot be undone: for workers and the command line alone."""
@@ -89,7 +93,7 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
 
     Raises
     ------
-    ConfigurationError
+    UndeclaredFile
         If it opens, imports or runs another file that was there before, now or earlier in this process.
     """
     global _opened
@@ -112,7 +116,7 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
         does, hint = "reads", f"declare it in info: files=({os.path.relpath(found, plugin.parent.resolve())!r},)"
         if found.suffix == ".py":
             does, hint = "imports", f"write 'import NAME' or 'from NAME import ...', with the name as it is, or {hint}"
-        raise ConfigurationError(f"{plugin} {does} {found} in a way that its code does not show", hint)
+        raise UndeclaredFile(f"{plugin} {does} {found} in a way that its code does not show", hint)
 
 
 def _is_of_user(file: Path, folder: Path, declared: Iterable[Path], *, is_program: bool) -> bool:
