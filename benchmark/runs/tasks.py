@@ -184,6 +184,10 @@ class Queue:
         tasks = self._tasks[task.process]
         tasks.appendleft(task) if first else tasks.append(task)
 
+    def count(self, process: str) -> int:
+        """Return the number of waiting tasks of a process."""
+        return len(self._tasks[process])
+
     def take(self, process: str) -> Task | None:
         """Return the next task of a process with its open steps; None if there is none."""
         tasks = self._tasks[process]

@@ -22,6 +22,9 @@ from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 #: Seconds between looks at the workers, and most of them that count between two: a machine may be paused.
 INTERVAL, _LONGEST_INTERVAL = 0.2, 1.0
 
+#: Seconds of waiting work for which another process of the same code starts.
+_STARTING = 1.0
+
 #: Work during which nothing is stopped: kernels may take minutes to compile, and the program has imported plugins, too.
 _UNLIMITED = frozenset({"starting", "loading", "compiling"})
 
@@ -61,8 +64,8 @@ class Worker:
         self.process: str | None = None
         #: Work under way that is charged to no method.
         self._uncharged: list[str] = []
-        #: Seconds for a step, those that are left of it, and the time of the last look at it.
-        self._limit = self._left = self._looked = 0.0
+        #: Seconds for a step, those that are left of it, and the times of the last look and of the last message.
+        self._limit = self._left = self._looked = self._begun = 0.0
 
     @property
     def is_alive(self) -> bool:
@@ -96,7 +99,13 @@ class Worker:
             raise BenchmarkError(problem, "end other programs, or use -j 0") from error
         self._uncharged = ["starting"]
 
+    @property
+    def elapsed(self) -> float:
+        """Seconds since it began what it does; 0 while it starts, loads or compiles."""
+        return time.monotonic() - self._begun if _UNLIMITED.isdisjoint(self._uncharged) else 0.0
+
     def _restart_clock(self) -> None:
+        self._begun = time.monotonic()
         self._left = self._limit if _UNLIMITED.isdisjoint(self._uncharged) else float("inf")
         self._looked = time.monotonic()
 
@@ -191,6 +200,10 @@ class Pool:
             # That of the suite waits while a plugin's works, and another plugin's ends.
             fitting = [worker for worker in idle if worker.process == task.process]
             others = [worker for worker in idle if worker.process]
+            alike = [worker.elapsed for worker in self._busy if worker.process == task.process]
+            if alike and not fitting and max(alike) * queue.count(task.process) < _STARTING:
+                queue.add(task, first=True)
+                break
             worker, *_ = fitting or others or [Worker(self._memory, self._timeout)]
             worker.begin(task)
             if worker not in self._workers:

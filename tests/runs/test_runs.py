@@ -49,7 +49,7 @@ def is_gone(process):
 
 def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_is_done(rods, tmp_path):
     program, workers = start(rods, tmp_path)
-    assert len(workers) == 4  # two of the suite wait while two run the plugin
+    assert len(workers) >= 2  # one of the suite waits while the plugin runs
     time.sleep(0.35)
     begun = time.monotonic()
     program.send_signal(signal.SIGINT)
