@@ -22,6 +22,14 @@ from benchmark.text import nfc
 #: Largest file of a user that is read, and largest list or settings file, in bytes.
 LARGEST_FILE, LARGEST_LIST = 2**30, 2**24
 
+#: First bytes of files that stand for others, and what these are.
+_STAND_INS = {
+    b"version https://git-lfs": "it is a pointer of Git LFS, which 'git lfs pull' replaces",
+    b"<!doctype html": "it is a web page, not the file that it links to",
+    b"<html": "it is a web page, not the file that it links to",
+    b"\0\5\26\7": "it holds what macOS knows of a file (AppleDouble), which has the name without '._'",
+}
+
 _SUFFIX = ".tmp"
 
 
@@ -47,9 +55,12 @@ def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
     """
     with open_file(path, largest) as file:
         size = os.fstat(file.fileno()).st_size
-        content = file.read(size + 1)
+        content = file.read(size + 1) or b""  # None of what would wait
     if len(content) != size:  # it is being written, or lies in /proc
         raise OSError(errno.EAGAIN, "it does not have the size that it announces")
+    for mark, problem in _STAND_INS.items():
+        if content[:200].lstrip().lower().startswith(mark):
+            raise OSError(None, problem)
     return content
 
 

@@ -234,6 +234,9 @@ def _opened(content: bytes) -> Image.Image:
     """Open an image of one frame that no tag turns; a PNG with wrong checksums or without its end is damaged."""
     from PIL import Image  # lazy: most verbs read no image
 
+    if content[12:16] == b"\x89PNG":
+        problem = "it is compressedDepth of ROS, a PNG behind a header of 12 bytes"
+        raise DepthError(problem, "convert it: ros2 run image_transport republish compressedDepth raw")
     with Image.open(io.BytesIO(content)) as image:
         image.verify()
         if image.format == "PNG" and _END_OF_PNG not in content:

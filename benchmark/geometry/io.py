@@ -209,6 +209,8 @@ def _parsed(text: bytes) -> NDArray[np.float64]:
     try:
         return np.fromstring(text.decode("ascii"), sep=" ") if text.strip() else np.empty(0)
     except (DeprecationWarning, ValueError) as error:
+        if re.search(rb"\d,\d", text):
+            raise UnreadableMesh("numbers have decimal commas", "export with LC_NUMERIC=C") from error
         raise ValueError("expected a number") from error
 
 
