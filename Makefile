@@ -23,7 +23,7 @@ OF_SCANS := -d humans-scanlike --input mesh --quick
 DRAW := $(BIN)/python -m benchmark report --force --figure forms -o results/figures
 methods = $(addprefix -m ,$(1))
 
-.PHONY: setup kernels bench test test-slow lint docs speed tables check-tables publish figures clean golden
+.PHONY: setup kernels bench test test-slow lint fuzz docs speed tables check-tables publish figures clean golden
 
 setup: $(READY)
 
@@ -77,6 +77,12 @@ lint: setup
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+# Damaged files of users, which are to be refused or read alike; what is not goes to build/found.
+SEED ?= 1
+SECONDS ?= 60
+fuzz: setup
+	$(BIN)/python -m tests.fuzz $(SEED) $(SECONDS) build/found
 
 # The documentation site in build/site, without a network: docs/, the docstrings of what authors use, the published tables.
 docs: $(DOCUMENTED)

@@ -1,6 +1,7 @@
 """Files are whole or absent, and what killed writers leave is removed."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -148,3 +149,11 @@ def test_what_a_killed_writer_left_is_swept(tmp_path):
     sweep(tmp_path)
     assert not dead.exists()
     assert sorted(path.name for path in (tmp_path / "a").iterdir()) == sorted(others)
+
+
+@pytest.mark.slow
+def test_damaged_files_are_refused_by_name_or_read_alike_in_time_and_memory(tmp_path):
+    command = [sys.executable, "-m", "tests.fuzz", "0", "20", str(tmp_path / "found")]
+    done = subprocess.run(command, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert len(re.findall(r"(?m)^ +\d+ \S* ?refused$", done.stdout)) > 12

@@ -230,6 +230,15 @@ def _pixels(content: bytes) -> NDArray[Any]:
         return values
 
 
+def _check_end(image: Image.Image, content: bytes) -> None:
+    """Raise ``ValueError`` if numbers follow those of a PGM or PFM, of which Pillow reads the first ones."""
+    body = content[image.tile[0].offset :]
+    width = {b"P2": 0, b"P5": 1 if image.mode == "L" else 2, b"Pf": 4}.get(content[:2], 1)
+    count = len(body) / width if width else len(re.sub(rb"#[^\n]*", b"", body).split())
+    if count > image.size[0] * image.size[1] + 1:
+        raise ValueError("numbers follow the pixels that its header announces")
+
+
 def _opened(content: bytes) -> Image.Image:
     """Open an image of one frame that no tag turns; a PNG with wrong checksums or without its end is damaged."""
     from PIL import Image  # lazy: most verbs read no image
@@ -239,6 +248,8 @@ def _opened(content: bytes) -> Image.Image:
         raise DepthError(problem, "convert it: ros2 run image_transport republish compressedDepth raw")
     with Image.open(io.BytesIO(content)) as image:
         image.verify()
+        if image.format == "PPM":
+            _check_end(image, content)
         if image.format == "PNG" and _END_OF_PNG not in content:
             raise DepthError("the file is truncated", "export the image again")
     image = Image.open(io.BytesIO(content))
@@ -251,8 +262,11 @@ def _opened(content: bytes) -> Image.Image:
 
 def _array(content: bytes) -> NDArray[Any]:
     """Return an array, whose size is checked before it is read: a small file can declare any."""
-    loaded = np.load(io.BytesIO(content), allow_pickle=False)
+    stream = io.BytesIO(content)
+    loaded = np.load(stream, allow_pickle=False)
     if isinstance(loaded, np.ndarray):
+        if stream.read(1):
+            raise ValueError("bytes follow the array that its header announces")
         return loaded
     with loaded as archive:
         names = archive.files

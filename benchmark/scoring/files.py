@@ -241,7 +241,7 @@ def _is_number(cell: str) -> bool:
 def _number(cell: str) -> Any:
     """Return a cell as a number, in which a comma is decimal; what is none stays, as it may lie on the diagonal."""
     try:
-        return cell if "_" in cell else float(cell.replace(",", "."))
+        return cell if "_" in cell or not cell.isascii() else float(cell.replace(",", "."))
     except ValueError:
         return cell
 
