@@ -35,7 +35,7 @@ HERE = Path(__file__).parent
 LONGEST, MOST = 10, 2**30
 
 #: What no exporter writes where a number should stand, or is none.
-NO_NUMBERS = (b"", b"1_0", b"0x1A", b"--1", b"1.2.3", b"1.#IND", b"-1.#QNAN00", b"\xd9\xa3", b"1e999", b"nan")
+NO_NUMBERS = (b"1_0", b"0x1A", b"--1", b"1.2.3", b"1.#IND", b"-1.#QNAN00", b"\xd9\xa3", b"1e999", b"nan")
 COUNTS = (b"-1", b"0", b"1", b"7", b"99", b"1099511627776", b"9" * 400, b"1e3")
 NUMBER = re.compile(rb"(?<![^\s:\[,;])[-+]?\d+\.?\d*(?:e[-+]?\d+)?(?![^\s\],;}])")
 
@@ -49,7 +49,7 @@ def cut(data: bytes, random: Random) -> bytes:
 
 def cut_line(data: bytes, random: Random) -> bytes:
     """Cut within a line, where its text does not end."""
-    places = [found.start() + 1 for found in re.finditer(rb"[^\r\n][^\s]", data)]
+    places = [found.start() + 1 for found in re.finditer(rb"(?=\S[^\r\n]*\S)", data)]
     return data[: places[random.integers(len(places))]]
 
 

@@ -209,7 +209,7 @@ def _parsed(text: str) -> Any:
         return parse_json(text)
     if ":" not in text:
         return None
-    from yaml import AliasEvent, MappingNode, Node, SafeLoader, load_all  # lazy
+    from yaml import AliasEvent, MappingNode, Node, SafeLoader, ScalarNode, load_all  # lazy
 
     class Loader(SafeLoader):  # type: ignore[misc]
         depth = 0
@@ -222,6 +222,8 @@ def _parsed(text: str) -> Any:
                 raise RecursionError
             node = super().compose_node(parent, index)
             self.depth -= 1
+            if isinstance(node, ScalarNode) and node.tag.endswith((":int", ":float")):
+                _number(node.value)  # YAML has hexadecimal ones, underscores and sixtieths
             if isinstance(node, MappingNode):
                 check_different([str(key.value) for key, _ in node.value])
             return node
