@@ -95,7 +95,7 @@ def _line(view: TableView, row: Row) -> Line:
     groups: list[Sequence[tuple[str, str]]] = []
     for group in view.groups:
         scores, marks = view.scores(row, group), view.marks.get((row.method, group), [""] * len(MEASURES))
-        status = "" if group == PAPER else row.failed[0].status if row.failed else BLANK
+        status = "" if group == PAPER else row.failed[group][0].status if group in row.failed else BLANK
         texts = map(hundredths, scores.values())
         groups.append(list(zip(texts, marks, strict=True)) if scores else [(status, "")])
     folds = ([(hundredths(low), hundredths(high)) for low, high in view.of_folds(row, group)] for group in view.groups)
@@ -223,7 +223,7 @@ def as_json(views: Iterable[TableView]) -> list[dict[str, Any]]:
 def _json(view: TableView, row: Row, title: str) -> dict[str, Any]:
     galleries = view.galleries.get(title, ())
     records = row.scored[title].all_records if title in row.scored else []
-    status = "ok" if records else row.failed[0].status if row.failed else "missing"
+    status = "ok" if records else row.failed[title][0].status if title in row.failed else "missing"
     scores = dict.fromkeys(MEASURES) | {name: round(value, 6) for name, value in view.scores(row, title).items()}
     return {
         "table": view.table.identifier, "dataset": view.dataset, "stand_in": "stand-in" in view.title, "column": title,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Container, Iterable, Iterator, Sequence
 
 import numpy as np
 
@@ -27,15 +27,14 @@ MARKS = (
 def table_notes(view: TableView) -> list[str]:
     """Return the notes of a table."""
     rows = view.printed_rows
-    unreadable = dict.fromkeys(shape for row in rows for record in row.records for shape in record.unprepared)
     incomplete = [(row, one) for row in rows for one in row.scored.values() if one.missing]
     crossed = {title for title, records in view.samples.items() if records[0].against}
     facts = {
         "{}": " ".join([view.by.note, *_columns(view)]).strip(),
         "No form of a surface: {}.": listed(r.title for r in rows if r.kind == "network" and crossed - {*r.scored}),
         "No difference is certain: {}.": listed(_undecided(view)),
-        "No result: {}.": listed(_failed(rows)),
-        "Cannot be read or prepared, and counts 0 in every row: {}.": listed(unreadable),
+        "No result: {}.": listed(_failed(view, rows, crossed)),
+        "Cannot be read or prepared, and count 0: {}.": listed(_unreadable(view, rows), "; "),
         "Refused shapes, which count 0: {}.": listed(_refused(rows), "; "),
         "Trained on the classes of: {}; they stay in the gallery, and decide no claim.": listed(_seen(rows)),
         "Missing, and counts 0: {}.": listed(f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete),
@@ -92,27 +91,47 @@ def _undecided(view: TableView) -> Iterable[str]:
     return undecided
 
 
-def _failed(rows: Iterable[Row]) -> list[str]:
+def _failed(view: TableView, rows: Iterable[Row], crossed: Container[str]) -> list[str]:
+    """Name the rows without scores, with the reason, and the column unless it is the only one or they have none."""
     reasons: dict[str, list[str]] = {}
     for row in rows:
-        for record in row.failed[:1]:
-            reasons.setdefault(f"{record.status}: {brief(record.reason)}", []).append(row.title)
-        if not row.records and not row.failed:
-            reason = "no model was trained for this data, or it was not run" if row.kind == "network" else "not run"
-            reasons.setdefault(reason, []).append(row.title)
-    return [f"{listed(titles)} ({reason})" for reason, titles in reasons.items()]
+        has_any = bool(row.records or row.failed)
+        for column in view.columns:
+            for record in row.failed.get(column.title, [])[:1]:
+                reason = f"{record.status}: {brief(record.reason)}"
+                break
+            else:
+                if column.title in row.scored or (row.kind == "network" and column.title in crossed):
+                    continue
+                reason = "no model was trained for this data, or it was not run" if row.kind == "network" else "not run"
+                reason = "no record yet" if has_any else reason
+            where = f"{column.title}: " * (has_any and len(view.columns) > 1)
+            reasons.setdefault(where + reason, []).append(row.title)
+    return [f"{listed(dict.fromkeys(titles))} ({reason})" for reason, titles in reasons.items()]
+
+
+def _unreadable(view: TableView, rows: Sequence[Row]) -> Iterable[str]:
+    """Name the shapes that no method could use, with the columns and inputs for which that holds."""
+    places: dict[str, dict[str, None]] = {}
+    for column in view.columns:
+        records = [record for row in rows if (one := row.scored.get(column.title)) for record in one.all_records]
+        inputs = {record.input for record in records}
+        for record in records:
+            where = [column.title] * (len(view.columns) > 1) + [record.input] * (len(inputs) > 1)
+            reasons = {name: reason for side in record.sides for name, reason in side.unsupported}
+            for name in [name for side in record.sides for name in side.unprepared]:
+                places.setdefault(f"{name} ({brief(reasons[name])})", {})[", ".join(where)] = None
+    return [f"{name}{' in ' * any(where)}{' and '.join(where)}" for name, where in places.items()]
 
 
 def _refused(rows: Iterable[Row]) -> Iterator[str]:
+    """Name the shapes that methods refused, with the reason for the first, by column."""
     for row in rows:
-        refused = {
-            shape: reason
-            for record in row.records
-            for shape, reason in record.unsupported
-            if shape not in record.unprepared
-        }
-        for shape, reason in list(refused.items())[:1]:
-            yield f"{row.title} {len(refused)} ({shape}: {brief(reason)})"
+        for title, one in row.scored.items():
+            sides = [side for record in one.all_records for side in record.sides]
+            refused = {name: why for side in sides for name, why in side.unsupported if name not in side.unprepared}
+            for name, why in [*refused.items()][:1]:
+                yield f"{row.title} {len(refused)} ({title}; {name}: {brief(why)})"
 
 
 def _seen(rows: Iterable[Row]) -> Iterator[str]:

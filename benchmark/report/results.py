@@ -28,7 +28,7 @@ from benchmark.pipeline.records import (
     read_records,
     read_vertex_map,
 )
-from benchmark.report.frames import chosen_records, fold_of, kind_of, scores_frame, seconds_of
+from benchmark.report.frames import fold_of, kind_of, scores_frame, seconds_of
 
 __all__ = ["Results", "open_results"]
 

@@ -137,13 +137,13 @@ class Scored:
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """A row of a table: by column its scores, its records without scores; parameters that are not and are defaults."""
+    """A row of a table: by column its scores, and its records without; parameters that are not and are defaults."""
 
     method: str
     title: str
     kind: Kind
     scored: Mapping[str, Scored]
-    failed: tuple[Record, ...] = ()
+    failed: Mapping[str, Sequence[Record]] = field(default_factory=dict)
     parameters: Mapping[str, Any] = field(default_factory=dict)
     defaults: Mapping[str, Any] = field(default_factory=dict)
 
@@ -451,7 +451,7 @@ def _row(
     kind: Kind = kind_of(records[0]) if records else "network" if method.startswith("learned") else "form"
     first = min(records, key=lambda record: len(record.method), default=None)
     title = TITLES.get(method) or (brief(first.title) if first else method)
-    scored, failed = {}, []
+    scored, failed = {}, {}
     for column, every in galleries.items():
         names = every[:1] if kind == "network" and column.over_draws else every
         of_column = [record for record in records if record.gallery in names]
@@ -464,9 +464,10 @@ def _row(
             classes = [f"{name} {label}" for name in names for label in labels.get(name, ())]
             missing = tuple(name for name in names if name not in having)
             scored[column.title] = Scored(having, missing, np.concatenate(values), classes)
-        failed += [record for record in part if record.status != "ok"]
+        if of_failed := [record for record in part if record.status != "ok"]:
+            failed[column.title] = of_failed
     chosen = {name: value for name, value in first.parameters.items() if f"{name}=" not in AVERAGED} if first else {}
-    return Row(method, title, kind, scored, tuple(failed), chosen, first.defaults if first else {})
+    return Row(method, title, kind, scored, failed, chosen, first.defaults if first else {})
 
 
 def _excuse(rows: Sequence[Row]) -> list[Row]:

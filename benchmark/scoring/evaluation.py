@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.report.statistics import class_intervals
 from benchmark.scoring.files import Labels, Orders, are_row_numbers, as_distances, as_labels
-from retrieval.measures import Targets, chance_levels, evaluate
+from retrieval.measures import E_MEASURE_DEPTH, Targets, chance_levels, evaluate
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -32,8 +32,8 @@ class Evaluation:
     Parameters
     ----------
     scores
-        One row for each measure: ``score``, the mean over queries, ``low`` and ``high``, its 95 % interval over
-        classes, and ``chance``, the mean over random orders.
+        One row for each measure that the gallery can move: ``score``, the mean over queries, ``low`` and ``high``, its
+        interval (:data:`benchmark.report.statistics.INTERVALS`), and ``chance``, the mean over random orders.
     queries
         One row for each query, under its name if it has one: ``class`` and each measure; NaN without another shape of
         its class.
@@ -99,6 +99,8 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     ends = class_intervals(values[is_query], of_queries)
     columns = {"score": scores.means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance_levels(classes, targets)}
     table = DataFrame(columns, index=list(scores.means))
+    if matrix.shape[1] - (targets is None) <= E_MEASURE_DEPTH:
+        table = table.drop("E")  # the same for all distances
     is_reversed = bool(table.loc["NN", "high"] < table.loc["NN", "chance"] - _ROUNDING)
     if targets is None and not table.loc["NN", "low"] > table.loc["NN", "chance"]:
         _check_diagonal(diagonal, matrix)

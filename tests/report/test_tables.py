@@ -190,7 +190,7 @@ def test_notes_name_each_kind_of_fact_once_and_every_fact_that_moves_a_score():
     old = record("old", gallery_digest="0", finished="2025")
     found = table_notes(view(*rows, old, *[failed(f"f{k}", "smooth.py:14: NameError") for k in range(9)]))
     assert sum("Refused shapes" in note for note in found) == 1
-    assert "Cannot be read or prepared, and counts 0 in every row: dog4." in found
+    assert "Cannot be read or prepared, and count 0: dog4 (cannot be read)." in found
     assert sum("smooth.py:14" in note for note in found) == 1
     for kind in ("not decidable", "s: median", "Trained on the classes", "Published with", "Left out, because"):
         assert sum(kind in note for note in found) == 1, kind
