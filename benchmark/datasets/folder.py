@@ -11,7 +11,7 @@ from pathlib import Path
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import natural_key
 from benchmark.datasets.frames import depth_frames
-from benchmark.datasets.labels import read_labels
+from benchmark.datasets.labels import class_name, read_labels
 from benchmark.datasets.settings import text_of, with_settings
 from benchmark.depth.reading import EXTENSIONS, MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
@@ -25,9 +25,6 @@ POINTS = (".pcd", ".pts", ".xyz")
 
 #: Lists of labels of a folder, with lines ``name label``.
 LABELS = ("labels.txt", "labels.csv")
-
-#: Class of the Princeton Shape Benchmark for models without a class.
-MISCELLANEOUS = "-1"
 
 
 def folder_set(folder: Path, name: str = "") -> ShapeSet:
@@ -169,7 +166,7 @@ def _from_names(files: Iterable[Path]) -> list[Entry]:
 def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
     subject = printable(folder.name)
     poses = [(printable(mesh_stem(path)), path) for path in files]
-    return [Entry(f"{subject}/{pose}", subject, pose, path) for pose, path in poses]
+    return [Entry(f"{subject}/{pose}", class_name(subject, pose), pose, path) for pose, path in poses]
 
 
 def class_list(folders: Sequence[Path], patterns: Iterable[str] = ("*.cla",)) -> Path | None:
@@ -221,7 +218,7 @@ def read_cla(path: Path) -> dict[int, str]:
             for number in numbers:
                 if number in subjects:
                     raise DatasetError(f"{path}: model {number} stands in two classes", "list each model once")
-                subjects[number] = f"{name} {number}" if name == MISCELLANEOUS else name
+                subjects[number] = class_name(name, number)
             names.add(name)
             position += 3 + count
     except (IndexError, ValueError) as error:

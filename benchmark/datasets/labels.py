@@ -3,34 +3,59 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from benchmark.errors import ConfigurationError
 from benchmark.files import LARGEST_LIST, decode, read_file
 from benchmark.geometry.io import named_errors
+from benchmark.text import printable
+
+#: Class of the Princeton Shape Benchmark for models without a class.
+MISCELLANEOUS = "-1"
+
+#: Labels that say that there is none, as Python, pandas, R and spreadsheets write them.
+_MISSING = ("", "nan", "none", "null", "na", "<na>", "n/a", "nat")
+
+
+def class_name(label: object, shape: object) -> str:
+    """Return the class that a label means: 1 and 1.0 are one, and each shape of class -1 is its own."""
+    text = printable(str(label).strip())
+    text = re.sub(r"\.0*$", "", text) if re.fullmatch(r"-?[0-9]+\.0*", text) else text
+    return f"{text} {shape}" if text == MISCELLANEOUS else text
+
+
+def classes_of(labels: Mapping[str, object] | Sequence[object]) -> dict[str, str] | list[str]:
+    """Return the classes of shapes by name, or in order; raise ``ConfigurationError`` if some have no label."""
+    named = labels if isinstance(labels, Mapping) else {f"row {row}": label for row, label in enumerate(labels, 1)}
+    classes = {str(name): class_name(label, name) for name, label in named.items()}
+    if missing := [name for name, of in classes.items() if of.lower() in _MISSING]:
+        problem = f"shapes without a label: {len(missing)}, the first is '{missing[0]}'"
+        raise ConfigurationError(problem, "label them, or with -1 if they are of no class")
+    return classes if isinstance(labels, Mapping) else [*classes.values()]
 
 
 def read_labels(path: Path) -> dict[str, str] | list[str]:
-    """Read text with lines ``label`` or ``name label``: the labels in order, or by name.
+    """Read text with lines ``label`` or ``name label``: the classes in order, or by name.
 
     Raises
     ------
     ConfigurationError
-        If it is no such text, or names a shape twice.
+        If it is no such text, names a shape twice, or gives one no label.
     """
     hint = "write 'label' or 'name label' on each line"
     with named_errors(path, "list of labels", ConfigurationError, hint):
         rows = cells_of(lines_of(read_file(path, LARGEST_LIST)))
         widths = {len(row) for row in rows}
         if widths == {1}:
-            return [row[0] for row in rows]
+            return classes_of([row[0] for row in rows])
         if widths != {2}:
             raise ConfigurationError(f"it has lines of {' and '.join(map(str, sorted(widths)))} words", hint)
         labels = dict(rows)
         if len(labels) < len(rows):
             raise ConfigurationError("it names a shape twice", "name each shape once")
-        return labels
+        return classes_of(labels)
 
 
 def separator_of(lines: Sequence[str]) -> str | None:

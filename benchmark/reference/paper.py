@@ -118,7 +118,7 @@ CLAIMS: tuple[Claim, ...] = (
 #: Beginning of a BibTeX entry, with its key; a field; and commands beyond accents, which no entry from outside needs.
 _HEAD = re.compile(r"@(?!comment|preamble|string)[a-z]+\s*\{\s*([\w:./+-]+)\s*,", re.IGNORECASE | re.ASCII)
 _FIELD = re.compile(r"(\w+)\s*=\s*(?:\{((?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*)\}|\"([^\"]*)\"|(\d+))")
-_COMMAND = re.compile(r"\\(?!url\b|emph\b)[A-Za-z]{3,}")
+_COMMAND = re.compile(r"\\(?!url\b|emph\b)[A-Za-z]{3,}|\^\^")  # ^^5c is a backslash
 
 
 def source_of(cite: str) -> str:

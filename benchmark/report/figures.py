@@ -29,8 +29,9 @@ from benchmark.reference.paper import MEASURES
 from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.formats import hundredths
 from benchmark.report.forms import Drawn, StoredForms, spread_of_forms
+from benchmark.report.frames import file_name
 from benchmark.report.sheets import spread
-from benchmark.report.tables import Row, Scored, TableView, file_name
+from benchmark.report.tables import Row, Scored, TableView
 from benchmark.report.verdicts import TOLERANCE
 from benchmark.text import clean
 

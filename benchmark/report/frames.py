@@ -5,10 +5,12 @@ All tables are pure functions of records, so they need neither data nor methods.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
 
+from benchmark.code_digest import digest_of_bytes
 from benchmark.datasets.changes import CHANGES
 from benchmark.pipeline.records import DEFAULT_SCORER, EXTERNAL, Record
 from benchmark.protocols.tables import AGAINST, AVERAGED, NETWORKS, TABLES, Kind, Table, own_table
@@ -66,6 +68,12 @@ def chosen_records(
     ]
 
 
+def file_name(name: str, longest: int = 80) -> str:
+    """Return a name as that of a file: where characters were lost, a digest tells it from others."""
+    safe = re.sub(r"[^A-Za-z0-9._-]", "-", name)[:longest]
+    return safe if safe == name else f"{safe.strip('-')}-{digest_of_bytes(name.encode())[:8]}"
+
+
 class ScoredBy(NamedTuple):
     """Scorer and seed in a note, and what captions and names of files add if they are not the default ones."""
 
@@ -82,7 +90,7 @@ def scored_by(records: Iterable[Record]) -> ScoredBy:
     seeds = f", seed {seed}" * bool(seed)
     draws = " (three codebooks)" * (named[0].partition("[")[0] == DEFAULT_SCORER)
     note = f"Scored by {named[1]}{draws}{seeds}." if named[0] else ""
-    suffix = f"-by-{named[0]}" * (not is_default) + f"-seed-{seed}" * bool(seed)
+    suffix = file_name(f"-by-{named[0]}" * (not is_default) + f"-seed-{seed}" * bool(seed))
     return ScoredBy(note, f", scored by {named[1]}" * (not is_default) + seeds, suffix)
 
 

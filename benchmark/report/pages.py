@@ -29,11 +29,11 @@ from benchmark.report.drawing import OBLIQUE, PALETTE, shaded
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import BLOCKS, blocks, hundredths
 from benchmark.report.forms import Drawn, StoredForms
-from benchmark.report.frames import changed
+from benchmark.report.frames import changed, file_name
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
 from benchmark.report.statistics import INTERVALS
-from benchmark.report.tables import Row, Scored, TableView, file_name
+from benchmark.report.tables import Row, Scored, TableView
 from benchmark.text import clean, say
 
 #: Pages of a table by the end of their name.

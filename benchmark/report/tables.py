@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import statistics
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -15,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.parameters import format_value
-from benchmark.code_digest import digest_of_bytes
 from benchmark.datasets.official import SETS
 from benchmark.pipeline.records import DEFAULT_SCORER, Record
 from benchmark.protocols.tables import AVERAGED, TABLES, TITLES, Column, Kind, Table, gallery_name
@@ -25,6 +23,7 @@ from benchmark.report.frames import (
     ScoredBy,
     by_gallery,
     changed,
+    file_name,
     fold_of,
     kind_of,
     row_of,
@@ -48,12 +47,6 @@ _SAME = 5e-7
 #: Standard errors of means over three draws of the codebook, for records that do not hold theirs: those of four methods
 #: on complete surfaces of TOSCA, over twelve draws.
 DRAW_ERRORS = {"NN": 0.011, "FT": 0.004, "ST": 0.006, "DCG": 0.003}
-
-
-def file_name(name: str, longest: int = 80) -> str:
-    """Return a name as that of a file: where characters were lost, a digest tells it from others."""
-    safe = re.sub(r"[^A-Za-z0-9._-]", "-", name)[:longest]
-    return safe if safe == name else f"{safe.strip('-')}-{digest_of_bytes(name.encode())[:8]}"
 
 
 @dataclass(frozen=True, eq=False)

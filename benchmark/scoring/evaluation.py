@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.datasets.labels import MISCELLANEOUS
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.report.statistics import class_intervals
 from benchmark.scoring.files import Labels, Orders, are_row_numbers, as_distances, as_labels
@@ -88,7 +89,11 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     from pandas import DataFrame
 
     matrix, ((names, classes), *others) = _joined(distances, order, [labels] if gallery is None else [labels, gallery])
-    targets = Targets(others[0][1]) if others else None
+    in_gallery = [f"{of} there" if of.startswith(f"{MISCELLANEOUS} ") else of for _, each in others for of in each]
+    if len(every := {*classes, *in_gallery}) == 1:
+        problem = f"there is one class ('{every.pop()}'), so every ranking is perfect"
+        raise ConfigurationError(problem, "check the labels")
+    targets = Targets(in_gallery) if others else None
     diagonal = matrix.diagonal().copy()
     if targets is None:
         np.fill_diagonal(matrix, 0)
@@ -110,6 +115,8 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     notes = [lone] * bool(n_lone)
     if targets:
         notes = [f"{len(matrix) - n_lone} queries; {n_lone} left out, as the gallery has no shape of their class"]
+        n_found = int((matrix == 0).any(axis=1).sum())
+        notes += [f"{n_found} queries are at distance 0 of a shape: if the gallery holds them, omit it"] * bool(n_found)
     if is_reversed:
         warnings.warn(_REVERSED, stacklevel=2)
     return Evaluation(table, queries, matrix, (*notes, *[_REVERSED] * is_reversed))
@@ -123,15 +130,16 @@ def _joined(distances: object, order: str, labels: Sequence[object]) -> tuple[ND
     sides = [as_labels(of_side) for of_side in labels]
     matrix, *names = as_distances(distances, *(len(given) for given, _ in sides))
     known = dict.fromkeys(name for _, orders in sides for name in orders)
-    if order and order not in known:
-        if not any(isinstance(given, dict) for given, _ in sides):
+    is_named = any(isinstance(given, dict) for given, _ in sides)
+    if order and order not in known and (is_named or order != "list" or not any(names)):
+        if not is_named:
             raise ConfigurationError(f"labels without names have no order '{order}'", "omit the order")
         raise did_you_mean("order of these labels", order, known)
     is_psb = isinstance(distances, str | Path) and Path(distances).suffix.lower() == ".matrix"
     joined = list[_Side]()
     for (given, orders), of_side, what, count in zip(sides, names, ("rows", "columns"), matrix.shape, strict=False):
         default = "list" if is_psb and "list" in orders else ""
-        joined.append(side := _side(given, orders, of_side, order if order in orders else default))
+        joined.append(side := _side(given, orders, of_side, order if order in orders or not orders else default))
         if len(side[1]) != count or len(set(side[0])) < len(side[0]):
             problem = f"there are {count} {what} of distances and {len(side[1])} labels, or a name appears twice"
             raise ConfigurationError(problem, "pass one label for each shape, and no header")
@@ -146,6 +154,9 @@ def _side(given: Labels, orders: Orders, names: tuple[str, ...], order: str) -> 
             problem = f"shapes without a label: {len(unknown)}, the first is '{unknown[0]}'"
             raise ConfigurationError(problem, f"use the names of the labels: {', '.join(list(given)[:3])} ...")
         names = names or _ordered(orders or {"": list(given)}, order)
+    elif names and order != "list":
+        hint = "write lines 'name label', or pass --order list (order= in Python) if they are in the order of the rows"
+        raise ConfigurationError("the distances name their shapes, and the labels do not", hint)
     return names, [given[name] for name in names] if isinstance(given, dict) else given
 
 

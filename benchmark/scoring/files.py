@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from benchmark.datasets.base import natural_key
 from benchmark.datasets.folder import class_list, folder_set, read_cla
-from benchmark.datasets.labels import cells_of, lines_of, read_labels, separator_of
+from benchmark.datasets.labels import cells_of, classes_of, lines_of, read_labels, separator_of
 from benchmark.errors import ConfigurationError, one_line
 from benchmark.files import read_file
 from benchmark.geometry.io import check_expansion, named_errors
@@ -46,16 +46,16 @@ def as_labels(labels: Any) -> tuple[Labels, Orders]:
     Raises
     ------
     ConfigurationError
-        If there are no labels, or a name appears twice.
+        If there are no labels, a name appears twice, or a shape has no label.
     DatasetError
         If the folder or the ``.cla`` file cannot be read.
     """
     if isinstance(labels, str | Path):
         return _read_labels(Path(labels))
     if hasattr(labels, "items"):
-        named = {str(name): str(label) for name, label in labels.items()}
+        named = classes_of(dict(labels.items()))
         return named, _orders_of_numbers(named)
-    return [str(label) for label in labels], {}
+    return classes_of([*labels]), {}
 
 
 def _read_labels(path: Path) -> tuple[Labels, Orders]:

@@ -123,7 +123,7 @@ def test_two_entries_with_one_key_are_refused():
 
 @pytest.mark.parametrize(
     "cite", [ENTRY[:-1], ENTRY + "}", ENTRY + ENTRY, ENTRY + " x", "@string{a, b}", "@misc{a b, c = {}}", "@misc{a}",
-             "@misc{a, title = {\\input{/etc/passwd}}}"]
+             "@misc{a, title = {\\input{/etc/passwd}}}", "@misc{a, title = {^^5cinput{x}}}"]
 )  # fmt: skip
 def test_what_is_no_entry_is_not_cited(cite):
     assert entry_of(cite) == ("", "")

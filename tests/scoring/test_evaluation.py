@@ -103,7 +103,7 @@ def test_the_diagonal_is_ignored(cell, tmp_path):
         ("0 0,5 2\n0,5 0 1\n2 1 0", "row 3 has length 1, not 2"),
         (PLAIN.encode("utf-16-le"), "binary, or in UTF-16 without a byte-order mark"),
         (PLAIN[:-5], "row 4 has length 2, not 4"),
-        (PLAIN[:-8], "not symmetric"),
+        (PLAIN[:-8], "the distances name their shapes, and the labels do not"),  # as four names
     ],
 )
 def test_text_that_may_mean_two_things_is_refused(text, problem, tmp_path):
@@ -163,6 +163,77 @@ def test_shapes_of_class_minus_one_are_ranked_and_no_queries(tmp_path):
     assert classes[:4] == ["cat", "cat", "dog", "dog"]
     assert len({*classes}) == 4
     assert "ranked, but no queries: 2 of 6 shapes" in call("data", "check", tmp_path)
+
+
+HERE = Path(__file__).parent / "labels"
+
+
+@pytest.mark.parametrize("labels", [
+    HERE / "minus-one.txt", [*"aaabbbccc", -1, -1.0, "-1"], dict(enumerate([*"aaabbbccc", *[-1] * 3])),
+])  # fmt: skip
+def test_class_minus_one_is_no_query_wherever_labels_come_from(labels, tmp_path):
+    found = score(HERE / "D.txt", labels, "list" if isinstance(labels, dict) else "")
+    assert (found.scores.loc["NN", "score"], found.queries["NN"].notna().sum()) == (1, 9)
+    beside = score(np.loadtxt(HERE / "D.txt") + 1, labels, "list" if isinstance(labels, dict) else "", gallery=labels)
+    assert beside.queries["NN"].notna().sum() == 9
+    for number in range(3):
+        write_off(tmp_path / "-1" / f"m{number}.off", rod(0.1, 0.1 * number))
+    assert len({entry.subject for entry in folder_set(tmp_path).shapes}) == 3
+
+
+@pytest.mark.parametrize("missing", [None, math.nan, pd.NA, "", " ", "NaN"])
+def test_shapes_without_a_label_are_counted_and_the_first_is_named(missing, tmp_path):
+    labels = [*LABELS[:9], *[missing] * 3]
+    with pytest.raises(ConfigurationError, match="shapes without a label: 3, the first is 'row 10'"):
+        score(D, labels)
+    with pytest.raises(ConfigurationError, match=f"shapes without a label: 3, the first is '{NAMES[9]}'"):
+        score(pd.DataFrame(D, NAMES, NAMES), pd.Series(labels, NAMES))
+    if str(missing).strip():
+        (tmp_path / "labels.csv").write_text("".join(f"{a},{b}\n" for a, b in zip(NAMES, labels, strict=True)))
+        with pytest.raises(ConfigurationError, match="shapes without a label: 3"):
+            score(D, tmp_path / "labels.csv")
+
+
+def test_one_class_is_refused_and_numbers_are_one_class_however_they_are_written():
+    for gallery in (None, ["a"] * 12):
+        with pytest.raises(ConfigurationError, match="there is one class .'a'., so every ranking is perfect"):
+            score(D, ["a"] * 12, gallery=gallery)
+    mixed = score(HERE / "D.txt", [1, 1.0, "1", 2, "2.0", 2, 3, 3, np.float64(3), 7, 8, 9])
+    assert (mixed.scores.loc["NN", "score"], mixed.queries["NN"].notna().sum()) == (1, 9)
+
+
+def test_distances_with_names_need_labels_with_names_or_an_order():
+    frame = pd.DataFrame(D, NAMES, NAMES)
+    with pytest.raises(
+        ConfigurationError, match="the distances name their shapes, .* --order list"
+    ):
+        score(frame, LABELS)
+    assert score(frame, LABELS, "list").scores.equals(score(D, LABELS).scores)
+
+
+def test_queries_that_are_in_the_gallery_are_noted():
+    frame, labels = pd.DataFrame(D, NAMES, NAMES), dict(zip(NAMES, LABELS, strict=True))
+    assert any("12 queries are at distance 0" in note for note in score(frame, labels, gallery=labels).notes)
+    assert not any("distance 0" in note for note in score(frame + 1, labels, gallery=labels).notes)
+
+
+def test_e_is_left_out_where_no_distance_moves_it():
+    assert "E" not in score(D, LABELS).scores.index
+    x = np.arange(34.0) ** 2
+    assert "E" in score(np.abs(x[:, None] - x), ["a"] * 17 + ["b"] * 17).scores.index
+    assert "E" not in score(np.abs(x[:33, None] - x[:33]), ["a"] * 17 + ["b"] * 16).scores.index
+
+
+def test_a_row_of_latex_is_escaped_and_has_the_measures_of_the_tables(tmp_path):
+    np.savetxt(path := tmp_path / "cm_bof_50%_run#2.txt", D)
+    (tmp_path / "l.txt").write_text("\n".join(LABELS))
+    found = score(D, LABELS).scores.score
+    numbers = " & ".join(f"{found[name]:.2f}"[1:] for name in ("NN", "FT", "ST", "DCG"))
+    out = call("score", path, "--labels", tmp_path / "l.txt", "--format", "latex").splitlines()
+    assert out[-2:] == [
+        "% NN FT ST DCG",
+        rf"cm\_\allowbreak{{}}bof\_\allowbreak{{}}50\%\_\allowbreak{{}}run\#2 & {numbers} \\",
+    ]
 
 
 def test_similarities_are_refused_or_warned_of():
