@@ -38,13 +38,19 @@ def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
         if name not in known:
             raise did_you_mean("table", name, known)
     of_data = options.records_of_data(every)
-    chosen = chosen_records(of_data, quick=options.quick, scorer=options.scorer, seed=options.seed)
-    records = [record for record in chosen if options.input in (None, record.input)]
+    of_input = [record for record in of_data if options.input in (None, record.input)]
+    full, quick = (
+        chosen_records(of_input, quick=is_quick, scorer=options.scorer, seed=options.seed) for is_quick in (False, True)
+    )
+    records = quick if options.quick else full or quick
+    newest = max((record.finished for record in full if not record.published), default="")
+    newer = [record for record in quick if record.finished > newest]
+    if newer and not options.quick:
+        says = f"{len(newer)} newer quick jobs are not shown: pass --quick" if full else "these are quick runs"
+        say(f"{says} ({', '.join(dict.fromkeys(record.data.name for record in newer))})", err=True)
     if not records:
         what = "published record" if options.published else "finished job"
         first = "pass --results CHECKOUT/results" if options.published else "run it first"
-        if not options.quick and any(record.data.quick for record in of_data):
-            first = "pass --quick"
         problem = f"no {what} under {options.results} fits the selection"
         raise ConfigurationError(problem, f"{first}, or select less")
     known = {row_of(record) for record in every if failed or record.status == "ok"} | {*TITLES}

@@ -119,10 +119,23 @@ def test_a_figure_is_not_drawn_over_another_file(finished, tmp_path):
     assert (tmp_path / "map.png").read_text() == "mine"
 
 
-def test_results_of_a_quick_run_are_named_where_quick_is_missing(tmp_path):
-    write_record(tmp_path, record(quick=True))
-    assert "fits the selection; pass --quick, or select less" in refusal("tables", "--results", tmp_path)
+@pytest.mark.parametrize("words", [("tables",), ("compare", "gps"), ("report", "-o", "report")])
+def test_quick_rows_are_shown_where_no_full_ones_are_and_named_where_they_are_newer(tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    quick = [record(name, quick=True, finished="2026-03-01T00:00:00+00:00") for name in ("gps", "skeleton")]
+    for each in quick:
+        write_record(tmp_path, each)
+    words = (*words, "--results", tmp_path)
+    assert "these are quick runs (rods)" in call(*words)
     assert "run it first" in refusal("tables", "--results", tmp_path, "--quick", "--seed", 1)
+    for name in ("gps", "skeleton"):
+        write_record(tmp_path, record(name, finished="2026-02-01T00:00:00+00:00"))
+    assert "2 newer quick jobs are not shown: pass --quick (rods)" in call(
+        *words, *["--force"] * (words[0] == "report")
+    )
+    assert "quick jobs" not in call("tables", "--results", tmp_path, "--quick")
+    write_record(tmp_path, record("classic-mds", finished="2026-04-01T00:00:00+00:00"))
+    assert "quick jobs" not in call("tables", "--results", tmp_path)
 
 
 def test_forget_says_what_goes_and_asks(finished, tmp_path, monkeypatch):
