@@ -86,7 +86,7 @@ fuzz: setup
 
 # The documentation site in build/site, without a network: docs/, the docstrings of what authors use, the published tables.
 docs: $(DOCUMENTED)
-	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
 
 # Beside other programs, as one table; about ten minutes. ARGS="scorer" measures a group alone.
 speed: setup

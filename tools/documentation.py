@@ -18,7 +18,7 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
 from benchmark.pipeline.records import read_records
-from benchmark.report.pages import fixed_file, table_html
+from benchmark.report.pages import fixed_file, report_files, table_html
 from benchmark.report.tables import table_views
 
 if TYPE_CHECKING:
@@ -36,6 +36,9 @@ TABLES = {
     f"results/tables/{view.stem}.md": view
     for view in table_views(read_records(ROOT / "results", local=False), paper=True)
 }
+
+#: The report of these tables, and what links to it: in the repository, the folder of the tables.
+REPORT, REPORTED = "report/index.html", "results/tables"
 
 #: Files outside ``docs/`` that are pages or pictures of the site.
 BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/experiments/*", "results/*/*.png")
@@ -75,6 +78,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, _uri(path), abs_src_path=str(ROOT / path)))
     for name in OF_REPORT:
         files.append(File.generated(config, f"images/{name}", content=fixed_file(name)))
+    for name, content in report_files(ROOT / "results", list(TABLES.values())).items():
+        files.append(File.generated(config, f"{posixpath.dirname(REPORT)}/{name}", content=content))
     for module in _modules():
         files.append(File.generated(config, f"api/{module}.md", content=f"# {module}\n\n::: {module}\n"))
     return files
@@ -93,7 +98,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     def led(link: re.Match[str]) -> str:
         picture, text, target, anchor = link.groups(default="")
         path = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
-        uri = _uri(path)
+        uri = REPORT if path == REPORTED else _uri(path)
         if uri not in files.src_uris:
             return text
         return f"{picture}[{text}]({posixpath.relpath(uri, posixpath.dirname(address) or '.')}{anchor})"

@@ -181,7 +181,7 @@ _Digest = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
 class Card(msgspec.Struct, frozen=True, kw_only=True):
     """Facts about a model that the harness needs; a learner adds its own in a subclass.
 
-    Parameters
+    Attributes
     ----------
     digest
         SHA-256 of the weights.

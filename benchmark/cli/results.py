@@ -116,7 +116,8 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
 
     check_ending(path, figures.ENDINGS)
     of_forms = what in ("forms", "effect", "spread")
-    for file in (path, path.with_suffix(".tex"))[: 1 + of_forms]:
+    with_latex = of_forms and path.suffix.lower() == ".pdf"
+    for file in (path, path.with_suffix(".tex"))[: 1 + with_latex]:
         if file.exists() and not force:
             raise ConfigurationError(f"{file} is there already", "choose another file, or pass --force")
     views = selected_tables(options, recorded(options))
@@ -125,7 +126,8 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
     view, forms = views[0], StoredForms(options.results, options.data_root)
     if of_forms:
         figure, caption = figures.forms_figure(view, forms, shapes, superposed=what == "spread")
-        write_text(path.with_suffix(".tex"), latex_figure(path.name, caption))
+        if with_latex:
+            write_text(path.with_suffix(".tex"), latex_figure(path.name, caption))
     else:
         figure = figures.CHARTS[what](view, forms)
     figures.save(figure, path)

@@ -114,7 +114,8 @@ def report(
     Pages show tables, charts, and canonical forms in 3D.
     """
     from benchmark.cli.results import draw, measure_spread, recorded, selected_tables
-    from benchmark.report.pages import write_report
+    from benchmark.report.output import write_files
+    from benchmark.report.pages import report_files
 
     if spread:
         measure_spread(selection)
@@ -123,7 +124,8 @@ def report(
         return
     records, folder = recorded(selection), output or Path("results/report")
     views = selected_tables(selection, records, paper=selection.published)
-    files = write_report(selection.results, views, folder, data_root=selection.data_root, force=force)
+    files = report_files(selection.results, views, selection.data_root)
+    write_files(folder, files, force=force)
     say(f"wrote {folder / 'index.html'} and {len(files) - 1} other files")
 
 

@@ -31,7 +31,6 @@ from benchmark.report.formats import BLOCKS, blocks, hundredths
 from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.frames import changed, file_name
 from benchmark.report.notes import table_notes
-from benchmark.report.output import write_files
 from benchmark.report.statistics import INTERVALS
 from benchmark.report.tables import Row, Scored, TableView
 from benchmark.text import clean, say
@@ -113,10 +112,8 @@ class Pages:
         return file
 
 
-def write_report(
-    results: Path, views: Sequence[TableView], folder: Path, *, data_root: Path | None = None, force: bool = False
-) -> list[str]:
-    """Write the report into its folder.
+def report_files(results: Path, views: Sequence[TableView], data_root: Path | None = None) -> dict[str, str | bytes]:
+    """Return the files of a report by name.
 
     Parameters
     ----------
@@ -124,22 +121,8 @@ def write_report(
         The results folder, whose stored forms and distances the pages show.
     views
         The tables.
-    folder
-        Folder of the report.
     data_root
         Folder of the official data sets, whose cameras say which side of a shape is up.
-    force
-        Whether to replace files that were edited or come from elsewhere.
-
-    Returns
-    -------
-    list of str
-        Names of the written files.
-
-    Raises
-    ------
-    ConfigurationError
-        If a file would be replaced that the report did not write.
     """
     pages = Pages(StoredForms(results, data_root), views)
     pages.files |= {name: fixed_file(name) for name in ("style.css", "table.css", "report.js")}
@@ -150,8 +133,7 @@ def write_report(
         pages.files["index.html"] = pages.files[f"{views[0].stem}.html"]
     if any("Forms" in kinds.values() for kinds in listed):
         pages.files["plotly.min.js"] = get_plotlyjs()
-    write_files(folder, pages.files, force=force)
-    return list(pages.files)
+    return pages.files
 
 
 def _add_table(pages: Pages, view: TableView) -> dict[str, str]:

@@ -253,7 +253,8 @@ class TableView:
     def stem(self) -> str:
         """Name of its files."""
         name = f"table-{self.table.identifier}"
-        name += f"-{self.dataset.removesuffix('[draw=0]')}" if self.dataset != self.table.identifier else ""
+        base, *change = changed(self.dataset) or [self.dataset.removesuffix("[draw=0]")]
+        name += f"-{'-'.join([base, *change])}" if self.dataset != self.table.identifier else ""
         return file_name(name + self.by.suffix) + "-quick" * self.quick
 
     @cached_property

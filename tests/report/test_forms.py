@@ -9,7 +9,8 @@ from benchmark.report import forms
 from benchmark.report.figures import forms_figure, spread_rows
 from benchmark.report.formats import hundredths
 from benchmark.report.forms import Drawn, StoredForms, alignments, centred, spread_of_forms, turned
-from benchmark.report.pages import write_report
+from benchmark.report.output import write_files
+from benchmark.report.pages import report_files
 from benchmark.report.tables import table_views
 from tests.toy import rod
 
@@ -87,7 +88,7 @@ def test_a_spread_is_computed_on_demand_kept_and_shown(results, monkeypatch, tmp
     (_, row) = spread_rows(view, StoredForms(results.folder))
     assert row == ("GPS", *map(hundredths, found), "0")
     monkeypatch.setattr("benchmark.report.pages.CHARTS", {})
-    write_report(results.folder, [view], tmp_path)
+    write_files(tmp_path, report_files(results.folder, [view]))
     shown = (tmp_path / f"{view.stem}-forms.html").read_text()
     assert all(f">{cell}</td>" in shown for cell in row)
     assert forms_figure(view, StoredForms(results.folder), superposed=True)[0].axes[1].texts[0].get_text() == row[1]
