@@ -37,8 +37,8 @@ from benchmark.report.figures import (
     scores_figure,
 )
 from benchmark.report.forms import StoredForms
-from benchmark.report.pages import _nearest, report_files
 from benchmark.report.output import write_files
+from benchmark.report.pages import _nearest, report_files
 from benchmark.report.sheets import contact_sheet, frame_picture, mesh_picture, spread
 from benchmark.report.tables import table_views
 from benchmark.text import DATA_VARIABLE
