@@ -232,7 +232,8 @@ def _pixels(content: bytes) -> NDArray[Any]:
 
 def _check_end(image: Image.Image, content: bytes) -> None:
     """Raise ``ValueError`` if numbers follow those of a PGM or PFM, of which Pillow reads the first ones."""
-    body = content[image.tile[0].offset :]
+    (tile,) = vars(image)["tile"]
+    body = content[tile.offset :]
     width = {b"P2": 0, b"P5": 1 if image.mode == "L" else 2, b"Pf": 4}.get(content[:2], 1)
     count = len(body) / width if width else len(re.sub(rb"#[^\n]*", b"", body).split())
     if count > image.size[0] * image.size[1] + 1:

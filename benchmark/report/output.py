@@ -63,9 +63,7 @@ def table_files(
     return files
 
 
-def write_files(
-    folder: Path, files: Mapping[str, str | bytes], *, force: bool = False, listed: str = LIST
-) -> None:
+def write_files(folder: Path, files: Mapping[str, str | bytes], *, force: bool = False, listed: str = LIST) -> None:
     """Write files into a folder, and remove those that the last command wrote there and this one does not.
 
     Parameters

@@ -204,9 +204,7 @@ def test_one_class_is_refused_and_numbers_are_one_class_however_they_are_written
 
 def test_distances_with_names_need_labels_with_names_or_an_order():
     frame = pd.DataFrame(D, NAMES, NAMES)
-    with pytest.raises(
-        ConfigurationError, match="the distances name their shapes, .* --order list"
-    ):
+    with pytest.raises(ConfigurationError, match="the distances name their shapes, .* --order list"):
         score(frame, LABELS)
     assert score(frame, LABELS, "list").scores.equals(score(D, LABELS).scores)
 
