@@ -45,16 +45,12 @@ _FAR_PLANE = 0.01
 #: Least number of different values of which the lowest bits say something.
 _FEWEST_VALUES = 32
 
-#: Words in names of files, folders and arrays for what is no depth along the optical axis, and how to make it one.
+#: Words in names of files, folders and arrays for what is no depth along the optical axis.
 _OTHER_THAN_DEPTH = {
-    r"(?<![a-z])disp(arity|arities|s)?(?![a-z])|inv(erse)?[-_ ]?depth|idepth|midas": (
-        *("disparities or inverse depths", "convert them to depths, or rename it"),
-    ),
-    r"(?<![a-z])(dist(ances?)?(?![a-z]|[-_ ]?to[-_ ]?(image[-_ ]?)?plane)|(ranges?|radial|euclid(ean)?|rays?)"
-    r"(?![a-z]))": (*("distances along rays", "divide them by the length of (x / z, y / z, 1), or rename it"),),
-    r"(?<![a-z])(z[-_ ]?buf(fer)?|ndc|log[-_ ]?depth|normali[sz]ed)(?![a-z])": (
-        *("values of a z-buffer, or scaled ones", "convert them to depths in metres, or rename it"),
-    ),
+    "disparities or inverse depths": r"disp(arity|arities|s)?(?![a-z])|inv(erse)?[-_ ]?depth|idepth|midas",
+    "distances along rays": r"(dist(ances?)?(?![-_ ]?to[-_ ]?(image[-_ ]?)?plane)|ranges?|radial|euclid(ean)?|"
+    r"ray(s|depths?|lengths?)?)(?![a-z])",
+    "values of a z-buffer, or scaled ones": r"(z[-_ ]?buf(fer)?|ndc|log[-_ ]?depth|normali[sz]ed)(?![a-z])",
 }
 
 #: Names of arrays beside depths that say what these mean, or where they are.
@@ -114,9 +110,9 @@ def read_values(path: Path) -> NDArray[Any]:
 def _check_name(name: str) -> None:
     """Raise ``DepthError`` if a name says that numbers are no depths along the optical axis."""
     words = re.sub("(?<=[a-z])(?=[A-Z])", "_", name).lower()
-    for pattern, (what, hint) in _OTHER_THAN_DEPTH.items():
-        if re.search(pattern, words):
-            raise DepthError(f"'{name}' names {what}", hint)
+    for what, pattern in _OTHER_THAN_DEPTH.items():
+        if re.search(f"(?<![a-z])({pattern})", words):
+            raise DepthError(f"'{name}' names {what}", "convert them to depths along the optical axis, or rename it")
 
 
 def usual_scale(values: NDArray[Any]) -> float:
