@@ -16,7 +16,7 @@ from benchmark.files import open_file, read_file
 from benchmark.geometry.io import named_errors
 
 if TYPE_CHECKING:
-    from PIL import Image
+    from PIL import ImageFile
 
 Depths = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -226,17 +226,16 @@ def _pixels(content: bytes) -> NDArray[Any]:
         return values
 
 
-def _check_end(image: Image.Image, content: bytes) -> None:
+def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
     """Raise ``ValueError`` if numbers follow those of a PGM or PFM, of which Pillow reads the first ones."""
-    (tile,) = vars(image)["tile"]
-    body = content[tile.offset :]
-    width = {b"P2": 0, b"P5": 1 if image.mode == "L" else 2, b"Pf": 4}.get(content[:2], 1)
-    count = len(body) / width if width else len(re.sub(rb"#[^\n]*", b"", body).split())
+    body = content[image.tile[0].offset :]
+    width = {b"P5": 1 if image.mode == "L" else 2, b"Pf": 4}.get(content[:2], np.inf)
+    count = len(re.sub(rb"#[^\n]*", b"", body).split()) if content[:2] == b"P2" else len(body) / width
     if count > image.size[0] * image.size[1] + 1:
         raise ValueError("numbers follow the pixels that its header announces")
 
 
-def _opened(content: bytes) -> Image.Image:
+def _opened(content: bytes) -> ImageFile.ImageFile:
     """Open an image of one frame that no tag turns; a PNG with wrong checksums or without its end is damaged."""
     from PIL import Image  # lazy: most verbs read no image
 
