@@ -39,6 +39,7 @@ def run(
     data_root: str | Path | None = None,
     quick: bool = False,
     gallery: str | Path = "",
+    gallery_views: int = 0,
     same_names: bool = False,
     seed: int = 0,
     again: bool = False,
@@ -66,6 +67,8 @@ def run(
     gallery, same_names
         Name or folder of the shapes that are ranked for the data, which are queries, and whether one of the same name
         is left out; by default all other shapes of the data.
+    gallery_views
+        Number of cameras around each shape that show the gallery, by default the data, to views; 0 for none.
     seed
         Base seed.
     again
@@ -96,7 +99,7 @@ def run(
         folder, datasets=[str(name) for name in _listed(data)], methods=_listed(methods),
         plugins=[Path(path).resolve() for path in plugins], scorer=scorer, input=input,
         data_root=Path(root) if root else None, quick=quick, seed=seed,
-        gallery=str(gallery) if gallery else "", same_names=same_names,
+        gallery=str(gallery) if gallery else "", gallery_views=gallery_views, same_names=same_names,
         rerun=["failed", "finished"] if again else ["failed"],
     )  # fmt: skip
     ended = {

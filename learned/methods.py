@@ -183,8 +183,8 @@ class Learned(TrainedNetwork):
         prediction = predict(self.model_folder, depth)
         if self.relief == "predicted":
             return prediction
-        mask, training = prediction[-1], self.model_folder.parent.name
-        return torch.stack([average_body(training, len(mask)) if self.relief == "average" else mask * 0 + 0.5, mask])
+        mask, folder = prediction[-1], self.model_folder
+        return torch.stack([average_body(folder, len(mask)) if self.relief == "average" else mask * 0 + 0.5, mask])
 
     def measure_fit(self, shape: Shape) -> dict[str, float | str]:
         """Return the width of the predicted outline in pixels, and a doubt if it is unusual.

@@ -189,15 +189,15 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
     return card.depth_scale.undo(prediction)
 
 
-@functools.cache
-def average_body(training: str, resolution: int) -> Tensor:
-    """Return the mean depth of the bodies of a training, shape (r, r); outside of all, that of the nearest pixel.
+def average_body(folder: Path, resolution: int) -> Tensor:
+    """Return the mean depth of the bodies that a model was trained on; outside of all, that of the nearest pixel.
 
     Raises
     ------
     ConfigurationError
-        If the average body of this training is not known at this resolution.
+        If the average body of its training is not known at this resolution.
     """
+    training = read_card(folder, Card).data
     bodies = tensors_in(Path(__file__).with_name("models").joinpath("average-bodies.safetensors").read_bytes())
     if training not in bodies or len(bodies[training]) != resolution:
         problem = f"training '{training}' has no average body of {resolution} x {resolution} pixels"

@@ -46,6 +46,11 @@ def no_plugin(what: str) -> ConfigurationError:
     )
 
 
+def name_view(identifier: str, number: int) -> str:
+    """Return the name of one of several views of a shape."""
+    return f"{identifier}@{number}"
+
+
 def read_entry(entry: Entry) -> Mesh:
     """Read the mesh file of a shape; raise ``UnreadableMesh`` if it has none or it is damaged."""
     if entry.path is None:
@@ -112,6 +117,8 @@ class ShapeSet:
         Folder of the files; None for a generated set.
     code
         Modules whose code makes the meshes.
+    framed
+        The data set whose frame its views have; None for its own.
 
     Examples
     --------
@@ -133,6 +140,7 @@ class ShapeSet:
     stand_in_for: str = ""
     folder: Path | None = None
     code: tuple[str, ...] = ()
+    framed: ShapeSet | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "title", brief(self.title or self.name))

@@ -232,7 +232,7 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
     start, component = time.perf_counter(), select_one(method, options.plugins)
     scorer = select_one(options.scorer, options.plugins, "scorer")
     shapes = options.open_dataset(name)
-    input_, of_gallery = _inputs(query, shapes, component, wanted)
+    input_, of_gallery = _inputs(query, shapes, component, "view" if options.gallery_views else wanted)
     job = _job(name, shapes, component, options, of_gallery)
     itself = [entry for entry in shapes.shapes if entry.path and entry.path.exists() and entry.path.samefile(query)]
     cache, preparation = Cache(options.results), Preparation(shapes, input_)
@@ -244,10 +244,11 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
     else:
         arrays = _query_arrays(query, preparation, half_width, options, of_gallery=bool(itself))
     shape = shape_of(arrays, query.stem, options.seed)
-    maker, record = _with_model(component, job, [entry.identifier for entry in itself]), job.before or job.record
+    maker = _with_model(component, job, [entry.identifier for entry in itself])
+    gallery = (job.before or job.record).sides[-1]
     if is_depth_file(query) and (doubt := small_for_person(shape, maker)):
         say(f"{query}: {doubt}", err=True)
-    nearest = search(options.results, record, shape, maker, scorer.create(), [entry.identifier for entry in itself])
+    nearest = search(options.results, gallery, shape, maker, scorer.create(), [entry.identifier for entry in itself])
     hits = nearest.hits[:k]
     rows = [(str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}") for rank, hit in enumerate(hits, 1)]
     say_table([("rank", "name", "class", "distance"), *rows])
@@ -257,7 +258,7 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
         drawn = upright(nearest.form, seen(mesh, camera)) if nearest.form else seen(mesh, camera)
         panels: list[tuple[str, Drawn | None]] = [(f"query\n{query.name}\n", drawn)]
         for rank, *texts in rows:
-            panels.append((f"{rank}. " + "\n".join(texts), stored.upright(record, texts[0])))
+            panels.append((f"{rank}. " + "\n".join(texts), stored.upright(gallery, texts[0])))
         save_png(retrieved_picture(panels), options.picture)
     if hits[0].distance == 0:
         say(f"{hits[0].shape} has the distance 0: the gallery holds the query, or its copy", err=True)
@@ -272,10 +273,11 @@ def _job(name: str, shapes: ShapeSet, component: Component, options: Selection, 
     """Return the finished job of a gallery; raise ``ConfigurationError`` if there is none, or it is of other code."""
     planned = plan_selection(
         options.results, datasets=[name], methods=[component.name], plugins=options.plugins, scorer=options.scorer,
-        input=input_, data_root=options.require_data_root(), seed=options.seed,
+        input=input_, data_root=options.require_data_root(), seed=options.seed, gallery_views=options.gallery_views,
     )  # fmt: skip
-    command = f"run `python -m benchmark run -m {component.name} -d {shlex.quote(name)} --input {input_}` first"
-    jobs = [job for job in planned if job.record.gallery == shapes.name]
+    which = f"--gallery-views {options.gallery_views}" if options.gallery_views else f"--input {input_}"
+    command = f"run `python -m benchmark run -m {component.name} -d {shlex.quote(name)} {which}` first"
+    jobs = [job for job in planned if job.record.sides[-1].gallery == shapes.name]
     if jobs and jobs[0].state == "stale":
         raise ConfigurationError(f"the gallery is stale: {jobs[0].reason}", command)
     if not jobs or jobs[0].state != "finished":
@@ -286,7 +288,7 @@ def _job(name: str, shapes: ShapeSet, component: Component, options: Selection, 
 
 def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> Any:
     """Return a method with the model that made the forms of a gallery, or of a query that is one of its shapes."""
-    of_shape = dict(zip(job.record.shapes, job.models, strict=True))
+    of_shape = dict(zip(job.record.shapes, job.models, strict=False))  # those of another gallery follow
     models = {of_shape[name] for name in itself} or set(of_shape.values())
     if len(models) > 1:
         problem = f"the forms of {job.record.gallery} are of {len(models)} models, and a query is in no fold"

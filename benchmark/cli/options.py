@@ -75,6 +75,9 @@ class Selection:
     quick: Annotated[bool, Option("--quick", help="Fewer poses per subject, and only the paper's methods.")] = False
     subjects: Annotated[str, Option("--subjects", metavar="A,B", help="Only these, to choose parameters on.")] = ""
     gallery: Annotated[str, Option("--gallery", metavar="DATASET|FOLDER", help="Gallery of the queries in -d.")] = ""
+    gallery_views: Annotated[
+        int, Option("--gallery-views", min=0, metavar="N", help="Show it to N cameras around each shape.")
+    ] = 0
     same_names: Annotated[bool, Option("--same-names", help="Leave out of it what has the query's name.")] = False
     published: Annotated[bool, Option("--published", help="Only published records.")] = False
     intrinsics: Annotated[

@@ -43,7 +43,7 @@ def _data(selection: Selection) -> dict[str, Any]:
         "tables": selection.tables, "datasets": selection.datasets, "input": selection.input,
         "data_root": selection.require_data_root(), "quick": selection.quick,
         "subjects": [name for name in nfc(selection.subjects).split(",") if name],
-        "gallery": selection.gallery, "same_names": selection.same_names,
+        "gallery": selection.gallery, "gallery_views": selection.gallery_views, "same_names": selection.same_names,
     }  # fmt: skip
 
 

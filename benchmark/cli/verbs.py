@@ -22,7 +22,7 @@ from benchmark.text import say, say_lines, say_table
 
 _JOBS = (
     "everything", "tables", "methods", "datasets", "input", "scorer", "plugins", "results", "data_root", "seed",
-    "quick", "subjects", "gallery", "same_names",
+    "quick", "subjects", "gallery", "gallery_views", "same_names",
 )  # fmt: skip
 _RECORDS = ("tables", "methods", "datasets", "input", "scorer", "results", "seed", "quick", "published")
 _CAMERA = ("intrinsics", "mask", "depth_scale", "picture")
@@ -194,7 +194,7 @@ def canonicalise(
     return canonicalise(paths, method, selection, output, all_vertices=all_vertices)
 
 
-@verb("scorer", "plugins", "results", "data_root", "seed", *_CAMERA)
+@verb("scorer", "plugins", "results", "data_root", "seed", "gallery_views", *_CAMERA)
 def retrieve(
     selection: Selection,
     method: shared.Method,

@@ -10,11 +10,12 @@ import hashlib
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.api.datasets import Entry, ShapeSet, name_view
 from benchmark.datasets import surface_changes as surface
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import Camera, DepthSensor
@@ -35,9 +36,9 @@ class Change:
         Meaning of the amounts.
     amounts
         Amount at each level, from 1.
-    of_mesh, of_camera, of_sensor, seen
-        Function that changes the mesh or the camera, makes the sensor from the amount and a seed, or returns what a
-        camera sees of a mesh.
+    of_mesh, of_camera, of_sensor, seen, of_set
+        Function that changes the mesh or the camera, makes the sensor from the amount and a seed, returns what a
+        camera sees of a mesh, or changes the data set.
     """
 
     title: str
@@ -47,6 +48,34 @@ class Change:
     of_camera: Callable[[Camera, float, Random], Camera] | None = None
     of_sensor: Callable[[float, int], DepthSensor] | None = None
     seen: Callable[[Mesh, Camera, float], Mesh] | None = None
+    of_set: Callable[[ShapeSet, int], ShapeSet] | None = None
+
+
+def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> ShapeSet:
+    """Return a data set with several views of each shape, one after the other, in the frame of its own views.
+
+    The cameras stand upright around the shape at half a step, one and a half steps, ... from its own camera, which is
+    the last one on request.
+    """
+    if "mesh" not in shapes.inputs:
+        raise ConfigurationError(
+            f"{shapes.name} shows one side of each shape", "choose a data set of complete surfaces"
+        )
+    steps = [*(np.arange(count) + 0.5), *[0.0] * own]
+    seen = {
+        name_view(entry.identifier, number): (entry, 2 * np.pi / count * step)
+        for entry in shapes.shapes
+        for number, step in enumerate(steps)
+    }
+    return replace(
+        shapes,
+        shapes=tuple(replace(entry, identifier=name) for name, (entry, _) in seen.items()),
+        load=lambda view: shapes.load(seen[view.identifier][0]),
+        key=lambda view: shapes.key(seen[view.identifier][0]),
+        camera=lambda view: surface.turned_by(shapes.camera(seen[view.identifier][0]), seen[view.identifier][1]),
+        sensor=lambda view: shapes.sensor(seen[view.identifier][0]),
+        framed=shapes,
+    )
 
 
 CHANGES = {
@@ -71,6 +100,10 @@ CHANGES = {
     ),
     "perspective": Change(
         "perspective camera", "distance / extent", (3.0, 2.0, 1.5, 1.2, 1.0), seen=surface.seen_from_near
+    ),
+    "cameras": Change("views around", "cameras", tuple(range(1, 37)), of_set=seen_from_around),
+    "cameras-and-own": Change(
+        "views around", "cameras and its own", tuple(range(1, 37)), of_set=partial(seen_from_around, own=True)
     ),
     "jitter": Change("vertex noise of a millionth of the extent", "deviation", (1e-6,) * 9, of_mesh=surface.noise),
 }
@@ -132,6 +165,9 @@ def changed(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
         key=lambda entry: f"{shapes.key(entry)} {name} {amount!r} {seed(entry)}",
         code=tuple(dict.fromkeys([*shapes.code, __name__])),
     )
+    if of_set := change.of_set:
+        views = of_set(shapes, level)
+        return replace(views, name=result.name, title=result.title, code=result.code, inputs=("view",))
     if of_mesh := change.of_mesh:
         return replace(result, load=lambda entry: of_mesh(shapes.load(entry), amount, random(entry)))
     result = replace(result, inputs=tuple(input_ for input_ in shapes.inputs if input_ == "view"))

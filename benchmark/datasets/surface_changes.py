@@ -76,9 +76,13 @@ def remeshing(mesh: Mesh, amount: float, _: Random) -> Mesh:
 
 def turned(camera: Camera, amount: float, random: Random) -> Camera:
     """Turn a camera about the vertical by up to +- the amount, in degrees."""
+    return turned_by(camera, np.radians(amount) * random.uniform(-1, 1))
+
+
+def turned_by(camera: Camera, angle: float) -> Camera:
+    """Turn a camera about the vertical by an angle in radians."""
     from scipy.spatial.transform import Rotation
 
-    angle = np.radians(amount) * random.uniform(-1, 1)
     direction = Rotation.from_rotvec(angle * np.asarray(camera.up)).apply(camera.direction)
     return Camera(tuple(direction.tolist()), camera.up)
 

@@ -76,6 +76,8 @@ class Preparation:
         """Digest of the frame that all views share: a width, or all shapes that it is fitted to; "" for meshes."""
         if self.input == "mesh":
             return ""
+        if self.shapes.framed:
+            return Preparation(self.shapes.framed, self.input).camera_key
         shapes = self.shapes
         fitted = shapes.half_width or [(shapes.key(entry), repr(shapes.camera(entry))) for entry in shapes.shapes]
         return digest([fitted, self._code_digest])
@@ -112,6 +114,8 @@ class Preparation:
         Incomplete
             If a shape cannot be read now, or a file changes meanwhile.
         """
+        if self.shapes.framed:
+            return Preparation(self.shapes.framed, self.input).frame()
         compute = lambda: {"half_width": np.asarray(frame_of(self.shapes))}  # noqa: E731
         return self._while_unchanged(self.shapes.shapes, lambda of: of.camera_key, compute)
 

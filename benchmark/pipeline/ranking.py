@@ -82,7 +82,10 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
         return refused_there if answered else refused, {}
     queries, gallery = ([[*stages.values()][-1] for stages in of.values()] for of in (answered, in_gallery))
     matrices = distances(comparing, gallery, queries if record.against else None)
-    total, draws = np.zeros((len(queries), len(gallery))), 0
+    shown, first = np.unique(np.array([*in_gallery]) // record.sides[-1].views, return_index=True)
+    if len(shown) < len(gallery):
+        matrices = (np.minimum.reduceat(matrix, first, axis=1) for matrix in matrices)
+    total, draws = np.zeros((len(queries), len(shown))), 0
 
     def summed() -> Iterator[NDArray[np.float64]]:
         nonlocal draws
@@ -91,7 +94,7 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
             draws += 1
             yield matrix
 
-    targets = record.targets and replace(record.targets, answered=[*in_gallery])
+    targets = record.targets and replace(record.targets, answered=shown.tolist())
     content = {
         **score_draws(summed(), record.labels, [*answered], targets),
         **refused,
@@ -107,10 +110,9 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
 def _read(side: Ranked, cache: Cache) -> tuple[dict[int, dict[Kind, Arrays]], dict[str, Any]]:
     """Return the stages of the shapes with a result by index, and what a record says of the others."""
     answered: dict[int, dict[Kind, Arrays]] = {}
-    unsupported: list[tuple[str, str]] = []
-    unprepared: list[str] = []
+    reasons: dict[int, tuple[Kind, str]] = {}
     damaged: list[tuple[Kind, str]] = []
-    for index, (shape, keys) in enumerate(zip(side.shapes, side.keys, strict=True)):
+    for index, keys in enumerate(side.keys):
         stages: dict[Kind, Arrays] = {}
         for kind, key in keys.items():  # up to the one that refuses the shape
             arrays = cache.read(kind, key, () if kind == "signatures" else _SURFACES)
@@ -119,14 +121,18 @@ def _read(side: Ranked, cache: Cache) -> tuple[dict[int, dict[Kind, Arrays]], di
                 break
             stages[kind] = arrays
             if REFUSED in arrays:
-                unsupported.append((shape, "; ".join(filter(None, arrays[REFUSED].tolist()))))
-                unprepared += [shape] if kind == "prepared" else []
+                reasons[index] = kind, "; ".join(filter(None, arrays[REFUSED].tolist()))
                 break
         else:
             answered[index] = stages
     if damaged:
         raise DamagedFiles(damaged)
-    return answered, {"unsupported": unsupported, "unprepared": unprepared}
+    shown = {index // side.views for index in answered}
+    refused = [(shape, *reasons[k * side.views]) for k, shape in enumerate(side.shapes) if k not in shown]
+    return answered, {
+        "unsupported": [(shape, reason) for shape, _, reason in refused],
+        "unprepared": [shape for shape, kind, _ in refused if kind == "prepared"],
+    }
 
 
 def distances(

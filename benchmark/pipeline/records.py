@@ -14,6 +14,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
+from benchmark.api.datasets import name_view
 from benchmark.code_digest import ROOT, digest, digest_of_bytes
 from benchmark.files import read_file, write_atomically
 from benchmark.geometry.mesh import Mesh
@@ -106,7 +107,9 @@ class Ranked(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     unsupported, unprepared
         Shapes without a result, with the reason, and those of them that could not be prepared for any method.
     files
-        Keys of the cached files of each shape; in local records only.
+        Keys of the cached files of each shape, or of each of its views; in local records only.
+    views
+        Number of views of each shape; its distance from a query is the least of theirs.
     """
 
     gallery: Name
@@ -118,6 +121,12 @@ class Ranked(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     unsupported: list[tuple[Name, str]] = []
     unprepared: list[Name] = []
     files: dict[Kind, list[Key]] = {}
+    views: Annotated[int, Meta(ge=1)] = 1
+
+    @property
+    def file_names(self) -> list[str]:
+        """Names of the shapes, or of their views, in the order of the files."""
+        return [name_view(name, k) if self.views > 1 else name for name in self.shapes for k in range(self.views)]
 
     @property
     def answered(self) -> list[int]:
@@ -349,7 +358,7 @@ def _faults_of_shapes(side: Ranked) -> Iterator[str]:
     for field_name, names in (("unprepared", side.unprepared), ("unsupported", [name for name, _ in side.unsupported])):
         if not set(names) <= set(side.shapes):
             yield f"`{field_name}` names a shape that is not in `shapes`"
-    if any(len(keys) != len(side.shapes) for keys in side.files.values()):
+    if any(len(keys) != len(side.shapes) * side.views for keys in side.files.values()):
         yield "`files` has other lengths than `shapes`"
 
 
@@ -427,7 +436,7 @@ def read_prepared(results: Path, record: Ranked, shape: str) -> Mesh | None:
     return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in arrays else None
 
 
-def read_form(results: Path, record: Record, shape: str) -> Mesh | None:
+def read_form(results: Path, record: Ranked, shape: str) -> Mesh | None:
     """Return the canonical form of a shape of a record; None if it is not kept here, or there is none."""
     form, prepared = (_read_arrays(results, record, kind, shape) for kind in ("forms", "prepared"))
     arrays = prepared | form
@@ -447,5 +456,5 @@ def read_vertex_map(results: Path, record: Record, shape: str) -> tuple[NDArray[
 
 
 def _read_arrays(results: Path, record: Ranked, kind: Kind, shape: str) -> dict[str, NDArray[Any]]:
-    keys = dict(zip(record.shapes, record.files.get(kind, []), strict=False))
+    keys = dict(zip(record.shapes, record.files.get(kind, [])[:: record.views], strict=False))
     return Cache(results).read(kind, keys.get(shape, "")) or {}

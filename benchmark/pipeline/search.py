@@ -16,9 +16,9 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Cache, Kind
 from benchmark.pipeline.forms import SharedResults, mesh_of
 from benchmark.pipeline.outputs import compute_output, sign
-from benchmark.pipeline.preparation import require_result
+from benchmark.pipeline.preparation import REFUSED, require_result
 from benchmark.pipeline.ranking import distances
-from benchmark.pipeline.records import Record
+from benchmark.pipeline.records import Ranked
 
 
 class Hit(NamedTuple):
@@ -53,7 +53,7 @@ class SearchResult(NamedTuple):
 
 def search(
     results: Path,
-    record: Record,
+    gallery: Ranked,
     query: Shape,
     method: Method | Descriptor,
     scorer: Scorer,
@@ -63,8 +63,8 @@ def search(
 
     Parameters
     ----------
-    results, record
-        The results folder, and the record of the gallery.
+    results, gallery
+        The results folder, and the gallery of a record.
     query
         The query, prepared as the shapes of the gallery.
     method, scorer
@@ -85,18 +85,20 @@ def search(
     if isinstance(method, Method):
         kind, form = "signatures", mesh_of(answer, {"faces": query.mesh.faces})
         answer = require_result(sign(scorer, form))
-    keys, cache = record.keys, Cache(results)
-    wanted = [index for index in record.answered if keys and record.shapes[index] not in without]
-    found = {index: cache.read(kind, keys[index][kind]) for index in wanted}
-    stored = {index: arrays for index, arrays in found.items() if arrays is not None}
+    keys, cache, views = gallery.keys, Cache(results), gallery.views
+    wanted = [index for index in gallery.answered if keys and gallery.shapes[index] not in without]
+    found = {(index, k): cache.read(kind, keys[index * views + k][kind]) for index in wanted for k in range(views)}
+    stored = {place: arrays for place, arrays in found.items() if arrays is not None and REFUSED not in arrays}
     if not stored:
-        raise ConfigurationError(f"no form of {record.row} is kept in {results}", "run it again here")
+        raise ConfigurationError(f"no form of {gallery.gallery} is kept in {results}", "run it again here")
     comparing = scorer if isinstance(method, Method) else method
+    numbers, first = np.unique([index for index, _ in stored], return_index=True)
     draws = np.concatenate([*distances(comparing, [*stored.values()], [answer])])
-    nearness, numbers = draws.mean(axis=0), [*stored]
+    draws = np.minimum.reduceat(draws, first, axis=1)  # the least distance of the views of a shape
+    nearness = draws.mean(axis=0)
     order = np.lexsort([numbers, nearness]).tolist()
-    labels = [record.labels[index] for index in numbers]
-    hits = [Hit(record.shapes[numbers[k]], labels[k], float(nearness[k])) for k in order]
+    labels = [gallery.labels[index] for index in numbers]
+    hits = [Hit(gallery.shapes[numbers[k]], labels[k], float(nearness[k])) for k in order]
     second = next((k for k in order if labels[k] != hits[0].subject and nearness[k] > 0), None)
     margins = [] if second is None else (draws[:, second] - draws[:, order[0]]) / nearness[second]
     return SearchResult(hits, form, np.array(margins))

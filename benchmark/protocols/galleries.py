@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 
 from benchmark.api.contracts import Input
@@ -19,7 +20,7 @@ from benchmark.datasets.catalogue import (
 from benchmark.datasets.changes import CHANGES, LEVELS, changed_name, split_name
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
 from benchmark.protocols.models import MissingModel, Model, TooNear, UnusableModel, find_models
-from benchmark.protocols.tables import AGAINST, INPUTS, PARTS, TABLES, Table, gallery_name, own_table
+from benchmark.protocols.tables import AGAINST, CAMERAS, INPUTS, PARTS, TABLES, Table, gallery_name, own_table
 from benchmark.protocols.trainings import NoFolds
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry import Component
@@ -63,6 +64,8 @@ class Gallery:
         Whether networks see only views, and all other methods only complete surfaces.
     against
         The gallery if its shapes are queries of another one, with the input of that one.
+    cameras
+        Change of the data set that shows each shape from several cameras; "" for none.
     """
 
     table: Table
@@ -75,6 +78,22 @@ class Gallery:
     inputs: tuple[Input, ...] = ()
     is_split: bool = False
     against: Gallery | None = None
+    cameras: str = ""
+
+    @cached_property
+    def seen(self) -> Gallery:
+        """Return the gallery with a shape for each view of a shape; itself without cameras."""
+        if not self.cameras:
+            return self
+        source, wanted = f"{self.source}{self.cameras}", {entry.identifier for entry in self.entries}
+        dataset = open_dataset(source, self.data_root)
+        entries = tuple(entry for entry in dataset.shapes if entry.identifier.rpartition("@")[0] in wanted)
+        return replace(self, source=source, dataset=dataset, entries=entries, cameras="")
+
+    @property
+    def n_views(self) -> int:
+        """Number of views of each shape."""
+        return len(self.seen.entries) // len(self.entries)
 
     @property
     def name(self) -> str:
@@ -125,7 +144,7 @@ class Gallery:
             return method.learns or not self.table.is_ablation
         name = method.base_name
         is_default = self.table.includes(name) and name not in self.table.omits
-        if self.table.changes and split_name(self.source)[1]:
+        if self.table.changes and not self.table.names and split_name(self.source)[1]:
             is_default &= name in QUICK_ROWS or method.learns
         return is_default and (not self.quick or name in QUICK_ROWS)
 
@@ -220,21 +239,27 @@ def selected_galleries(
     subjects: Sequence[str] = (),
     input: Input | None = None,
     gallery: str = "",
+    gallery_views: int = 0,
     same_names: bool = False,
 ) -> list[Gallery]:
     """Return the :func:`galleries` of a selection, with some subjects, or one input.
 
     With a ``gallery``, the data sets are its queries; it lacks shapes with the name of the query for ``same_names``.
+    With ``gallery_views``, it is rendered from so many cameras around each shape; by default it is the data set.
     """
     sets, chosen = [*datasets], list[Gallery]()
-    if gallery or same_names:
-        if not (gallery and sets) or [*tables]:
+    if gallery or same_names or gallery_views:
+        if not ((gallery or gallery_views) and sets) or [*tables]:
             raise ConfigurationError("--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER")
-        for name in (gallery, *sets):
+        for name in filter(None, (gallery, *sets)):
             require_known(name)
+        seen = f"{gallery_views} cameras{' around ' * bool(gallery)}" if gallery_views else ""
         for name in sets:
-            own = own_table(table_name(name), f"{AGAINST}{table_name(gallery)}{' without same names' * same_names}")
-            table = replace(own, gallery=gallery, keeps_same_names=not same_names)
+            words = f"{seen}{gallery and table_name(gallery)}{' without same names' * same_names}"
+            own, is_other = own_table(table_name(name), f"{AGAINST}{words}"), bool(gallery) and not same_names
+            table = replace(own, gallery=gallery, keeps_same_names=is_other)
+            if gallery_views:
+                table = replace(table, columns=table.columns[1:], cameras=f"[cameras={gallery_views}]")
             chosen += _galleries(table, name, data_root, quick=quick)
     else:
         chosen = galleries(tables, sets, data_root, quick)
@@ -288,7 +313,7 @@ def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) 
             inputs = tuple(input_ for input_ in dataset.inputs if input_ in wanted)
             for part in column.parts[: 1 if quick else None]:
                 entries = Part(PARTS.get(part, ())).of(dataset)
-                against = _known(table, source, data_root, quick=quick) if part.startswith(AGAINST) else None
+                against = _known(table, source, part, data_root, quick=quick) if part.startswith(AGAINST) else None
                 if against is None:
                     check_retrievable(dataset, entries if part else None)
                 some = thinned(entries, QUICK_POSES) if quick else entries
@@ -296,13 +321,15 @@ def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) 
                 yield Gallery(table, source, dataset, some, is_quick, part, data_root, inputs, is_split, against)
 
 
-def _known(table: Table, source: str, data_root: Path | None, *, quick: bool) -> Gallery:
+def _known(table: Table, source: str, part: str, data_root: Path | None, *, quick: bool) -> Gallery:
     """Return the gallery of queries: complete surfaces where there are any, of their own data set by default."""
     name = table.gallery or source
     while "mesh" not in (dataset := open_dataset(name, data_root)).inputs and split_name(name)[1]:
         name = name.rpartition("[")[0]  # what changes views alone
     entries = thinned(dataset.shapes, QUICK_POSES) if quick else dataset.shapes
-    return Gallery(table, name, dataset, entries, quick, data_root=data_root, inputs=dataset.inputs[:1])
+    cameras = CAMERAS.get(part, table.cameras)
+    inputs = ("view",) if cameras else dataset.inputs[:1]
+    return Gallery(table, name, dataset, entries, quick, data_root=data_root, inputs=inputs, cameras=cameras)
 
 
 def _conditions(name: str) -> list[str]:

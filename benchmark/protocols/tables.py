@@ -27,10 +27,17 @@ CATS_AND_HORSES = "held out"
 AGAINST = "against "
 SURFACES = f"{AGAINST}complete surfaces"
 
+#: Parts whose gallery is rendered from several cameras around each surface, with the change of the data set.
+CAMERAS: Mapping[str, str] = {
+    f"{AGAINST}12 cameras": "[cameras=12]",
+    f"{AGAINST}12 cameras and their own": "[cameras-and-own=12]",
+}
+
 #: Subjects of each part of a data set, by name or by index in the data set; all of them for the whole one, "".
 PARTS: Mapping[str, tuple[int | str, ...]] = {
     "": (),
     SURFACES: (),
+    **dict.fromkeys(CAMERAS, ()),
     CATS_AND_HORSES: HELD_OUT,
     **dict(zip(FOLDS, SUBJECT_FOLDS, strict=True)),
 }
@@ -77,6 +84,9 @@ ONLY_ABLATED = frozenset(ABLATION) - {"learned"}
 
 #: Forms that the paper does not compare, which run by default on animals alone.
 OTHER_FORMS = ("accelerated-mds", "fast-classical-scaling", "feature-preserved")
+
+#: Rows of the tables whose gallery is seen from around: networks, no form, the best form, and the area.
+ROUND = ("identity", "mesh-unfolding", "learned", "learned-wide-extra", "learned-streamed", "surface-area")
 
 #: Rows of robustness: four methods at three strengths of each change.
 ROBUST = ("classic-mds", "gps", "mesh-unfolding", "shape-dna")
@@ -141,7 +151,7 @@ class Table:
         Whether it has one gallery for each change of its data set.
     changes
         Changes of its data set that have a table each, too.
-    gallery, keeps_same_names
+    gallery, cameras, keeps_same_names
         Data set of the gallery of its queries, and whether a query leaves out no shape of its own name.
     """
 
@@ -160,6 +170,7 @@ class Table:
     is_robustness: bool = False
     changes: tuple[str, ...] = ()
     gallery: str = ""
+    cameras: str = ""
     keeps_same_names: bool = False
 
     @property
@@ -194,6 +205,8 @@ class Table:
 _FAIR = "all methods on one depth view"
 _CROSS = "one depth view against views and against complete surfaces"
 _BOTH_GALLERIES = (Column("against views", input="view"), Column(SURFACES, (SURFACES,), "view"))
+_AROUND = "one depth view against views of complete surfaces"
+_CAMERAS = tuple(Column(part, (part,), "view") for part in CAMERAS)
 _ALL, _FEW = "15 subjects", "5 subjects"
 
 _synthetic = partial(Table, dataset="shrec14-synthetic", stand_ins=SYNTHETIC_HUMANS)
@@ -224,6 +237,11 @@ TABLES: tuple[Table, ...] = (
     _real("II-cross", f"Real humans, {_CROSS}", columns=_BOTH_GALLERIES, runs="alone"),
     _animals(
         "III-cross", f"Animals and people, {_CROSS}", columns=_BOTH_GALLERIES, runs="alone",
+        changes=("[view-angle=3]", "[view-angle=5]"),
+    ),
+    _real("II-cameras", f"Real humans, {_AROUND}", columns=_CAMERAS, names=ROUND, runs="alone"),
+    _animals(
+        "III-cameras", f"Animals and people, {_AROUND}", columns=_CAMERAS, names=ROUND, runs="alone",
         changes=("[view-angle=3]", "[view-angle=5]"),
     ),
     *(_official(name, dataset=name, columns=BOTH_INPUTS, runs="named") for name in EXTENDED),

@@ -114,7 +114,7 @@ class StoredForms:
         form = target if name == first else self.upright(record, name)
         return form if form is target or form is None or target is None else turned(form, target)
 
-    def upright(self, record: Record, name: str) -> Drawn | None:
+    def upright(self, record: Ranked, name: str) -> Drawn | None:
         """Return the form of a shape, turned as the shape; None if it is not stored."""
         form, shape = read_form(self.folder, record, name), self.shape(record, name)
         return upright(form, shape) if form and shape else None

@@ -81,7 +81,7 @@ class Planned:
         chains = list[tuple[Step, ...]]()
         for side, job, frame in zip(self.record.sides, jobs, self.frames, strict=False):
             first = (Step(job, "prepared", frame),) if job and frame else ()
-            for shape, keys in zip(side.shapes, side.keys, strict=True):
+            for shape, keys in zip(side.file_names, side.keys, strict=True):
                 model = next(models)
                 if job:
                     steps = [Step(job, kind, keys[kind], shape, keys, model, self.codes.get(kind, "")) for kind in keys]
@@ -217,9 +217,10 @@ class _Planning:
         facts, sides = gallery_facts(gallery, input_), [(gallery, input_)]
         if gallery.against:
             sides.append((gallery.against, gallery.against.inputs[0]))
-        preparations = [Preparation(side.dataset, of_side) for side, of_side in sides]
-        prepared = [[of.key(entry) for entry in one.entries] for of, (one, _) in zip(preparations, sides, strict=True)]
-        source, *there = (_absolute(side.source) for side, _ in sides)
+        seen = [side.seen for side, _ in sides]
+        preparations = [Preparation(one.dataset, of_side) for one, (_, of_side) in zip(seen, sides, strict=True)]
+        prepared = [[of.key(entry) for entry in one.entries] for of, one in zip(preparations, seen, strict=True)]
+        source, *there = (_absolute(one.source) for one in seen)
         data_root = gallery.data_root and gallery.data_root.absolute()
         paths = tuple(path_of(side.source) for side, _ in sides)
         for method in methods:
@@ -228,10 +229,11 @@ class _Planning:
             before = self._records.get(row)
             obstacles = [_obstacle(*side, method, self.results / "models") for side in sides]
             state, reason = next(((state, reason) for state, reason, _ in obstacles if state), (None, ""))
-            models = [models for *_, models in obstacles]
-            seen = _seen(gallery, models[0])
-            if seen and gallery.table.all_unseen:
-                state, reason = "unsupported", f"{len(seen)} shapes were seen in training, such as {seen[0]}"
+            models = [of for *_, of in obstacles]
+            trained = _seen(gallery, models[0])
+            models = [[m for m in of for _ in range(side.n_views)] for of, (side, _) in zip(models, sides, strict=True)]
+            if trained and gallery.table.all_unseen:
+                state, reason = "unsupported", f"{len(trained)} shapes were seen in training, such as {trained[0]}"
                 reason += "; take a model of another training"
             key, result_key = digest(["unavailable", row]), ""
             parts, files = dict[str, str](), [dict[str, list[str]]()] * 2
@@ -263,7 +265,7 @@ class _Planning:
                 "scorer": row.scorer,
                 "scorer_title": scorer.title if scorer else "",
                 "models": [model.summary() for model in dict.fromkeys(filter(None, chain(*models)))],
-                "seen": seen,
+                "seen": trained,
                 "parts": parts,
                 "files": files[0],
                 **({"against": facts["against"] | {"files": files[1]}} if there else {}),
@@ -322,8 +324,10 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
         queries = gallery_facts(replace(gallery, against=None), input_)
         against = gallery_facts(gallery.against, gallery.against.inputs[0])
         keeps = gallery.table.keeps_same_names
-        of_both = digest([queries["gallery_digest"], against["gallery_digest"], against["input"], keeps])
-        return queries | {"against": against, "keeps_same_names": keeps, "gallery_digest": of_both}
+        both = [queries["gallery_digest"], against["gallery_digest"], against["input"], keeps]
+        both += filter(None, [gallery.against.cameras])
+        against |= {"views": gallery.against.n_views}
+        return queries | {"against": against, "keeps_same_names": keeps, "gallery_digest": digest(both)}
     shapes = gallery.dataset
     content: list[object] = [(entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries]
     if path := path_of(gallery.source):
@@ -431,7 +435,7 @@ def estimate(planned: Sequence[Planned], records: Iterable[Record], published: P
             of_file = seconds.get(STAGES[kind], 0.0) + (seconds.get("geodesics", 0.0) if kind == "prepared" else 0.0)
             spent |= {key: max(spent.get(key, 0.0), of_file) for key in filter(None, keys)}
             sizes |= dict.fromkeys(filter(None, keys), _SIZES[kind])
-        spent[f"{job.key} {side.gallery}"] = seconds.get(STAGES["records"], 0.0) * len(side.shapes)
+        spent[f"{job.key} {side.gallery}"] = seconds.get(STAGES["records"], 0.0) * len(side.file_names)
     return Estimate(sum(spent.values()), len(unknown), sum(sizes.values()) / 1e9)
 
 

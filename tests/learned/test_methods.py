@@ -81,7 +81,7 @@ def test_controls_have_the_predicted_mask_and_a_depth_that_no_image_moves(method
     for image in (person(), ellipsoid(0.3, 0.7)):
         depth, mask = Learned().predict(image)
         for control, expected in (
-            (Average(), average_body("people-fold-0", 128)),
+            (Average(), average_body(Learned().model_folder, 128)),
             (Flat(), torch.full((128, 128), 0.5)),
         ):
             found = control.predict(image)

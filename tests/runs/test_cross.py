@@ -7,10 +7,16 @@ import numpy as np
 import pytest
 
 import benchmark
-from benchmark.errors import ConfigurationError, DatasetError
+from benchmark.api.contracts import CanonicalForm, MethodInfo
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
+from benchmark.geometry.camera import Camera
+from benchmark.pipeline.forms import shape_of
+from benchmark.pipeline.preparation import frame_of, prepare_view
 from benchmark.pipeline.records import read_distances
 from benchmark.protocols.galleries import galleries, selected_galleries
-from benchmark.registry import select
+from benchmark.protocols.tables import ROUND
+from benchmark.registry import select, select_one
 from benchmark.report.frames import tables_of
 from benchmark.report.results import open_results
 from benchmark.report.tables import table_views
@@ -143,3 +149,81 @@ def test_frames_are_ranked_among_meshes_and_find_them(rods, finished, tmp_path):
     views, surfaces = (call(*asked, "identity", *more).splitlines() for more in ((), ("--input", "mesh")))
     assert views[:-1] != surfaces[:-1]
     assert "needs views, and " in refusal(*asked, "learned-streamed", "--input", "mesh")
+
+
+def seen_from_around(queries, results, method, **options):
+    return result(queries, "", results, method, input="view", gallery_views=12, **options)
+
+
+def test_a_gallery_that_twelve_cameras_see_is_as_near_as_its_nearest_view(rods, tmp_path):
+    record = seen_from_around(rods, tmp_path, "surface-area")
+    shapes, area = open_dataset(str(rods), None), select_one("surface-area").create()
+    width = frame_of(shapes)
+
+    def described(entry, angle):
+        x, y, z = shapes.camera(entry).direction
+        turned = x * np.cos(angle) - y * np.sin(angle), x * np.sin(angle) + y * np.cos(angle), z
+        view = prepare_view(shapes.load(entry), Camera(turned, shapes.camera(entry).up), width)
+        return area.describe(shape_of(view, entry.identifier))
+
+    views = [[described(entry, np.radians(angle)) for angle in range(15, 360, 30)] for entry in shapes.shapes]
+    expected = [[min(area.distances([described(entry, 0), each])[0, 1] for each in of) for of in views]
+                for entry in shapes.shapes]  # fmt: skip
+    np.testing.assert_allclose(read_distances(tmp_path, record), expected, atol=1e-9)
+    assert (record.gallery, len(record.against.shapes)) == ("rods against 12 cameras", 4)
+    found = open_results(tmp_path).matches(record.key, "thin0", 9)
+    assert sorted(found["shape"]) == ["thick0", "thick1", "thin1"], "its own shape is left out"
+    others = [jobs(rods, *how, tmp_path, "surface-area", input="view", gallery_views=n)[0].record
+              for how, n in ((("",), 6), ((rods,), 12))]  # fmt: skip
+    assert {record.key} & {other.key for other in others} == set()
+    assert others[1].gallery == "rods against 12 cameras around rods"
+
+
+class Constant:
+    """One form for every shape but those that it refuses."""
+
+    info = MethodInfo(name="constant", title="Constant", inputs=("view",))
+    form = rod(0.1, 1.0)
+
+    def __init__(self, *refuses):
+        self.refuses = refuses
+
+    def canonicalise(self, shape):
+        if shape.identifier.startswith(self.refuses):
+            raise UnsupportedShape("no", "yes")
+        return CanonicalForm(self.form.vertices, self.form.faces)
+
+
+def test_one_constant_form_scores_chance_whatever_views_are_refused(rods, tmp_path):
+    for refuses in ((), ("thin0@0", "thick1@0", "thick1@11")):
+        record = seen_from_around(rods, tmp_path, Constant(*refuses))
+        (view,) = table_views([record])
+        assert record.against.unsupported == []
+        assert {name: record.scores[name] for name in view.chance["view"]} == pytest.approx(view.chance["view"])
+    record = seen_from_around(rods, tmp_path, Constant("thick1@"))
+    assert record.against.unsupported == [("thick1", "no; yes")]
+    assert read_distances(tmp_path, record).shape == (4, 3)
+
+
+def test_a_frame_is_retrieved_among_the_views_of_meshes(rods, finished):
+    asked = ("-d", rods, "--gallery-views", "2", "-m", "identity", *SMALL, "--results", finished)
+    query = FRAMES / "man-1" / "kneeling.png"
+    assert "rods --gallery-views 2` first" in refusal("retrieve", *asked, query)
+    call("run", *asked, "-j", "0")
+    lines = call("retrieve", *asked, query).splitlines()
+    assert sorted(line.split()[1] for line in lines[1:5]) == ["thick0", "thick1", "thin0", "thin1"]
+    itself = call("retrieve", *asked, rods / "thin0.off").splitlines()
+    assert sorted(line.split()[1] for line in itself[1:4]) == ["thick0", "thick1", "thin1"]
+
+
+def test_tables_of_twelve_cameras_have_a_column_with_their_own(tmp_path):
+    found = [one for one in galleries(["III-cameras"]) if one.part.endswith("own")]
+    assert [one.against.source for one in found] == ["animals"] * 3
+    (own, *_) = found
+    assert (own.against.n_views, own.against.inputs) == (13, ("view",))
+    last = own.against.seen.entries[12]
+    assert own.against.seen.dataset.camera(last) == own.against.dataset.camera(own.against.entries[0])
+    for one in found:
+        rows = [component.base_name for component in one.rows("view", select([], ()))]
+        assert {"identity", "mesh-unfolding", "surface-area", "learned", "learned-wide-extra"} <= {*rows} <= {*ROUND}
+    assert not [one for one in galleries() if one.against]

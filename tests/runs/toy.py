@@ -43,12 +43,14 @@ class ThisProcess:
 def gallery(folder: Path | str) -> Any:
     """All shapes of a data set, with whatever methods are selected."""
     shapes = open_dataset(str(folder))
-    return SimpleNamespace(
+    found = SimpleNamespace(
         table=SimpleNamespace(all_unseen=False), name=shapes.name, source=str(folder), dataset=shapes,
-        entries=shapes.shapes, quick=False, against=None,
+        entries=shapes.shapes, quick=False, against=None, n_views=1,
         inputs=("mesh", "view"), data_root=None,
         rows=lambda input_, methods, folder, named: methods, models=lambda method, folder: {},
     )  # fmt: skip
+    found.seen = found
+    return found
 
 
 def planned(
