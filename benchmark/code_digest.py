@@ -2,7 +2,8 @@
 
 The code of a module is its source and that of everything that it imports, directly or not, except installed packages,
 whose versions count, errors, messages and the description of the machine. Imports inside functions count. Of a user's
-file, all bytes count; of the suite's, docstrings and what type checkers alone import do not.
+file, all bytes count; of the suite's, docstrings and what type checkers alone import do not. Of a package without a
+version, as one that is installed to be edited, all modules count.
 """
 
 from __future__ import annotations
@@ -141,10 +142,13 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
             if where is None:
                 packages.add(top)
                 continue
-            found = _locate(where, parts)
-            if found and found not in sources:
-                sources[found] = where
-                pending.append(found)
+            found = [_locate(where, parts)]
+            if where not in (base, ROOT):  # a package without a version, which may import its modules in any way
+                found += sorted((where / top).rglob("*.py"))
+            for file in found:
+                if file and file not in sources:
+                    sources[file] = where
+                    pending.append(file)
     return sources, packages
 
 

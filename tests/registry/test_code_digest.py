@@ -146,3 +146,13 @@ def test_nothing_is_imported(plugin):
     program = f"import sys, benchmark.code_digest as c; c.code_of({str(plugin)!r}); print('numpy' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout == "False\n"
+
+
+def test_all_modules_of_a_package_without_a_version_count(plugin, tmp_path_factory, monkeypatch):
+    folder = tmp_path_factory.mktemp("elsewhere")
+    for name in ("__init__.py", "inner.py"):
+        (folder / "lazy_library").mkdir(exist_ok=True)
+        (folder / "lazy_library" / name).write_text("VALUE = 1\n")
+    monkeypatch.syspath_prepend(folder)
+    write_plugin(plugin, imports="import lazy_library")
+    assert "lazy_library/inner.py" in code_of(str(plugin))
