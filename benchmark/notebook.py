@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,10 +23,13 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.kernels import suite_sources
 from benchmark.machine import available_cores
 from benchmark.registry import select
-from benchmark.text import DATA_VARIABLE
+from benchmark.text import DATA_VARIABLE, say
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+#: Seconds between lines of progress.
+_INTERVAL = 15.0
 
 
 def run(
@@ -43,7 +47,7 @@ def run(
     same_names: bool = False,
     seed: int = 0,
     again: bool = False,
-    watch: Callable[[Any], object] = lambda _: None,
+    watch: Callable[[Any], object] | None = None,
 ) -> DataFrame:
     """Run the jobs of a selection that have no record, and return all of them.
 
@@ -74,7 +78,7 @@ def run(
     again
         Whether to run finished jobs again.
     watch
-        Called with the progress.
+        Called with the progress; by default, a line on stderr says now and then how far the run is.
 
     Returns
     -------
@@ -104,7 +108,9 @@ def run(
     )  # fmt: skip
     ended = {
         job.record.key: record
-        for job, record in run_jobs(jobs, folder, size=available_cores(), anew=again, watch=watch)
+        for job, record in run_jobs(
+            jobs, folder, size=available_cores(), anew=again, watch=watch or _lines_of_progress()
+        )
     }
     return Results(folder, tuple(label_data_sets([*filter(None, (result_of(job, ended) for job in jobs))]))).jobs
 
@@ -144,6 +150,18 @@ def canonicalise(
     maker = form_maker(select([method])[0])
     mesh = Mesh(vertices, faces)  # type: ignore[arg-type]
     return form_of_surface(maker, mesh, n_vertices=n_vertices, seed=seed)[0]
+
+
+def _lines_of_progress() -> Callable[[Any], None]:
+    shown = -_INTERVAL
+
+    def watch(state: Any) -> None:
+        nonlocal shown
+        if time.monotonic() - shown >= _INTERVAL:
+            shown = time.monotonic()
+            say(f"{state.done}/{state.total} files, {'; '.join(state.working) or 'starting'}", err=True)
+
+    return watch
 
 
 def _check_suite_is_unedited() -> None:

@@ -35,7 +35,7 @@ def test_dir_lists_what_there_is():
         _ = benchmark.rum
 
 
-def test_jobs_run_in_this_process_once_and_silently(rods, tmp_path, capfd):
+def test_jobs_run_in_this_process_once_with_a_line_of_progress(rods, tmp_path, capfd):
     methods = ["identity", ClassicMDS(), flat_shape, broken]
     chosen: Any = {"scorer": SMALL_SCORER, "results": tmp_path / "results"}
     jobs = benchmark.run(rods, methods, **chosen)
@@ -43,7 +43,9 @@ def test_jobs_run_in_this_process_once_and_silently(rods, tmp_path, capfd):
     assert list(jobs.index) == ["classic-mds", "identity", "flat-shape", "broken"]
     assert list(jobs["status"]) == ["ok", "ok", "ok", "failed"]
     assert re.search(r"test_notebook.py:\d+: NameError: name 'topp' is not defined", jobs.loc["broken", "reason"])
-    assert capfd.readouterr() == ("", "")
+    out, err = capfd.readouterr()
+    assert not out
+    assert re.fullmatch(r"0/\d+ files, .+\n", err)
     again = benchmark.run(rods, methods[:3], **chosen).reset_index().set_index("method")
     assert (again["finished"] == jobs["finished"][:3]).tolist() == [True, True, False]  # who knows what it depends on
     keys = again["job"]

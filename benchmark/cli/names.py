@@ -15,7 +15,7 @@ from benchmark.protocols.models import MODELS_VARIABLE, model_places, people_tra
 from benchmark.protocols.tables import TABLES
 from benchmark.reference.paper import entry_of, source_of
 from benchmark.registry import Component, by_name, select_one
-from benchmark.registry.names import described
+from benchmark.registry.names import described, split_name
 from benchmark.text import clean, say, say_lines, say_table
 
 Rows = list[dict[str, str]]
@@ -131,8 +131,9 @@ def trained_on_people(component: Component) -> str:
 
 
 def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:
-    """Print the details of a method."""
-    component = select_one(name, plugins)
+    """Print the details of a method or a scorer."""
+    is_scorer = split_name(name)[0] in by_name("scorer", plugins)
+    component = select_one(name, plugins, "scorer" if is_scorer else "method")
     facts, parameters = _facts(component), described(component.load())
     for parameter in parameters:
         if parameter["name"] in component.parameters:
@@ -152,21 +153,26 @@ def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:
 
 
 def _facts(component: Component) -> dict[str, str | list[str]]:
-    """Return the details of a method by name."""
-    info = component.info
+    """Return the details of a method or a scorer by name."""
+    info, facts = component.info, dict[str, str | list[str]]()
+    kind = "learner" if component.learns else "descriptor" if component.describes else component.kind
+    if component.kind == "method":
+        facts = {
+            "departs": info.departs,
+            "inputs": list(info.inputs),
+            "scale": info.scale,
+            "random": "" if info.deterministic else "the form depends on --seed",
+            "warning": trained_on_people(component),
+        }
     return {
         "name": component.name,
         "title": info.title,
         "summary": clean(component.summary),
-        "kind": "learner" if component.learns else "descriptor" if component.describes else "method",
-        "family": _FAMILIES.get(info.family, info.family),
+        "kind": kind,
+        "family": _FAMILIES.get(info.family, info.family) if facts else "",
         "source": source_of(info.cite) or "none",
         "cite": entry_of(info.cite)[0],
-        "departs": info.departs,
-        "inputs": list(info.inputs),
-        "scale": info.scale,
-        "random": "" if info.deterministic else "the form depends on --seed",
-        "warning": trained_on_people(component),
+        **(facts or {"draws": str(info.draws)}),
         "requires": list(info.requires),
         "missing": list(component.missing_packages()),
         "defined in": component.target,

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
 from typer import Argument, Exit, Option, Typer
+from typer.core import TyperCommand
 
 from benchmark.errors import ConfigurationError
 from benchmark.text import DATA_VARIABLE, EVERY
@@ -38,9 +39,22 @@ def duration(text: str | float) -> float:
     return float(match[1]) * _UNITS[match[2]]
 
 
+class Verb(TyperCommand):
+    """A command that refuses an option of one value that is given twice."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the words of a command line."""
+        _, _, given = self.make_parser(ctx).parse_args([*args])
+        for option in given:
+            if given.count(option) > 1 and not (getattr(option, "multiple", True) or getattr(option, "is_flag", False)):
+                ctx.fail(f"{max(option.opts, key=len)} is given twice")
+        return super().parse_args(ctx, args)
+
+
 Method = Annotated[str, Option("-m", "--method", metavar="METHOD", help="Method; see 'list methods'.")]
 Force = Annotated[bool, Option("--force", help="Replace files that this verb did not write.")]
 Format = Annotated[Literal["text", "json"], Option("--format")]
+Failed = Annotated[bool, Option("--failed", help="Also show methods that fail in every job.")]
 Timeout = Annotated[float, Option("--timeout", parser=duration, metavar="TIME", help="Limit: 90s, 10m, 2h.")]
 Traceback = Annotated[bool, Option("--traceback", help="Print errors in full.")]
 MethodName = Annotated[str, Argument(metavar="METHOD")]
@@ -163,6 +177,6 @@ def verb(*shared: str, app: Typer = cli) -> Callable[[Callable[..., bool | None]
         parameters.sort(key=lambda parameter: parameter.default is not Parameter.empty)  # required ones first
         run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        return app.command(function.__name__.partition("_")[0])(run)
+        return app.command(function.__name__.partition("_")[0], cls=Verb)(run)
 
     return decorate

@@ -55,7 +55,11 @@ def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
         raise ConfigurationError(problem, f"{first}, or select less")
     known = {row_of(record) for record in every if failed or record.status == "ok"} | {*TITLES}
     named = {record.method for record in every if {record.method, record.method.partition("[")[0]} & {*options.methods}}
-    return [record for record in records if row_of(record) in known or record.method in named] or records
+    shown = [record for record in records if row_of(record) in known or record.method in named] or records
+    hidden = {record.method: outcome(record) for record in records if record not in shown}
+    for method, reason in hidden.items():
+        say(f"left out, as it fails in every job: {method}: {reason}; --failed shows it", err=True)
+    return shown
 
 
 def selected_tables(options: Selection, records: Iterable[Record], *, paper: bool = False) -> list[TableView]:
@@ -90,7 +94,7 @@ def outcome(record: Record) -> str:
     if record.status != "ok":
         return brief(record.reason)
     scores = " ".join(f"{name} {hundredths(record.scores[name])}" for name in MEASURES)
-    refused = f", {len(record.unsupported)} refused" if record.unsupported else ""
+    refused = f"; {brief(record.refusals)}" if record.unsupported else ""
     return f"{scores}  ({duration(seconds_of(record))} s a shape{refused})"
 
 

@@ -66,7 +66,7 @@ def tables(
     output: Annotated[Path | None, Option("-o", "--output", metavar="DIR", help="Write files.")] = None,
     paper: Annotated[bool, Option("--paper", help="Also rows of the paper that never ran.")] = False,
     force: shared.Force = False,
-    failed: Annotated[bool, Option("--failed", help="Also show methods that fail in every job.")] = False,
+    failed: shared.Failed = False,
 ) -> None:
     """Print or write the tables of finished jobs.
 
@@ -108,6 +108,7 @@ def report(
     shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show.")] = [],
     spread: Annotated[bool, Option("--spread", help="Also compute how far forms of a subject are apart.")] = False,
     force: shared.Force = False,
+    failed: shared.Failed = False,
 ) -> None:
     """Write HTML pages, or draw a figure.
 
@@ -122,14 +123,14 @@ def report(
     if figure:
         draw(selection, output or Path(f"{figure}.pdf"), figure, shapes, force=force)
         return
-    records, folder = recorded(selection), output or Path("results/report")
+    records, folder = recorded(selection, failed=failed), output or Path("results/report")
     views = selected_tables(selection, records, paper=selection.published)
     files = report_files(selection.results, views, selection.data_root)
     write_files(folder, files, force=force)
     say(f"wrote {folder / 'index.html'} and {len(files) - 1} other files")
 
 
-@verb("tables", "datasets", "input", "scorer", "results", "quick", "published")
+@verb("tables", "datasets", "input", "scorer", "results", "seed", "quick", "published")
 def compare(
     selection: Selection,
     first: Annotated[str, Argument(metavar="A")],
@@ -170,11 +171,13 @@ def list_(
 
 
 @verb("plugins")
-def describe(selection: Selection, method: shared.MethodName, format: shared.Format = "text") -> None:
-    """Describe a method: parameters, source, inputs."""
+def describe(
+    selection: Selection, name: Annotated[str, Argument(metavar="METHOD|SCORER")], format: shared.Format = "text"
+) -> None:
+    """Describe a method or a scorer: parameters, source, inputs."""
     from benchmark.cli.names import describe
 
-    describe(method, selection.plugins, as_json=format == "json")
+    describe(name, selection.plugins, as_json=format == "json")
 
 
 @verb("plugins", "seed", *_CAMERA)
@@ -209,7 +212,7 @@ def retrieve(
     retrieve(query, dataset, method, selection, k, input)
 
 
-@cli.command()
+@cli.command(cls=shared.Verb)
 def score(
     distances: Annotated[Path, Argument(metavar="DISTANCES")],
     labels: Annotated[
@@ -297,7 +300,7 @@ def check(
     return not outcomes["failed"]
 
 
-@cli.command()
+@cli.command(cls=shared.Verb)
 def new(
     kind: Annotated[str, Argument(metavar="KIND")],
     name: Annotated[str, Argument(metavar="NAME")],

@@ -19,6 +19,7 @@ from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, one_lin
 from benchmark.pipeline.cache import Arrays
 from benchmark.pipeline.forms import SharedResults, output_arrays
 from benchmark.pipeline.preparation import timed
+from benchmark.text import LONGEST_NAME, brief
 
 _FORM_HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
 _MATRIX_HINT = "return the distances of all pairs as a symmetric matrix of finite numbers"
@@ -69,6 +70,8 @@ def compute_form(method: Method, shape: Shape) -> CanonicalForm:
         what = "coordinates too large for single precision" if len(mesh.faces) else "a form without triangles"
         raise InvalidForm(f"{_name(method)} returned {what}", "keep the scale and the triangles of the shape")
     for name, value in form.notes.items():
+        if name != brief(name, LONGEST_NAME):
+            raise InvalidForm(f"{_name(method)} returned a note called {name!r:.80}", "give it a short printable name")
         if not np.isscalar(value) or np.asarray(value).dtype.kind not in "biufU":
             problem = f"{_name(method)} returned {type(value).__name__} as note '{name}'"
             raise InvalidForm(problem, "notes must be numbers or strings")

@@ -253,6 +253,12 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
         """Share of the shapes with a result; 0 without scores."""
         return len(self.answered) / len(self.shapes) if self.scores and self.shapes else 0.0
 
+    @property
+    def refusals(self) -> str:
+        """How many shapes were refused, and why the first one; "" if none was."""
+        told = [f"{len(self.unsupported)} refused, {shape}: {reason}" for shape, reason in self.unsupported[:1]]
+        return "".join(told)
+
 
 class Row(NamedTuple):
     """What a record is the result of; the paths are those of the data of its queries and of another gallery."""

@@ -8,7 +8,7 @@ import os
 import sys
 import threading
 from collections.abc import Iterable
-from contextlib import redirect_stdout, suppress
+from contextlib import chdir, redirect_stdout, suppress
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -78,7 +78,7 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
         if not is_installed(known):
             del sys.modules[known]
     contents = _contents(target)
-    with watching(target) as declared:
+    with chdir("."), watching(target) as declared:  # which it may change
         module = _execute(name, path)
         declared += _named_files(module, path)
     _imported[name] = contents + _contents(target, declared)[len(contents) :]

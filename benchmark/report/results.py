@@ -63,11 +63,11 @@ class Results:
         """One line a job, indexed by its key.
 
         Columns: ``dataset``, ``fold``, ``quick``, ``kind``, ``input``, ``method``, ``title``, ``scorer``, ``seed``,
-        ``status`` ("ok", "failed", ...), ``reason``, ``published``, ``commit``, ``finished``, ``coverage`` (share of
-        shapes with a result), the measures (NaN without scores), ``n_shapes``, ``n_classes``, ``seconds`` per shape,
-        ``machine``.
+        ``status`` ("ok", "failed", ...), ``reason`` (or that of a refused shape), ``published``, ``commit``,
+        ``finished``, ``coverage`` (share of shapes with a result), the measures (NaN without scores), ``n_shapes``,
+        ``n_classes``, ``seconds`` per shape, ``machine``.
         """
-        facts = ("input", "method", "title", "scorer", "seed", "status", "reason", "published", "commit", "finished")
+        facts = ("input", "method", "title", "scorer", "seed", "status", "published", "commit", "finished")
         rows = {
             record.key: {
                 "dataset": record.data.name,
@@ -75,6 +75,7 @@ class Results:
                 "quick": record.data.quick,
                 "kind": kind_of(record),
                 **{fact: getattr(record, fact) for fact in (*facts, "coverage")},
+                "reason": record.reason or record.refusals,
                 **record.scores,
                 "n_shapes": len(record.shapes),
                 "n_classes": len(set(record.labels)),

@@ -384,7 +384,7 @@ def _state(record: Record | None, key: str, parts: Mapping[str, str]) -> tuple[S
         return "stale", describe_change(record.parts, parts)
     if record.status == "incomplete":
         return "incomplete", record.reason
-    return ("finished", "") if record.status == "ok" else ("failed", f"{record.status}: {record.reason}")
+    return ("finished", record.refusals) if record.status == "ok" else ("failed", f"{record.status}: {record.reason}")
 
 
 def describe_change(before: Mapping[str, str], now: Mapping[str, str]) -> str:

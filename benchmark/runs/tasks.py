@@ -18,7 +18,7 @@ import traceback
 from bdb import BdbQuit
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, nullcontext, redirect_stdout, suppress
+from contextlib import chdir, contextmanager, nullcontext, redirect_stdout, suppress
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from multiprocessing.connection import Connection
@@ -343,7 +343,7 @@ class Work:
         """Return what a step makes; raise ``ConfigurationError`` if a plugin reads what it does not declare."""
         if step.kind == "prepared":
             return make(self, step)
-        with watching_component(step.component, filter(None, [step.job.results, step.model])):
+        with chdir("."), watching_component(step.component, filter(None, [step.job.results, step.model])):
             return make(self, step)
 
     def _read(self, step: Step, kind: Kind) -> Arrays:

@@ -34,9 +34,9 @@ _OWN_SIGNALS = frozenset(
 )
 
 #: The program of a worker; a module of its own would exist twice in it, as ``__main__``. The main program stops it;
-#: batch systems send SIGINT to every process.
+#: batch systems send SIGINT to every process, and a file in the current folder replaces no module of Python.
 _PROGRAM = (
-    "import signal, sys; signal.signal(signal.SIGINT, signal.SIG_IGN); "
+    "import sys; sys.path.append(sys.path.pop(0)); import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "
     "from benchmark.runs.tasks import serve; serve(*map(int, sys.argv[1:]))"
 )
 

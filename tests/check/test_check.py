@@ -110,6 +110,12 @@ FAULTS = [
     ("answer", FORM + "return shape.form(x[1:])", "", "^tried.py: method 'smooth' .* 499 positions for 500 vertices"),
     ("answer", FORM + "return x", "", "it is of type ndarray, not CanonicalForm; return shape.form"),
     ("answer", FORM + "x[0] = 0\n        return shape.form(x)", "", "work on a copy"),
+    (
+        "answer",
+        FORM + "return shape.form(x, **{'a\\0b': 1})",
+        "",
+        "a note called 'a.x00b'; give it a short",
+    ),
     ("answer", FORM + "import no_such_package", "", "name packages beyond the core in info.requires"),
     ("answer", FORM + "raise UnsupportedShape('too thin')", "", r"refuses an ordinary surface \(too thin\)"),
     ("answer", "power: int = 2.5\n\n    " + RIGHT, "", "'2.5' does not fit power of smooth"),

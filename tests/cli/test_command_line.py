@@ -13,7 +13,10 @@ from typer.testing import CliRunner
 from benchmark.cli.main import cli
 from benchmark.pipeline.records import write_record
 from benchmark.text import say
+from tests.behaviour.suite import start
+from tests.registry.plugin import write_plugin
 from tests.report.records import record
+from tests.runs.toy import LIGHT
 from tests.toy import write_rods
 from tests.verbs import call, refusal
 
@@ -110,6 +113,15 @@ def finished(tmp_path_factory):
     arguments = ("-d", write_rods(folder / "rods"), "-m", "shape-dna", "-m", "surface-area")
     call("run", *arguments, "--results", folder / "results", "-j", 0)
     return arguments, folder / "results"
+
+
+@pytest.mark.parametrize("name", ["queue", "random"])
+def test_a_plugin_called_like_a_module_of_python_in_the_current_folder_replaces_none(tmp_path, name):
+    write_plugin(tmp_path / f"{name}.py")
+    write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    words = ("run", "-d", "rods", "-m", "smooth", "--plugin", f"{name}.py", "--input", "mesh", "-j", 1, *LIGHT)
+    run = start(*words, cwd=tmp_path)
+    assert (run.wait(120), "Smooth" in run.stdout.read()) == (0, True), run.stderr.read()
 
 
 def test_a_figure_is_not_drawn_over_another_file(finished, tmp_path):

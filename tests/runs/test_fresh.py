@@ -18,7 +18,7 @@ from benchmark.pipeline.records import read_records
 from benchmark.runs.planning import plan_selection
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, LIGHT, LIGHT_SCORER, done, planned, run_toy
-from tests.toy import SMALL_SCORER, rod, write_off, write_rods
+from tests.toy import rod, write_off, write_rods
 from tests.verbs import call, refusal
 
 STRETCHED = "def canonicalise(self, shape):\n        return shape.form(shape.mesh.vertices * factor())"
@@ -127,11 +127,13 @@ def test_code_of_the_ranking_that_is_edited_during_a_run_ranks_nothing(own, tmp_
     assert "its code changed during the run" in done(jobs, tmp_path / "results", size=0)["identity"].reason
 
 
-def test_a_method_that_changes_the_current_folder_leaves_results_where_they_belong(own, tmp_path):
+@pytest.mark.parametrize("size", [0, 1])
+def test_a_plugin_that_changes_the_current_folder_leaves_results_where_they_belong(own, tmp_path, size):
     moves = "def canonicalise(self, shape):\n        os.chdir('/')\n        return shape.form(shape.mesh.vertices)"
-    plugin = write_plugin(tmp_path / "smooth.py", imports="import os", methods=moves)
-    assert list(benchmark.run(own, "smooth", scorer=SMALL_SCORER, plugins=[plugin])["status"]) == ["ok"]
+    write_plugin(tmp_path / "smooth.py", imports="import os; os.chdir('/')", methods=moves)
+    call("run", "-d", "rods", "-m", "smooth", "--plugin", "smooth.py", "--input", "mesh", *LIGHT, "-j", size)
     assert len(read_records(tmp_path / "results")) == 1
+    assert Path.cwd() == tmp_path
 
 
 def test_meshes_that_are_written_again_or_added_in_a_session_are_seen(own, tmp_path):
