@@ -113,30 +113,22 @@ def count_holes(boundary: IntArray) -> int:
     return int(component_labels(tails, heads, len(vertices)).max(initial=-1)) + 1
 
 
+@np.errstate(over="ignore")
 def extent_of(mesh: Mesh) -> float:
     """Return the longest side of the bounding box; raises ``InvalidMesh`` if it is zero, out of range or rounded."""
-    with np.errstate(over="ignore"):
-        extent = float(np.ptp(mesh.vertices, axis=0).max()) if mesh.n_vertices else 0.0
+    extent = float(np.ptp(mesh.vertices, axis=0).max()) if mesh.n_vertices else 0.0
     if not _EXTENTS[0] < extent < _EXTENTS[1]:
         raise InvalidMesh(
             f"the bounding box of the mesh has extent {extent:g}",
             "pass a surface of positive size in a unit that fits it",
         )
     far = np.abs(mesh.vertices).max(axis=0)
-    rounded = mesh.vertices[:, far * np.finfo(np.float32).eps > _COARSE * extent]
-    if rounded.size and _is_single(rounded):
-        problem = (
-            f"coordinates up to {far.max():.7g} in single precision are too coarse for a shape of size {extent:.3g}"
-        )
+    coarse = mesh.vertices[:, far * np.finfo(np.float32).eps > _COARSE * extent]
+    single = coarse.astype(np.float32)  # a file may hold its shortest decimal form
+    if coarse.size and ((single == coarse) | (single.astype(str).astype(np.float64) == coarse)).all():
+        problem = f"coordinates of {far.max():.7g} in single precision are too coarse for a size of {extent:.3g}"
         raise InvalidMesh(problem, "move it to the origin, or export coordinates in double precision")
     return extent
-
-
-def _is_single(numbers: FloatArray) -> bool:
-    """Return whether all are numbers of single precision, as they are or in their shortest decimal form."""
-    with np.errstate(over="ignore"):
-        single = numbers.astype(np.float32)
-    return bool(((single == numbers) | (single.astype(str).astype(np.float64) == numbers)).all())
 
 
 def _check_stray(vertices: Points) -> None:

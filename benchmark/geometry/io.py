@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnreadableMesh
 from benchmark.files import LARGEST_FILE, read_file, write_atomically
@@ -232,6 +232,8 @@ def _integers(numbers: NDArray[np.number]) -> NDArray[np.int64]:
 
 def _fans(vertices: Points, corners: IntArray, sizes: IntArray) -> IntArray:
     """Split polygons, one after the other, into fans around the first corner that sees all others."""
+    for face in np.flatnonzero(sizes < 3)[:1]:
+        raise ValueError(f"face {face + 1} of {len(sizes)} has {counted(int(sizes[face]), 'corner')}")
     starts, first = np.cumsum(sizes) - sizes, np.zeros(len(sizes), dtype=np.int64)
     scaled = vertices / (np.abs(vertices).max() or 1.0)  # products of coordinates stay in range
     for size in np.unique(sizes[sizes > 3]):
@@ -293,20 +295,12 @@ def read_off(data: bytes, _: Path) -> Arrays:
 def _counted_polygons(lines: Sequence[bytes]) -> tuple[IntArray, IntArray]:
     """Parse lines of the number of corners, the corners, and perhaps a colour."""
     rows = [line.split() for line in lines]
-    sizes = _sizes(_integers(_parsed(b" ".join(row[0] for row in rows))))
+    sizes = _integers(_parsed(b" ".join(row[0] for row in rows)))
     for number, (row, size) in enumerate(zip(rows, sizes, strict=True), 1):
         if len(row) <= size:
             raise ValueError(f"face {number} of {len(rows)} has {counted(len(row) - 1, 'corner')}, not {size}")
     corners = [word for row, size in zip(rows, sizes, strict=True) for word in row[1 : 1 + size]]
     return _integers(_parsed(b" ".join(corners))), sizes
-
-
-def _sizes(of_polygons: ArrayLike) -> IntArray:
-    """Return the numbers of corners of polygons; raises ``ValueError`` where one has fewer than three."""
-    sizes = np.asarray(of_polygons, dtype=np.int64)
-    for face in np.flatnonzero(sizes < 3)[:1]:
-        raise ValueError(f"face {face + 1} of {len(sizes)} has {counted(int(sizes[face]), 'corner')}")
-    return sizes
 
 
 def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> Arrays | None:
@@ -333,7 +327,7 @@ def read_obj(data: bytes, _: Path) -> Arrays:
     if free := re.search(rb"(?m)^[ \t]*(surf|call)[ \t]", text):
         problem = f"it has lines '{free[1].decode()}', which are not read"
         raise UnreadableMesh(problem, "export one file of triangles")
-    sizes = _sizes([len(polygon.split()) for polygon in polygons])
+    sizes = np.array([len(polygon.split()) for polygon in polygons], dtype=np.int64)
     indices = _integers(_parsed(re.sub(rb"/\S*", b"", b" ".join(polygons))))
     of_vertices, of_faces = ([match.start() for match in matches] for matches in found.values())
     latest = np.repeat(np.searchsorted(np.array(of_vertices), np.array(of_faces, dtype=np.int64)), sizes)
@@ -360,9 +354,9 @@ def read_vert_tri(data: bytes, path: Path) -> Arrays:
 
 def read_ply(data: bytes, _: Path) -> Arrays:
     """Read the elements ``vertex`` and ``face`` of PLY."""
-    found = re.match(rb"ply[ \t]*(\r\n|\n|\r)", data)
-    head, end, body = data.partition(b"%send_header%s" % (found[1], found[1])) if found else (data, b"", b"")
-    if not found or not end:
+    end = next((end for end in (b"\r\n", b"\n", b"\r") if data.startswith(b"ply" + end)), b"\n")
+    head, found, body = data.partition(end + b"end_header" + end)
+    if not data.startswith(b"ply" + end) or not found:
         raise ValueError("it does not begin with a header between the lines 'ply' and 'end_header'")
     elements, is_text = _elements(head.decode("latin-1").splitlines()[1:])
     names = [name for name, *_ in elements]
@@ -383,7 +377,7 @@ def read_ply(data: bytes, _: Path) -> Arrays:
     corners = "vertex_index" if "vertex_index" in (runs["face"][0].dtype.names or ()) else "vertex_indices"
     sizes = np.concatenate([np.full(len(run), run[corners].shape[1]) for run in runs["face"]])
     flat = np.concatenate([run[corners].ravel() for run in runs["face"]])
-    return vertices.astype(np.float64), _integers(flat), _sizes(sizes)
+    return vertices.astype(np.float64), _integers(flat), sizes
 
 
 def _elements(lines: Sequence[str]) -> tuple[list[tuple[str, int, list[Any]]], bool]:
