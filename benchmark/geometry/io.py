@@ -214,6 +214,11 @@ def _parsed(text: bytes) -> NDArray[np.float64]:
         raise ValueError("expected a number") from error
 
 
+def _is_padding(rest: bytes) -> bool:
+    """Return whether what follows the rows of a binary file says nothing."""
+    return not rest.strip(b"\0 \t\r\n")
+
+
 def _table(lines: Sequence[bytes]) -> NDArray[np.float64]:
     """Parse lines of three numbers or more; lines of different length are cut to three."""
     widths = {len(line.split()) for line in lines}
@@ -235,11 +240,11 @@ def _fans(vertices: Points, corners: IntArray, sizes: IntArray) -> IntArray:
     for face in np.flatnonzero(sizes < 3)[:1]:
         raise ValueError(f"face {face + 1} of {len(sizes)} has {counted(int(sizes[face]), 'corner')}")
     starts, first = np.cumsum(sizes) - sizes, np.zeros(len(sizes), dtype=np.int64)
-    scaled = vertices / (np.abs(vertices).max() or 1.0)  # products of coordinates stay in range
-    for size in np.unique(sizes[sizes > 3]):
+    extent = np.abs(vertices).max() or 1.0  # products of coordinates stay in range
+    for size in np.unique(sizes[sizes > 3]) if np.isfinite(extent) else ():  # others are no mesh
         same = np.flatnonzero(sizes == size)
         for block in np.array_split(same, len(same) // _MOST_POLYGONS + 1):
-            first[block] = _seeing_corners(scaled[corners[starts[block, None] + np.arange(size)]])
+            first[block] = _seeing_corners(vertices[corners[starts[block, None] + np.arange(size)]] / extent)
     for face in np.flatnonzero(first < 0)[:1]:
         problem = f"face {face + 1} of {len(sizes)} is a polygon without a corner that sees all others"
         raise InvalidMesh(problem, "triangulate the polygons before exporting them")
@@ -368,7 +373,7 @@ def read_ply(data: bytes, _: Path) -> Arrays:
     for name, count, fields in elements:
         runs[name] = _ply_rows(body, at, name, count, fields)
         at += sum(run.nbytes for run in runs[name])
-    if body[at:].strip(b"\0 \t\r\n"):
+    if not _is_padding(body[at:]):
         raise ValueError(f"{len(body) - at} bytes follow the rows that its header announces")
     widths = np.concatenate([np.full(len(run), run.itemsize // 8) for name in names for run in runs[name]])
     if is_text and widths.tolist() != [len(line.split()) for line in lines]:
@@ -468,7 +473,7 @@ def check_expansion(data: bytes) -> None:
 def read_stl(data: bytes, _: Path) -> Arrays:
     """Read ASCII or binary STL; corners at exactly the same position become a single vertex."""
     size = 84 + 50 * int.from_bytes(data[80:84], "little")
-    if 84 < size <= len(data) < size + 50:
+    if 84 < size <= len(data) and _is_padding(data[size:]):
         facets = np.frombuffer(data[84:size], [("normal", "<f4", 3), ("corners", "<f4", 9), ("attribute", "<u2")])
         corners = facets["corners"].astype(np.float64)
     elif data.lstrip()[:5].lower() != b"solid":
