@@ -8,7 +8,7 @@ import re
 import statistics
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -60,32 +60,18 @@ class Anomaly:
 
 
 def by_kind(anomalies: Iterable[Anomaly]) -> tuple[Anomaly, ...]:
-    """Join problems that differ in files and numbers alone; errors first."""
+    """Join problems that differ in files and numbers alone: the numbers, the largest, are those of the first file."""
     kinds = defaultdict[tuple[str, ...], list[Anomaly]](list)
     for one in anomalies:
         what = one.what if one.severity == "error" else ""  # warnings of one kind have one hint
         kinds[one.severity, _NUMBER.sub("", what), _NUMBER.sub("", one.hint)].append(one)
-    joined = [
-        Anomaly(
-            members[0].severity,
-            tuple(file for one in members for file in one.files),
-            _over_range([one.what for one in members]),
-            max((one.hint for one in members), key=lambda hint: [float(n) for n in _NUMBER.findall(hint)]),
-        )
-        for members in kinds.values()
-    ]
+    ranked = [sorted(members, key=_numbers, reverse=True) for members in kinds.values()]
+    joined = [replace(first, files=sum((one.files for one in others), first.files)) for first, *others in ranked]
     return tuple(sorted(joined, key=lambda one: one.severity))
 
 
-def _over_range(texts: Sequence[str]) -> str:
-    """Return the longest of some texts, with the range of each of their numbers."""
-    numbers = [[float(number) for number in _NUMBER.findall(text)] for text in texts]
-    longest = max(texts, key=len)
-    if len(texts) == 1 or len({len(row) for row in numbers}) > 1:
-        return longest
-    columns = [(min(column), max(column)) for column in zip(*numbers, strict=True)]
-    ranges = iter([f"{low:.10g} to {high:.10g}" if high > low else f"{low:.10g}" for low, high in columns])
-    return _NUMBER.sub(lambda _: next(ranges), longest)
+def _numbers(anomaly: Anomaly) -> list[float]:
+    return [float(number) for number in _NUMBER.findall(f"{anomaly.hint} {anomaly.what}")]
 
 
 @dataclass(frozen=True)
@@ -164,7 +150,7 @@ def _summary(values: Sequence[Any]) -> str:
     """Return the range of numbers, or texts with their counts."""
     if isinstance(values[0], str):
         return listed(f"{text} ({count})" for text, count in Counter(values).most_common())
-    return _range([float(number) for number in np.ravel(values)])
+    return f"{np.min(values):.4g} to {np.max(values):.4g} m"
 
 
 def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> Report:
@@ -291,7 +277,7 @@ def _taken(observed: Any, entry: Entry) -> dict[str, Any]:
     """Return as what a depth image was taken, in words that are the same for images that were taken alike."""
     notes, stem, seen = observed.notes, entry.path.stem if entry.path else "", observed.depths[observed.depths > 0]
     words = {name: str(notes.get(name, "given")) for name in ("unit", "camera", "mask")}
-    words["mask"] = words["mask"].replace(stem, "NAME")
+    words["mask"] = re.sub(f"^{re.escape(stem)}", "NAME", words["mask"])
     return {**words, "depths": (seen.min(), seen.max()), "distance": notes["distance"], "size": notes["size"]}
 
 

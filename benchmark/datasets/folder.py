@@ -166,7 +166,7 @@ def _from_names(files: Iterable[Path]) -> list[Entry]:
 def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
     subject = printable(folder.name)
     poses = [(printable(mesh_stem(path)), path) for path in files]
-    return [Entry(f"{subject}/{pose}", class_name(subject, pose), pose, path) for pose, path in poses]
+    return [Entry(f"{subject}/{pose}", class_name(folder.name, pose), pose, path) for pose, path in poses]
 
 
 def class_list(folders: Sequence[Path], patterns: Iterable[str] = ("*.cla",)) -> Path | None:
@@ -208,7 +208,7 @@ def read_cla(path: Path) -> dict[int, str]:
         n_classes, n_models = _whole(words[2]), _whole(words[3])
         position = 4
         while position < len(words):
-            name, count = printable(words[position]), _whole(words[position + 2])
+            name, count = words[position], _whole(words[position + 2])
             if name in names:
                 raise DatasetError(f"{path}: class '{name}' stands there twice", "give each class a name of its own")
             numbers = [_whole(word) for word in words[position + 3 : position + 3 + count]]

@@ -329,8 +329,8 @@ def _object(mask: NDArray[Any]) -> Mask:
     if len(levels) <= 1 and len(values) <= 2:
         return np.asarray(mask != 0)
     if not _is_blurred(mask, values):
-        listed = ", ".join(f"{value:g}" for value in levels[:4])
-        problem = f"the mask holds {listed}{' ...' * (len(levels) > 4)}, not one object"
+        held = "several colours" if levels[-1] >= 2**16 else ", ".join(f"{value:g}" for value in levels[:4])
+        problem = f"the mask holds {held}{' ...' * (len(levels) > 4)}, not one object"
         raise DepthError(problem, "write the pixels of the object alone, as 255 on 0")
     return np.asarray(mask > values[-1] / 2)
 
@@ -376,16 +376,14 @@ def find_mask(image: Path) -> Path | None:
     DepthError
         If there are several.
     """
-    shorter = re.sub(r"[._-]*(depth|Depth|DEPTH)$", "", image.stem)
-    stems = [*dict.fromkeys((image.stem, shorter or image.stem))]
+    stems = {image.stem: None, re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem) or image.stem: None}
     folders = [parent / name for parent in (image.parent, image.parent.parent) for name in MASK_FOLDERS]
     usual = [image.with_name(f"{stem}{mark}mask.png") for stem in stems for mark in "._-"]
     usual += [folder / f"{stem}{end}.png" for folder in folders for stem in stems for end in ("", "_mask")]
+    of_objects = [path for folder in folders for stem in stems for path in folder.glob(f"{glob.escape(stem)}_*.png")]
     found = [path for path in usual if path.exists()] or [
         path
-        for folder in folders
-        for stem in stems
-        for path in sorted(folder.glob(f"{glob.escape(stem)}_*.png"))
+        for path in sorted(of_objects)
         if not image.with_name(path.name).exists()  # of which it is the mask
     ]
     if len(found) > 1:

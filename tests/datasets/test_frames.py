@@ -1,5 +1,7 @@
 """Folders of depth images as data sets."""
 
+import re
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -46,6 +48,13 @@ def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
     report = check(dataset)
     assert report.usable
     assert not report.anomalies
+    taken = [
+        line for line in report.lines() if line.startswith(("unit", "camera", "mask", "depths", "distance", "size"))
+    ]
+    assert taken[:3] == [
+        "unit        1 / 1000 m (4)", "camera      ../intrinsics.txt (4)", "mask        NAME_mask.png (2), found (2)"
+    ]  # fmt: skip
+    assert all(re.search(r"[1-4]\.\d+ to [1-4]\.\d+ m$", line) for line in taken[3:])
 
 
 def test_a_method_gets_a_depth_image_in_the_frame_of_the_humans_and_the_surface_behind_it(frames, tmp_path):
