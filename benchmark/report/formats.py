@@ -13,7 +13,7 @@ from typing import Any
 from benchmark.errors import ConfigurationError
 from benchmark.reference.paper import MEASURES, entry_of
 from benchmark.report.notes import table_notes
-from benchmark.report.tables import BLOCKS, PAPER, Row, TableView
+from benchmark.report.tables import BLOCKS, PAPER, SECOND, Row, TableView
 from benchmark.text import clean
 
 BLANK = "--"
@@ -95,8 +95,8 @@ def _line(view: TableView, row: Row) -> Line:
     groups: list[Sequence[tuple[str, str]]] = []
     for group in view.groups:
         scores, marks = view.scores(row, group), view.marks.get((row.method, group), [""] * len(MEASURES))
-        status = "" if group == PAPER else row.failed[group][0].status if group in row.failed else BLANK
-        texts = map(hundredths, scores.values())
+        status = "" if group in (PAPER, SECOND) else row.failed[group][0].status if group in row.failed else BLANK
+        texts = map(str if group == SECOND else hundredths, scores.values())
         groups.append(list(zip(texts, marks, strict=True)) if scores else [(status, "")])
     folds = ([(hundredths(low), hundredths(high)) for low, high in view.of_folds(row, group)] for group in view.groups)
     return Line(clean(row.title), tuple(groups), duration(row.seconds), row, tuple(folds))

@@ -5,6 +5,7 @@ All tables are pure functions of records, so they need neither data nor methods.
 
 from __future__ import annotations
 
+import csv
 import re
 from collections.abc import Iterable
 from functools import cache
@@ -12,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from benchmark.code_digest import digest_of_bytes
 from benchmark.datasets.changes import CHANGES
-from benchmark.pipeline.records import DEFAULT_SCORER, EXTERNAL, Record
+from benchmark.pipeline.records import DEFAULT_SCORER, EXTERNAL, SUITE_RESULTS, Record
 from benchmark.protocols.tables import AGAINST, AVERAGED, NETWORKS, TABLES, Kind, Table, own_table
 from benchmark.reference.paper import PRINTED
 
@@ -92,6 +93,17 @@ def scored_by(records: Iterable[Record]) -> ScoredBy:
     note = f"Scored by {named[1]}{draws}{seeds}." if named[0] else ""
     suffix = file_name(f"-by-{named[0]}" * (not is_default) + f"-seed-{seed}" * bool(seed))
     return ScoredBy(note, f", scored by {named[1]}" * (not is_default) + seeds, suffix)
+
+
+@cache
+def two_scorers() -> dict[tuple[str, str, str], dict[str, float]]:
+    """Return published scores of methods on TOSCA by input, scorer and measure; see tools/scorers.py."""
+    path = SUITE_RESULTS / "figures" / "two-scorers.csv"
+    found: dict[tuple[str, str, str], dict[str, float]] = {}
+    for line in csv.DictReader(path.read_text(encoding="utf-8").splitlines() if path.is_file() else ()):
+        of_measure = found.setdefault((line.get("input", "mesh"), line["scorer"], line["measure"]), {})
+        of_measure[line["method"]] = float(line["value"])
+    return found
 
 
 @cache

@@ -40,6 +40,7 @@ def table_notes(view: TableView) -> list[str]:
         "Trained on the classes of: {}; they stay in the gallery, and decide no claim.": listed(_seen(rows)),
         "Missing, and counts 0: {}.": listed(f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete),
         "Left out, because they rank another version of the data: {}; run them again.": listed(view.left_out),
+        "Ranks by spherical harmonics: {}.": _moves(view),
         "Published with the suite, not run here: {}.": _published(rows),
         "Trained with one seed, so no spread over seeds: {}.": listed(_trained_once(rows), "; "),
         "Seconds come from several machines: {}.": _machines(rows),
@@ -149,6 +150,17 @@ def _trained_once(rows: Iterable[Row]) -> Iterator[str]:
         galleries = [records for one in row.scored.values() for records in one.records.values()]
         if row.kind == "network" and galleries and max(map(len, galleries)) == 1:
             yield row.title
+
+
+def _moves(view: TableView) -> str:
+    """Name the rows whose rank by a second scorer is another one by three or more."""
+    if not view.ranks:
+        return "no record yet" * view.has_ranks
+    moved = []
+    for row in view.rows:
+        far = [f"{name} {a} to {b}" for name, (a, b) in view.ranks.get(row.method, {}).items() if abs(a - b) >= 3]
+        moved += [f"{row.title} ({', '.join(far)})"] * bool(far)
+    return f"those of {len(view.ranks)} rows; three or more from those by CM-BOF: {', '.join(moved)}"
 
 
 def _published(rows: Iterable[Row]) -> str:

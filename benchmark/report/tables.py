@@ -30,12 +30,16 @@ from benchmark.report.frames import (
     scored_by,
     seconds_of,
     tables_of,
+    two_scorers,
 )  # fmt: skip
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, class_intervals, permutation_test
 from benchmark.text import brief
 from retrieval.measures import chance_levels
 
 PAPER = "paper"
+
+#: Group of the ranks of rows by a second scorer.
+SECOND = "ranks by spherical harmonics"
 
 BLOCKS: Mapping[Kind, str] = {
     "form": "Canonical forms", "network": "Networks", "descriptor": "Descriptors", "external": "Other programs",
@@ -267,13 +271,33 @@ class TableView:
 
     @property
     def groups(self) -> list[str]:
-        """Titles of the groups of scores: the paper's, then ours."""
-        return [*([PAPER] if self.paper else []), *(column.title for column in self.columns)]
+        """Titles of the groups of scores: the paper's, ours, and ranks by a second scorer."""
+        return [*[PAPER] * bool(self.paper), *(column.title for column in self.columns), *[SECOND] * bool(self.ranks)]
+
+    @property
+    def has_ranks(self) -> bool:
+        """Whether a second scorer belongs to the table: it is III or III-view of TOSCA, by the default scorer."""
+        return (self.table.part_of or self.table.identifier, self.dataset) == ("III", "tosca") and not self.by.caption
+
+    @cached_property
+    def ranks(self) -> dict[str, dict[str, tuple[int, int]]]:
+        """Ranks of rows by CM-BOF and by the second scorer, by method and measure, if both scored these forms."""
+        ranks: dict[str, dict[str, tuple[int, int]]] = {}
+        input_, title = "view" if self.table.part_of else "mesh", self.columns[0].title
+        for name in MEASURES if self.has_ranks else ():
+            each = [two_scorers().get((input_, scorer, name), {}) for scorer in (DEFAULT_SCORER, "spherical-harmonics")]
+            for row in self.rows:
+                if abs(self.scores(row, title).get(name, np.nan) - each[0].get(row.method, np.nan)) < 1e-6:
+                    first, second = (1 + sum(of[row.method] < score for score in of.values()) for of in each)
+                    ranks.setdefault(row.method, {})[name] = first, second
+        return ranks
 
     def scores(self, row: Row, group: str) -> Mapping[str, float]:
         """Return the scores of a row in a group, by measure; empty if it has none."""
         if group == PAPER:
             return self.paper.get(row.method, {})
+        if group == SECOND:
+            return {name: second for name, (_, second) in self.ranks.get(row.method, {}).items()}
         return row.scored[group].means if group in row.scored else {}
 
     def of_folds(self, row: Row, group: str) -> list[tuple[float, float]]:

@@ -14,7 +14,8 @@ from benchmark.check import check
 from benchmark.pipeline.records import read_records
 from benchmark.reference.paper import AS_PRINTED, CLASSICAL, MEASURES, PRINTED
 from benchmark.registry import find
-from benchmark.report.formats import hundredths
+from benchmark.report.formats import hundredths, markdown
+from benchmark.report.notes import table_notes
 from benchmark.report.statistics import ALPHA, permutation_test
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import claims, classical_figures, is_near, verdicts_markdown
@@ -163,6 +164,14 @@ def test_the_figure_of_two_scorers_has_the_scores_of_table_iii(scores):
     assert {row["method"] for row in by_cmbof} == {*CLASSICAL}
     for row in by_cmbof:
         assert float(row["value"]) == pytest.approx(scores["III"][row["method"]][row["measure"]], abs=1e-6)
+
+
+def test_table_iii_has_the_ranks_of_a_second_scorer(views):
+    assert views["III"].ranks.keys() == {*CLASSICAL}
+    assert views["III"].ranks["skeleton"] == {"NN": (1, 6), "FT": (3, 6), "ST": (7, 3), "DCG": (3, 6)}
+    assert "|Fast MDS|.73 .52 .77 .77|*.80 .54 .79 .80*|8 8 8 8|" in markdown(views["III"])
+    assert any("Skeleton-based (NN 1 to 6, FT 3 to 6" in note for note in table_notes(views["III"]))
+    assert "Ranks by spherical harmonics: no record yet." in table_notes(views["III-view"])
 
 
 def test_rows_lie_above_others_as_the_pages_say(views, scores):
