@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections import defaultdict
@@ -19,7 +20,13 @@ from benchmark.pipeline.records import Record, read_files, read_records
 from benchmark.protocols.tables import PARTS
 from benchmark.reference.paper import MEASURES
 from benchmark.registry import BUILT_IN
-from benchmark.text import LONGEST_NAME
+from benchmark.report.drawing import OBLIQUE, shaded, webp
+from benchmark.report.forms import StoredForms, thumbnail
+from benchmark.report.frames import row_of
+from benchmark.text import DATA_VARIABLE, LONGEST_NAME
+
+#: Pixels of the picture of a form of a row.
+THUMBNAIL = 96
 
 
 def publish(results: Path) -> list[Record]:
@@ -49,6 +56,7 @@ def publish(results: Path) -> list[Record]:
     before = {record.row: portable(record) for record in known}
     now = before | {record.row: portable(record) for record in here}
     write_published(results, now.values())
+    write_thumbnails(results, here)
     return [record for row, record in now.items() if record != before.get(row)]
 
 
@@ -76,6 +84,18 @@ def write_published(results: Path, records: Iterable[Record]) -> None:
     with storing(results):
         for name, text in files.items():
             write_atomically(folder / name, lambda file, text=text: file.write(text), durable=True)  # type: ignore[misc]
+
+
+def write_thumbnails(results: Path, records: Iterable[Record]) -> None:
+    """Write a picture of a form of each row whose forms are stored, of complete surfaces where it has both."""
+    forms, drawn = StoredForms(results, Path(os.environ.get(DATA_VARIABLE, "."))), set[Path]()
+    for record in sorted(records, key=lambda record: (record.input, record.row)):
+        file = thumbnail(results, record.data.name, row_of(record))
+        form = forms.form(record, record.shapes[record.answered[0]]) if record.answered and file not in drawn else None
+        if form:
+            data = webp(shaded(form.mesh, OBLIQUE, THUMBNAIL, form.values, is_transparent=True), quality=40)
+            write_atomically(file, lambda target, data=data: target.write(data))  # type: ignore[misc]
+            drawn.add(file)
 
 
 if __name__ == "__main__":

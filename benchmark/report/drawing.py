@@ -5,6 +5,7 @@ On coloured surfaces, the colour shows how far a point is from the centre of the
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -122,6 +123,12 @@ def depth_picture(depth: NDArray[np.float32], size: int) -> Image.Image:
     grey = np.where(seen, 0.15 + 0.75 * (depth - low) / max(high - low, 1e-9), 1.0)
     picture = Image.fromarray(np.round(255 * grey).astype(np.uint8)).convert("RGB")
     return picture.resize((size, size), Image.Resampling.BOX)
+
+
+def webp(image: Image.Image, quality: int = 80) -> bytes:
+    """Return a picture as WebP."""
+    image.save(stream := io.BytesIO(), format="WEBP", quality=quality, alpha_quality=quality)
+    return stream.getvalue()
 
 
 def check_ending(path: Path | None, endings: Sequence[str] = (".png",)) -> None:

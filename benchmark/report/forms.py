@@ -26,6 +26,7 @@ from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.records import Ranked, Record, read_form, read_prepared
 from benchmark.report.drawing import outwardness
+from benchmark.report.frames import file_name
 
 Watch = Callable[[list[tuple[int, int]]], Iterable[tuple[int, int]]]
 """Iterates over pairs of shapes, to show progress."""
@@ -129,6 +130,12 @@ class StoredForms:
         shapes = self._sets[source]
         entries = [entry for entry in shapes.shapes if entry.identifier == name] if shapes else []
         return shapes.camera(entries[0]) if shapes and entries else FRONT
+
+
+def thumbnail(results: Path, dataset: str, row: str) -> Path:
+    """Return the file of the published picture of a form of a row of a table on a data set, or on a change of it."""
+    name = f"{dataset.partition('[')[0]}-{row}"
+    return results / "figures" / "rows" / f"{file_name(name)}.webp"
 
 
 def upright(form: Mesh, shape: Drawn) -> Drawn:

@@ -52,6 +52,23 @@ def table_notes(view: TableView) -> list[str]:
     return [*found, "How a method departs from its source: 'python -m benchmark describe METHOD'."]
 
 
+def leads(view: TableView) -> list[str]:
+    """Say for each column which row leads its block, and before how many it does so certainly."""
+    said: dict[str, list[str]] = {}
+    for (title, kind), (rivals, certain) in view.tests.items():
+        n_classes = len({*next(iter(rivals.values())).labels})
+        if n_classes < FEWEST_CLASSES:
+            said[title] = [f"{n_classes} classes decide nothing here"]
+            continue
+        scores = [one.means[MEASURES[-1]] for one in rivals.values()]
+        best = int(np.argmax(scores))
+        row = next(row for row in view.rows if row.method == [*rivals][best])
+        before = f"{certain[best, :, -1].sum() or 'none'} of {len(rivals) - 1}"
+        score = f"{MEASURES[-1]} {scores[best]:.2f}".replace("0.", ".")
+        said.setdefault(title, []).append(f"{BLOCKS[kind]}: {row.title} leads ({score}), certainly before {before}")
+    return [f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "." for title, of in said.items()]
+
+
 def _columns(view: TableView) -> Iterator[str]:
     """Say what the columns show."""
     if any(column.input == "as printed" for column in view.columns):

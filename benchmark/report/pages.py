@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,12 +24,12 @@ from benchmark.pipeline.records import Ranked, Record, read_distances
 from benchmark.protocols.tables import AGAINST, Column, Kind
 from benchmark.reference.paper import MEASURES
 from benchmark.report import figures
-from benchmark.report.drawing import OBLIQUE, PALETTE, shaded
+from benchmark.report.drawing import OBLIQUE, PALETTE, shaded, webp
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import BLOCKS, blocks, hundredths
-from benchmark.report.forms import Drawn, StoredForms
+from benchmark.report.forms import Drawn, StoredForms, thumbnail
 from benchmark.report.frames import changed, file_name
-from benchmark.report.notes import table_notes
+from benchmark.report.notes import leads, table_notes
 from benchmark.report.statistics import INTERVALS
 from benchmark.report.tables import Row, Scored, TableView
 from benchmark.text import clean, say
@@ -106,9 +105,8 @@ class Pages:
         """Return the name of the picture of a surface, which is drawn once; "" without a surface."""
         file = f"pictures/{file_name(name)}.webp" if drawn else ""
         if drawn and file not in self.files:
-            stream, values = io.BytesIO(), drawn.values if is_coloured else None
-            shaded(drawn.mesh, OBLIQUE, size, values, is_transparent=True).save(stream, format="WEBP", quality=80)
-            self.files[file] = stream.getvalue()
+            values = drawn.values if is_coloured else None
+            self.files[file] = webp(shaded(drawn.mesh, OBLIQUE, size, values, is_transparent=True))
         return file
 
 
@@ -144,6 +142,12 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     queries = [found for facet in facets if (found := _queries(pages, facet))]
     of_angles = [other for other in pages.views if pages.main(other) is view]
     scores = _scores(view, forms, queries) | {"charts": _charts(pages, facets)}
+    for row in view.printed_rows:
+        if (anchor := file_name(row.method)) not in scores["pictures"]:
+            published = thumbnail(pages.forms.folder, view.dataset, row.method)
+            if published.is_file():
+                scores["pictures"][anchor] = f"pictures/{published.name}"
+                pages.files[scores["pictures"][anchor]] = published.read_bytes()
     scores["matrix"] = _matrix(pages, of_angles) if len(of_angles) > 1 else {}
     content = {"": scores, "-forms": {"facets": forms}, "-queries": {"facets": queries}}
     kinds = {f"{view.stem}{ending}.html": KINDS[ending] for ending, shown in content.items() if any(shown.values())}
@@ -212,7 +216,6 @@ def _scores(view: TableView, forms: Sequence[Any] = (), queries: Sequence[Any] =
     pictures = {anchor: next(filter(None, shown))["picture"] for anchor, shown in made.items()}
     linked = {"-forms": made, "-queries": {anchor for facet in queries for _, anchor in facet["rows"]}}
     rows = {clean(row.title): row for row in view.printed_rows}
-    notes = table_notes(view)
     ranges = [one.intervals[MEASURE][0] for row in rows.values() for one in row.scored.values()]
     papers = [scores[MEASURE] for scores in view.paper.values()]
     least = min([1.0, *ranges, *papers, *(chance[MEASURE] for chance in view.chance.values())]) // 0.1 / 10
@@ -223,7 +226,8 @@ def _scores(view: TableView, forms: Sequence[Any] = (), queries: Sequence[Any] =
         "rows": rows,
         "pictures": pictures,
         "linked": linked,
-        "notes": notes,
+        "notes": table_notes(view),
+        "leads": leads(view),
     }
 
 

@@ -1,8 +1,10 @@
 """Pages of a report, figures and sheets, from records alone and from stored forms."""
 
+import io
 import json
 import os
 import re
+import shutil
 from collections import Counter
 from html.parser import HTMLParser
 from itertools import product
@@ -45,6 +47,7 @@ from benchmark.text import DATA_VARIABLE
 from tests.report.records import by_class, failed, record
 from tests.report.test_formats import HOSTILE
 from tests.toy import rod
+from tools.publish import write_thumbnails
 
 FIGURES = Path(__file__).parents[2] / "results" / "figures"
 
@@ -201,6 +204,25 @@ def test_stored_forms_and_distances_are_shown_and_rows_lead_to_them(results, tmp
         len(mesh["points"][0]) == len(mesh["values"]) == results.form(results.job("gps", "rods"), shapes[0]).n_vertices
     )
     assert queries.count("data-query") == len(shapes)
+
+
+def test_published_rows_have_a_picture_of_a_form_though_none_is_stored(results, tmp_path):
+    copy = shutil.copytree(results.folder, tmp_path / "copy")
+    write_thumbnails(copy, results.records)
+    shutil.rmtree(copy / "runs")
+    files = report_files(copy, table_views(results.records))
+    pictures = {name: data for name, data in files.items() if name.endswith(".webp")}
+    assert pictures.keys() == {"pictures/rods-gps.webp", "pictures/rods-identity.webp"}
+    assert {Image.open(io.BytesIO(data)).size for data in pictures.values()} == {(96, 96)}
+    assert 'src="pictures/rods-gps.webp"' in files["index.html"]
+
+
+def test_a_sentence_above_a_table_says_which_row_leads_and_how_surely(tmp_path):
+    values = {"gps": 0.9, "skeleton": 0.5, "classic-mds": 0.9}
+    of_labels = lambda count: [f"s{k // 2}" for k in range(2 * count)]  # noqa: E731
+    for count, says in ((9, "leads (DCG"), (3, "3 classes decide nothing here.")):
+        rows = [record(name, nn, labels=of_labels(count)) for name, nn in values.items()]
+        assert says in pages(tmp_path / str(count), *rows)["index.html"]
 
 
 def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch, tmp_path):
