@@ -18,6 +18,7 @@ from benchmark.protocols.galleries import galleries, selected_galleries
 from benchmark.protocols.tables import ROUND
 from benchmark.registry import select, select_one
 from benchmark.report.frames import tables_of
+from benchmark.report.notes import table_notes
 from benchmark.report.results import open_results
 from benchmark.report.tables import table_views
 from benchmark.runs.planning import plan, plan_selection
@@ -177,6 +178,15 @@ def test_a_gallery_that_twelve_cameras_see_is_as_near_as_its_nearest_view(rods, 
               for how, n in ((("",), 6), ((rods,), 12))]  # fmt: skip
     assert {record.key} & {other.key for other in others} == set()
     assert others[1].gallery == "rods against 12 cameras around rods"
+
+
+@pytest.mark.parametrize("input_", ["mesh", "view"])
+def test_networks_have_forms_of_views_alone(input_):
+    queries = made_up()
+    there = {"gallery": "rods", "gallery_digest": "2", "input": input_, "shapes": queries.shapes,
+             "labels": queries.labels, "data": {"name": "rods", "title": "rods", "source": "rods"}}  # fmt: skip
+    (view,) = table_views([made_up("learned", fold="against 2 cameras", input_="view", against=there)])
+    assert any("No form of a surface" in note for note in table_notes(view)) == (input_ == "mesh")
 
 
 class Constant:
