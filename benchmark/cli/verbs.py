@@ -327,7 +327,6 @@ def train(
     assigned: Annotated[list[str], Option("-o", "--option", metavar="NAME=VALUE", help="Option of the training.")] = [],
     data: Annotated[Path | None, Option("--data", metavar="FOLDER", help="Train on your own data.")] = None,
     hold_out: Annotated[str, Option("--hold-out", metavar="A,B", help="Subjects of it to leave out for tests.")] = "",
-    init: Annotated[Path | None, Option("--init", metavar="MODEL", help="Folder of a model to begin with.")] = None,
 ) -> None:
     """Train the models of a learner.
 
@@ -343,7 +342,7 @@ def train(
     learner = spec.create() if spec.learns else None
     if not isinstance(learner, Learner):
         raise ConfigurationError(f"method '{method}' is not a learner", "choose one, such as 'learned'")
-    settings = assignments([*assigned, *([f"init={init}"] if init else [])])
+    settings = assignments(assigned)
     if data is not None:
         trainings = [own_training(data, tuple(filter(None, hold_out.split(","))))]
     else:
