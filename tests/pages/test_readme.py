@@ -7,6 +7,7 @@ from math import floor
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.stats import kendalltau
 
@@ -136,17 +137,23 @@ def measured(experiments):
     """Figures of experiments, and of two scorers."""
     nn = {
         way: sum(experiments["mixtures", f"fold {k}, {way}", "60", "NN"] for k in (0, 1)) / 2
-        for way in ("one network", "one for each group of poses", "one for each subject")
+        for way in ("one network", "one for each group of poses")
     }
-    one, poses, subjects = nn.values()
-    parts = ("as predicted", "true depth in the predicted mask", "predicted depth in the true mask")
+    one, poses = nn.values()
     table = lines_of("figures/two-scorers.csv")
     of = {(row["measure"], row["scorer"], row["method"]): float(row["value"]) for row in table}
     scorers = ("cm-bof", "spherical-harmonics")
     orders = [[[of[m, scorer, name] for name in CLASSICAL] for scorer in scorers] for m in MEASURES]
+    of_bodies = pd.read_csv(ROOT / "results/experiments/depth-range.csv").query(
+        "fold == 0 and seed == 0 and epochs > 0"
+    )
+    hidden = pd.read_csv(ROOT / "results/experiments/hidden.csv").groupby(["of", "pose"])[["in mask", "error"]].mean()
+    of_poses = {who: hidden.loc[who].loc[["sitting", "kicking"]] for who in hidden.index.levels[0]}
     return {
-        "by_poses": hundredths(one - poses), "by_subjects": hundredths(subjects - one),
-        "ft": [hundredths(experiments["depth or mask, earlier set", part, "60", "FT"]) for part in parts],
+        "on_trial": of_bodies.groupby("setting")["FT"].mean().map(hundredths).to_dict(),
+        "hidden": {who: " and ".join(map(hundredths, of["in mask"])) for who, of in of_poses.items()},
+        "wrong": {who: " and ".join(f"{x:.1f}".removeprefix("0") for x in of["error"]) for who, of in of_poses.items()},
+        "by_poses": hundredths(one - poses),
         "taus": " ".join(hundredths(kendalltau(*two).statistic) for two in orders).replace("-0.", "-."),
     }  # fmt: skip
 
@@ -225,6 +232,10 @@ def test_the_paper_ranks_all_shapes_of_tosca_and_perhaps_fifteen_people(judged):
 
 def test_figures_of_experiments_are_those_of_their_file(experiments):
     known = {float(row["value"]) for row in lines_of("experiments/experiments.csv")}
+    of_settings = pd.read_csv(ROOT / "results/experiments/depth-range.csv").groupby(
+        ["fold", "seed", "epochs", "setting"]
+    )
+    known |= {*of_settings[[*MEASURES, "error"]].mean().to_numpy().ravel().tolist()}
     lines = (ROOT / "results" / "experiments" / "README.md").read_text(encoding="utf-8").splitlines()
     printed = [word for line in lines if line.startswith("|") for word in re.findall(r"(?<![\w.])\.\d+", line)]
     assert len(printed) > 80
