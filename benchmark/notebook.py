@@ -159,7 +159,7 @@ def _lines_of_progress() -> Callable[[Any], None]:
         nonlocal shown
         if time.monotonic() - shown >= _INTERVAL:
             shown = time.monotonic()
-            say(f"{state.done}/{state.total} files, {'; '.join(state.working) or 'starting'}", err=True)
+            say(f"{state.done}/{state.total} steps, {'; '.join(state.working) or 'starting'}", err=True)
 
     return watch
 

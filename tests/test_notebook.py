@@ -45,7 +45,7 @@ def test_jobs_run_in_this_process_once_with_a_line_of_progress(rods, tmp_path, c
     assert re.search(r"test_notebook.py:\d+: NameError: name 'topp' is not defined", jobs.loc["broken", "reason"])
     out, err = capfd.readouterr()
     assert not out
-    assert re.fullmatch(r"0/\d+ files, .+\n", err)
+    assert re.match(r"0/\d+ steps, .+\n", err)
     again = benchmark.run(rods, methods[:3], **chosen).reset_index().set_index("method")
     assert (again["finished"] == jobs["finished"][:3]).tolist() == [True, True, False]  # who knows what it depends on
     keys = again["job"]

@@ -19,6 +19,6 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> NoReturn:
-    if name in ("Entry", "ShapeSet"):
+    if name in ("FRONT", "SIDE", "Camera", "Entry", "ShapeSet"):
         raise no_plugin(f"benchmark.api has no {name}: it")
     raise AttributeError(f"module 'benchmark.api' has no attribute '{name}'")
