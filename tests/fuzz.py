@@ -30,7 +30,6 @@ from benchmark.geometry.io import read_mesh, write_mesh
 from benchmark.scoring.files import as_distances
 from tests.toy import rod
 
-HERE = Path(__file__).parent
 #: Longest time in seconds and most memory in bytes for a file.
 LONGEST, MOST = 10, 2**30
 

@@ -277,7 +277,7 @@ def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
 def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
     """Read parsed JSON or YAML: ``camera.json`` of Open3D, ``camera_info`` of ROS, or named focal lengths."""
     values = _by_meaning(content)
-    width, height = (int(values.get(side, 0)) for side in ("width", "height"))
+    width, height = (int(_number(values.get(side, 0))) for side in ("width", "height"))
     facts = (width, height) if width > 0 and height > 0 else None, tuple(_distortion(values)), _scales(values)
     numbers = [_flat(values["matrix"])] if "matrix" in values else []
     if "columns" in values:

@@ -165,17 +165,6 @@ def test_a_list_of_labels_is_the_first_rule(rods, name):
         folder_set(rods)
 
 
-@pytest.mark.parametrize("name", ["dataset.toml", "classes.cla"])
-def test_a_list_that_is_no_file_is_named(rods, name):
-    (rods / name).symlink_to("nowhere")
-    with pytest.raises(DatasetError, match=f"{name}: No such file or directory; check"):
-        folder_set(rods)
-    (rods / name).unlink()
-    (rods / name).mkdir()
-    with pytest.raises(DatasetError, match=f"{name}: Is a directory; check"):
-        folder_set(rods)
-
-
 def test_a_link_that_leads_nowhere_costs_its_shape(rods):
     (rods / "thin9.off").symlink_to("nowhere.off")
     dataset = folder_set(rods)

@@ -246,12 +246,6 @@ def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(name: str) ->
     assert caught.value.hint
 
 
-def test_a_large_file_is_no_camera(tmp_path: Path) -> None:
-    (tmp_path / "camera").write_text("1" * 200_000)
-    with pytest.raises(DepthError, match="holds more than 100,000 bytes; write a 3"):
-        read_intrinsics(tmp_path / "camera")
-
-
 CAMERA = REALSENSE | {"fx": 130, "fy": 130, "ppx": 79.5, "ppy": 59.5, "width": 160, "height": 120}
 THERE = np.where(OBJECT, np.linspace(1.9, 2.3, 160), 0)
 
