@@ -33,13 +33,21 @@ CITED = {"I": "5 subjects", "I-view": "5 subjects", "II": "ours", "II-view": "ou
 #: Names that have brackets, in the sentences below.
 SHORT = {AS_PRINTED: "printed", "learned-wide-extra[training=animals-sampled]": "animals"}
 
+
+def sentences_of(name):
+    text = (Path(__file__).parent / name).read_text(encoding="utf-8")
+    return dict(re.findall(r"^## (\S+)\n(.+?)\n*(?=^## |\Z)", text, re.MULTILINE | re.DOTALL))
+
+
 #: By page, what it says, with figures in braces.
-SAYS = dict(
-    re.findall(
-        r"^## (\S+)\n(.+?)\n*(?=^## |\Z)",
-        (Path(__file__).parent / "sentences.txt").read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL,
-    )
-)  # fmt: skip
+SAYS = sentences_of("sentences.txt")
+
+
+#: By page, the words around figures that are compared with no record, with their sources.
+SOURCES = sentences_of("sources.txt")
+
+#: A figure: a score, a share, or a number of the random order's kind.
+FIGURE = re.compile(r"(?<![\w.])-?\.\d+\b|\d+(?:\.\d+)? ?%|(?<![\w./-])\d+\.\d+(?![\w.-])")
 
 
 class Scores(dict):
@@ -82,6 +90,9 @@ def scores(views, rows):
         of["random"] = Scores(views[table].chance[CITED[table]])
         of["best"] = Scores({m: max((of[name][m] for name in CLASSICAL if name in of), default=0) for m in MEASURES})
         found[table.replace("-", "_")] = of
+    found["I_all"] = {
+        row.method: Scores(row.scored["15 subjects"].means) for row in views["I"].rows if "15 subjects" in row.scored
+    }
     return found
 
 
@@ -97,8 +108,8 @@ def assessed(every_view):
 def judged(every_view, views, rows, scores, assessed):
     """Figures of verdicts and claims, and what else follows from records."""
     text = " ".join(verdicts_markdown(every_view).split())
-    count, mean, share, order = re.search(
-        r" (\d+) of 32 .*?random, (.*?) are .*?and (\d+)% .*?paper: (.*?)\. Each", text
+    count, mean, share, constants, order = re.search(
+        r" (\d+) of 32 .*?random, (.*?) are .*?and (\d+)% .*?hindsight, (\d+)\. .*?paper: (.*?)\. Each", text
     ).groups()
     order = dict(word.split() for word in order.split(", "))
     forms = [row.scored for table in ("I", "I-view") for row in views[table].rows if row.kind == "form" and row.scored]
@@ -110,7 +121,8 @@ def judged(every_view, views, rows, scores, assessed):
     paper, chance = scores["paper_II"], scores["II"]["random"]
     near = [abs(paper[name][m] - chance[m]) <= 0.05 for name in CLASSICAL for m in MEASURES]
     return {
-        "reproduced": count, "exchanged": mean, "share": share, "order": order, "claims": assessed,
+        "reproduced": count, "exchanged": mean, "constants": constants, "share": share, "order": order,
+        "claims": assessed,
         "uncertain": assessed["I printed"].n_comparisons - assessed["I printed"].certain,
         "least_order": min([*order.values()][1:]), "most_order": max([*order.values()][1:]), "by_chance": sum(near),
         "of_two": Scores(views["III-view"].chance["cats and horses"]),
@@ -164,6 +176,26 @@ def test_pages_say_what_the_records_say(page, scores, judged, measured):
     said = SAYS[page].format(**scores, **judged, **measured).splitlines()
     lacking = "\n".join(sentence for sentence in said if sentence not in text)
     assert not lacking, f"{page} must say:\n{lacking}"
+
+
+@pytest.mark.parametrize(
+    "path", [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))], ids=lambda path: path.name
+)
+def test_every_figure_of_a_page_is_compared_or_has_a_source(path, scores, judged, measured):
+    page = path.relative_to(ROOT).as_posix()
+    text = re.sub(r"```.*?```|^    .*?$", "", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    text = " ".join(text.split())
+    for sentence in SAYS.get(page, "").splitlines():
+        text = text.replace(sentence.format(**scores, **judged, **measured), re.sub(r"\{.*?\}", "~", sentence))
+    text = re.sub(r"`[^`]*`|\]\([^)]*\)", "", text)
+    for line in SOURCES.get(page, "").splitlines():
+        words, source = line.split(" <- ")
+        assert words in text, f"{page} no longer says: {words}"
+        text = text.replace(words, "")
+        if (ROOT / source).is_file():
+            known = (ROOT / source).read_text(encoding="utf-8")
+            assert [figure for figure in FIGURE.findall(words) if figure not in known] == [], source
+    assert FIGURE.findall(text) == [], f"compare these figures of {page} in sentences.txt, or name their source"
 
 
 def test_the_figure_of_two_scorers_has_the_scores_of_table_iii(scores):
