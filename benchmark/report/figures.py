@@ -47,6 +47,9 @@ _TALLEST, _HEAD = 0.85, 0.44
 #: Maps side by side in a figure, and title of the shapes beside forms.
 _ACROSS, _ITSELF = 3, "Shape"
 
+#: Most classes whose means are printed on a chart of classes; the names of more stand upright.
+_UPRIGHT = 24
+
 #: Classes that are named on a map: those with most wrong matches.
 _NAMED = 15
 
@@ -140,14 +143,15 @@ def classes_figure(view: TableView) -> Figure:
     each = class_means(view)
     if each.empty:
         raise ConfigurationError(f"no row of {view.stem} has scores", "run a method here")
-    figure, ((place,),) = subplots(WIDTH, 0.9 + 0.16 * len(each))
+    names = [clean(name) for name in each]
+    turn = 0 if len(names) <= 8 else 40 if len(names) <= _UPRIGHT else 90
+    figure, ((place,),) = subplots(WIDTH, 0.5 + 0.16 * len(each) + (0.06 * max(map(len, names)) if turn else 0.2))
     place.imshow(each, cmap="Blues", vmin=0, vmax=1.25, aspect="auto")
     place.set_yticks(range(len(each)), each.index, parse_math=False)
-    turn, side = (40, "right") if each.shape[1] > 8 else (0, "center")
-    names = [clean(name) for name in each]
-    place.set_xticks(range(len(names)), names, rotation=turn, ha=side, rotation_mode="anchor", parse_math=False)
+    aligned = {"ha": "right" if turn else "center", "va": "center" if turn == 90 else "top"}
+    place.set_xticks(range(len(names)), names, rotation=turn, rotation_mode="anchor", parse_math=False, **aligned)
     place.tick_params(length=0)
-    if each.shape[1] <= 24:
+    if len(names) <= _UPRIGHT:
         for (down, across), score in np.ndenumerate(each):
             place.text(across, down, hundredths(score), ha="center", va="center", fontsize=_SIZE,
                        color="white" if score > 0.75 else "black")  # fmt: skip

@@ -120,7 +120,11 @@ def judged(every_view, views, rows, scores, assessed):
     seeds = max(np.ptp([values.mean(axis=0) for values in one.trainings], axis=0).max() for one in ablated)
     paper, chance = scores["paper_II"], scores["II"]["random"]
     near = [abs(paper[name][m] - chance[m]) <= 0.05 for name in CLASSICAL for m in MEASURES]
+    area, best = rows["III"]["surface-area"], rows["III"]["mesh-unfolding"]
+    is_david = np.array([label.endswith("david") for label in area.labels])
+    lead = {"all": area.values - best.values, "others": (area.values - best.values)[~is_david]}
     return {
+        "lead": {name: [hundredths(lead) for lead in of.mean(axis=0)] for name, of in lead.items()},
         "reproduced": count, "exchanged": mean, "constants": constants, "share": share, "order": order,
         "claims": assessed,
         "uncertain": assessed["I printed"].n_comparisons - assessed["I printed"].certain,

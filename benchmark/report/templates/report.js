@@ -96,7 +96,7 @@ for (const box of document.querySelectorAll(".queries")) {
     if (event.isTrusted) history.replaceState(null, "", "#" + row.id); // the address shows this query
   });
   const asked = document.getElementById(location.hash.slice(1));
-  if (body.contains(asked)) asked.classList.remove("fine");
+  if (body.contains(asked)) asked.classList.remove("fine"), asked.scrollIntoView(); // it was hidden when the page was laid out
   const start = (body.contains(asked) ? asked : body).querySelector(body.contains(asked) ? "button" : "tr:not(.fine) button");
   if (start) start.click();
 }
