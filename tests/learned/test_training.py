@@ -142,6 +142,7 @@ def test_measures_by_hand() -> None:
     # Of the mask one pixel is hit, one is missed (a half is not above a half), and one is wrong.
     single = measures(prediction[None], target[None])
     assert single == {"mask overlap": pytest.approx(1 / 3), "depth error": pytest.approx(0.25)}
+    assert measures(prediction[None], target[None], 5.0)["depth error"] == pytest.approx(0.05)
     assert measures(prediction[None] * 0, target[None]) == {"mask overlap": 0}
 
 
