@@ -10,7 +10,7 @@ from pathlib import Path
 from benchmark.errors import ConfigurationError
 from benchmark.files import LARGEST_LIST, decode, read_file
 from benchmark.geometry.io import named_errors
-from benchmark.text import printable
+from benchmark.text import nfc, printable
 
 #: Class of the Princeton Shape Benchmark for models without a class.
 MISCELLANEOUS = "-1"
@@ -21,7 +21,7 @@ _MISSING = ("", "nan", "none", "null", "na", "<na>", "n/a", "nat")
 
 def class_name(label: object, shape: object) -> str:
     """Return the class that a label means: 1 and 1.0 are one, and each shape of class -1 is its own."""
-    text = printable(str(label).strip())
+    text = printable(str(label))
     text = re.sub(r"\.0*$", "", text) if re.fullmatch(r"-?[0-9]+\.0*", text) else text
     return f"{text} {shape}" if text == MISCELLANEOUS else text
 
@@ -29,7 +29,7 @@ def class_name(label: object, shape: object) -> str:
 def classes_of(labels: Mapping[str, object] | Sequence[object]) -> dict[str, str] | list[str]:
     """Return the classes of shapes by name, or in order; raise ``ConfigurationError`` if some have no label."""
     named = labels if isinstance(labels, Mapping) else {f"row {row}": label for row, label in enumerate(labels, 1)}
-    classes = {str(name): class_name(label, name) for name, label in named.items()}
+    classes = {nfc(name): class_name(str(label).strip(), name) for name, label in named.items()}
     if missing := [name for name, of in classes.items() if of.lower() in _MISSING]:
         problem = f"shapes without a label: {len(missing)}, the first is '{missing[0]}'"
         raise ConfigurationError(problem, "label them, or with -1 if they are of no class")

@@ -18,6 +18,7 @@ from benchmark.datasets.labels import cells_of, classes_of, lines_of, read_label
 from benchmark.errors import ConfigurationError, one_line
 from benchmark.files import read_file
 from benchmark.geometry.io import check_expansion, named_errors
+from benchmark.text import nfc
 
 _HINT = "write the matrix as .npy, .npz, .txt, .csv, .mat (-v7), or .matrix of PSB"
 
@@ -130,7 +131,7 @@ def as_distances(
 
 def _without_names(frame: Any, *, is_square: bool) -> tuple[Any, tuple[str, ...], tuple[str, ...]]:
     """Return the values of a frame and the names of rows and columns; if it is square, columns in their order."""
-    rows, columns = ([str(name) for name in axis] for axis in (frame.index, frame.columns))
+    rows, columns = ([nfc(name) for name in axis] for axis in (frame.index, frame.columns))
     if not is_square:
         return frame.to_numpy(), tuple(rows), tuple(columns)
     rows = columns if are_row_numbers(rows) else rows

@@ -134,6 +134,12 @@ def test_names_are_the_same_in_both_forms_of_unicode_wherever_they_stand(tmp_pat
         folder_set(tmp_path)
 
 
+def test_names_that_differ_in_what_cannot_be_printed_are_two_classes(tmp_path):
+    for name in ("a", "a\n", "a ", r"a\n"):
+        write_off(tmp_path / name / "0.off", rod(0.1, 1))
+    assert {entry.subject for entry in folder_set(tmp_path).shapes} == {"a", r"a\n", "a ", r"a\\n"}
+
+
 def test_what_systems_write_beside_shapes_is_no_shape(rods):
     for name in ("._thin0.off", ".hidden.obj", "._labels.txt", "._x.cla", "__MACOSX/a.off", ".DS_Store", "Thumbs.db"):
         (rods / name).parent.mkdir(exist_ok=True)

@@ -1,6 +1,7 @@
 """Twelve shapes on a line, worked by hand: ties, classes of one, files in each format."""
 
 import math
+import unicodedata
 from pathlib import Path
 
 import numpy as np
@@ -368,3 +369,11 @@ def test_a_rectangular_matrix_has_rows_of_queries(tmp_path):
     labels = ("--labels", tmp_path / "queries.txt", "--gallery", tmp_path / "gallery.txt")
     assert "2 queries; 1 left out" in call("score", tmp_path / "named.csv", *labels)
     assert "the queries as its gallery" in refusal("score", tmp_path / "named.csv", *labels, "--results", tmp_path)
+
+
+def test_names_and_labels_may_have_other_forms_of_unicode():
+    names = [f"caf\u00e9{number}" for number in range(4)]
+    decomposed = [unicodedata.normalize("NFD", name) for name in names]
+    frame = pd.DataFrame(np.ones((4, 4)) - np.eye(4), decomposed, decomposed)
+    score(frame, dict(zip(names, "aabb", strict=True)))
+    score(frame.set_axis(names).set_axis(names, axis=1), dict(zip(decomposed, "aabb", strict=True)))
