@@ -153,8 +153,9 @@ def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
             [of_row.title.iloc[0], *map(_signed, of_row.difference), _verdict(of_row)]
             for _, of_row in of_column.groupby("other", sort=False)
         ]
-        most = AMONG.format(of_column["rows"].max())
-        heading = f"{place}: {frame.method[0]} - each row, {of_column.queries.max()} queries, {most}"
+        least, most = of_column["rows"].min(), of_column["rows"].max()
+        among = AMONG.format(most if least == most else f"{least} to {most}")
+        heading = f"{place}: {frame.method[0]} - each row, {of_column.queries.max()} queries, {among}"
         yield heading, [["", *MEASURES, ""], *rows]
 
 
