@@ -178,10 +178,9 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
         network = _load(folder, card.configuration, card.digest, dtype)
         return cast(Tensor, network(window.to(dtype=dtype, memory_format=torch.channels_last))[0])
 
-    if card.configuration.architecture != "progressive":
-        return card.depth_scale.undo(computed(pixels, torch.float64))
-    prediction = computed(pixels, torch.float32).double()
-    decided = torch.zeros(resolution, resolution, dtype=torch.bool)
+    is_exact = card.configuration.architecture != "progressive"
+    prediction = computed(pixels, torch.float64 if is_exact else torch.float32).double()
+    decided = torch.full((resolution, resolution), is_exact)
     while len(places := undecided(prediction[-1], decided, ROUNDING * resolution)):
         outer, inner, within = zip(*(window_around(place, resolution) for place in places[0].tolist()), strict=True)
         prediction[..., *inner] = computed(pixels[..., *outer], torch.float64)[..., *within]

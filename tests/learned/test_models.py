@@ -101,8 +101,8 @@ def test_depths_of_stretched_targets_are_predicted_in_the_range_of_the_frame(tra
     assert card["data_digest"] != json.loads((trained / CARD).read_text())["data_digest"]
     depth, mask = predict(tmp_path, ellipsoid(*BUILDS["slim"])).numpy()
     assert np.abs(depth - targets[0, 0])[mask > 0.9].mean() < 0.03
-    for name in ("training_measures", "validation_measures"):  # errors are shares of the frame's depth, too
-        assert card[name]["depth error"] < 0.1
+    errors = [card[name]["depth error"] for name in ("training_measures", "validation_measures")]
+    assert max(errors) < 0.05  # shares of the frame's depth, too
 
 
 def test_a_card_without_a_scale_changes_no_bit(copied: Path) -> None:
