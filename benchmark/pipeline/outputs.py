@@ -36,11 +36,9 @@ def compute_output(method: Method | Descriptor, shape: Shape, shared: SharedResu
     InvalidForm
         If it returns anything other than a form of the shape, or a vector of finite numbers.
     """
-
-    def compute() -> CanonicalForm | FloatArray:
-        return compute_form(method, shape) if isinstance(method, Method) else compute_descriptor(method, shape)
-
-    return output_arrays(compute, shape, shared)
+    if isinstance(method, Method):
+        return output_arrays(lambda: compute_form(method, shape), shape, shared)
+    return output_arrays(lambda: compute_descriptor(method, shape), shape, shared)
 
 
 def sign(scorer: Scorer, form: Mesh) -> Arrays:
@@ -94,10 +92,7 @@ def compute_signature(scorer: Scorer, form: Mesh) -> SignatureArrays:
     InvalidSignature
         If it returns anything but named arrays of finite numbers.
     """
-    return _check_signature(scorer.signature(form), _name(scorer))
-
-
-def _check_signature(signature: object, who: str) -> SignatureArrays:
+    signature, who = scorer.signature(form), _name(scorer)
     if not isinstance(signature, Mapping) or not signature:
         raise InvalidSignature(f"{who} returned {type(signature).__name__}, not named arrays", _SIGNATURE_HINT)
     for name, value in signature.items():

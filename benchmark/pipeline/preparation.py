@@ -116,8 +116,7 @@ class Preparation:
         """
         if self.shapes.framed:
             return Preparation(self.shapes.framed, self.input).frame()
-        compute = lambda: {"half_width": np.asarray(frame_of(self.shapes))}  # noqa: E731
-        return self._while_unchanged(self.shapes.shapes, lambda of: of.camera_key, compute)
+        return self._while_unchanged(self.shapes.shapes, lambda: {"half_width": np.asarray(frame_of(self.shapes))})
 
     def prepare(self, entry: Entry, half_width: float) -> Arrays:
         """Return the arrays of a prepared shape, or the reason why its content is refused.
@@ -134,15 +133,13 @@ class Preparation:
                 return prepare_mesh(shapes.load(entry))
             return prepare_view(shapes.load(entry), shapes.camera(entry), half_width, shapes.sensor(entry))
 
-        return self._while_unchanged([entry], lambda of: of.key(entry), lambda: timed(compute))
+        return self._while_unchanged([entry], lambda: timed(compute))
 
-    def _while_unchanged(
-        self, entries: Sequence[Entry], key: Callable[[Preparation], str], compute: Callable[[], Arrays]
-    ) -> Arrays:
+    def _while_unchanged(self, entries: Sequence[Entry], compute: Callable[[], Arrays]) -> Arrays:
         """Return what is computed from shapes; raise :class:`Incomplete` if one of them changes meanwhile."""
-        before = [*map(last_change, entries)]
+        before, now = [*map(last_change, entries)], replace(self)  # which has no key yet
         arrays = compute()
-        if [*map(last_change, entries)] != before or key(replace(self)) != key(self):
+        if [*map(last_change, entries)] != before or [*map(now.key, entries)] != [*map(self.key, entries)]:
             raise Incomplete(CHANGED)
         return arrays
 

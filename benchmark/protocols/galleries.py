@@ -176,27 +176,39 @@ class Gallery:
 
 
 def galleries(
-    table_names: Iterable[str] = (),
-    dataset_names: Iterable[str] = (),
+    tables: Iterable[str] = (),
+    datasets: Iterable[str] = (),
     data_root: Path | None = None,
+    *,
     quick: bool = False,
+    subjects: Sequence[str] = (),
+    input: Input | None = None,
+    gallery: str = "",
+    gallery_views: int = 0,
+    same_names: bool = False,
 ) -> list[Gallery]:
-    """Return the galleries for a selection on the command line.
+    """Return the galleries of a selection.
 
     The paper's data set is used if it is available and its stand-in otherwise, never both in one table. A table that
     accompanies another one is omitted if the data set lacks its classes, unless it was selected by name.
 
     Parameters
     ----------
-    table_names
+    tables
         Identifiers of tables; empty for all.
-    dataset_names
+    datasets
         Names of data sets or paths of folders; empty for those of the tables. A data set that no table uses gets its
         own table.
     data_root
         The folder of the official data sets.
     quick
         Use at most :data:`QUICK_POSES` poses of each subject, and only the first fold.
+    subjects, input
+        Subjects, or the input, that are meant; all of them by default.
+    gallery, gallery_views, same_names
+        Data set of the gallery whose queries the data sets are, which lacks shapes with the name of the query for
+        ``same_names``. With ``gallery_views``, it is rendered from so many cameras around each shape; by default it is
+        the data set.
 
     Raises
     ------
@@ -205,7 +217,36 @@ def galleries(
     DatasetError
         If a data set is missing or unreadable, or its part in a table is unfit for retrieval.
     """
-    wanted, sets = list(table_names), list(dataset_names)
+    sets, chosen = [*datasets], list[Gallery]()
+    if gallery or same_names or gallery_views:
+        if not ((gallery or gallery_views) and sets) or [*tables]:
+            raise ConfigurationError("--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER")
+        for name in filter(None, (gallery, *sets)):
+            require_known(name)
+        seen = f"{gallery_views} cameras{' around ' * bool(gallery)}" if gallery_views else ""
+        for name in sets:
+            words = f"{seen}{gallery and table_name(gallery)}{' without same names' * same_names}"
+            own, is_other = own_table(table_name(name), f"{AGAINST}{words}"), bool(gallery) and not same_names
+            table = replace(own, gallery=gallery, keeps_same_names=is_other)
+            if gallery_views:
+                table = replace(table, columns=table.columns[1:], cameras=f"[cameras={gallery_views}]")
+            chosen += _galleries(table, name, data_root, quick=quick)
+    else:
+        chosen = _of_tables([*tables], sets, data_root, quick=quick)
+    if subjects:  # some tables show a part of a data set: those that have the subjects are meant
+        having = [gallery for gallery in chosen if {entry.subject for entry in gallery.entries}.issuperset(subjects)]
+        chosen = [gallery.of_subjects(subjects) for gallery in having or chosen]
+    if input is None:
+        return chosen
+    fitting = [replace(gallery, inputs=(input,)) for gallery in chosen if input in gallery.inputs]
+    if not fitting and input not in (dataset := chosen[0].dataset).inputs:
+        problem = f"data set '{dataset.name}' has no complete surfaces, only views of one side of each shape"
+        raise ConfigurationError(problem, f"drop --input {input}")
+    return fitting
+
+
+def _of_tables(wanted: Sequence[str], sets: Sequence[str], data_root: Path | None, *, quick: bool) -> list[Gallery]:
+    """Return the galleries of tables, by their names or by those of data sets."""
     known = [table.identifier for table in TABLES] + ["extended"]
     for name in wanted:
         if name not in known:
@@ -228,51 +269,6 @@ def galleries(
             if not table.part_of or table.identifier in wanted:
                 raise
     return chosen
-
-
-def selected_galleries(
-    tables: Iterable[str] = (),
-    datasets: Iterable[str] = (),
-    data_root: Path | None = None,
-    *,
-    quick: bool = False,
-    subjects: Sequence[str] = (),
-    input: Input | None = None,
-    gallery: str = "",
-    gallery_views: int = 0,
-    same_names: bool = False,
-) -> list[Gallery]:
-    """Return the :func:`galleries` of a selection, with some subjects, or one input.
-
-    With a ``gallery``, the data sets are its queries; it lacks shapes with the name of the query for ``same_names``.
-    With ``gallery_views``, it is rendered from so many cameras around each shape; by default it is the data set.
-    """
-    sets, chosen = [*datasets], list[Gallery]()
-    if gallery or same_names or gallery_views:
-        if not ((gallery or gallery_views) and sets) or [*tables]:
-            raise ConfigurationError("--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER")
-        for name in filter(None, (gallery, *sets)):
-            require_known(name)
-        seen = f"{gallery_views} cameras{' around ' * bool(gallery)}" if gallery_views else ""
-        for name in sets:
-            words = f"{seen}{gallery and table_name(gallery)}{' without same names' * same_names}"
-            own, is_other = own_table(table_name(name), f"{AGAINST}{words}"), bool(gallery) and not same_names
-            table = replace(own, gallery=gallery, keeps_same_names=is_other)
-            if gallery_views:
-                table = replace(table, columns=table.columns[1:], cameras=f"[cameras={gallery_views}]")
-            chosen += _galleries(table, name, data_root, quick=quick)
-    else:
-        chosen = galleries(tables, sets, data_root, quick)
-    if subjects:  # some tables show a part of a data set: those that have the subjects are meant
-        having = [gallery for gallery in chosen if {entry.subject for entry in gallery.entries}.issuperset(subjects)]
-        chosen = [gallery.of_subjects(subjects) for gallery in having or chosen]
-    if input is None:
-        return chosen
-    fitting = [replace(gallery, inputs=(input,)) for gallery in chosen if input in gallery.inputs]
-    if not fitting and input not in (dataset := chosen[0].dataset).inputs:
-        problem = f"data set '{dataset.name}' has no complete surfaces, only views of one side of each shape"
-        raise ConfigurationError(problem, f"drop --input {input}")
-    return fitting
 
 
 def _is_selected(table: Table, tables: Sequence[str], sets: Sequence[str], quick: bool) -> bool:

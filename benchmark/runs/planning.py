@@ -21,9 +21,8 @@ from benchmark.pipeline.data_names import path_of
 from benchmark.pipeline.preparation import Preparation
 from benchmark.pipeline.ranking import STAGES
 from benchmark.pipeline.records import SUITE_RESULTS, Ranked, Record, Row, key_at, read_records, record_of
-from benchmark.protocols.galleries import Gallery, selected_galleries
+from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
-from benchmark.protocols.tables import INPUTS
 from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, select, select_one
 from benchmark.runs.tasks import CODE, Job, Step, code_of_step
@@ -106,7 +105,7 @@ def plan_selection(
     in_this_process: bool = False,
     **data: Any,
 ) -> list[Planned]:
-    """Plan what the command line, or a Python program, selects.
+    """List the jobs of what the command line, or a Python program, selects, with their states.
 
     Parameters
     ----------
@@ -116,12 +115,16 @@ def plan_selection(
         Names, or objects from Python; plugin files of methods and scorers.
     input
         ``"mesh"`` or ``"view"``; both by default.
-    seed, rerun, records
-        As for :func:`plan`.
+    seed
+        Base seed of all methods.
+    rerun
+        States of jobs that run again: ``"failed"``, ``"finished"``.
+    records
+        Records of the results folder; by default they are read.
     in_this_process
         Whether plugins run in this process, and nothing of them is known again.
     **data
-        Tables and data sets, as for :func:`~benchmark.protocols.galleries.selected_galleries`.
+        Tables and data sets, as for :func:`~benchmark.protocols.galleries.galleries`.
 
     Raises
     ------
@@ -131,60 +134,20 @@ def plan_selection(
     *selected, of_forms = [*select(methods, plugins), select_one(scorer, plugins, "scorer")]
     if in_this_process:
         *selected, of_forms = [component.in_this_process() for component in (*selected, of_forms)]
-    jobs = plan(
-        selected_galleries(input=input, **data), [input] if input else INPUTS, selected, results, scorer=of_forms,
-        seed=seed, rerun=rerun, are_named=bool(methods) and EVERY not in methods, records=records,
-    )  # fmt: skip
-    if not jobs:
-        raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
-    return jobs
-
-
-def plan(
-    galleries: Iterable[Gallery],
-    inputs: Iterable[Input],
-    methods: Iterable[Component],
-    results: Path,
-    *,
-    scorer: Component | None = None,
-    seed: int = 0,
-    rerun: Collection[str] = (),
-    are_named: bool = False,
-    records: Iterable[Record] | None = None,
-) -> list[Planned]:
-    """List the jobs of a selection with their states.
-
-    Parameters
-    ----------
-    galleries, inputs, methods
-        The selection.
-    results
-        The results folder.
-    scorer
-        Scorer of the forms; None for that of the tables.
-    seed
-        Base seed of all methods.
-    rerun
-        States of jobs that run again: ``"failed"``, ``"finished"``.
-    are_named
-        Whether the methods were selected by name.
-    records
-        Records of the results folder; by default they are read.
-    """
     known = read_records(results, published=False) if records is None else records
-    planning = _Planning(results.absolute(), scorer or select_one("cm-bof", kind="scorer"), seed, rerun, known)
-    chosen, wanted = list(methods), list(inputs)
+    planning = _Planning(results.absolute(), of_forms, seed, rerun, known)
+    are_named = bool(methods) and EVERY not in methods
     jobs: dict[str, Planned] = {}
-    for gallery in galleries:
-        for input_ in wanted:
-            if input_ not in gallery.inputs:
-                continue
-            rows = gallery.rows(input_, chosen, results / "models", named=are_named)
+    for gallery in galleries(input=input, **data):
+        for input_ in gallery.inputs:
+            rows = gallery.rows(input_, selected, results / "models", named=are_named)
             for job in planning.jobs(gallery, input_, rows) if rows else ():
                 _check_pair(job.record)
                 first = jobs.setdefault(job.record.key, job)
                 if first is not job:
                     jobs[job.record.key] = replace(first, galleries=(*first.galleries, gallery))
+    if not jobs:
+        raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
     return list(jobs.values())
 
 

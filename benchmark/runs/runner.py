@@ -97,14 +97,13 @@ def result_of(job: Planned, ended: Mapping[str, Record]) -> Record | None:
 
 def with_results(records: Sequence[Record], planned: Iterable[Planned], ended: Mapping[str, Record]) -> list[Record]:
     """Return records of before a run with those of its jobs in their place; a job that cannot run replaces none."""
-    merged = [*records]
+    merged = {record.row: record for record in records}
     for job in planned:
         result = result_of(job, ended)
-        if result is not None:
-            others = [other for other in merged if other.row != result.row]
-            if len(others) == len(merged) or job.state != "unavailable":
-                merged = [*others, result]
-    return merged
+        if result is not None and (job.state != "unavailable" or result.row not in merged):
+            merged.pop(result.row, None)
+            merged[result.row] = result
+    return [*merged.values()]
 
 
 def _workers(size: int, timeout: float, dask: str) -> Any:

@@ -20,12 +20,12 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import chdir, contextmanager, nullcontext, redirect_stdout, suppress
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
 
-from benchmark.api.contracts import Input, Shape
+from benchmark.api.contracts import Shape
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import code_of_modules, digest
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
@@ -221,8 +221,8 @@ class RunContext:
     def __init__(self, uncharged: forms.Uncharged = lambda _: nullcontext()) -> None:
         self.uncharged = uncharged
         self._components: dict[tuple[Component, Path | None, str], Any] = {}
-        self._datasets: dict[tuple[str, Path | None], ShapeSet] = {}
-        self._preparations: dict[tuple[str, Path | None, Input], Preparation] = {}
+        self._open = cache(_open)
+        self._prepare = cache(lambda source, data_root, input_: Preparation(self._open(source, data_root), input_))
 
     def created(self, step: Step) -> Any:
         """Return the method of a step with its model, or its scorer; raise ``CodeChanged`` if the plan saw another."""
@@ -239,13 +239,8 @@ class RunContext:
 
     def preparation(self, job: Job) -> Preparation:
         """Return the preparation of the shapes of a job."""
-        data, key = (job.source, job.data_root), (job.source, job.data_root, job.row.input)
         with self.uncharged("loading"):
-            if data not in self._datasets:
-                self._datasets[data] = _open(*data)
-            if key not in self._preparations:
-                self._preparations[key] = Preparation(self._datasets[data], job.row.input)
-        return self._preparations[key]
+            return self._prepare(job.source, job.data_root, job.row.input)
 
 
 class Unrunnable(BenchmarkError):
@@ -341,9 +336,8 @@ class Work:
 
     def _watched(self, step: Step, make: Callable[[Any, Step], T]) -> T:
         """Return what a step makes; raise ``ConfigurationError`` if a plugin reads what it does not declare."""
-        if step.kind == "prepared":
-            return make(self, step)
-        with chdir("."), watching_component(step.component, filter(None, [step.job.results, step.model])):
+        allowed = filter(None, [step.job.results, step.model])
+        with chdir("."), watching_component(step.component, allowed) if step.process else nullcontext():
             return make(self, step)
 
     def _read(self, step: Step, kind: Kind) -> Arrays:
@@ -389,13 +383,13 @@ class Work:
 
     def _rank(self, step: Step, record: Record) -> Outcome:
         """Rank the gallery of a job, and keep its distances."""
-        cache = Cache(step.job.results)
-        content, distances = self._watched(step, lambda _, of: rank(record, cache, self._context.created(of)))
+        kept = Cache(step.job.results)
+        content, distances = self._watched(step, lambda _, of: rank(record, kept, self._context.created(of)))
         if not distances:
             name, reason = content["unsupported"][0]
             number = len(content["unsupported"])
             return Outcome("unsupported", f"none of {number} shapes could be processed; {name}: {reason}")
-        cache.write(*step.file, distances)
+        kept.write(*step.file, distances)
         return Outcome("ok", content=content)
 
 

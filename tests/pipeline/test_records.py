@@ -142,14 +142,14 @@ def test_two_results_of_a_row_that_are_not_the_same_are_a_conflict_and_ours_stay
 
 def test_the_row_of_a_colleague_on_the_same_folder_elsewhere_stands_beside_ours(rods, tmp_path):
     theirs = shutil.copytree(rods, tmp_path / "home" / "rods")
-    run_toy(theirs, tmp_path / "theirs", "identity", "classic-mds", inputs=("mesh", "view"))
-    run_toy(rods, tmp_path / "ours", "gps", "identity", inputs=("mesh", "view"))
+    run_toy(theirs, tmp_path / "theirs", "identity", "classic-mds", input=None)
+    run_toy(rods, tmp_path / "ours", "gps", "identity", input=None)
     assert [len(part) for part in merge([tmp_path / "theirs"], tmp_path / "ours")[::2]] == [2, 0]
     assert {record.data.path for record in read_records(tmp_path / "ours")} == {str(rods)}
-    jobs = planned(rods, tmp_path / "ours", "classic-mds", "identity", "gps", inputs=("mesh", "view"))
+    jobs = planned(rods, tmp_path / "ours", "classic-mds", "identity", "gps", input=None)
     assert {job.state for job in jobs} == {"finished"}
     (theirs / "dataset.toml").write_text('camera = "side"')  # so that all views are others
-    run_toy(theirs, tmp_path / "other", "fast-mds", "gps", inputs=("view",))
+    run_toy(theirs, tmp_path / "other", "fast-mds", "gps", input="view")
     merge([tmp_path / "other"], tmp_path / "ours")
     paths = {record.method: record.data.path for record in read_records(tmp_path / "ours") if record.input == "view"}
     assert paths.pop("fast-mds") == str(theirs)
@@ -168,7 +168,7 @@ def test_an_old_record_takes_its_last_path(tmp_path):
 
 
 def test_files_that_no_other_record_names_are_unneeded(rods, tmp_path):
-    run_toy(rods, tmp_path, "identity", "classic-mds", inputs=("mesh", "view"))
+    run_toy(rods, tmp_path, "identity", "classic-mds", input=None)
     runs, stray = tmp_path / "runs", tmp_path / "runs" / "forms" / "0.npz"
     stray.write_bytes(b"")
     assert unneeded(tmp_path, lambda record: False) == ([], [stray])

@@ -1,7 +1,5 @@
 """Which galleries and rows the tables have."""
 
-from dataclasses import replace
-
 import pytest
 
 from benchmark.api.learning import CARD
@@ -11,7 +9,7 @@ from benchmark.protocols.tables import ABLATION, CONTROLS, SYNTHETIC_HUMANS, TAB
 from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
 from benchmark.registry import by_name, select, select_one
-from benchmark.runs.planning import gallery_facts, plan
+from benchmark.runs.planning import gallery_facts, plan_selection
 from tests.toy import write_rods
 
 FIRST = SYNTHETIC_HUMANS[0]
@@ -150,10 +148,9 @@ def test_every_row_of_the_paper_is_a_method_with_a_title():
 
 
 def test_a_model_that_saw_the_test_shapes_has_no_row_where_none_may_have(tmp_path):
-    fold = gallery("IV")
-    method = select_one(f"learned[training={FIRST.partition('[')[0]}-fold-1]")
-    (job,) = plan([fold], ["view"], [method], tmp_path, are_named=True)
-    assert (fold.part, job.state) == ("fold 0", "unsupported")
+    seen, options = f"learned[training={FIRST.partition('[')[0]}-fold-1]", {"input": "view"}
+    job, *_ = plan_selection(tmp_path, tables=["IV"], methods=[seen], **options)
+    assert (job.record.gallery, job.state) == (f"{FIRST} fold 0", "unsupported")
     assert "100 shapes were seen in training" in job.reason
-    (allowed,) = plan([replace(fold, table=replace(fold.table, all_unseen=False))], ["view"], [method], tmp_path)
-    assert len(allowed.record.seen) == 100
+    allowed, *_ = plan_selection(tmp_path, tables=["III"], methods=["learned"], **options)
+    assert allowed.record.seen and allowed.state == "missing"

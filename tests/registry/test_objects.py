@@ -64,7 +64,7 @@ def test_a_learner_with_a_model_is_refused():
         component_of(learned)
 
 
-@pytest.mark.parametrize("value", [lambda shape: shape.mesh, Power().canonicalise, type("Faulty", (), {}), 3])
+@pytest.mark.parametrize("value", [lambda shape: shape.mesh, Power().canonicalise, type("Faulty", (), {}), 3, "".join])
 def test_what_is_no_method_is_refused(value):
     with pytest.raises(ConfigurationError, match="is no method or scorer"):
         component_of(value)

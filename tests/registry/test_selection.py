@@ -126,12 +126,6 @@ def test_objects_classes_and_functions_are_methods():
     assert component_of(Identity()).key() == select_one("identity").key()
 
 
-@pytest.mark.parametrize("value", [3, object, "".join])
-def test_what_is_no_method_is_refused(value):
-    with pytest.raises(ConfigurationError, match="is no method or scorer"):
-        component_of(value)
-
-
 @pytest.mark.parametrize(
     ("changes", "message"),
     [

@@ -14,14 +14,14 @@ from benchmark.geometry.camera import Camera
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.preparation import frame_of, prepare_view
 from benchmark.pipeline.records import read_distances
-from benchmark.protocols.galleries import galleries, selected_galleries
+from benchmark.protocols.galleries import galleries
 from benchmark.protocols.tables import ROUND
 from benchmark.registry import select, select_one
 from benchmark.report.frames import tables_of
 from benchmark.report.notes import table_notes
 from benchmark.report.results import open_results
 from benchmark.report.tables import table_views
-from benchmark.runs.planning import plan, plan_selection
+from benchmark.runs.planning import plan_selection
 from benchmark.runs.runner import run
 from tests.report.records import record as made_up
 from tests.toy import SMALL_SCORER, rod, write_off, write_rods
@@ -114,7 +114,7 @@ def test_tables_of_views_against_surfaces_are_made_on_request_alone(tmp_path):
     assert {one.against.source for one in found} == {"animals"}
     assert [table.identifier for table in tables_of("animals", "against rods")] == ["animals against rods"]
     assert [view.table.identifier for view in table_views([made_up(dataset="animals", input_="view")])] == ["III-view"]
-    planned = plan(galleries(["III-cross"], quick=True), ["view"], select(["gps", "sd-gdm", "learned"], ()), tmp_path)
+    planned = plan_selection(tmp_path, tables=["III-cross"], quick=True, input="view")
     states = {(job.record.gallery, job.record.method): job.state for job in planned}
     assert "sd-gdm" not in {method for _, method in states}, "as in quick runs"
     assert {states[f"{place} (quick)", "gps"] for place in ("animals", *TURNED)} == {"missing"}
@@ -123,7 +123,7 @@ def test_tables_of_views_against_surfaces_are_made_on_request_alone(tmp_path):
 
 def test_galleries_that_fit_no_queries_are_refused(rods, tmp_path):
     with pytest.raises(ConfigurationError, match="--gallery needs queries, and no table"):
-        selected_galleries(["III"], [str(rods)], gallery=str(rods))
+        galleries(["III"], [str(rods)], gallery=str(rods))
     assert "--gallery needs queries" in refusal("plan", "-d", rods, "--same-names")
     other = write_rods(tmp_path / "other", (0.0,), radii={"a": 0.1, "b": 0.2})
     with pytest.raises(DatasetError, match="queries are of thick, thin, and shapes of other of a, b; name the classes"):

@@ -46,7 +46,7 @@ def test_a_cluster_serves_each_run_anew(rods, tmp_path, cluster):
             methods=f"def canonicalise(self, shape):\n        return shape.form({factor} * shape.mesh.vertices ** 3)",
         )
         write_off(folder / "thin1.off", rod(0.06, 0.5 + number))
-        options = {"plugins": (plugin,), "scorer": None}
+        options = {"plugins": (plugin,), "scorer": "cm-bof"}
         records = done(planned(folder, tmp_path / "results", "smooth", **options), tmp_path / "results", dask=cluster)
         clean = done(planned(folder, tmp_path / f"clean{number}", "smooth", **options), tmp_path / f"clean{number}")
         assert (records["smooth"].status, records["smooth"].per_query) == ("ok", clean["smooth"].per_query)

@@ -149,7 +149,7 @@ def test_meshes_that_are_written_again_or_added_in_a_session_are_seen(own, tmp_p
 @pytest.mark.parametrize("size", [0, 1])
 def test_a_shape_that_is_not_the_planned_one_leaves_nothing(own, tmp_path, size):
     results, mesh = tmp_path / "results", own / "thin1.off"
-    jobs, original = planned(own, results, "gps", inputs=("mesh", "view")), mesh.read_bytes()
+    jobs, original = planned(own, results, "gps", input=None), mesh.read_bytes()
     write_off(mesh, rod(0.06, 0.3))
     records = done(jobs, results, size=size)
     assert {record.status for record in records.values()} == {"incomplete"}
@@ -162,8 +162,8 @@ def test_a_shape_that_is_not_the_planned_one_leaves_nothing(own, tmp_path, size)
         ),
     }
     mesh.write_bytes(original)
-    records = done(planned(own, results, "gps", inputs=("mesh", "view")), results)
-    clean = run_toy(own, tmp_path / "clean", "gps", inputs=("mesh", "view"))
+    records = done(planned(own, results, "gps", input=None), results)
+    clean = run_toy(own, tmp_path / "clean", "gps", input=None)
     assert {name: (r.status, r.key, r.per_query) for name, r in records.items()} == {
         name: ("ok", r.key, r.per_query) for name, r in clean.items()
     }
@@ -184,9 +184,9 @@ def test_a_mesh_that_changes_while_it_is_read_is_read_again(own, tmp_path, monke
         return real(path)
 
     monkeypatch.setattr("benchmark.api.datasets.read_mesh", change_meanwhile)
-    record = run_toy(own, tmp_path / "results", "gps", inputs=(view,))["gps"]
+    record = run_toy(own, tmp_path / "results", "gps", input=view)["gps"]
     assert seen
-    clean = run_toy(own, tmp_path / "clean", "gps", inputs=(view,))["gps"]
+    clean = run_toy(own, tmp_path / "clean", "gps", input=view)["gps"]
     assert (record.status, record.per_query) == ("ok", clean.per_query)
 
 
@@ -256,7 +256,7 @@ def test_data_sets_of_one_name_are_told_apart(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     results = tmp_path / "results"
     for name, bend in (("a/x", 1.0), ("b/x", 0.5)):
-        run_toy(write_rods(tmp_path / name / "rods", bends=(0.0, bend)), results, "identity", scorer=None)
+        run_toy(write_rods(tmp_path / name / "rods", bends=(0.0, bend)), results, "identity", scorer="cm-bof")
     assert {record.data.name for record in label_data_sets(read_records(results))} == {"a/x/rods", "b/x/rods"}
     table = call("tables", "--results", results, "-d", tmp_path / "b" / "x" / "rods")
     assert "b/x/rods" in table

@@ -135,7 +135,7 @@ def test_workers_and_this_process_make_the_same_record(rods, tmp_path):
     made = []
     for size in (0, 1):
         results = tmp_path / str(size)
-        jobs = planned(rods, results, "classic-mds", "shape-dna") + planned(rods, results, "gps", inputs=("view",))
+        jobs = planned(rods, results, "classic-mds", "shape-dna") + planned(rods, results, "gps", input="view")
         records = done(jobs, results, size=size)
         made.append({name: (r.key, r.scores, r.per_query) for name, r in records.items()})
         assert {tuple(record.machines) for record in records.values()} == {(describe_machine(),)}

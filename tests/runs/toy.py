@@ -4,14 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
-from benchmark.datasets.catalogue import open_dataset
 from benchmark.pipeline.records import Record
-from benchmark.registry import select, select_one
 from benchmark.registry.components import THIS_PROCESS
-from benchmark.runs.planning import Planned, plan
+from benchmark.runs.planning import Planned, plan_selection
 from benchmark.runs.runner import run
 from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Work
 from tests.toy import wait_for
@@ -40,24 +37,11 @@ class ThisProcess:
         """End nothing."""
 
 
-def gallery(folder: Path | str) -> Any:
-    """All shapes of a data set, with whatever methods are selected."""
-    shapes = open_dataset(str(folder))
-    found = SimpleNamespace(
-        table=SimpleNamespace(all_unseen=False), name=shapes.name, source=str(folder), dataset=shapes,
-        entries=shapes.shapes, quick=False, against=None, n_views=1,
-        inputs=("mesh", "view"), data_root=None,
-        rows=lambda input_, methods, folder, named: methods, models=lambda method, folder: {},
-    )  # fmt: skip
-    found.seen = found
-    return found
-
-
 def planned(
-    folder: Path, results: Path, *methods: Any, plugins: tuple[Path, ...] = (), inputs: Any = ("mesh",), **options: Any
+    folder: Path | str, results: Path, *methods: Any, plugins: tuple[Path, ...] = (), **options: Any
 ) -> list[Planned]:
-    scorer = select_one("distance-distribution", [LIGHT_SCORER], kind="scorer")
-    return plan([gallery(folder)], inputs, select(methods, plugins), results, **{"scorer": scorer} | options)
+    chosen = {"scorer": "distance-distribution", "input": "mesh"} | options
+    return plan_selection(results, datasets=[str(folder)], methods=methods, plugins=[*plugins, LIGHT_SCORER], **chosen)
 
 
 def done(jobs: list[Planned], results: Path, **options: Any) -> dict[str, Record]:
