@@ -7,7 +7,6 @@ from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
 
 from benchmark.cli.options import Selection
 from benchmark.cli.progress import Bar
@@ -37,16 +36,6 @@ from benchmark.text import brief, nfc, say, say_lines, say_table
 _SCREEN, _REASONS = 18, 5
 
 
-def _data(selection: Selection) -> dict[str, Any]:
-    """Return what selects galleries."""
-    return {
-        "tables": selection.tables, "datasets": selection.datasets, "input": selection.input,
-        "data_root": selection.require_data_root(), "quick": selection.quick,
-        "subjects": [name for name in nfc(selection.subjects).split(",") if name],
-        "gallery": selection.gallery, "gallery_views": selection.gallery_views, "same_names": selection.same_names,
-    }  # fmt: skip
-
-
 def planned_jobs(
     selection: Selection,
     records: Sequence[Record],
@@ -58,7 +47,10 @@ def planned_jobs(
     """Plan a selection; raise ``ConfigurationError`` if it has no job."""
     return plan_selection(
         selection.results, methods=forms or selection.methods, scorer=selection.scorer, seed=selection.seed,
-        rerun=rerun, records=records, plugins=selection.plugins, in_this_process=in_this_process, **_data(selection),
+        rerun=rerun, records=records, plugins=selection.plugins, in_this_process=in_this_process,
+        tables=selection.tables, datasets=selection.datasets, input=selection.input, quick=selection.quick,
+        data_root=selection.require_data_root(), gallery=selection.gallery, gallery_views=selection.gallery_views,
+        same_names=selection.same_names, subjects=[name for name in nfc(selection.subjects).split(",") if name],
     )  # fmt: skip
 
 
