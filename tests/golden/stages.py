@@ -126,9 +126,9 @@ def observed(given: bool, up: tuple[float, ...] | None, floor: bool = True) -> A
     """Return the view of the object in a depth frame."""
     stored = inputs.arrays("frame")
     depth = stored["depth"] if floor else np.where(stored["mask"], stored["depth"], 0)
-    seen_object = frame.observe(
-        reading.in_metres(depth), intrinsics.Intrinsics(*stored["camera"]), stored["mask"] if given else None, up
-    )
+    height, width = depth.shape  # a part of an image, so that its centre is that of no whole one
+    camera = intrinsics.Intrinsics(*stored["camera"], size=(width, height))
+    seen_object = frame.observe(reading.in_metres(depth), camera, stored["mask"] if given else None, up)
     prepared = preparation.prepare_view(seen_object.surface, frame.UPRIGHT, frame.HALF_WIDTH)
     notes = {f"seen:{key}": value for key, value in seen_object.notes.items()}
     return {**prepared, "depth": prepared["depth"][::10, ::10], **notes}
