@@ -28,8 +28,8 @@ FAULTY = (
 
 #: Status and reason of each.
 ENDINGS = {
-    "bug": ("failed", "thick0: faults.py:39: ZeroDivisionError: division by zero"),
-    "exits": ("failed", "thick0: faults.py:44: SystemExit: 3"),
+    "bug": ("failed", "thick0: faults.py:36: ZeroDivisionError: division by zero"),
+    "exits": ("failed", "thick0: faults.py:41: SystemExit: 3"),
     "os-exit": ("crashed", "thick0: the process ended with exit code 3"),
     "segfault": ("crashed", "thick0: the process ended with SIGSEGV"),
     "hang": ("timeout", "thick0: stopped after 4 s; pass a longer --timeout"),
