@@ -83,20 +83,14 @@ class Cache:
         """Return whether there is a file under a key, damaged or not."""
         return self._path(kind, key).is_file()
 
-    def names(self, kind: Kind, key: str) -> set[str]:
-        """Return the names of the arrays under a key without reading them; none if their file is missing or cut off."""
-        try:
-            with zipfile.ZipFile(self._path(kind, key)) as archive:
-                return _names(archive)
-        except Exception:  # zip raises many types
-            return set()
-
     def read(self, kind: Kind, key: str, without: Collection[str] = ()) -> dict[str, NDArray[Any]] | None:
         """Return the read-only arrays under a key, except some; None if there are none, or their file is damaged."""
         try:
             with zipfile.ZipFile(self._path(kind, key)) as archive:
-                names = _names(archive).difference(without)
-                files = {name: io.BytesIO(archive.read(f"{name}.npy")) for name in names}  # compares checksums
+                names = {name.removesuffix(".npy") for name in archive.namelist()}
+                if archive.comment != str(len(names)).encode():  # the list, which has no checksum, is not complete
+                    return None
+                files = {name: io.BytesIO(archive.read(f"{name}.npy")) for name in names.difference(without)}
             return {name: read_only(np.lib.format.read_array(file, allow_pickle=False)) for name, file in files.items()}
         except Exception:  # zip, zlib and numpy raise many types
             return None
@@ -132,11 +126,3 @@ def _write_arrays(file: IO[bytes], arrays: Arrays, repetitive: bool) -> None:
                 if not repetitive:  # a search for repetitions would take twice as long, for larger files
                     vars(part)["_compressor"] = zlib.compressobj(1, zlib.DEFLATED, -15, 8, zlib.Z_HUFFMAN_ONLY)
                 np.lib.format.write_array(part, np.asanyarray(array), allow_pickle=False)
-
-
-def _names(archive: zipfile.ZipFile) -> set[str]:
-    """Return the names of the arrays; raise ``BadZipFile`` if the list, which has no checksum, is not complete."""
-    names = {name.removesuffix(".npy") for name in archive.namelist()}
-    if archive.comment != str(len(names)).encode():
-        raise zipfile.BadZipFile
-    return names
