@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 from scipy.spatial import cKDTree
 
 from benchmark.api.contracts import CanonicalForm, Input
 from benchmark.api.datasets import ShapeSet
 from benchmark.cli.names import trained_on_people
 from benchmark.cli.options import Selection
+from benchmark.cli.run import planned_jobs
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.frames import frame_settings
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
@@ -53,7 +55,7 @@ from benchmark.registry import Component, select_one
 from benchmark.report.drawing import check_ending, save_png
 from benchmark.report.forms import Drawn, StoredForms, seen, upright
 from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
-from benchmark.runs.planning import Planned, plan_selection
+from benchmark.runs.planning import Planned
 from benchmark.text import say, say_table
 
 
@@ -64,8 +66,6 @@ def canonicalise(
     source, *others = paths
     if absent := [path for path in paths if not path.name or not (others or path.exists())]:  # of several, one may miss
         raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
-    if not others and source.is_file():
-        check_ending(options.picture)
     if warning := trained_on_people(select_one(method, options.plugins)):
         say(f"{method}: {warning}", err=True)
     if others or source.suffix.lower() in EXTENSIONS or source.is_dir():
@@ -74,7 +74,7 @@ def canonicalise(
         return _canonicalise_frames(paths, method, options, output)
     if options.has_camera:
         raise ConfigurationError(f"{source} is not a depth image", "omit --intrinsics, --mask and --depth-scale")
-    _check_target(output)
+    _check_targets(output, options.picture)
     if output.exists() and output.samefile(source):
         raise ConfigurationError(f"{output} is the mesh itself", "name another file with -o")
     try:
@@ -96,8 +96,9 @@ def canonicalise(
     return True
 
 
-def _check_target(path: Path) -> None:
-    """Raise ``ConfigurationError`` if a form cannot be written to a file of this name."""
+def _check_targets(path: Path, picture: Path | None) -> None:
+    """Raise ``ConfigurationError`` if a form or its picture cannot be written to a file of this name."""
+    check_ending(picture)
     if path.suffix.lower() not in WRITABLE:
         raise ConfigurationError(f"{path} is not the name of a mesh file", f"use {', '.join(WRITABLE)}")
 
@@ -188,8 +189,7 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
         raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
     images = [frame.image for frame in frames]
     if images == list(paths[:1]):
-        check_ending(options.picture)
-        _check_target(output)
+        _check_targets(output, options.picture)
         outputs = [(output, options.picture)]
     else:
         if output.is_file():
@@ -271,10 +271,7 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
 
 def _job(name: str, shapes: ShapeSet, component: Component, options: Selection, input_: Input) -> Planned:
     """Return the finished job of a gallery; raise ``ConfigurationError`` if there is none, or it is of other code."""
-    planned = plan_selection(
-        options.results, datasets=[name], methods=[component.name], plugins=options.plugins, scorer=options.scorer,
-        input=input_, data_root=options.require_data_root(), seed=options.seed, gallery_views=options.gallery_views,
-    )  # fmt: skip
+    planned = planned_jobs(structs.replace(options, datasets=[name], methods=[component.name], input=input_))
     which = f"--gallery-views {options.gallery_views}" if options.gallery_views else f"--input {input_}"
     command = f"run `python -m benchmark run -m {component.name} -d {shlex.quote(name)} {which}` first"
     jobs = [job for job in planned if job.record.sides[-1].gallery == shapes.name]

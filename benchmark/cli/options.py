@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import MISSING, dataclass, field, fields
 from functools import partial, wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
 
+from msgspec import Struct
+from msgspec.structs import asdict
 from typer import Argument, Exit, Option, Typer
 from typer.core import TyperCommand
 
@@ -61,25 +62,20 @@ MethodName = Annotated[str, Argument(metavar="METHOD")]
 SetName = Annotated[str, Argument(metavar="NAME|FOLDER")]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Selection:
+class Selection(Struct, frozen=True, kw_only=True):
     """What the shared options select; see :func:`verb`."""
 
     everything: Annotated[bool, Option("--all", help="Tables I to IV, I-view to III-view (default of 'plan').")] = False
-    tables: Annotated[list[str], Option("-t", "--table", metavar="TABLE", help="Table; see 'list tables'.")] = field(
-        default_factory=list
-    )
+    tables: Annotated[list[str], Option("-t", "--table", metavar="TABLE", help="Table; see 'list tables'.")] = []
     methods: Annotated[
         list[str], Option("-m", "--method", metavar="METHOD", help="Method, or all; see 'list methods'.")
-    ] = field(default_factory=list)
+    ] = []
     datasets: Annotated[
         list[str], Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set, or your folder.")
-    ] = field(default_factory=list)
+    ] = []
     input: Annotated[Literal["mesh", "view"] | None, Option("--input", help="Default: both.")] = None
     scorer: Annotated[str, Option("--scorer", metavar="SCORER", help="Scorer; see 'list scorers'.")] = "cm-bof"
-    plugins: Annotated[list[Path], Option("--plugin", metavar="FILE", help="File with methods or scorers.")] = field(
-        default_factory=list
-    )
+    plugins: Annotated[list[Path], Option("--plugin", metavar="FILE", help="File with methods or scorers.")] = []
     results: Annotated[Path, Option("--results", metavar="DIR", help="Results folder.")] = Path("results")
     data_root: Annotated[
         Path | None,
@@ -155,14 +151,9 @@ def verb(*shared: str, app: Typer = cli) -> Callable[[Callable[..., bool | None]
     """
     types = get_type_hints(Selection, include_extras=True)
     options = [
-        Parameter(
-            option.name,
-            Parameter.KEYWORD_ONLY,
-            default=[] if option.default is MISSING else option.default,
-            annotation=types[option.name],
-        )
-        for option in fields(Selection)
-        if option.name in shared
+        Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=types[name])
+        for name, default in asdict(Selection()).items()
+        if name in shared
     ]
 
     def decorate(function: Callable[..., bool | None]) -> Callable[..., None]:

@@ -30,7 +30,7 @@ def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
     ConfigurationError
         If there is none, or no record knows a table or data set.
     """
-    has_published = options.results != Selection.results or (options.results / "records").is_dir()
+    has_published = options.results != Selection().results or (options.results / "records").is_dir()
     folder = options.results if has_published or not options.published else SUITE_RESULTS
     every = label_data_sets(read_records(folder, local=not options.published))
     known = {table.identifier for table in TABLES} | {record.data.name for record in every} | {"extended"}

@@ -21,7 +21,7 @@ from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.records import Record, read_records
-from benchmark.protocols.tables import TABLES, Table, own_table
+from benchmark.protocols.tables import TABLES, own_table
 from benchmark.registry import Component
 from benchmark.report.frames import changed, chosen_records, fold_of
 from benchmark.report.robustness import robustness_markdown
@@ -38,7 +38,7 @@ _SCREEN, _REASONS = 18, 5
 
 def planned_jobs(
     selection: Selection,
-    records: Sequence[Record],
+    records: Sequence[Record] | None = None,
     rerun: Collection[str] = (),
     forms: Sequence[Component] = (),
     *,
@@ -129,9 +129,7 @@ def run(
         for record in _records_of(jobs, records):
             say(f"{names[record.key]}  {outcome(record)}")
         return fine
-    methods = [job.record.method for job in jobs] if selection.is_narrow else ()
-    shown = [(gallery.table, job.record) for job in jobs for gallery in job.galleries]
-    _print_tables_of(shown, records, selection, methods)
+    _print_tables_of(jobs, records, selection)
     if any("|" in name for name in selection.methods):
         say("- The best of several values is tuned on these shapes; choose it on others: --subjects A,B.")
     return fine
@@ -166,22 +164,24 @@ def _forms(selection: Selection, forms: Sequence[str]) -> list[Component]:
     return [forms_of(Path(folder), title) for title, folder in folders.items()]
 
 
-def _print_tables_of(
-    shown: Sequence[tuple[Table, Record]], records: Sequence[Record], selection: Selection, methods: Sequence[str] = ()
-) -> None:
-    """Print the tables of jobs, with all rows of their galleries or those of some methods."""
-    labelled = label_data_sets([*records, *(record for _, record in shown)])
+def _print_tables_of(jobs: Sequence[Planned], records: Sequence[Record], selection: Selection) -> None:
+    """Print the tables of jobs, with all rows of their galleries, or those of their methods if some are selected."""
+    labelled = label_data_sets([*records, *(job.record for job in jobs)])
     known, of_run = labelled[: len(records)], labelled[len(records) :]
-    jobs = [(table, record) for (table, _), record in zip(shown, of_run, strict=True)]
-    pairs = {(record.gallery, record.input) for _, record in jobs}
+    pairs, wanted, sets = set(), set(), set()
+    for job, record in zip(jobs, of_run, strict=True):
+        pairs.add((record.gallery, record.input))
+        for table in (gallery.table for gallery in job.galleries):
+            shown = table if table in TABLES else own_table(record.data.name, fold_of(record))
+            wanted.add(shown.identifier)
+            if not table.is_robustness:
+                sets.add(record.data.name)
     every = chosen_records(known, quick=selection.quick, scorer=selection.scorer, seed=selection.seed)
-    owns = [(table, own_table(record.data.name, fold_of(record))) for table, record in jobs]
-    wanted = {(table if table in TABLES else own).identifier for table, own in owns}
-    sets = {record.data.name for table, record in jobs if not table.is_robustness}
     of_jobs = [record for record in every if (record.gallery, record.input) in pairs]
-    is_changed = any(changed(record.data.name) for _, record in jobs)
+    methods = [record.method for record in of_run] if selection.is_narrow else ()
     views = [view for view in table_views(of_jobs, wanted, methods, sets) if view.table.identifier in wanted]
     say()
+    is_changed = any(changed(record.data.name) for record in of_run)
     print_tables(views, robustness_markdown(of_jobs) if is_changed else "")
 
 

@@ -8,11 +8,11 @@ import shlex
 import sys
 import warnings
 from collections import Counter
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
+from msgspec.structs import replace
 from typer import Argument, Option
 
 from benchmark.cli import options as shared
