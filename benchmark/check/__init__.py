@@ -6,7 +6,7 @@ import faulthandler
 import tempfile
 import traceback
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, redirect_stdout
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -76,26 +76,16 @@ def failures(value: Any) -> list[str]:
     return [str(finding) for finding in check(component_of(value)) if finding.outcome == "failed"]
 
 
-@contextmanager
-def _refusing_spawn() -> Iterator[None]:
-    """Let processes that import the code of a method by its name fail: in a run, they would start for ever."""
-    from multiprocessing import popen_forkserver, popen_spawn_posix
+def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Finding:
     from unittest.mock import patch
 
-    def refuse(*_: object) -> None:
-        raise Failed("starts processes by 'spawn', which cannot import a plugin file; use get_context('fork')")
-
-    kinds = popen_spawn_posix.Popen, popen_forkserver.Popen
-    first, second = (patch.object(kind, "__init__", refuse) for kind in kinds)
-    with first, second:
-        yield
-
-
-def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Finding:
+    # Processes that import the code of a method by its name would start for ever in a run.
+    spawned = Failed("starts processes by 'spawn', which cannot import a plugin file; use get_context('fork')")
+    refusing_spawn = patch("multiprocessing.spawn.get_preparation_data", side_effect=spawned)
     faulthandler.dump_traceback_later(limit, exit=True, file=2)
     try:
         # What a plugin prints must not stand among the findings.
-        with redirect_stdout(Printed()), _refusing_spawn(), watching_component(case.component, [case.folder]):
+        with redirect_stdout(Printed()), refusing_spawn, watching_component(case.component, [case.folder]):
             return Finding(name, "ok", run(case))
     except Skipped as reason:
         return Finding(name, "skipped", str(reason))
