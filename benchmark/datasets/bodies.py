@@ -26,12 +26,11 @@ from numpy.typing import NDArray
 
 from benchmark.errors import DatasetError
 from benchmark.geometry.cleaning import connected_components
-from benchmark.geometry.mesh import Faces, Mesh
+from benchmark.geometry.mesh import Faces, FloatArray, IntArray, Mesh
 
 if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
-Floats = NDArray[np.float64]
 
 #: Directions of the left limbs of the model at rest: x to the body's left, -y to the front, z up. They differ by less
 #: than three degrees between subjects; with a constant, a pose has the same rotations for all subjects.
@@ -78,7 +77,7 @@ def _table(file: str) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def _poses() -> dict[str, Floats]:
+def _poses() -> dict[str, FloatArray]:
     return {row.pop("pose"): np.array([float(angle) for angle in row.values()]) for row in _table("poses.csv")}
 
 
@@ -90,27 +89,27 @@ def _subjects() -> dict[str, dict[str, Subject]]:
     return sets
 
 
-POSES: Mapping[str, Floats] = _poses()
+POSES: Mapping[str, FloatArray] = _poses()
 """Joint angles of each pose, shape (27,); the first pose is the canonical one."""
 
 SUBJECTS: Mapping[str, Mapping[str, Subject]] = _subjects()
 """Subjects by data set and name."""
 
 
-def describe(subject: Subject, angles: Floats) -> str:
+def describe(subject: Subject, angles: FloatArray) -> str:
     """Return the phenotype and joint angles that determine a mesh."""
     body, joints = (np.round(values, 9).tolist() for values in (astuple(subject), angles))
     return f"body {body} with joints {joints}"
 
 
-def mirrored(angles: Floats) -> Floats:
+def mirrored(angles: FloatArray) -> FloatArray:
     """Return a pose with left and right exchanged."""
     arms, legs, columns = angles[: 2 * _ARM], angles[2 * _ARM : 2 * _ARM + 2 * _LEG], angles[-3 * _COLUMN :]
     limbs = [part.reshape(2, -1)[::-1].ravel() for part in (arms, legs)]
     return np.concatenate([*limbs, columns * np.tile([1.0, -1.0, -1.0], 3)])
 
 
-def jittered(angles: Floats, deviation: float, random: np.random.Generator) -> Floats:
+def jittered(angles: FloatArray, deviation: float, random: np.random.Generator) -> FloatArray:
     """Perturb every angle of a pose by a standard deviation in degrees, within its range over all poses."""
     ends = np.stack([end for pose in POSES.values() for end in (pose, mirrored(pose))])
     return np.clip(angles + random.normal(0.0, deviation, angles.shape), ends.min(axis=0), ends.max(axis=0))
@@ -122,7 +121,7 @@ def named_random(name: str, purpose: str) -> np.random.Generator:
     return np.random.default_rng(int.from_bytes(digest[:8], "big"))
 
 
-def bone_rotations(angles: Floats) -> dict[str, Floats]:
+def bone_rotations(angles: FloatArray) -> dict[str, FloatArray]:
     """Return the rotations of the bones relative to their parents, about the axes of the body at rest.
 
     Parameters
@@ -150,7 +149,7 @@ def bone_rotations(angles: Floats) -> dict[str, Floats]:
     return {bone: rotation.as_matrix() for bone, rotation in rotations.items()}
 
 
-def _column(angles: Floats, bones: int) -> Rotation:
+def _column(angles: FloatArray, bones: int) -> Rotation:
     from scipy.spatial.transform import Rotation  # lazy
 
     bend, lean, turn = angles / bones
@@ -196,7 +195,7 @@ def _leg(flexion: float, abduction: float, roll: float, bend: float, point: floa
     }
 
 
-def body_mesh(subject: Subject, angles: Floats) -> Mesh:
+def body_mesh(subject: Subject, angles: FloatArray) -> Mesh:
     """Generate the mesh of a body in a pose.
 
     Returns
@@ -214,7 +213,7 @@ def body_mesh(subject: Subject, angles: Floats) -> Mesh:
     return Mesh(np.round(_posed(template.model, subject, angles)[template.kept], _DECIMALS), template.faces)
 
 
-def vertices_of(bones: tuple[str, ...], side: str = "") -> NDArray[np.int64]:
+def vertices_of(bones: tuple[str, ...], side: str = "") -> IntArray:
     """Return the indices of vertices dominated by the given bones.
 
     Parameters
@@ -279,7 +278,7 @@ def _template() -> _Template:
     return _Template(model, kept, renumbered[faces[kept[faces[:, 0]]]], bones)
 
 
-def _posed(model: Any, subject: Subject, angles: Floats) -> Floats:
+def _posed(model: Any, subject: Subject, angles: FloatArray) -> FloatArray:
     """Return the vertices of the whole model, shape (n, 3)."""
     import torch
 

@@ -16,13 +16,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.bodies import POSES, SUBJECTS, Subject, body_mesh, describe, jittered, named_random
 from benchmark.errors import ConfigurationError
 from benchmark.files import file_digest
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import FloatArray, Mesh
 
 TESTED = ("humans", "humans-scanlike", "people")
 """Generated test sets of people; ``humans``, which ``people`` replaced, has subjects alone."""
@@ -95,7 +94,7 @@ def humans_scanlike() -> ShapeSet:
     """
     adults = SUBJECTS["humans-scanlike"]
 
-    def angles(entry: Entry) -> NDArray[np.float64]:
+    def angles(entry: Entry) -> FloatArray:
         return jittered(POSES[entry.pose], _POSE_DEVIATION, named_random(entry.identifier, "pose"))
 
     def load(entry: Entry) -> Mesh:
@@ -118,7 +117,7 @@ def humans_scanlike() -> ShapeSet:
 
 
 @functools.cache
-def _phenotypes(dataset: str) -> NDArray[np.float64]:
+def _phenotypes(dataset: str) -> FloatArray:
     """Return the phenotypes of the subjects of a set, over all draws."""
     found = [bodies.values() for name, bodies in SUBJECTS.items() if name.partition("[")[0] == dataset]
     return np.array([astuple(body) for bodies in found for body in bodies])

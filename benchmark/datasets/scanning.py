@@ -17,7 +17,7 @@ from scipy.sparse.linalg import spsolve
 from benchmark.datasets.bodies import named_random, reference_mesh, vertices_of
 from benchmark.geometry.cleaning import largest_component
 from benchmark.geometry.interpolation import vertex_normals
-from benchmark.geometry.mesh import Mesh, Points, sides_of
+from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points, sides_of
 from benchmark.geometry.preparation import isotropic_remesh
 
 CAVITIES = Path(__file__).parent / "cavities.csv"
@@ -80,7 +80,7 @@ def _cavities() -> NDArray[np.bool_]:
     return sheltered
 
 
-def _asymmetry(random: np.random.Generator) -> NDArray[np.float64]:
+def _asymmetry(random: np.random.Generator) -> FloatArray:
     """Return the displacements of the vertices of a body along their normals, in metres, for all its poses."""
     directions = random.normal(size=(_WAVES, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
@@ -114,7 +114,7 @@ def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
     return mesh.with_vertices(vertices)
 
 
-def scan(mesh: Mesh, fused: Sequence[NDArray[np.int64]], n_vertices: int, random: np.random.Generator) -> Mesh:
+def scan(mesh: Mesh, fused: Sequence[IntArray], n_vertices: int, random: np.random.Generator) -> Mesh:
     """Simulate a body scan of a surface.
 
     The solid is sampled on a grid in a random position, gaps between fingers are closed, the boundary is extracted by
@@ -238,7 +238,7 @@ def _noisy(mesh: Mesh, random: np.random.Generator) -> Mesh:
     return mesh.with_vertices(np.round(mesh.vertices + amount[:, np.newaxis] * _unit_normals(mesh), 6))
 
 
-def _neighbour_mean(mesh: Mesh, values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _neighbour_mean(mesh: Mesh, values: FloatArray) -> FloatArray:
     tails, heads = sides_of(mesh.faces)
     sums = np.bincount(tails, values[heads], mesh.n_vertices) + values
     return np.asarray(sums / (np.bincount(tails, minlength=mesh.n_vertices) + 1))

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import compact, extent_of, largest_component
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import FloatArray, IntArray, Mesh
 
 Random = np.random.Generator
-Floats = NDArray[np.float64]
 
 #: Radius of a hole.
 HOLE_RADIUS = 0.02
@@ -135,7 +134,7 @@ def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
     partners, gaps = _partners(mesh, middles, starts)
     used = np.zeros(mesh.n_vertices, dtype=bool)
     removed = np.zeros(mesh.n_faces, dtype=bool)
-    tubes: list[NDArray[np.int64]] = []
+    tubes: list[IntArray] = []
     for number in np.argsort(gaps, kind="stable"):
         first, second = mesh.faces[starts[number]], mesh.faces[partners[number]]
         if len(tubes) == int(amount) or not np.isfinite(gaps[number]):
@@ -153,7 +152,7 @@ def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
     return Mesh(mesh.vertices, np.concatenate([mesh.faces[~removed], *tubes]))
 
 
-def _partners(mesh: Mesh, middles: Floats, starts: NDArray[np.integer]) -> tuple[NDArray[np.int64], Floats]:
+def _partners(mesh: Mesh, middles: FloatArray, starts: NDArray[np.integer]) -> tuple[IntArray, FloatArray]:
     """Return the nearest triangle that each start can be joined with, and its distance; infinite if there is none."""
     from scipy.sparse.csgraph import dijkstra  # lazy
 
@@ -174,7 +173,7 @@ def _partners(mesh: Mesh, middles: Floats, starts: NDArray[np.integer]) -> tuple
     return partners, gaps
 
 
-def _tube(vertices: Floats, first: NDArray[np.integer], second: NDArray[np.integer]) -> NDArray[np.int64]:
+def _tube(vertices: FloatArray, first: NDArray[np.integer], second: NDArray[np.integer]) -> IntArray:
     """Return six triangles between two facing triangles, with the rotation that gives the shortest tube."""
     turns = [np.roll(second[::-1], k) for k in range(3)]
     lengths = [np.linalg.norm(vertices[first] - vertices[turn], axis=1).sum() for turn in turns]

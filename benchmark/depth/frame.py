@@ -28,7 +28,7 @@ from benchmark.depth.segmentation import Plane, background_planes, find_object, 
 from benchmark.errors import DepthError
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.io import named_errors
-from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.mesh import Faces, FloatArray, Mesh, Points
 
 HALF_WIDTH = 1.285
 """Half the frame width of the human data sets in metres, the reference scale of ``literal`` and ``wide``."""
@@ -151,7 +151,7 @@ def scale_of(values: NDArray[Any], intrinsics: Intrinsics, scale: float | None =
     return stated[0] if len(stated) == 1 else None
 
 
-def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[NDArray[np.float64], str]:
+def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[FloatArray, str]:
     """Return the up direction in the camera's frame and its source."""
     floors = [plane for plane in planes if plane.is_floor]
     if floors:
@@ -159,7 +159,7 @@ def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[NDArray[np.float6
     return (IMAGE_UP, "image") if recorded is None else (checked_up(recorded), "sidecar")
 
 
-def checked_up(direction: Up) -> NDArray[np.float64]:
+def checked_up(direction: Up) -> FloatArray:
     """Return an up direction as a unit vector; raises ``DepthError`` if it is invalid or near the optical axis."""
     try:
         up = np.asarray(direction, dtype=np.float64)
@@ -174,7 +174,7 @@ def checked_up(direction: Up) -> NDArray[np.float64]:
     return up / length
 
 
-def upright(up: NDArray[np.float64]) -> Points:
+def upright(up: FloatArray) -> Points:
     """Return the rotation from the camera's frame to an upright frame in which the camera looks level.
 
     Its rows are right, up, and back towards the camera; ``up`` has unit length and is not along the optical axis.
@@ -249,7 +249,7 @@ def object_surface(depths: Depths, rays: Rays, mask: Mask, rotation: Points, hal
     return mesh
 
 
-def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, NDArray[np.int32]]:
+def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, Faces]:
     """Return pixel corners in the camera's frame, shape (n, 3), and two camera-facing triangles per pixel."""
     # The pixels around each corner: above left, above right, below left, below right.
     windows = _windows(depths.shape, 2)

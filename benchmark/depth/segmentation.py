@@ -6,12 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmark.depth.reading import Depths, Mask
 from benchmark.errors import DepthError
 from benchmark.geometry.cleaning import component_labels
-from benchmark.geometry.mesh import Points
+from benchmark.geometry.mesh import FloatArray, IntArray, Points
 
 SHARE = 0.06
 """Minimum fraction of the measured points on a background plane."""
@@ -80,19 +79,19 @@ class Plane:
         ``normal @ point`` for points of the plane, in metres; negative.
     """
 
-    normal: NDArray[np.float64]
+    normal: FloatArray
     offset: float
 
     @classmethod
-    def facing(cls, normal: NDArray[np.float64], offset: float) -> Plane:
+    def facing(cls, normal: FloatArray, offset: float) -> Plane:
         """Return the plane of a normal of either direction."""
         return cls(normal, offset) if offset < 0 else cls(-normal, -offset)
 
-    def heights(self, points: Points) -> NDArray[np.float64]:
+    def heights(self, points: Points) -> FloatArray:
         """Return the signed distances of points, shape (..., 3), in metres: positive in front of the plane."""
         return np.asarray(points @ self.normal - self.offset)
 
-    def slack(self, points: Points) -> NDArray[np.float64]:
+    def slack(self, points: Points) -> FloatArray:
         """Return the tolerance on the distance of points to the plane, in metres.
 
         Errors act along the depth, so that a plane at a grazing angle has a smaller tolerance than a frontal one.
@@ -235,7 +234,7 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     return np.asarray(free & (group == group[chosen])[labels])
 
 
-def _joined(labels: NDArray[np.int64], depths: Depths, limits: Depths) -> NDArray[np.int64]:
+def _joined(labels: IntArray, depths: Depths, limits: Depths) -> IntArray:
     """Return the group of each label of an image: labels of neighbours at depths within the limit of the nearer one."""
     pairs = []
     for one, other in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):

@@ -6,14 +6,11 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.cleaning import compact, connected_components
-from benchmark.geometry.mesh import Mesh
-
-IntArray = NDArray[np.int64]
+from benchmark.geometry.mesh import IntArray, Mesh
 
 
 def bridge_components(mesh: Mesh) -> tuple[Mesh, list[float]]:

@@ -6,12 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import InvalidMesh
-from benchmark.geometry.mesh import Edges, Mesh, Points, edges_of, sides_of
+from benchmark.geometry.mesh import Edges, FloatArray, IntArray, Mesh, Points, edges_of, sides_of
 from benchmark.text import counted
-
-IntArray = NDArray[np.int64]
-FloatArray = NDArray[np.float64]
-
 
 LARGEST_LOSS = 0.25
 """Maximum fraction of the area that preparation may lose.

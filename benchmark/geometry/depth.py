@@ -15,16 +15,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmark.errors import DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.cleaning import compact, connected_components, make_manifold
 from benchmark.geometry.mesh import Faces, Mesh, Points
-from benchmark.geometry.rasterise import depth_buffer
-
-DepthImage = NDArray[np.float32]
+from benchmark.geometry.rasterise import DepthImage, depth_buffer
 
 SIZE = 500
 """Pixels per side of a depth image."""

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from benchmark.geometry.mesh import Mesh, sides_of
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, sides_of
 
 # Default number of windows per vertex; and that of thin meshes, of which a tenth of the triangles are longer than THIN
 # times their height: rings reach far along them, not across. Measured in docs/measurements.md.

@@ -6,17 +6,14 @@ from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from benchmark.errors import UnsupportedShape, did_you_mean
 from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.geodesic_graph import geodesic_graph
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import FloatArray, IntArray, Mesh
 from benchmark.geometry.shortest_paths import shortest_paths
-
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
 
 
 @lru_cache(maxsize=1)

@@ -10,13 +10,12 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmark.errors import UnreadableMesh
 from benchmark.files import parse_json, read_file
+from benchmark.geometry.mesh import FloatArray, IntArray
 
-Arrays = tuple[NDArray[np.float64], NDArray[np.int64]]
-Floats = NDArray[np.float64]
+Arrays = tuple[FloatArray, IntArray]
 Node = dict[str, Any]
 
 #: Extensions that change a surface or replace its data, and beginnings of the names of those that do not.
@@ -88,7 +87,7 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
     return chunks[0], chunks[1] if len(chunks) > 1 else None
 
 
-def _matrix(node: Node) -> Floats:
+def _matrix(node: Node) -> FloatArray:
     """Return the transform of a node, shape (4, 4), for column vectors."""
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
@@ -100,9 +99,9 @@ def _matrix(node: Node) -> Floats:
     return result
 
 
-def _placed(nodes: list[Node], roots: Iterable[int]) -> dict[int, Floats]:
+def _placed(nodes: list[Node], roots: Iterable[int]) -> dict[int, FloatArray]:
     """Return the transforms of nodes and all nodes below them."""
-    placed: dict[int, Floats] = {}
+    placed: dict[int, FloatArray] = {}
     waiting = [(root, np.eye(4)) for root in roots]
     while waiting:
         number, above = waiting.pop()
@@ -113,7 +112,7 @@ def _placed(nodes: list[Node], roots: Iterable[int]) -> dict[int, Floats]:
     return placed
 
 
-def _triangles(corners: NDArray[np.int64], mode: int) -> NDArray[np.int64]:
+def _triangles(corners: IntArray, mode: int) -> IntArray:
     """Return the triangles of a primitive; points and lines have none."""
     if mode not in range(5):
         raise UnreadableMesh(f"primitives of mode {mode} are not read", "export triangles, mode 4")
@@ -148,7 +147,7 @@ class _File:
                 faces = faces[:, ::-1] if np.linalg.det(transform) < 0 else faces
                 yield vertices @ transform[:3, :3].T + transform[:3, 3], faces
 
-    def _accessor(self, number: int) -> Floats:
+    def _accessor(self, number: int) -> FloatArray:
         """Return the numbers behind an accessor, shape (count, width)."""
         accessor = self._tree["accessors"][number]
         if "sparse" in accessor or "bufferView" not in accessor:

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import cKDTree
 
-from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points
 
 #: Number of candidate triangles, those with the nearest centres, in the search for one on the same side.
 _CANDIDATES = 30
 
 
-def interpolate(
-    mesh: Mesh, values: ArrayLike, points: ArrayLike, normals: ArrayLike
-) -> tuple[Points, NDArray[np.float64]]:
+def interpolate(mesh: Mesh, values: ArrayLike, points: ArrayLike, normals: ArrayLike) -> tuple[Points, FloatArray]:
     """Interpolate values at the vertices of a mesh linearly at points near its surface.
 
     Each point takes the values at the nearest position on the mesh, on a triangle with a similar normal if possible. If
@@ -63,7 +61,7 @@ def vertex_normals(mesh: Mesh) -> Points:
     return normals
 
 
-def _same_side(corners: Points, facing: Points, points: Points, directions: Points) -> tuple[NDArray[np.int64], Points]:
+def _same_side(corners: Points, facing: Points, points: Points, directions: Points) -> tuple[IntArray, Points]:
     """Return the nearest triangle on the same side, or -1, and the position on it, among those with nearest centres."""
     from trimesh.triangles import closest_point
 

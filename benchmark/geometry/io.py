@@ -20,11 +20,9 @@ from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, Un
 from benchmark.files import LARGEST_FILE, read_file, write_atomically
 from benchmark.geometry.cleaning import merge_duplicates
 from benchmark.geometry.gltf import buffer_files, read_gltf
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points
 from benchmark.text import counted
 
-IntArray = NDArray[np.int64]
-Points = NDArray[np.float64]
 Arrays = tuple[Points, IntArray] | tuple[Points, IntArray, IntArray]
 """Vertices, and the corners of triangles, shape (m, 3), or of polygons, one after the other, with their numbers."""
 
@@ -204,7 +202,7 @@ def _lines(text: bytes) -> list[bytes]:
     return [line for line in text.split(b"\n") if line.strip()]
 
 
-def _parsed(text: bytes) -> NDArray[np.float64]:
+def _parsed(text: bytes) -> FloatArray:
     """Parse numbers; raises ``ValueError`` at anything else (Python itself would take ``1_0`` and other scripts)."""
     try:
         return np.fromstring(text.decode("ascii"), sep=" ") if text.strip() else np.empty(0)
@@ -219,7 +217,7 @@ def _is_padding(rest: bytes) -> bool:
     return not rest.strip(b"\0 \t\r\n")
 
 
-def _table(lines: Sequence[bytes]) -> NDArray[np.float64]:
+def _table(lines: Sequence[bytes]) -> FloatArray:
     """Parse lines of three numbers or more; lines of different length are cut to three."""
     widths = {len(line.split()) for line in lines}
     if min(widths, default=3) < 3:
@@ -229,7 +227,7 @@ def _table(lines: Sequence[bytes]) -> NDArray[np.float64]:
     return _parsed(b" ".join(lines)).reshape(len(lines), 3 if len(widths) != 1 else widths.pop())
 
 
-def _integers(numbers: NDArray[np.number]) -> NDArray[np.int64]:
+def _integers(numbers: NDArray[np.number]) -> IntArray:
     if not (np.abs(numbers) <= 2**53).all() or (numbers != np.floor(numbers)).any():
         raise ValueError("a vertex index is not a whole number")
     return numbers.astype(np.int64)
@@ -269,7 +267,7 @@ def _seeing_corners(polygons: Points) -> IntArray:
     return first
 
 
-def _from_0(corners: NDArray[np.int64], n_vertices: int, base: int) -> NDArray[np.int64]:
+def _from_0(corners: IntArray, n_vertices: int, base: int) -> IntArray:
     """Return corners counted from 0; raises ``InvalidMesh`` if vertices are missing."""
     low, high, other = int(corners.min()), int(corners.max()), 1 - base
     if other <= low and high < n_vertices + other and (low < base or high >= n_vertices + base):
@@ -486,7 +484,7 @@ def read_stl(data: bytes, _: Path) -> Arrays:
     return distinct, place.reshape(-1, 3)
 
 
-def _stl_facets(text: bytes) -> NDArray[np.float64]:
+def _stl_facets(text: bytes) -> FloatArray:
     found = re.findall(rb"(?m)^[ \t]*(?:vertex[ \t]+(\S+[ \t]+\S+[ \t]+\S+)[ \t]*$|endfacet)", text)
     ends = np.flatnonzero([not numbers for numbers in found])
     for facet in np.flatnonzero(np.diff(ends, prepend=-1) != 4)[:1]:

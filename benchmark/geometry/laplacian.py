@@ -6,15 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmark.errors import UnsupportedShape
-from benchmark.geometry.mesh import Mesh, read_only
+from benchmark.geometry.mesh import FloatArray, Mesh, read_only
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-FloatArray = NDArray[np.float64]
 
 # Beyond this, an angle is below 0.06 degrees: one sliver would outweigh ten thousand good triangles and, with an obtuse
 # neighbour, make the matrix indefinite by rounding.

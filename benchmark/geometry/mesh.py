@@ -14,7 +14,9 @@ from benchmark.errors import InvalidMesh
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-Points = NDArray[np.float64]
+FloatArray = NDArray[np.float64]
+Points = FloatArray
+IntArray = NDArray[np.int64]
 Faces = NDArray[np.int32]
 
 
@@ -129,9 +131,6 @@ def _checked(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[An
     if "f" not in kinds and values.size and not 0 <= values.min() <= values.max() <= np.iinfo(dtype).max:
         raise InvalidMesh(f"{what} name vertices {values.min()} to {values.max()}", "count the vertices from 0")
     return read_only(np.array(values, dtype=dtype, order="C", copy=True))
-
-
-IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)

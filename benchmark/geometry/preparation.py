@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from benchmark.errors import ConfigurationError, InvalidMesh
@@ -15,8 +14,6 @@ from benchmark.geometry.cleaning import (
     COPIES,
     LARGEST_LOSS,
     SEAM,
-    FloatArray,
-    IntArray,
     clean,
     compact,
     component_areas,
@@ -26,7 +23,7 @@ from benchmark.geometry.cleaning import (
     orient,
     topology,
 )
-from benchmark.geometry.mesh import Mesh, Points, in_spatial_order
+from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points, in_spatial_order
 from benchmark.text import counted
 
 DEBRIS = 0.01
@@ -109,12 +106,12 @@ class Prepared:
             found.append((f"{lost:.2%} of the area", "preparation drops it with small pieces and crowded edges"))
         return found
 
-    def numbers_of(self, mesh: Mesh) -> NDArray[np.int64] | None:
+    def numbers_of(self, mesh: Mesh) -> IntArray | None:
         """Return the vertex of the prepared mesh at each vertex of the file, shape (n,); None if it was decimated."""
         distances, nearest = cKDTree(self.mesh.vertices).query((mesh.vertices - self.centre) / self.scale)
         return nearest if distances.max(initial=0.0) <= SEAM * COPIES else None
 
-    def vertex_map(self, mesh: Mesh) -> NDArray[np.int64]:
+    def vertex_map(self, mesh: Mesh) -> IntArray:
         """Return the nearest vertex of the file at each vertex of the prepared mesh, shape (n,)."""
         tree = cKDTree((mesh.vertices - self.centre) / self.scale, balanced_tree=False, compact_nodes=False)
         return np.asarray(tree.query(self.mesh.vertices)[1])

@@ -6,11 +6,9 @@ import heapq
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-FloatArray = NDArray[np.float64]
-IntArray = NDArray[np.int64]
+from benchmark.geometry.mesh import FloatArray, IntArray
 
 # Number of sources processed together. Their distances to a vertex are contiguous in memory, so the processor adds and
 # compares eight at a time. Changed neighbours are looked up once per block: with 1000 sources, that is cheap compared
