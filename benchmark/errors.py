@@ -125,3 +125,10 @@ def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationErr
     else:
         hint = f"choose one of {', '.join(names)}"
     return ConfigurationError(f"unknown {kind} '{name}'", hint)
+
+
+def check_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
+    """Raise ``ConfigurationError`` at the first name that is unknown."""
+    for name in names:
+        if name not in known:
+            raise did_you_mean(kind, name, known)

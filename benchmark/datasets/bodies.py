@@ -19,18 +19,15 @@ import sys
 from collections.abc import Mapping
 from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from benchmark.errors import DatasetError
 from benchmark.geometry.cleaning import connected_components
 from benchmark.geometry.mesh import Faces, FloatArray, IntArray, Mesh
-
-if TYPE_CHECKING:
-    from scipy.spatial.transform import Rotation
-
 
 #: Directions of the left limbs of the model at rest: x to the body's left, -y to the front, z up. They differ by less
 #: than three degrees between subjects; with a constant, a pose has the same rotations for all subjects.
@@ -77,10 +74,6 @@ def _table(file: str) -> list[dict[str, str]]:
         return list(csv.DictReader(stream))
 
 
-def _poses() -> dict[str, FloatArray]:
-    return {row.pop("pose"): np.array([float(angle) for angle in row.values()]) for row in _table("poses.csv")}
-
-
 def _subjects() -> dict[str, dict[str, Subject]]:
     sets: dict[str, dict[str, Subject]] = {}
     for row in _table("subjects.csv"):
@@ -89,7 +82,9 @@ def _subjects() -> dict[str, dict[str, Subject]]:
     return sets
 
 
-POSES: Mapping[str, FloatArray] = _poses()
+POSES: Mapping[str, FloatArray] = {
+    row.pop("pose"): np.array([float(angle) for angle in row.values()]) for row in _table("poses.csv")
+}
 """Joint angles of each pose, shape (27,); the first pose is the canonical one."""
 
 SUBJECTS: Mapping[str, Mapping[str, Subject]] = _subjects()
@@ -134,8 +129,6 @@ def bone_rotations(angles: FloatArray) -> dict[str, FloatArray]:
     dict of str to numpy.ndarray
         Rotation matrices, shape (3, 3), by bone name of the MakeHuman rig; other bones stay at rest.
     """
-    from scipy.spatial.transform import Rotation  # lazy
-
     left_arm, right_arm, left_leg, right_leg, trunk, head, body = np.split(
         angles, np.cumsum([_ARM, _ARM, _LEG, _LEG, _COLUMN, _COLUMN])
     )
@@ -150,16 +143,12 @@ def bone_rotations(angles: FloatArray) -> dict[str, FloatArray]:
 
 
 def _column(angles: FloatArray, bones: int) -> Rotation:
-    from scipy.spatial.transform import Rotation  # lazy
-
     bend, lean, turn = angles / bones
     return Rotation.from_euler("ZXY", [turn, bend, lean], degrees=True)
 
 
 def _arm(raised: float, forward: float, roll: float, bend: float) -> dict[str, Rotation]:
     """Return the rotations of the left arm: a roll of the upper arm, then its shortest swing to the direction."""
-    from scipy.spatial.transform import Rotation  # lazy
-
     raised, forward = np.radians(raised), np.radians(forward)
     side, front = np.sin(raised) * np.cos(forward), np.sin(raised) * np.sin(forward)
     target = np.array([side, -front, -np.cos(raised)])
@@ -179,8 +168,6 @@ def _arm(raised: float, forward: float, roll: float, bend: float) -> dict[str, R
 
 
 def _leg(flexion: float, abduction: float, roll: float, bend: float, point: float) -> dict[str, Rotation]:
-    from scipy.spatial.transform import Rotation  # lazy
-
     first, second, lower, foot = (
         Rotation.from_euler("x", angle, degrees=True)
         for angle in (-(1 - _THIGH_SHARE) * flexion, -_THIGH_SHARE * flexion, bend, point)

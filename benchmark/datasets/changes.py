@@ -21,8 +21,6 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
 
-Random = np.random.Generator
-
 
 @dataclass(frozen=True)
 class Change:
@@ -44,8 +42,8 @@ class Change:
     title: str
     unit: str
     amounts: tuple[float, ...]
-    of_mesh: Callable[[Mesh, float, Random], Mesh] | None = None
-    of_camera: Callable[[Camera, float, Random], Camera] | None = None
+    of_mesh: Callable[[Mesh, float, surface.Random], Mesh] | None = None
+    of_camera: Callable[[Camera, float, surface.Random], Camera] | None = None
     of_sensor: Callable[[float, int], DepthSensor] | None = None
     seen: Callable[[Mesh, Camera, float], Mesh] | None = None
     of_set: Callable[[ShapeSet, int], ShapeSet] | None = None
@@ -58,9 +56,8 @@ def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> Shap
     the last one on request.
     """
     if "mesh" not in shapes.inputs:
-        raise ConfigurationError(
-            f"{shapes.name} shows one side of each shape", "choose a data set of complete surfaces"
-        )
+        problem = f"{shapes.name} shows one side of each shape"
+        raise ConfigurationError(problem, "choose a data set of complete surfaces")
     steps = [*(np.arange(count) + 0.5), *[0.0] * own]
     seen = {
         name_view(entry.identifier, number): (entry, 2 * np.pi / count * step)
@@ -155,7 +152,7 @@ def changed(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
         text = f"{name}|{draw}{entry.identifier}".encode("utf-8", "surrogatepass")
         return int.from_bytes(hashlib.sha256(text).digest()[:4], "big")
 
-    def random(entry: Entry) -> Random:
+    def random(entry: Entry) -> surface.Random:
         return np.random.default_rng(seed(entry))
 
     result = replace(

@@ -73,8 +73,7 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
 
 def depth_files(folder: Path) -> list[Path]:
     """Return the depth images of a folder in natural order: 16 bits or more, floats or arrays; no colours or masks."""
-    files = _listed(folder, lambda path: not path.is_dir() and is_depth_file(path))
-    return sorted(files, key=lambda path: natural_key(path.name))
+    return _listed(folder, lambda path: not path.is_dir() and is_depth_file(path))
 
 
 def mesh_stem(path: Path) -> str:
@@ -105,8 +104,7 @@ def all_mesh_files(folder: Path) -> list[Path]:
 
 def sub_folders(folder: Path) -> list[Path]:
     """Return visible sub-folders in natural order; raises ``DatasetError`` if the folder cannot be listed."""
-    folders = _listed(folder, Path.is_dir)
-    return sorted(folders, key=lambda path: natural_key(path.name))
+    return _listed(folder, Path.is_dir)
 
 
 def skipped_files(folder: Path) -> list[Path]:
@@ -117,9 +115,10 @@ def skipped_files(folder: Path) -> list[Path]:
 
 
 def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
-    """Return visible paths in a folder, sorted by name; raises ``DatasetError`` if it cannot be listed."""
+    """Return visible paths in a folder, in natural order; raises ``DatasetError`` if it cannot be listed."""
     try:
-        return [path for path in sorted(folder.iterdir()) if not is_hidden(path) and is_wanted(path)]
+        paths = sorted(folder.iterdir(), key=lambda path: (natural_key(path.name), path.name))
+        return [path for path in paths if not is_hidden(path) and is_wanted(path)]
     except OSError as error:
         raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
 

@@ -183,12 +183,9 @@ class OfficialSet:
                 yield Entry(mesh_stem(files[key]), subject, str(_number(key)), files[key])
 
 
-def _sets() -> dict[str, OfficialSet]:
-    text = (Path(__file__).parent / "official.toml").read_text(encoding="utf-8")
-    return {name: OfficialSet(**facts) for name, facts in tomllib.loads(text).items()}
+_FACTS = tomllib.loads((Path(__file__).parent / "official.toml").read_text(encoding="utf-8"))
 
-
-SETS: Mapping[str, OfficialSet] = _sets()
+SETS: Mapping[str, OfficialSet] = {name: OfficialSet(**facts) for name, facts in _FACTS.items()}
 
 #: Sets that can be ranked, but have no table in the paper.
 EXTENDED = tuple(

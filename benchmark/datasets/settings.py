@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import by_subject
-from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
+from benchmark.errors import ConfigurationError, DatasetError, check_known
 from benchmark.files import LARGEST_LIST, decode, read_file
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.io import named_errors
@@ -109,9 +109,7 @@ def read_settings(path: Path, keys: Iterable[str], where: str = "") -> dict[str,
         if max(part.count(".") for part in re.split("[,=\n]", text)) > _MOST_DOTS:
             raise ValueError("a key has too many dots")
         values = tomllib.loads(text)
-    for key in values:
-        if key not in keys:
-            raise did_you_mean(f"key of {path}{where}", key, keys)
+    check_known(f"key of {path}{where}", values, keys)
     return values
 
 
@@ -133,12 +131,10 @@ def canonical_poses(value: Any, shapes: ShapeSet, path: Path) -> dict[str, str]:
     poses = {subject: [entry.pose for entry in members] for subject, members in by_subject(shapes.shapes).items()}
     chosen = {}
     for subject, pose in (value if isinstance(value, dict) else dict.fromkeys(poses, value)).items():
-        if subject not in poses:
-            raise did_you_mean(f"class under canonical_pose in {path}", subject, poses)
+        check_known(f"class under canonical_pose in {path}", [subject], poses)
         if isinstance(pose, bool) or not isinstance(pose, int | str):
             raise DatasetError(f"{path}: the canonical pose of '{subject}' is {pose!r}", "write a pose in quotes")
-        if str(pose) not in poses[subject]:
-            raise did_you_mean(f"pose of class '{subject}' in {path}", str(pose), poses[subject])
+        check_known(f"pose of class '{subject}' in {path}", [str(pose)], poses[subject])
         chosen[subject] = str(pose)
     return chosen
 
@@ -152,9 +148,7 @@ def _by_name(
         return lambda _: of_all
     subjects = by_subject(shapes.shapes)
     known = {*subjects, *(entry.identifier for entry in shapes.shapes)}
-    for name in value:
-        if name not in known:
-            raise did_you_mean(f"class under {key} in {path}", name, subjects)
+    check_known(f"class under {key} in {path}", sorted(value.keys() - known), subjects)
     found = {name: read(each) for name, each in value.items()}
     return lambda entry: found.get(entry.identifier) or found.get(entry.subject)
 
@@ -169,15 +163,12 @@ def _metres(value: Any, path: Path) -> float:
 
 def _camera(value: Any, up: str, path: Path) -> Camera:
     if isinstance(value, str):
-        if value not in VIEWS:
-            raise did_you_mean(f"camera in {path}", value, VIEWS)
+        check_known(f"camera in {path}", [value], VIEWS)
         return _y_up(VIEWS[value]) if up == "y" else VIEWS[value]
     hint = "write the name of a view, or { direction = [x, y, z], up = [x, y, z] }"
     if not isinstance(value, dict) or "direction" not in value:
         raise DatasetError(f"{path}: {value!r} is no camera", hint)
-    for key in value:
-        if key not in ("direction", "up"):
-            raise did_you_mean(f"key of a camera in {path}", key, ("direction", "up"))
+    check_known(f"key of a camera in {path}", value, ("direction", "up"))
     default = (0.0, 1.0, 0.0) if up == "y" else (0.0, 0.0, 1.0)
     try:
         (x, y, z), (a, b, c) = value["direction"], value.get("up", default)

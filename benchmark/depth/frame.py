@@ -12,18 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.depth import reading
 from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_intrinsics
-from benchmark.depth.reading import (
-    FEWEST_SEEN,
-    Depths,
-    Mask,
-    checked_mask,
-    find_mask,
-    in_metres,
-    read_mask,
-    read_values,
-    usual_scale,
-)  # fmt: skip
+from benchmark.depth.reading import Depths, Mask
 from benchmark.depth.segmentation import Plane, background_planes, find_object, jump
 from benchmark.errors import DepthError
 from benchmark.geometry.camera import Camera
@@ -106,7 +97,7 @@ def observe(
     intrinsics.check_size(width, height)
     seen, rays = depths > 0, intrinsics.rays(width, height)
     coarse = np.s_[::_PLANE_STEP, ::_PLANE_STEP]
-    chosen = None if mask is None else checked_mask(mask, seen)
+    chosen = None if mask is None else reading.checked_mask(mask, seen)
     rest = seen if chosen is None else seen & ~chosen  # beside a mask, the scene only has to provide the floor
     planes = background_planes(unprojected(depths[coarse], rays[coarse]), rest[coarse])
     if chosen is None:
@@ -144,7 +135,7 @@ def scale_of(values: NDArray[Any], intrinsics: Intrinsics, scale: float | None =
         If the file's is neither a unit nor, in any of its readings, the usual scale of the image's type.
     """
     stated = intrinsics.scales if scale is None else (scale,)
-    if len(stated) > 1 and not np.isclose(stated, usual_scale(values)).any():
+    if len(stated) > 1 and not np.isclose(stated, reading.usual_scale(values)).any():
         readings = " or ".join(f"{unit:g}" for unit in dict.fromkeys(stated))
         problem = f"the depth scale of the camera file may mean {readings} units per metre"
         raise DepthError(problem, "pass --depth-scale with the units per metre")
@@ -167,10 +158,8 @@ def checked_up(direction: Up) -> FloatArray:
         up = np.empty(0)
     length = float(np.linalg.norm(up)) if up.shape == (3,) else 0.0
     if not (np.isfinite(length) and length > 0 and np.hypot(up[0], up[1]) / length >= MOST_TILTED):
-        raise DepthError(
-            f"not a usable up direction: {direction}",
-            "write [right, down, forward] of the camera, such as [0, -1, 0]; cameras that look straight down have none",
-        )
+        hint = "write [right, down, forward] of the camera, such as [0, -1, 0]; none if it looks straight down"
+        raise DepthError(f"not a usable up direction: {direction}", hint)
     return up / length
 
 
@@ -236,8 +225,9 @@ def object_surface(depths: Depths, rays: Rays, mask: Mask, rotation: Points, hal
     DepthError
         If there are too few pixels, or the surface is larger than the frame.
     """
-    if (count := np.count_nonzero(mask)) < FEWEST_SEEN:
-        raise DepthError(f"the object shows {count} pixels, fewer than {FEWEST_SEEN}", "go nearer, or check the mask")
+    if (count := np.count_nonzero(mask)) < reading.FEWEST_SEEN:
+        problem = f"the object shows {count} pixels, fewer than {reading.FEWEST_SEEN}"
+        raise DepthError(problem, "go nearer, or check the mask")
     part = tuple(slice(at.min(), at.max() + 1) for at in np.nonzero(mask))
     points, faces = _squares(depths[part], rays[part], mask[part])
     mesh = Mesh(points @ rotation.T, faces)
@@ -307,7 +297,7 @@ class FrameFiles:
     @property
     def mask_file(self) -> Path | None:
         """Path of the mask; None if there is none."""
-        return self.mask or find_mask(self.image)
+        return self.mask or reading.find_mask(self.image)
 
     @property
     def intrinsics_file(self) -> Path | None:
@@ -316,12 +306,12 @@ class FrameFiles:
 
     def observe(self) -> ObservedObject:
         """Read the frame and return its object; raises ``DepthError``, which names the faulty file."""
-        values, mask_file, camera = read_values(self.image), self.mask_file, self._camera()
-        mask = read_mask(mask_file) if mask_file else None
+        values, mask_file, camera = reading.read_values(self.image), self.mask_file, self._camera()
+        mask = reading.read_mask(mask_file) if mask_file else None
         with named_errors(self.image, "depth image", DepthError, "export the image again"):
             scale = scale_of(values, camera, self.scale)
-            observed = observe(in_metres(values, scale), camera, mask, self.up, self.half_width)
-        observed.notes["unit"] = f"1 / {scale or usual_scale(values):g} m"
+            observed = observe(reading.in_metres(values, scale), camera, mask, self.up, self.half_width)
+        observed.notes["unit"] = f"1 / {scale or reading.usual_scale(values):g} m"
         observed.notes["camera"] = (
             "given" if self.intrinsics else os.path.relpath(self.intrinsics_file or "", self.image.parent)
         )

@@ -199,10 +199,6 @@ def read_intrinsics(path: Path) -> Intrinsics:
         return _of_mapping(content) if isinstance(content, Mapping) else parse_intrinsics(text)
 
 
-def _meaning(key: object) -> str:
-    return _MEANINGS.get(re.sub(r"[\W_]+", "", str(key).lower()), "")
-
-
 def _parsed(text: str) -> Any:
     """Return the content of JSON or of the first document of YAML; None for plain numbers."""
     if text.lstrip().startswith("{"):
@@ -302,7 +298,7 @@ def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of all keys that are understood; raise ``DepthError`` if two contradict each other."""
     values: dict[str, Any] = {}
     for key, value in content.items():
-        meaning = _meaning(key)
+        meaning = _MEANINGS.get(re.sub(r"[\W_]+", "", str(key).lower()), "")
         if meaning == "matrix" and isinstance(value, Mapping) and "data" not in value:
             found = _by_meaning(value)
         elif meaning == "model" or (meaning == "coefficients" and isinstance(value, str)):

@@ -114,10 +114,8 @@ def extent_of(mesh: Mesh) -> float:
     """Return the longest side of the bounding box; raises ``InvalidMesh`` if it is zero, out of range or rounded."""
     extent = float(np.ptp(mesh.vertices, axis=0).max()) if mesh.n_vertices else 0.0
     if not _EXTENTS[0] < extent < _EXTENTS[1]:
-        raise InvalidMesh(
-            f"the bounding box of the mesh has extent {extent:g}",
-            "pass a surface of positive size in a unit that fits it",
-        )
+        problem = f"the bounding box of the mesh has extent {extent:g}"
+        raise InvalidMesh(problem, "pass a surface of positive size in a unit that fits it")
     far = np.abs(mesh.vertices).max(axis=0)
     coarse = mesh.vertices[:, far * np.finfo(np.float32).eps > _COARSE * extent]
     single = coarse.astype(np.float32)  # a file may hold its shortest decimal form
@@ -131,10 +129,8 @@ def _check_stray(vertices: Points) -> None:
     distances = np.sort(np.linalg.norm(vertices - np.median(vertices, axis=0), axis=1))
     within = int(np.searchsorted(distances, _STRAY * distances[len(distances) // 2], side="right"))
     if within < len(distances) and distances[within] > 10 * distances[within - 1]:
-        raise InvalidMesh(
-            f"{counted(len(distances) - within, 'vertex', 'vertices')} beyond {_STRAY} radii of the shape",
-            "remove stray vertices",
-        )
+        problem = f"{counted(len(distances) - within, 'vertex', 'vertices')} beyond {_STRAY} radii of the shape"
+        raise InvalidMesh(problem, "remove stray vertices")
 
 
 def make_manifold(mesh: Mesh) -> Mesh:

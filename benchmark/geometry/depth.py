@@ -229,10 +229,8 @@ def back_project(
         If the image is empty, or has too few samples for a surface.
     """
     if depth.ndim != 2 or depth.shape[0] != depth.shape[1] or not ((depth >= 0) & (depth <= 1)).all():
-        raise InvalidMesh(
-            f"a depth image of shape {depth.shape} is not square, or holds values outside [0, 1]",
-            "normalise it as `render_depth` does, with 0 outside",
-        )
+        problem = f"a depth image of shape {depth.shape} is not square, or holds values outside [0, 1]"
+        raise InvalidMesh(problem, "normalise it as `render_depth` does, with 0 outside")
     foreground = int(np.count_nonzero(depth))
     if foreground == 0:
         raise UnsupportedShape("the depth image is empty", "check the camera and the half width of the data set")
@@ -243,10 +241,8 @@ def back_project(
     faces = _triangulate(samples, jump / 2)
     mesh, pieces, specks = _without_specks(points, faces)
     if mesh.n_faces == 0:
-        raise UnsupportedShape(
-            f"{foreground} pixels of foreground hold no piece of {SPECK} samples",
-            "check the half width of the data set or sample with a smaller stride",
-        )
+        problem = f"{foreground} pixels of foreground hold no piece of {SPECK} samples"
+        raise UnsupportedShape(problem, "check the half width of the data set or sample with a smaller stride")
     sampled = int(np.count_nonzero(samples))
     lost = sampled - len(np.unique(mesh.vertices[:, :2], axis=0))
     mesh, gaps = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
@@ -274,10 +270,8 @@ def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSe
         depth = sensor.perturbed(depth)
     foreground = int(np.count_nonzero(depth))
     if foreground < FEWEST_PIXELS:
-        raise UnsupportedShape(
-            f"the camera sees {foreground} pixels of the shape, fewer than {FEWEST_PIXELS}",
-            "check its unit against the other shapes of the data set",
-        )
+        problem = f"the camera sees {foreground} pixels of the shape, fewer than {FEWEST_PIXELS}"
+        raise UnsupportedShape(problem, "check its unit against the other shapes of the data set")
     surface, report = back_project(depth, half_width)
     if report["lost_area"] > LARGEST_LOSS:
         raise UnsupportedShape(

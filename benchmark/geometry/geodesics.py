@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from benchmark.errors import UnsupportedShape, did_you_mean
+from benchmark.errors import UnsupportedShape, check_known
 from benchmark.geometry.cleaning import connected_components, fans_per_vertex
 from benchmark.geometry.geodesic_graph import geodesic_graph
 from benchmark.geometry.mesh import FloatArray, IntArray, Mesh
@@ -28,9 +28,8 @@ def _heat(mesh: Mesh, sources: IntArray) -> FloatArray:
     try:
         solver = potpourri3d.MeshHeatMethodDistanceSolver(mesh.vertices, mesh.faces)
     except RuntimeError as error:
-        raise UnsupportedShape(
-            f"the heat method cannot treat this mesh ({error})", "use another solver, or clean the mesh"
-        ) from error
+        problem = f"the heat method cannot treat this mesh ({error})"
+        raise UnsupportedShape(problem, "use another solver, or clean the mesh") from error
     return np.stack([solver.compute_distance(int(source)) for source in sources])
 
 
@@ -55,10 +54,8 @@ def _exact(mesh: Mesh, sources: IntArray) -> FloatArray:
 def _require_proper_manifold(mesh: Mesh) -> None:
     # On anything else, libigl reads out of bounds and crashes the process.
     if (mesh.edges.counts > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (mesh.edge_lengths > 0).all():
-        raise UnsupportedShape(
-            "the exact solver needs a manifold without edges of length zero",
-            "clean the mesh (benchmark.geometry.cleaning), or use another solver",
-        )
+        problem = "the exact solver needs a manifold without edges of length zero"
+        raise UnsupportedShape(problem, "clean the mesh (benchmark.geometry.cleaning), or use another solver")
 
 
 _BY_NAME: dict[str, Callable[[Mesh, IntArray], FloatArray]] = {
@@ -124,13 +121,11 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = DEFAULT_SOLVER) -
     ConfigurationError
         If the solver is unknown.
     """
-    if solver not in _BY_NAME:
-        raise did_you_mean("geodesic solver", solver, SOLVERS)
+    check_known("geodesic solver", [solver], SOLVERS)
     indices = np.asarray(sources, dtype=np.int64).reshape(-1)
     if indices.size and not (indices.min() >= 0 and indices.max() < mesh.n_vertices):
-        raise UnsupportedShape(
-            f"a source lies outside the {mesh.n_vertices} vertices", "count vertices from 0 and leave none negative"
-        )
+        problem = f"a source lies outside the {mesh.n_vertices} vertices"
+        raise UnsupportedShape(problem, "count vertices from 0 and leave none negative")
     components = int(connected_components(mesh).max(initial=-1)) + 1
     if components != 1:
         raise UnsupportedShape(

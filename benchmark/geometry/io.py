@@ -148,9 +148,8 @@ def write_mesh(path: Path | str, mesh: Mesh) -> None:
     try:
         write_atomically(path.resolve(), lambda file: file.write(data))
     except OSError as error:
-        raise ConfigurationError(
-            f"{path}: {error.strerror}", "choose a file in a folder that can be written"
-        ) from error
+        problem = f"{path}: {error.strerror}"
+        raise ConfigurationError(problem, "choose a file in a folder that can be written") from error
 
 
 def _rows(prefix: str, table: NDArray[Any]) -> str:

@@ -46,9 +46,8 @@ class Mesh:
         object.__setattr__(self, "faces", _checked(self.faces, np.int32, "faces", "iu"))
         if not np.isfinite(self.vertices).all():
             bad = int((~np.isfinite(self.vertices).all(axis=1)).sum())
-            raise InvalidMesh(
-                f"{bad} of {self.n_vertices} vertices are NaN or infinite", "repair or re-export the mesh"
-            )
+            problem = f"{bad} of {self.n_vertices} vertices are NaN or infinite"
+            raise InvalidMesh(problem, "repair or re-export the mesh")
         if self.n_faces and self.faces.max() >= self.n_vertices:
             raise InvalidMesh(
                 f"faces name vertices {self.faces.min()} to {self.faces.max()} of {self.n_vertices}, counted from 0",

@@ -9,20 +9,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from benchmark.errors import ConfigurationError, InvalidMesh
+from benchmark.geometry import cleaning
 from benchmark.geometry.bridging import bridge_components
-from benchmark.geometry.cleaning import (
-    COPIES,
-    LARGEST_LOSS,
-    SEAM,
-    clean,
-    compact,
-    component_areas,
-    connected_components,
-    extent_of,
-    make_manifold,
-    orient,
-    topology,
-)
 from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points, in_spatial_order
 from benchmark.text import counted
 
@@ -109,7 +97,7 @@ class Prepared:
     def numbers_of(self, mesh: Mesh) -> IntArray | None:
         """Return the vertex of the prepared mesh at each vertex of the file, shape (n,); None if it was decimated."""
         distances, nearest = cKDTree(self.mesh.vertices).query((mesh.vertices - self.centre) / self.scale)
-        return nearest if distances.max(initial=0.0) <= SEAM * COPIES else None
+        return nearest if distances.max(initial=0.0) <= cleaning.SEAM * cleaning.COPIES else None
 
     def vertex_map(self, mesh: Mesh) -> IntArray:
         """Return the nearest vertex of the file at each vertex of the prepared mesh, shape (n,)."""
@@ -144,45 +132,39 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         exceeds ``LARGEST_LOSS``.
     """
     # Prevents underflow of areas in any file unit; a power of two keeps all digits, so duplicates stay equal.
-    unit = 2.0 ** np.floor(np.log2(extent_of(compact(mesh.vertices, mesh.faces))))
-    cleaned, cleaning = clean(mesh.with_vertices(mesh.vertices / unit))
-    if not cleaned.n_faces or cleaning["degenerate_faces"] > LARGEST_DEGENERATE_SHARE * mesh.n_faces:
-        raise InvalidMesh(
-            f"{cleaning['degenerate_faces']} of {mesh.n_faces} triangles have no area",
-            "pass a surface, look for stray vertices, or export it again",
-        )
+    unit = 2.0 ** np.floor(np.log2(cleaning.extent_of(cleaning.compact(mesh.vertices, mesh.faces))))
+    cleaned, removed = cleaning.clean(mesh.with_vertices(mesh.vertices / unit))
+    if not cleaned.n_faces or removed["degenerate_faces"] > LARGEST_DEGENERATE_SHARE * mesh.n_faces:
+        problem = f"{removed['degenerate_faces']} of {mesh.n_faces} triangles have no area"
+        raise InvalidMesh(problem, "pass a surface, look for stray vertices, or export it again")
     centre, size = cleaned.vertices.mean(axis=0), np.sqrt(cleaned.area)
     scaled = cleaned.with_vertices((cleaned.vertices - centre) / size)
     whole = in_spatial_order(scaled.with_vertices(np.round(scaled.vertices, DECIMALS)))
-    counts = topology(whole)
+    counts = cleaning.topology(whole)
     is_manifold = counts["non_manifold_edges"] == counts["non_manifold_vertices"] == 0
-    manifold = whole if is_manifold else make_manifold(whole)
-    areas, piece = component_areas(manifold)
-    oriented, turned, one_sided = orient(manifold, areas, piece)
+    manifold = whole if is_manifold else cleaning.make_manifold(whole)
+    areas, piece = cleaning.component_areas(manifold)
+    oriented, turned, one_sided = cleaning.orient(manifold, areas, piece)
     parts, dropped = _without_debris(oriented, areas, piece)
     parts = in_spatial_order(parts) if turned else parts
     reduced = opened = decimate(parts, n_vertices)
     if reduced is not parts:
-        opened = make_manifold(clean(reduced)[0])
+        opened = cleaning.make_manifold(cleaning.clean(reduced)[0])
     lost = max(0.0, round(1 - parts.area / whole.area * (opened.area / reduced.area), 6))
-    if lost > LARGEST_LOSS:
-        raise InvalidMesh(
-            f"preparation would lose {lost:.0%} of the area: triangles overlap in edges",
-            "join what belongs together, and remove what does not belong to the shape",
-        )
+    if lost > cleaning.LARGEST_LOSS:
+        problem = f"preparation would lose {lost:.0%} of the area: triangles overlap in edges"
+        raise InvalidMesh(problem, "join what belongs together, and remove what does not belong to the shape")
     joined, gaps = bridge_components(opened)
     if gaps:  # bridges may bring copies and triangles without area
-        again = make_manifold(clean(joined)[0])
-        joined = joined if connected_components(again).any() else again
+        again = cleaning.make_manifold(cleaning.clean(joined)[0])
+        joined = joined if cleaning.connected_components(again).any() else again
     if joined.n_vertices < _FEWEST_VERTICES:
-        raise InvalidMesh(
-            f"{joined.n_vertices} vertices remain after preparation",
-            f"pass a surface of at least {_FEWEST_VERTICES} vertices",
-        )
+        problem = f"{joined.n_vertices} vertices remain after preparation"
+        raise InvalidMesh(problem, f"pass a surface of at least {_FEWEST_VERTICES} vertices")
     growth = np.sqrt(joined.area)
     result = in_spatial_order(joined.with_vertices(joined.vertices / growth))
     report: dict[str, float] = {
-        **cleaning,
+        **removed,
         **counts,
         "opened_edges": max(0, len(manifold.edges.boundary) - counts["boundary_edges"]),
         "turned_faces": turned,
@@ -205,7 +187,7 @@ def _without_debris(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mes
     order = np.argsort(areas, kind="stable")
     debris = order[np.cumsum(areas[order]) <= DEBRIS * areas.sum()]
     kept = ~np.isin(piece, debris)
-    return (compact(mesh.vertices, mesh.faces[kept]), len(debris)) if len(debris) else (mesh, 0)
+    return (cleaning.compact(mesh.vertices, mesh.faces[kept]), len(debris)) if len(debris) else (mesh, 0)
 
 
 def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
