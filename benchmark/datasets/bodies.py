@@ -41,6 +41,9 @@ _CLAVICLE_SHARE, _THIGH_SHARE = 0.2, 0.15
 #: Number of angles of an arm, a leg, and a part of the trunk.
 _ARM, _LEG, _COLUMN = 4, 5, 3
 
+CAVITIES = Path(__file__).parent / "cavities.csv"
+"""Runs of vertices of the template in mouth, nostrils and eye sockets; commit 26c8d472 has the code that made it."""
+
 _DECIMALS = 6
 """Decimals of coordinates in metres."""
 
@@ -197,7 +200,22 @@ def body_mesh(subject: Subject, angles: FloatArray) -> Mesh:
         If the packages for generating bodies are missing.
     """
     template = _template()
-    return Mesh(np.round(_posed(template.model, subject, angles)[template.kept], _DECIMALS), template.faces)
+    import torch  # lazy
+
+    transforms = {}
+    for bone, rotation in bone_rotations(angles).items():
+        transforms[bone] = torch.eye(4, dtype=torch.float64)[None]
+        transforms[bone][0, :3, :3] = torch.from_numpy(rotation)
+    phenotypes = {name: torch.tensor([value], dtype=torch.float64) for name, value in asdict(subject).items()}
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.inference_mode():
+            result = template.model(pose_parameters=transforms, phenotype_kwargs=phenotypes)
+    finally:
+        torch.set_num_threads(threads)
+    vertices = np.asarray(result["vertices"][0].numpy(), dtype=np.float64)
+    return Mesh(np.round(vertices[template.kept], _DECIMALS), template.faces)
 
 
 def vertices_of(bones: tuple[str, ...], side: str = "") -> IntArray:
@@ -263,22 +281,3 @@ def _template() -> _Template:
     strongest = model.vertex_bone_weights.numpy()[rows].argmax(axis=1)
     bones = tuple(model.bone_labels[bone] for bone in model.vertex_bone_indices.numpy()[rows, strongest])
     return _Template(model, kept, renumbered[faces[kept[faces[:, 0]]]], bones)
-
-
-def _posed(model: Any, subject: Subject, angles: FloatArray) -> FloatArray:
-    """Return the vertices of the whole model, shape (n, 3)."""
-    import torch
-
-    transforms = {}
-    for bone, rotation in bone_rotations(angles).items():
-        transforms[bone] = torch.eye(4, dtype=torch.float64)[None]
-        transforms[bone][0, :3, :3] = torch.from_numpy(rotation)
-    phenotypes = {name: torch.tensor([value], dtype=torch.float64) for name, value in asdict(subject).items()}
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        with torch.inference_mode():
-            result = model(pose_parameters=transforms, phenotype_kwargs=phenotypes)
-    finally:
-        torch.set_num_threads(threads)
-    return np.asarray(result["vertices"][0].numpy(), dtype=np.float64)

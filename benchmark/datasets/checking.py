@@ -180,15 +180,12 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
         paths = [path for place in (folder, *sub_folders(folder)) for path in all_mesh_files(place)]
         entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
         unopened = ShapeSet(name=name if part else folder.resolve().name, shapes=entries, folder=folder)
-        rows, of_shapes = _inspect_all(unopened, watched)
-        anomalies = [Anomaly("error", (folder.name,), error.problem, error.hint), *unread_files(unopened), *of_shapes]
-        return Report(unopened, rows, by_kind(anomalies))
+        return _report(unopened, [Anomaly("error", (folder.name,), error.problem, error.hint)], watched)
 
 
 def check(dataset: ShapeSet, watched: Watched = iter) -> Report:
     """Check a data set: its files, its classes, and every mesh; see :func:`check_source`."""
-    rows, of_shapes = _inspect_all(dataset, watched)
-    return Report(dataset, rows, by_kind([*_of_classes(dataset), *unread_files(dataset), *of_shapes]))
+    return _report(dataset, _of_classes(dataset), watched)
 
 
 def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
@@ -234,7 +231,7 @@ def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
                 yield Anomaly("warning", (name,), what, "remove it, or list it if it belongs here")
 
 
-def _inspect_all(dataset: ShapeSet, watched: Watched) -> tuple[tuple[Row, ...], list[Anomaly]]:
+def _report(dataset: ShapeSet, of_set: Iterable[Anomaly], watched: Watched) -> Report:
     rows: list[Row] = []
     anomalies: list[Anomaly] = []
     first_with: dict[str, Row] = {}
@@ -255,7 +252,8 @@ def _inspect_all(dataset: ShapeSet, watched: Watched) -> tuple[tuple[Row, ...], 
             severity = "error" if is_wrong else "warning"
             anomalies.append(Anomaly(severity, (f"{file} ({twin.file})",), what, "keep one of the two"))
     units = _of_units(rows) if dataset.observe is None else ()
-    return tuple(rows), [*anomalies, *units, *_of_frame(dataset, {row.file: row.extent for row in rows})]
+    of_shapes = [*anomalies, *units, *_of_frame(dataset, {row.file: row.extent for row in rows})]
+    return Report(dataset, tuple(rows), by_kind([*of_set, *unread_files(dataset), *of_shapes]))
 
 
 def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> Row:

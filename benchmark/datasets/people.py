@@ -12,13 +12,12 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable, Iterable
 from dataclasses import astuple
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.datasets.bodies import POSES, SUBJECTS, Subject, body_mesh, describe, jittered, named_random
+from benchmark.datasets.bodies import CAVITIES, POSES, SUBJECTS, Subject, body_mesh, describe, jittered, named_random
 from benchmark.errors import ConfigurationError
 from benchmark.files import file_digest
 from benchmark.geometry.mesh import FloatArray, Mesh
@@ -46,8 +45,6 @@ _SCANNED_POSES = (
     *("dancing", "lunging", "kicking", "waving", "throwing"),
 )
 """Poses without contact, which a scanner would fuse; the first is the canonical pose."""
-
-_CAVITIES = Path(__file__).parent / "cavities.csv"
 
 _POSE_DEVIATION = 3.0
 """Standard deviation of a scanned person's joint angles from the pose, in degrees."""
@@ -108,7 +105,7 @@ def humans_scanlike() -> ShapeSet:
         shapes=tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in adults for pose in _SCANNED_POSES),
         load=load,
         key=lambda entry: (
-            f"scan of {entry.identifier}: {describe(adults[entry.subject], angles(entry))} {file_digest(_CAVITIES)}"
+            f"scan of {entry.identifier}: {describe(adults[entry.subject], angles(entry))} {file_digest(CAVITIES)}"
         ),
         half_width=_OF_SCANS,
         stand_in_for="shrec14-real",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 from numba import njit
@@ -14,14 +13,11 @@ from scipy.ndimage import distance_transform_edt, gaussian_filter
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import spsolve
 
-from benchmark.datasets.bodies import named_random, reference_mesh, vertices_of
+from benchmark.datasets.bodies import CAVITIES, named_random, reference_mesh, vertices_of
 from benchmark.geometry.cleaning import largest_component
 from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points, sides_of
 from benchmark.geometry.preparation import isotropic_remesh
-
-CAVITIES = Path(__file__).parent / "cavities.csv"
-"""Runs of vertices of the template in mouth, nostrils and eye sockets; commit 26c8d472 has the code that made it."""
 
 N_VERTICES = 15_000
 """Approximate number of vertices of a scan."""
@@ -149,9 +145,11 @@ def scan(mesh: Mesh, fused: Sequence[IntArray], n_vertices: int, random: np.rand
     solid = np.cumsum(crossings, axis=2, dtype=np.int8) > 0
     for part in fused:
         _close_gaps(solid, points[part])
-    skin = _remeshed(_boundary(solid), n_vertices)
-    vertices = ((skin.vertices + origin) * CELL) @ turn
-    return _noisy(skin.with_vertices(vertices), random)
+    boundary = _boundary(solid)
+    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the resulting edges are slightly longer.
+    side = 0.97 * math.sqrt(boundary.area / n_vertices * 2 / math.sqrt(3))
+    skin = isotropic_remesh(boundary, side, iterations=3, feature_degrees=180)
+    return _noisy(skin.with_vertices(((skin.vertices + origin) * CELL) @ turn), random)
 
 
 @njit(cache=True, nogil=True)
@@ -223,12 +221,6 @@ def _boundary(solid: NDArray[np.bool_]) -> Mesh:
     vertices, faces, _ = igl.marching_cubes(values, nodes, cubes.reshape(-1, 8).astype(np.int64), 0.5)
     # libigl orients the triangles towards larger values, i.e. inwards.
     return largest_component(Mesh(vertices, faces[:, ::-1]))
-
-
-def _remeshed(mesh: Mesh, n_vertices: int) -> Mesh:
-    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the resulting edges are slightly longer.
-    side = 0.97 * math.sqrt(mesh.area / n_vertices * 2 / math.sqrt(3))
-    return isotropic_remesh(mesh, side, iterations=3, feature_degrees=180)
 
 
 def _noisy(mesh: Mesh, random: np.random.Generator) -> Mesh:

@@ -154,11 +154,9 @@ def _by_name(
 
 
 def _metres(value: Any, path: Path) -> float:
-    return (
-        METRES[value]
-        if isinstance(value, str) and value in METRES
-        else positive(value, f"unit (one of {', '.join(METRES)}, or metres)", path)
-    )
+    if isinstance(value, str) and value in METRES:
+        return METRES[value]
+    return positive(value, f"unit (one of {', '.join(METRES)}, or metres)", path)
 
 
 def _camera(value: Any, up: str, path: Path) -> Camera:

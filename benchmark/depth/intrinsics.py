@@ -123,10 +123,8 @@ class Intrinsics:
         low, high = (0.0, 1.0) if self.size else CENTRAL
         if not (low * width <= self.cx + 0.5 <= high * width and low * height <= self.cy + 0.5 <= high * height):
             problem = f"the principal point {self.cx:g}, {self.cy:g} is far from the middle of {width} x {height}"
-            raise DepthError(
-                problem,
-                "pass the intrinsics of this image, not of one turned; for a part of one, add its width and height",
-            )
+            hint = "pass the intrinsics of this image, not of one turned; for a part of one, add its width and height"
+            raise DepthError(problem, hint)
 
     @functools.lru_cache(maxsize=4)  # noqa: B019
     def rays(self, width: int, height: int) -> Rays:

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 import numpy as np
 from scipy.spatial import cKDTree
 
-from benchmark.errors import InvalidMesh
 from benchmark.geometry.cleaning import compact, connected_components
 from benchmark.geometry.mesh import IntArray, Mesh
 
@@ -34,14 +33,7 @@ def bridge_components(mesh: Mesh) -> tuple[Mesh, list[float]]:
         One component; the remaining vertices keep their order.
     gaps : list of float
         Length of each link, in units of the mesh; one fewer than there were components.
-
-    Raises
-    ------
-    InvalidMesh
-        If the mesh has no faces.
     """
-    if not mesh.n_faces:
-        raise InvalidMesh("a mesh without faces cannot be bridged", "pass a surface")
     work = compact(mesh.vertices, mesh.faces)
     labels = connected_components(work)
     if not labels.any():

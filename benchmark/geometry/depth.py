@@ -178,11 +178,10 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
     points = camera_coordinates(mesh, camera) / half_width
     extent = float(np.abs(points).max())
     if not extent < 1:
-        raise UnsupportedShape(
-            f"the shape extends to {extent:.4g} of the half width {half_width:g} of the camera's frame",
-            "check its unit and look for stray vertices, or give the data set a half width of at least "
-            f"{extent * half_width / FILL:.6g}",
-        )
+        problem = f"the shape extends to {extent:.4g} of the half width {half_width:g} of the camera's frame"
+        least = f"{extent * half_width / FILL:.6g}"
+        hint = f"check its unit and look for stray vertices, or give the data set a half width of at least {least}"
+        raise UnsupportedShape(problem, hint)
     x, y, z = points.T
     pixels = np.stack([(1 + x) * (size / 2), (1 - y) * (size / 2), -z], axis=1)
     # The background lies on the far plane, so the same formula gives it depth 0.
@@ -237,9 +236,10 @@ def back_project(
     if stride is None:
         stride = max(1, round(math.sqrt(foreground / SAMPLES)))
     samples = depth[stride // 2 :: stride, stride // 2 :: stride].astype(np.float64)
-    points = _sample_positions(samples, depth.shape[0], stride)
-    faces = _triangulate(samples, jump / 2)
-    mesh, pieces, specks = _without_specks(points, faces)
+    centres = (np.arange(len(samples)) * stride + stride // 2 + 0.5) * (2 / depth.shape[0]) - 1
+    x, y = np.meshgrid(centres, -centres)
+    points = np.stack([x, y, 2 * samples - 1], axis=-1).reshape(-1, 3)
+    mesh, pieces, specks = _without_specks(points, _triangulate(samples, jump / 2))
     if mesh.n_faces == 0:
         problem = f"{foreground} pixels of foreground hold no piece of {SPECK} samples"
         raise UnsupportedShape(problem, "check the half width of the data set or sample with a smaller stride")
@@ -274,18 +274,10 @@ def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSe
         raise UnsupportedShape(problem, "check its unit against the other shapes of the data set")
     surface, report = back_project(depth, half_width)
     if report["lost_area"] > LARGEST_LOSS:
-        raise UnsupportedShape(
-            f"{report['lost_area']:.0%} of what the camera sees belongs to no piece of {SPECK} samples",
-            "join what belongs together, remove what does not, or set a camera that sees it from another side",
-        )
+        problem = f"{report['lost_area']:.0%} of what the camera sees belongs to no piece of {SPECK} samples"
+        hint = "join what belongs together, remove what does not, or set a camera that sees it from another side"
+        raise UnsupportedShape(problem, hint)
     return View(depth, surface, report)
-
-
-def _sample_positions(samples: Points, size: int, stride: int) -> Points:
-    """Return the camera coordinates of all samples in units of the half width, shape (rows * columns, 3), row-major."""
-    centres = (np.arange(len(samples)) * stride + stride // 2 + 0.5) * (2 / size) - 1
-    x, y = np.meshgrid(centres, -centres)
-    return np.stack([x, y, 2 * samples - 1], axis=-1).reshape(-1, 3)
 
 
 def _triangulate(samples: Points, jump: float) -> Faces:

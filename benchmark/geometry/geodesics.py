@@ -36,26 +36,18 @@ def _heat(mesh: Mesh, sources: IntArray) -> FloatArray:
 def _exact(mesh: Mesh, sources: IntArray) -> FloatArray:
     import igl
 
-    _require_proper_manifold(mesh)
+    # On anything but a proper manifold, libigl reads out of bounds and crashes the process.
+    if (mesh.edges.counts > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (mesh.edge_lengths > 0).all():
+        problem = "the exact solver needs a manifold without edges of length zero"
+        raise UnsupportedShape(problem, "clean the mesh (benchmark.geometry.cleaning), or use another solver")
     faces = mesh.faces.astype(np.int64)
     everywhere = np.arange(mesh.n_vertices, dtype=np.int64)
-    rows = [
-        igl.exact_geodesic(mesh.vertices, faces, VS=np.array([source], dtype=np.int64), VT=everywhere)
-        for source in sources
-    ]
-    distances = np.stack(rows)
+    distances = np.stack([igl.exact_geodesic(mesh.vertices, faces, VS=at, VT=everywhere) for at in sources[:, None]])
     straight = np.linalg.norm(mesh.vertices[sources][:, None, :] - mesh.vertices[None, :, :], axis=2)
     # libigl returns 0, not infinity, for unreached vertices; no geodesic is shorter than the straight line.
     if not (np.isfinite(distances).all() and (distances >= straight * (1 - 1e-6)).all()):
         raise UnsupportedShape("the exact solver did not reach every vertex", "clean the mesh: it is not a manifold")
     return distances
-
-
-def _require_proper_manifold(mesh: Mesh) -> None:
-    # On anything else, libigl reads out of bounds and crashes the process.
-    if (mesh.edges.counts > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (mesh.edge_lengths > 0).all():
-        problem = "the exact solver needs a manifold without edges of length zero"
-        raise UnsupportedShape(problem, "clean the mesh (benchmark.geometry.cleaning), or use another solver")
 
 
 _BY_NAME: dict[str, Callable[[Mesh, IntArray], FloatArray]] = {
@@ -128,10 +120,9 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = DEFAULT_SOLVER) -
         raise UnsupportedShape(problem, "count vertices from 0 and leave none negative")
     components = int(connected_components(mesh).max(initial=-1)) + 1
     if components != 1:
-        raise UnsupportedShape(
-            f"the mesh has {components} components, so some geodesic distances do not exist",
-            "join them (benchmark.geometry.bridging) or keep the largest, and drop unreferenced vertices",
-        )
+        problem = f"the mesh has {components} components, so some geodesic distances do not exist"
+        hint = "join them (benchmark.geometry.bridging) or keep the largest, and drop unreferenced vertices"
+        raise UnsupportedShape(problem, hint)
     if not indices.size:
         return np.empty((0, mesh.n_vertices))
     return _BY_NAME[solver](mesh, indices)

@@ -112,13 +112,6 @@ def _placed(nodes: list[Node], roots: Iterable[int]) -> dict[int, FloatArray]:
     return placed
 
 
-def _triangles(corners: IntArray, mode: int) -> IntArray:
-    """Return the triangles of a primitive; points and lines have none."""
-    if mode not in range(5):
-        raise UnreadableMesh(f"primitives of mode {mode} are not read", "export triangles, mode 4")
-    return corners.reshape(-1, 3) if mode == 4 else np.empty((0, 3), dtype=np.int64)
-
-
 class _File:
     """The arrays of a file and its surfaces."""
 
@@ -143,7 +136,9 @@ class _File:
                 vertices = self._accessor(primitive["attributes"]["POSITION"])
                 given = primitive.get("indices")
                 corners = np.arange(len(vertices)) if given is None else self._accessor(given)[:, 0]
-                faces = _triangles(corners.astype(np.int64), primitive.get("mode", 4))
+                if (mode := primitive.get("mode", 4)) not in range(5):
+                    raise UnreadableMesh(f"primitives of mode {mode} are not read", "export triangles, mode 4")
+                faces = corners.astype(np.int64)[: len(corners) if mode == 4 else 0].reshape(-1, 3)  # of points, none
                 faces = faces[:, ::-1] if np.linalg.det(transform) < 0 else faces
                 yield vertices @ transform[:3, :3].T + transform[:3, 3], faces
 

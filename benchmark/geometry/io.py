@@ -347,10 +347,8 @@ def read_vert_tri(data: bytes, path: Path) -> Arrays:
         raise ValueError("a line of the .vert or .tri file has not three numbers")
     first, last = int(faces.min()), int(faces.max())
     if first > 0 and last < len(vertices):
-        raise ValueError(
-            f"triangles name vertices {first} to {last} of {len(vertices)}, so they may count from 0 or from 1; "
-            "leave out vertices without a triangle"
-        )
+        unclear = f"triangles name vertices {first} to {last} of {len(vertices)}, so they may count from 0 or from 1"
+        raise ValueError(f"{unclear}; leave out vertices without a triangle")
     return vertices, _integers(faces) - (first > 0)
 
 

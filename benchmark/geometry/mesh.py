@@ -49,10 +49,8 @@ class Mesh:
             problem = f"{bad} of {self.n_vertices} vertices are NaN or infinite"
             raise InvalidMesh(problem, "repair or re-export the mesh")
         if self.n_faces and self.faces.max() >= self.n_vertices:
-            raise InvalidMesh(
-                f"faces name vertices {self.faces.min()} to {self.faces.max()} of {self.n_vertices}, counted from 0",
-                "check whether the file counts from 1 or was truncated",
-            )
+            named = f"{self.faces.min()} to {self.faces.max()} of {self.n_vertices}, counted from 0"
+            raise InvalidMesh(f"faces name vertices {named}", "check whether the file counts from 1 or was truncated")
 
     @property
     def n_vertices(self) -> int:

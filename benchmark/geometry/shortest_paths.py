@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import heapq
-
 import numpy as np
 from numba import njit
 from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from benchmark.geometry.mesh import FloatArray, IntArray
 
@@ -44,10 +43,7 @@ def shortest_paths(graph: csr_array, sources: IntArray) -> FloatArray:
     distances = np.empty((len(sources), len(starts) - 1))
     waiting = np.arange(len(sources))
     while len(waiting):
-        reference = _dijkstra(starts, heads, lengths, sources[waiting[0]])
-        if len(waiting) == 1:
-            distances[waiting[0]] = reference * unit
-            break
+        reference = dijkstra(csr_array((lengths, heads, starts), shape=graph.shape), indices=sources[waiting[0]])
         nearest = np.argsort(reference[sources[waiting]], kind="stable")[:_BLOCK]
         block = waiting[nearest]
         rows = _relax(starts, heads, lengths, np.argsort(reference, kind="stable"), sources[block])
@@ -103,20 +99,3 @@ def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore
             row[column] = candidate if candidate < row[column] else row[column]
         improved |= shorter > 0
     return improved
-
-
-@njit(cache=True, nogil=True)
-def _dijkstra(starts, heads, lengths, source):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    distance = np.full(starts.size - 1, np.float32(np.inf))
-    distance[source] = 0
-    heap = [(np.float32(0), source)]
-    while heap:
-        near, nearest = heapq.heappop(heap)
-        if near > distance[nearest]:
-            continue
-        for arc in range(starts[nearest], starts[nearest + 1]):
-            candidate = near + lengths[arc]
-            if candidate < distance[heads[arc]]:
-                distance[heads[arc]] = candidate
-                heapq.heappush(heap, (candidate, heads[arc]))
-    return distance

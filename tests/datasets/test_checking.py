@@ -72,20 +72,6 @@ def test_flaws_of_a_mesh_are_warnings(rods, vertices, faces, message):
     assert check(folder_set(rods)).usable
 
 
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("OFF\n3 1 0\n0 0 0\n1 0 nan\n0 1 0\n3 0 1 2\n", "1 of 3 vertices are NaN or infinite; "),
-        ("OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n", "1 of 1 triangles have no area; pass a surface"),
-    ],
-)
-def test_a_mesh_that_cannot_be_used_is_an_error(rods, text, message):
-    (rods / "thin0.off").write_text(text)
-    report = check_source(str(rods), None)
-    assert not report.usable
-    assert any(str(anomaly).startswith(f"error    thin0.off  {message}") for anomaly in report.anomalies)
-
-
 def test_the_same_geometry_under_two_names_is_named_whatever_the_format(rods):
     write_mesh(rods / "thick7.obj", read_mesh(rods / "thin1.off"))
     assert only(rods) == (

@@ -171,14 +171,6 @@ def test_a_list_of_labels_is_the_first_rule(rods, name):
         folder_set(rods)
 
 
-def test_a_link_that_leads_nowhere_costs_its_shape(rods):
-    (rods / "thin9.off").symlink_to("nowhere.off")
-    dataset = folder_set(rods)
-    (lost,) = (entry for entry in dataset.shapes if entry.identifier == "thin9")
-    with pytest.raises(UnreadableMesh, match=r"thin9\.off: No such file"):
-        dataset.load(lost)
-
-
 # Settings
 
 
