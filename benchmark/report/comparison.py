@@ -18,10 +18,7 @@ from benchmark.report.statistics import (
     permutation_test,
     sign_flip_test,
 )
-from benchmark.report.tables import Row, TableView, least_difference
-
-#: Differences below half a unit of the last decimal of records are none.
-_SAME = 5e-7
+from benchmark.report.tables import SAME, Row, TableView, least_difference
 
 ALONE, AMONG = "planned alone", "among the {} rows of the table"
 _TEST = "studentised permutation test over whole classes, of all measures"
@@ -95,7 +92,7 @@ def _differences(
     labels = [shared[place] for place in judged]
     names = [
         name for name, row in rows.items()
-        if name in (first, second) or (row.kind in kinds and row.scored[column].is_rival_beside(seen))
+        if name in (first, second) or (row.kind in kinds and row.scored[column].is_rival(seen))
     ]  # fmt: skip
     a, b = names.index(first), names.index(second)
     if (family := (seen, *names)) not in tested:
@@ -109,7 +106,7 @@ def _differences(
     ends = np.full((len(MEASURES), 2), np.nan)
     if n_classes >= FEWEST_CLASSES:
         ends = class_intervals(gains, labels, are_gains=True)
-    small = np.abs(scores[0] - scores[1]) <= least + _SAME
+    small = np.abs(scores[0] - scores[1]) <= least + SAME
     verdicts = {
         f"verdict{test}": undecided
         or np.where(p >= ALPHA, f"not distinguishable ({n_classes} classes)", np.where(small, why, "certain"))
@@ -119,7 +116,7 @@ def _differences(
         "measure": MEASURES, "score": scores[0], "other_score": scores[1], "difference": scores[0] - scores[1],
         "low": ends[:, 0], "high": ends[:, 1], **{f"p{test}": p for test, p in p_values.items()}, **verdicts,
         "rows": len(names), "queries": len(judged),
-        "differing": np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > _SAME),
+        "differing": np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > SAME),
         "seen": len(shared) - len(judged), "classes": n_classes,
     }  # fmt: skip
 

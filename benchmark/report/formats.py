@@ -13,7 +13,7 @@ from typing import Any
 from benchmark.errors import ConfigurationError
 from benchmark.reference.paper import MEASURES, entry_of
 from benchmark.report.notes import table_notes
-from benchmark.report.tables import BLOCKS, PAPER, SECOND, Row, TableView
+from benchmark.report.tables import BLOCKS, PAPER, SECOND, Row, TableView, ranked_classes
 from benchmark.text import clean
 
 BLANK = "--"
@@ -212,7 +212,7 @@ def as_json(views: Iterable[TableView]) -> list[dict[str, Any]]:
 
 
 def _json(view: TableView, row: Row, title: str) -> dict[str, Any]:
-    galleries = view.galleries.get(title, ())
+    galleries = [ranked_classes(sample) for sample in view.samples.get(title, ())]
     records = row.scored[title].all_records if title in row.scored else []
     status = "ok" if records else row.failed[title][0].status if title in row.failed else "missing"
     scores = dict.fromkeys(MEASURES) | {name: round(value, 6) for name, value in view.scores(row, title).items()}

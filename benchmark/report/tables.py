@@ -46,7 +46,7 @@ BLOCKS: Mapping[Kind, str] = {
 }  # fmt: skip
 
 #: Differences below half a unit of the last decimal of records are none.
-_SAME = 5e-7
+SAME = 5e-7
 
 #: Standard errors of means over three draws of the codebook, for records that do not hold theirs: those of four methods
 #: on complete surfaces of TOSCA, over twelve draws.
@@ -116,12 +116,7 @@ class Scored:
         sides = [side for record in self.all_records for side in record.sides]
         return frozenset(f"{side.gallery} {name}" for side in sides for name, _ in side.unsupported)
 
-    @property
-    def is_rival(self) -> bool:
-        """Whether it may be the best row."""
-        return self.is_rival_beside(frozenset())
-
-    def is_rival_beside(self, seen: frozenset[str]) -> bool:
+    def is_rival(self, seen: frozenset[str] = frozenset()) -> bool:
         """Return whether it lacks no shape that others have, and was trained on shapes of no classes but these."""
         return not (self.missing or self.refused - self.excused or self.seen_classes - seen)
 
@@ -217,11 +212,6 @@ class TableView:
     never_ran: bool = False
 
     @property
-    def galleries(self) -> dict[str, list[list[str]]]:
-        """Classes of the queries of each gallery, by column."""
-        return {title: [*map(ranked_classes, of_column)] for title, of_column in self.samples.items()}
-
-    @property
     def printed_rows(self) -> list[Row]:
         """The rows to print."""
         ran = [row for row in self.rows if self.never_ran or row.scored or row.failed]
@@ -313,12 +303,12 @@ class TableView:
         tests = {}
         for column, kind in product(self.columns, BLOCKS):
             of_block = {row.method: row.scored.get(column.title) for row in self.rows if row.kind == kind}
-            rivals = {name: one for name, one in of_block.items() if one and one.is_rival}
+            rivals = {name: one for name, one in of_block.items() if one and one.is_rival()}
             if len(rivals) > 1:
                 rows = [*rivals.values()]
                 means = np.array([[one.means[name] for name in MEASURES] for one in rows])
                 p_values = permutation_test([one.values for one in rows], rows[0].labels)
-                is_above = np.abs(means[:, None] - means) > least_difference(rows)[0] + _SAME
+                is_above = np.abs(means[:, None] - means) > least_difference(rows)[0] + SAME
                 tests[column.title, kind] = rivals, (p_values < ALPHA) & is_above
         return tests
 
@@ -403,7 +393,7 @@ def _marks(rivals: Sequence[Scored], certain: NDArray[np.bool_]) -> NDArray[np.s
     ``"bold"`` for the best; ``"italic"`` where it is not certainly better than a row, if any difference is certain.
     """
     means = np.array([[one.means[name] for name in MEASURES] for one in rivals])
-    is_best = means >= means.max(axis=0) - _SAME
+    is_best = means >= means.max(axis=0) - SAME
     marks = np.where(is_best, "bold", "").astype("U6")
     if certain.any():
         to_best = np.take_along_axis(certain, is_best.argmax(axis=0)[None, None], axis=0)[0]

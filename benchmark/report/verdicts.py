@@ -20,13 +20,11 @@ from benchmark.reference.paper import CLAIMS, CLASSICAL, MEASURES, PRINTED, Clai
 from benchmark.report.formats import hundredths, markdown_table
 from benchmark.report.frames import kind_of
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, permutation_test
-from benchmark.report.tables import Scored, TableView, least_difference, query_measures
+from benchmark.report.tables import SAME, Scored, TableView, least_difference, query_measures
 
 #: Largest difference of a reproduced score from the paper's: two hundredths more than the standard deviation of NN over
 #: draws of the codebook on a hundred shapes (median .026).
 TOLERANCE = 0.05
-
-_SLACK = 5e-7
 
 
 def classical_figures(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame] | None:
@@ -44,7 +42,7 @@ def classical_figures(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame]
 
 def is_near(printed: NDArray[np.float64], ours: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return which figures are reproduced."""
-    return np.abs(printed - ours) <= TOLERANCE + _SLACK
+    return np.abs(printed - ours) <= TOLERANCE + SAME
 
 
 def _exchanged(printed: DataFrame, ours: DataFrame) -> str:
@@ -133,7 +131,7 @@ def _leads(
     sizes = [len(query_measures(of)) for of in rows[0].records.values()] if is_network else [len(rows[0].labels)]
     folds = np.repeat(np.arange(len(sizes)), sizes)[chosen[0].ravel()]
     lead, least = _lead(np.array([one.values[chosen] for one in rows])), least_difference(rows)[0][chosen[1].ravel()]
-    certain, choices = np.abs(lead) / len(labels) > least + _SLACK, [*product(*(one.trainings for one in rows))]
+    certain, choices = np.abs(lead) / len(labels) > least + SAME, [*product(*(one.trainings for one in rows))]
     for trainings in choices:
         values = np.array([training[chosen] for training in trainings])
         certain &= permutation_test(values, labels)[0, 1:] < ALPHA
