@@ -23,8 +23,8 @@ LEVELS = 2**16
 COINCIDENT = np.float32(1e-18)
 """Distance below which points neither pull nor push."""
 
-STRIP, TOGETHER = 32, 4
-"""Number of rows of pairs whose sums are in their precision, those of more are double; and of rows in one pass."""
+SAME_EVERYWHERE = {"reassoc", "nsz", "nnan", "ninf"}
+"""Rules of arithmetic by which pairs are the same on every processor: no fused or approximate operations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +46,7 @@ class LeastSquaresMDS(CheckedParameters):
     max_iterations
         Maximum number of relaxed steps, each of which is one pass over all pairs.
     rtol
-        Stop when two steps lower the stress by at most this fraction on average.
+        Stop when a step lowers the stress by at most this fraction.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -57,7 +57,7 @@ class LeastSquaresMDS(CheckedParameters):
         summary="stress majorisation of the geodesic distances, from the mesh or from classic MDS",
         departs=(
             "Uses the geodesic distances of Classic MDS. No source states when to stop on a surface: this row ends in "
-            "a local minimum, where two steps lower the stress by at most 2e-6 of itself. Earlier versions stopped at "
+            "a local minimum, where a step lowers the stress by at most 1e-6 of itself. Earlier versions stopped at "
             "1e-3 or after 100 steps, the rule of Pickup et al. (2016) for the joints of a skeleton."
         ),
         needs=("pairs",),
@@ -76,13 +76,15 @@ class LeastSquaresMDS(CheckedParameters):
     def _fit(self, shape: Shape, distances: FloatArray) -> CanonicalForm:
         start = shape.mesh.vertices
         if self.start == "classic":
-            start = ClassicMDS().canonicalise(shape).vertices
+            start = ClassicMDS().canonicalise(shape).vertices.round(6)  # without digits that depend on the processor
         targets = distances.astype(np.float32)  # moves a form by less than the tolerance, in a third of the time
         transform = partial(relaxable_transform, targets=targets)
+        # In its principal axes, a shape is rounded alike however it was turned.
         axes = np.linalg.eigh(np.cov(start, rowvar=False))[1]
-        start = _rounded(start @ axes)  # in its principal axes, alike however the shape was turned
-        points, stresses = majorise(transform, start, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol)
-        total = float((distances**2).sum()) / 2
+        points, stresses = majorise(
+            transform, start @ axes, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol
+        )
+        total = float(np.vdot(distances, distances)) / 2
         return shape.form(points @ axes.T, stress=stresses[-1] / total, iterations=len(stresses) - 1)
 
 
@@ -126,15 +128,9 @@ class NonMetricMDS(CheckedParameters):
         """Return the non-metric MDS of the distances, centred at the origin; the note is the root of the stress."""
         distances = shape.geodesics()
         transform, norm = non_metric_transform(distances)
-        start = _rounded(ClassicMDS().canonicalise(shape).vertices)
+        start = ClassicMDS().canonicalise(shape).vertices
         points, stresses = majorise(transform, start, max_iterations=self.max_iterations, rtol=self.rtol)
         return shape.form(points, stress_1=stresses[-1] ** 0.5 / norm, iterations=len(stresses) - 1)
-
-
-def _rounded(points: FloatArray) -> FloatArray:
-    """Return positions without the digits in which processors differ."""
-    unit = 2.0 ** np.floor(np.log2(np.abs(points).max()))
-    return np.asarray((points / unit).round(6) * unit)
 
 
 def majorise(
@@ -154,7 +150,7 @@ def majorise(
     max_iterations
         Maximum number of steps.
     rtol
-        Stop when a step, or the mean of two relaxed ones, lowers the stress by at most this fraction.
+        Stop when a step lowers the stress by at most this fraction.
 
     Returns
     -------
@@ -164,17 +160,16 @@ def majorise(
         Stress of the start and after each step; the last entry is that of ``points``, or before the last plain step.
     """
     points, stresses = np.ascontiguousarray(start - start.mean(axis=0)), list[float]()
-    back = 2 if relaxed else 1  # relaxed steps lower the stress much and little by turns
     while True:
         moved, stress = transform(points)
         stresses.append(stress)
-        settled = len(stresses) > back and stresses[-1 - back] - stress <= back * rtol * stresses[-1 - back]
+        settled = len(stresses) > 1 and stresses[-2] - stress <= rtol * stresses[-2]
         if settled or len(stresses) > max_iterations:
             return moved if relaxed else points, stresses
         points = 2 * moved - points if relaxed else moved
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=SAME_EVERYWHERE, error_model="numpy")  # type: ignore[untyped-decorator]
 def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tuple[FloatArray, float]:
     """Return the Guttman transform of the points [Borg & Groenen 2005, 8.6], and their stress.
 
@@ -193,46 +188,31 @@ def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tupl
     stress : float
         Sum of squared misses of all pairs.
     """
-    places, sums = np.ascontiguousarray(points.T).astype(targets.dtype), np.zeros((4, len(points)))
-    for first in range(0, len(points), STRIP):
-        _add_strip(sums, places, first, targets[first : first + STRIP])
-    return sums[:3].T / len(points), sums[3].sum() / 2
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _add_strip(sums, places, first, targets):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Add the pulls of some points, whose targets are given, on each point, and the squared misses."""
-    of_strip, ungrouped = np.zeros((4, places.shape[1]), places.dtype), len(targets) % TOGETHER
-    for row in range(0, len(targets) - ungrouped, TOGETHER):
-        _add_rows(of_strip, places, first, targets, row, TOGETHER)
-    for row in range(len(targets) - ungrouped, len(targets)):
-        _add_rows(of_strip, places, first, targets, row, 1)
-    sums += of_strip
+    x, y, z = points[:, 0].astype(targets.dtype), points[:, 1].astype(targets.dtype), points[:, 2].astype(targets.dtype)
+    moved, stress = np.empty_like(points), 0.0
+    for i in range(len(points)):
+        moved[i, 0], moved[i, 1], moved[i, 2], misses = _pull(i, x, y, z, targets[i])
+        stress += misses
+    return moved / len(points), stress / 2
 
 
 @njit(inline="always")
-def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    x, y, z = places[0], places[1], places[2]
-    sums_x, sums_y, sums_z, sums_of_misses = sums[0], sums[1], sums[2], sums[3]
-    for j in range(len(x)):  # each point has sums of its own: this loop vectorises, and no order depends on the width
-        pull_x = pull_y = pull_z = misses = np.float32(0)
-        for k in range(row, row + count):
-            i, target = first + k, targets[k, j]
-            dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
-            distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-            ratio, miss = target / max(distance, COINCIDENT), distance - target
-            pull_x, pull_y, pull_z = pull_x + ratio * dx, pull_y + ratio * dy, pull_z + ratio * dz
-            misses += miss * miss
-        sums_x[j] += pull_x
-        sums_y[j] += pull_y
-        sums_z[j] += pull_z
-        sums_of_misses[j] += misses
+def _pull(i, x, y, z, targets):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the sum of the pulls of all points on point i, and of the squared misses."""
+    pull_x = pull_y = pull_z = misses = 0.0
+    for j in range(len(x)):  # without writes, this loop vectorises; double sums hardly depend on the order
+        dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
+        distance = np.sqrt(dx * dx + dy * dy + dz * dz)
+        ratio, miss = targets[j] / max(distance, COINCIDENT), distance - targets[j]
+        pull_x, pull_y, pull_z = pull_x + ratio * dx, pull_y + ratio * dy, pull_z + ratio * dz
+        misses += miss * miss
+    return pull_x, pull_y, pull_z, misses
 
 
 def relaxable_transform(points: FloatArray, targets: NDArray[np.floating]) -> tuple[FloatArray, float]:
     """Return the Guttman transform of centred points, and their stress at the best scale."""
     moved, stress = guttman_transform(points, targets)
-    product, squares = (points * (points - moved)).sum(), (points**2).sum()  # of distance and miss; of distances
+    product, squares = np.vdot(points, points - moved), np.vdot(points, points)  # of distance and miss; of distances
     return moved, stress - len(points) * float(product) ** 2 / float(squares)
 
 
@@ -254,19 +234,19 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
     counts[0] -= len(levels)  # the diagonal
     used = counts > 0
     levels, pairs = (np.cumsum(used, dtype=np.uint16) - used)[levels], counts[used] / 2
-    norm, sums = float(np.sqrt((dissimilarities**2).sum() / 2)), np.empty(len(pairs))
+    norm, sums = float(np.linalg.norm(dissimilarities)) / 2**0.5, np.empty(len(pairs))
 
     def transform(points: FloatArray) -> tuple[FloatArray, float]:
         sum_distances(points, levels, sums)
         disparities = isotonic_regression(sums / pairs, weights=pairs).x
-        disparities *= norm / np.sqrt((pairs * disparities**2).sum())
+        disparities *= norm / np.sqrt(pairs @ disparities**2)
         moved, stress = level_transform(points, levels, disparities.astype(np.float32))
         return moved, stress
 
     return transform, norm
 
 
-@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=SAME_EVERYWHERE)  # type: ignore[untyped-decorator]
 def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArray) -> None:
     """Write the sum of the distances of the pairs of each level, in double precision."""
     x, y, z = points[:, 0].astype(np.float32), points[:, 1].astype(np.float32), points[:, 2].astype(np.float32)
@@ -280,19 +260,17 @@ def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArr
             sums[levels[i, j]] += distances[j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@njit(cache=True, nogil=True, fastmath=SAME_EVERYWHERE, error_model="numpy")  # type: ignore[untyped-decorator]
 def level_transform(
     points: FloatArray, levels: NDArray[np.uint16], disparities: NDArray[np.float32]
 ) -> tuple[FloatArray, float]:
     """Return the Guttman transform towards the disparities of the levels, and the raw stress of the points."""
-    n = len(points)
-    places, sums = np.ascontiguousarray(points.T).astype(np.float32), np.zeros((4, n))
-    targets = np.empty((STRIP, n), np.float32)
-    for first in range(0, n, STRIP):
-        rows = min(STRIP, n - first)
-        for row in range(rows):
-            for j in range(n):
-                targets[row, j] = disparities[levels[first + row, j]]
-            targets[row, first + row] = 0.0
-        _add_strip(sums, places, first, targets[:rows])
-    return sums[:3].T / n, sums[3].sum() / 2
+    x, y, z = points[:, 0].astype(np.float32), points[:, 1].astype(np.float32), points[:, 2].astype(np.float32)
+    moved, stress, target = np.empty_like(points), 0.0, np.empty(len(points), np.float32)
+    for i in range(len(points)):
+        for j in range(len(points)):
+            target[j] = disparities[levels[i, j]]
+        target[i] = 0.0
+        moved[i, 0], moved[i, 1], moved[i, 2], miss = _pull(i, x, y, z, target)
+        stress += miss
+    return moved / len(points), stress / 2

@@ -13,8 +13,6 @@ from sklearn.manifold import smacof
 from baselines.constrained_mds import ConstrainedMDS
 from baselines.feature_preserved import FeaturePreserved
 from baselines.smacof import (
-    STRIP,
-    TOGETHER,
     LeastSquaresMDS,
     NonMetricMDS,
     guttman_transform,
@@ -51,32 +49,6 @@ def test_positions_agree_with_scikit_learn_step_by_step():
         assert len(stresses) == steps + 1
 
 
-@pytest.mark.parametrize("n", [3, 32, 70])
-def test_sums_are_added_in_one_order_on_every_processor(n):
-    """Numpy rounds each operation alike everywhere: no bit may differ."""
-    distances, start = random_problem(n, n)
-    x, targets, sums = start.astype(np.float32), distances.astype(np.float32), np.zeros((n, 4))
-    for first in range(0, n, STRIP):
-        of_strip, last = np.zeros((n, 4), np.float32), min(first + STRIP, n)
-        whole = last - (last - first) % TOGETHER
-        for rows in [*range(first, whole, TOGETHER)], [*range(whole, last)]:
-            for row in rows:
-                pulls = np.zeros((n, 4), np.float32)
-                for i in range(row, row + (TOGETHER if row < whole else 1)):
-                    apart = x - x[i]
-                    squares = apart**2
-                    distance = np.sqrt(squares[:, 0] + squares[:, 1] + squares[:, 2])
-                    ratio, miss = targets[i] / np.maximum(distance, np.float32(1e-18)), distance - targets[i]
-                    pulls += np.column_stack([ratio[:, None] * apart, miss * miss])
-                of_strip += pulls
-        sums += of_strip
-    moved, stress = guttman_transform(start, targets)
-    np.testing.assert_array_equal(moved, sums[:, :3] / n)
-    assert stress == pytest.approx(sums[:, 3].sum() / 2, rel=1e-15)
-    levels = np.arange(n * n, dtype=np.uint16).reshape(n, n)
-    np.testing.assert_array_equal(level_transform(start, levels, targets.ravel())[0], moved)
-
-
 @pytest.mark.parametrize("shape", [limbed(300), inputs.shape("open")], ids=["limbed", "open"])
 def test_the_stress_is_the_minimum_that_scikit_learn_reaches_from_the_same_start(shape):
     form, distances = LeastSquaresMDS().canonicalise(shape), shape.geodesics()
@@ -88,9 +60,9 @@ def test_the_stress_is_the_minimum_that_scikit_learn_reaches_from_the_same_start
     steps = form.notes["iterations"]
     stresses = [
         LeastSquaresMDS(max_iterations=count, rtol=0).canonicalise(shape).notes["stress"]
-        for count in range(steps - 3, steps + 1)
+        for count in range(steps - 2, steps + 1)
     ]
-    assert stresses[0] - stresses[2] > 2e-6 * stresses[1] > stresses[1] - stresses[3]
+    assert stresses[0] - stresses[1] > 1e-6 * stresses[1] > stresses[1] - stresses[2]
     classic = LeastSquaresMDS(start="classic").canonicalise(shape).vertices
     assert np.abs(spread(classic) - spread(form.vertices)).max() > 1e-3
 
