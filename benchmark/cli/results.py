@@ -9,11 +9,12 @@ from pathlib import Path
 
 from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.files import write_text
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import SUITE_RESULTS, Record, read_records
 from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.reference.paper import MEASURES
-from benchmark.report.formats import duration, hundredths, markdown
+from benchmark.report.formats import duration, hundredths, latex_figure, markdown
 from benchmark.report.frames import chosen_records, row_of, seconds_of
 from benchmark.report.tables import TableView, table_views
 from benchmark.text import brief, say, say_lines, say_table
@@ -119,14 +120,18 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
 
     check_ending(path, figures.ENDINGS)
     of_forms = what in ("forms", "effect", "spread")
-    if path.exists() and not force:
-        raise ConfigurationError(f"{path} is there already", "choose another file, or pass --force")
+    with_latex = of_forms and path.suffix.lower() == ".pdf"
+    for file in (path, path.with_suffix(".tex"))[: 1 + with_latex]:
+        if file.exists() and not force:
+            raise ConfigurationError(f"{file} is there already", "choose another file, or pass --force")
     views = selected_tables(options, recorded(options))
     if not views:
         raise ConfigurationError("the table of robustness has no figures", "select another one with -t")
     view, forms = views[0], StoredForms(options.results, options.data_root)
     if of_forms:
-        figure = figures.forms_figure(view, forms, shapes, superposed=what == "spread")
+        figure, caption = figures.forms_figure(view, forms, shapes, superposed=what == "spread")
+        if with_latex:
+            write_text(path.with_suffix(".tex"), latex_figure(path.name, caption))
     else:
         figure = figures.CHARTS[what](view, forms)
     figures.save(figure, path)

@@ -286,8 +286,8 @@ def map_figure(view: TableView, forms: StoredForms) -> Figure:
 
 def forms_figure(
     view: TableView, forms: StoredForms, shapes: Sequence[str] = (), *, superposed: bool = False
-) -> Figure:
-    """Draw poses of subjects and their forms, methods across, poses down.
+) -> tuple[Figure, str]:
+    """Draw poses of subjects and their forms, methods across, poses down; return the figure and its caption.
 
     Parameters
     ----------
@@ -325,7 +325,12 @@ def forms_figure(
     for place, (title, _) in zip(figure.axes, columns, strict=False):
         if superposed and title in records and (ratios := spread_of_forms(forms.folder, records[title])) is not None:
             place.text(0.5, 0, hundredths(ratios[0]), ha="center", fontsize=_SIZE, transform=place.transAxes)
-    return figure
+    caption = (
+        f"Shapes of {view.title} ({'all poses superposed' if superposed else ', '.join(names)}) and their canonical "
+        "forms, turned to the form of the first pose of the subject, or mirrored where marked. "
+        "The colour shows how far a point is from the centre of the body."
+    )
+    return figure, caption
 
 
 def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera, *, superposed: bool) -> Figure:

@@ -193,6 +193,15 @@ def bibliography(views: Sequence[TableView]) -> str:
     return "\n\n".join(filter(None, entries.values())) + "\n"
 
 
+def latex_figure(picture: str, caption: str) -> str:
+    """Return LaTeX that shows a picture across both columns of a paper."""
+    label = "".join(c if c.isalnum() else "-" for c in picture.rpartition(".")[0])
+    return "\n".join([
+        r"\begin{figure*}", r"\centering", rf"\includegraphics[width=\textwidth]{{{picture}}}",
+        rf"\caption{{{latex_text(caption)}}}", rf"\label{{fig:{label}}}", r"\end{figure*}",
+    ]) + "\n"  # fmt: skip
+
+
 def _ends(folds: Sequence[tuple[str, str]]) -> list[str]:
     return [rf"$_{{\mathrm{{{low}}}}}^{{\mathrm{{{high}}}}}$" for low, high in folds] or [""] * len(MEASURES)
 

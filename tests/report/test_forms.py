@@ -91,7 +91,7 @@ def test_a_spread_is_computed_on_demand_kept_and_shown(results, monkeypatch, tmp
     write_files(tmp_path, report_files(results.folder, [view]))
     shown = (tmp_path / f"{view.stem}-forms.html").read_text()
     assert all(f">{cell}</td>" in shown for cell in row)
-    assert forms_figure(view, StoredForms(results.folder), superposed=True).axes[1].texts[0].get_text() == row[1]
+    assert forms_figure(view, StoredForms(results.folder), superposed=True)[0].axes[1].texts[0].get_text() == row[1]
 
 
 def test_forms_of_a_subject_are_turned_to_that_of_its_first_pose(results):

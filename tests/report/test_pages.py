@@ -296,7 +296,7 @@ def test_pages_of_400_shapes_are_small(tmp_path):
 def test_figures_have_fonts_that_publishers_take(results, tmp_path):
     view = table_views(results.records)[0]
     forms = StoredForms(results.folder)
-    figures = [scores_figure(view), map_figure(view, forms), forms_figure(view, forms)]
+    figures = [scores_figure(view), map_figure(view, forms), forms_figure(view, forms)[0]]
     for number, figure in enumerate(figures):
         save(figure, tmp_path / f"{number}.pdf")
         data = (tmp_path / f"{number}.pdf").read_bytes()
@@ -387,11 +387,12 @@ def test_a_map_has_shapes_apart_as_their_distances_say_and_a_ring_at_those_whose
 
 def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_path):
     view, forms = table_views(results.records)[0], StoredForms(results.folder)
-    figure = forms_figure(view, forms, ["thin0", "thin1", "thick0"])
+    figure, caption = forms_figure(view, forms, ["thin0", "thin1", "thick0"])
     assert figure.get_size_inches().tolist() == pytest.approx([WIDTH, 2.14])  # so three poses take less than 3
     assert [place.get_title() for place in figure.axes[:6]] == ["Shape", "GPS", "Identity (no\ncanonical form)"] * 2
     assert len(figure.axes) == 2 * 6
     assert [len(place.images) for place in figure.axes[6:]] == [1, 1, 1, 0, 0, 0]
+    assert "(thin0, thin1, thick0)" in caption
     save(figure, tmp_path / "forms.png")
     assert Image.open(tmp_path / "forms.png").width == round(300 * WIDTH)
     with pytest.raises(ConfigurationError, match="thin9"):
