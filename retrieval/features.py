@@ -18,7 +18,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from benchmark.errors import InvalidMesh
 from retrieval.gradient_histograms import DESCRIPTOR_SIZE, MAX_ORIENTATIONS, describe, gradients, orientations
 from retrieval.scale_space import (
     BASE_SCALE,
@@ -34,8 +33,6 @@ from retrieval.scale_space import (
 )
 
 EDGE_RATIO = 10.0
-#: Largest accepted absolute value of a pixel.
-LARGEST_VALUE = 1e6
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,18 +82,8 @@ def detect_views(images: NDArray[np.float32], *, peak_threshold: float, backgrou
     background
         Value of pixels that show no surface; the search skips regions far from all other pixels.
     """
-    _, descriptors, offsets = _detect_all(_checked(images), np.float32(background), peak_threshold, EDGE_RATIO)
+    _, descriptors, offsets = _detect_all(images, np.float32(background), peak_threshold, EDGE_RATIO)
     return Features(descriptors, offsets)
-
-
-def _checked(images: NDArray[np.float32]) -> NDArray[np.float32]:
-    # The square of a gradient must not overflow: the bin of a NaN angle lies outside every histogram.
-    if not (images.max(initial=0.0) <= LARGEST_VALUE and images.min(initial=0.0) >= -LARGEST_VALUE):
-        raise InvalidMesh(
-            f"a depth image has pixels that are NaN, infinite or beyond {LARGEST_VALUE:g}, where depths lie in [0, 1]",
-            "check the form that was rendered",
-        )
-    return np.ascontiguousarray(images, dtype=np.float32)
 
 
 @njit(cache=True, nogil=True)

@@ -181,8 +181,6 @@ def normalise(mesh: Mesh, candidates: Sequence[str], image_size: int) -> Mesh:
     fewest = np.inf
     for name in candidates:
         turned = _rounded(centred.with_vertices(centred.vertices @ ROTATIONS[name](centred).T))
-        if len(candidates) == 1:
-            return turned
         pixels = int((render(turned, image_size, view_sphere(0))[::2] != BACKGROUND).sum())
         if pixels <= fewest * (1.0 + EQUALLY_LARGE):
             best, fewest = turned, pixels

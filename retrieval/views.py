@@ -49,11 +49,6 @@ class ViewSphere:
         return np.array([self.permutation_of(rotation) for rotation in CUBE_ROTATIONS])
 
     @cached_property
-    def opposite(self) -> NDArray[np.int32]:
-        """Opposite view of each view, shape (V,), with the same up direction."""
-        return self.permutation_of(-np.eye(3))
-
-    @cached_property
     def cameras(self) -> NDArray[np.float64]:
         """Rotations with rows right, up (both of the image) and direction to the eye, shape (V, 3, 3)."""
         up = np.tile([0.0, 1.0, 0.0], (len(self.directions), 1))
@@ -85,16 +80,11 @@ def view_sphere(subdivisions: int) -> ViewSphere:
     return ViewSphere(points)
 
 
-def _cube_rotations() -> NDArray[np.float64]:
-    """Return the 24 rotations of the cube, shape (24, 3, 3): signed permutation matrices of determinant 1."""
-    signed = [
-        np.eye(3)[list(order)] * signs for order in permutations(range(3)) for signs in product((1, -1), repeat=3)
-    ]
-    matrices = np.array(signed)
-    return np.asarray(matrices[np.linalg.det(matrices) > 0])
-
-
-CUBE_ROTATIONS = _cube_rotations()
+_SIGNED = np.array(
+    [np.eye(3)[list(order)] * signs for order in permutations(range(3)) for signs in product((1, -1), repeat=3)]
+)
+#: The 24 rotations of the cube, shape (24, 3, 3): signed permutation matrices of determinant 1.
+CUBE_ROTATIONS = _SIGNED[np.linalg.det(_SIGNED) > 0]
 
 
 def render(mesh: Mesh, size: int, sphere: ViewSphere) -> NDArray[np.float32]:
@@ -125,7 +115,7 @@ def render(mesh: Mesh, size: int, sphere: ViewSphere) -> NDArray[np.float32]:
     """
     images = np.full((len(sphere.directions), size, size), BACKGROUND, dtype=np.float32)
     x, y, z = mesh.vertices.T
-    for view, opposite in enumerate(sphere.opposite):
+    for view, opposite in enumerate(sphere.permutation_of(-np.eye(3))):
         if view < opposite:  # both are drawn at once
             right, up, eye = (axis[0] * x + axis[1] * y + axis[2] * z for axis in sphere.cameras[view])
             pixels = np.stack([0.5 * size * (1.0 + right), 0.5 * size * (1.0 - up), 0.5 * (1.0 - eye)], axis=1)

@@ -1,4 +1,4 @@
-"""SIFT without its background, without keypoints, and on images that are no depths."""
+"""SIFT without its background, and without keypoints, and beside OpenCV."""
 
 import cv2
 import numpy as np
@@ -6,7 +6,6 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
-from benchmark.errors import InvalidMesh
 from retrieval.features import EDGE_RATIO, _detect_all, detect_views
 from retrieval.scale_space import BASE_SCALE
 
@@ -88,11 +87,3 @@ def test_orientations_are_those_of_opencv_where_both_find_a_keypoint(spots):
     assert abs(np.median(apart)) < 0.5
     assert np.median(np.abs(apart)) < 2.5
     assert np.mean(np.abs(apart) < 15) > 0.85
-
-
-@pytest.mark.parametrize("value", [np.nan, -np.inf, 3e38, -3e38])
-def test_images_that_are_no_depths_are_refused(value):
-    image = np.zeros((1, 32, 32), dtype=np.float32)
-    image[0, 5, 7] = value
-    with pytest.raises(InvalidMesh, match="NaN"):
-        detect_views(image, peak_threshold=1e-3, background=1.0)
