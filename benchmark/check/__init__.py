@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from benchmark.check.case import Case, Failed, Skipped, explained, fresh_process
 from benchmark.check.checks import NECESSARY, checks_of
+from benchmark.errors import InvalidForm, InvalidSignature
 from benchmark.registry import Component, component_of
 from benchmark.registry.components import watching_component
 from benchmark.text import Printed, clean_lines
@@ -90,7 +91,8 @@ def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Fi
     except Skipped as reason:
         return Finding(name, "skipped", str(reason))
     except (Exception, SystemExit) as error:
-        trace = "" if isinstance(error, Failed) else clean_lines("".join(traceback.format_exception(error)))
+        says_all = isinstance(error, Failed | InvalidForm | InvalidSignature)
+        trace = "" if says_all else clean_lines("".join(traceback.format_exception(error)))
         return Finding(name, "failed", " ".join(explained(error).split()), trace)
     finally:
         faulthandler.cancel_dump_traceback_later()

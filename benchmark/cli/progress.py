@@ -74,7 +74,8 @@ class Bar:
         share = state.done / state.total if state.total else 0.0
         expected = self._expected or (elapsed / share if share else 0.0)
         left = (1 - share) * ((1 - share) * expected + elapsed) if share else expected - elapsed
-        return f"{state.done}/{state.total} steps, {self._n_ended}/{self._n_jobs} jobs{_left(left)}"
+        time_left = f", {timedelta(seconds=round(left))} left" if left > 0 else ""
+        return f"{state.done}/{state.total} steps, {self._n_ended}/{self._n_jobs} jobs{time_left}"
 
     def ended(self, line: str) -> None:
         """Print the line of a finished job."""
@@ -93,7 +94,3 @@ def counting(what: str, items: Iterable[T]) -> Iterator[T]:
     if not console.is_terminal:
         say(what, err=True)
     yield from track([*items], escape(clean(what)), console=console, disable=not console.is_terminal)
-
-
-def _left(seconds: float) -> str:
-    return f", {timedelta(seconds=round(seconds))} left" if seconds > 0 else ""

@@ -99,17 +99,16 @@ def run(
     pending = [job for job in jobs if job.is_pending]
     say(f"{len(pending)} of {len(jobs)} jobs to run, {sum(job.state == 'finished' for job in jobs)} finished before")
     names = {job.record.key: name for job, name in zip(jobs, _names(jobs, records), strict=True)}
-    passed_over = _passed_over(jobs, selection)
-    for job in jobs:
-        if not job.is_pending and job.state != "finished" and (job.state == "failed" or job not in passed_over):
-            remedy = "; --retry runs it again" if job.state == "failed" else ""
-            say(f"{job.state:<11}  {names[job.record.key]}  {brief(job.reason)}{remedy}")
+    missed = _missed(jobs, selection)
+    for job in missed:
+        remedy = "; --retry runs it again" if job.state == "failed" else ""
+        say(f"{job.state:<11}  {names[job.record.key]}  {brief(job.reason)}{remedy}")
     if pending and not any(map(compiled_kernels, suite_sources())):
         say("the first run compiles kernels, which takes minutes; 'python -m benchmark.kernels' does so in advance")
     if in_this_process:
         say("-j 0: plugins run in this process, by one thread, without time limits; nothing of them is kept", err=True)
     size = available_cores() if size is None else size
-    fine = all(job.is_pending or job.state == "finished" or job in passed_over for job in jobs)
+    fine = not missed
     ended: dict[str, Record] = {}
     expected = estimate(pending, records)
     factor = len(pending) / max(1, len(pending) - expected.unknown)  # jobs of unknown methods take as long as others
@@ -146,12 +145,13 @@ def _names(jobs: Sequence[Planned], records: Iterable[Record]) -> list[str]:
     return [str(record.row) for record in labelled[-len(jobs) :]]
 
 
-def _passed_over(jobs: Sequence[Planned], selection: Selection) -> list[Planned]:
-    """Return the jobs that nobody misses: not those of a method that was named and can run nowhere."""
-    if not selection.is_narrow:
-        return [job for job in jobs if job.state in ("unsupported", "unavailable")]
+def _missed(jobs: Sequence[Planned], selection: Selection) -> list[Planned]:
+    """Return the jobs that do not run and have no result, but those that cannot run and were not named."""
+    left = [job for job in jobs if not job.is_pending and job.state != "finished"]
     possible = {job.record.method for job in jobs if job.state not in ("unsupported", "unavailable")}
-    return [job for job in jobs if job.state == "unsupported" and job.record.method in possible]
+    if not selection.is_narrow:
+        return [job for job in left if job.state not in ("unsupported", "unavailable")]
+    return [job for job in left if job.state != "unsupported" or job.record.method not in possible]
 
 
 def _forms(selection: Selection, forms: Sequence[str]) -> list[Component]:

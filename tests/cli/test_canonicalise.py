@@ -88,39 +88,20 @@ def sheared(shape):
 """
 
 
-@pytest.fixture
-def sheared(tmp_path):
-    """The form of a mesh under an affine map, with so many vertices; and the mesh."""
+def test_all_vertices_of_the_file_get_their_place_in_the_form_in_their_order(tmp_path):
     (tmp_path / "sheared.py").write_text(SHEARED)
     mesh = sphere(5)
     write_off(tmp_path / "in.off", mesh)
-
-    def make(method="sheared", plugins=("sheared.py",)):
-        options = Selection(plugins=[tmp_path / name for name in plugins])
-        form = form_of_mesh(tmp_path / "in.off", method, options, all_vertices=True)
-        return form.notes, form.mesh
-
-    return make, mesh
-
-
-def test_all_vertices_of_the_file_get_their_place_in_the_form_in_their_order(sheared):
-    make, mesh = sheared
-    notes, form = make()
-    assert form.n_vertices == mesh.n_vertices == 10242
+    options = Selection(plugins=[tmp_path / "sheared.py"])
+    form = form_of_mesh(tmp_path / "in.off", "sheared", options, all_vertices=True)
+    assert len(form.vertices) == mesh.n_vertices == 10242
     np.testing.assert_array_equal(form.faces, mesh.faces)
     unit = (mesh.vertices - mesh.vertices.mean(axis=0)) / mesh.area**0.5
     expected = unit @ [[1.0, 0.3, 0.0], [0.0, 2.0, -0.4], [0.1, 0.0, 0.5]]
-    assert np.abs(form.vertices - expected).max() < 3 * notes["farthest_from_prepared"] + 0.002
-    assert 0 < notes["farthest_from_prepared"] < 0.005
-
-
-def test_a_method_without_such_vertices_says_so(sheared):
-    with pytest.raises(ConfigurationError, match="'learned' reads depth images, not vertices; omit --all-vertices"):
-        sheared[0]("learned", ())
-
-
-def test_a_form_with_vertices_of_its_own_cannot_be_carried_over(sheared, tmp_path):
+    farthest = form.notes["farthest_from_prepared"]
+    assert np.abs(form.vertices - expected).max() < 3 * farthest + 0.002
+    assert 0 < farthest < 0.005
     own = SHEARED.replace("return shape", "return CanonicalForm(shape.mesh.vertices[:3], [[0, 1, 2]])  # ")
-    (tmp_path / "own.py").write_text(own.replace("import canonical", "import CanonicalForm, canonical"))
+    (tmp_path / "sheared.py").write_text(own.replace("import canonical", "import CanonicalForm, canonical"))
     with pytest.raises(ConfigurationError, match="vertices of their own; omit --all-vertices"):
-        sheared[0](plugins=("own.py",))
+        form_of_mesh(tmp_path / "in.off", "sheared", options, all_vertices=True)

@@ -1,7 +1,6 @@
 """The command line as a whole: its size, what it imports, what it refuses, and what it never overwrites."""
 
 import re
-import shutil
 import subprocess
 import sys
 from types import SimpleNamespace
@@ -106,15 +105,6 @@ def test_a_wrong_data_root_is_refused_with_the_right_one(tmp_path, given, right)
 # Files of the user ---------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory):
-    """A finished run of two descriptors on both inputs."""
-    folder = tmp_path_factory.mktemp("finished")
-    arguments = ("-d", write_rods(folder / "rods"), "-m", "shape-dna", "-m", "surface-area")
-    call("run", *arguments, "--results", folder / "results", "-j", 0)
-    return arguments, folder / "results"
-
-
 @pytest.mark.parametrize("name", ["queue", "random"])
 def test_a_plugin_called_like_a_module_of_python_in_the_current_folder_replaces_none(tmp_path, name):
     write_plugin(tmp_path / f"{name}.py")
@@ -122,13 +112,6 @@ def test_a_plugin_called_like_a_module_of_python_in_the_current_folder_replaces_
     words = ("run", "-d", "rods", "-m", "smooth", "--plugin", f"{name}.py", "--input", "mesh", "-j", 1, *LIGHT)
     run = start(*words, cwd=tmp_path)
     assert (run.wait(120), "Smooth" in run.stdout.read()) == (0, True), run.stderr.read()
-
-
-def test_a_figure_is_not_drawn_over_another_file(finished, tmp_path):
-    words = ("report", "--results", finished[1], "--figure", "map", "-o", tmp_path / "map.png")
-    (tmp_path / "map.png").write_text("mine")
-    assert "pass --force" in refusal(*words)
-    assert (tmp_path / "map.png").read_text() == "mine"
 
 
 @pytest.mark.parametrize("words", [("tables",), ("compare", "gps"), ("report", "-o", "report")])
@@ -150,8 +133,10 @@ def test_quick_rows_are_shown_where_no_full_ones_are_and_named_where_they_are_ne
     assert "quick jobs" not in call("tables", "--results", tmp_path)
 
 
-def test_forget_says_what_goes_and_asks(finished, tmp_path, monkeypatch):
-    results = shutil.copytree(finished[1], tmp_path / "results")
+def test_forget_says_what_goes_and_asks(tmp_path, monkeypatch):
+    results = tmp_path / "results"
+    selection = ("-d", write_rods(tmp_path / "rods"), "-m", "shape-dna", "-m", "surface-area", "--results", results)
+    call("run", *selection, "-j", 0)
     words = ("forget", "-m", "shape-dna", "--results", results)
     assert re.match(r"this deletes 2 records, 12 forms, 0\.\d MB; pass --yes", refusal(*words))
     assert "nothing is selected" in refusal("forget", "--results", results)
@@ -159,11 +144,11 @@ def test_forget_says_what_goes_and_asks(finished, tmp_path, monkeypatch):
     monkeypatch.setattr("benchmark.cli.verbs.sys", SimpleNamespace(stdin=SimpleNamespace(isatty=lambda: True)))
     monkeypatch.setattr("typer.confirm", lambda text: print(text) or "forms" not in text)
     assert call(*words).splitlines()[2].startswith("delete 2 records, 12 forms")
-    assert "finished  rods mesh shape-dna" in call("plan", *finished[0], "--results", results)
+    assert "finished  rods mesh shape-dna" in call("plan", *selection)
     lines = call(*words, "--yes").splitlines()
     assert [line.partition("  ")[0] for line in lines[:2]] == ["rods mesh shape-dna", "rods view shape-dna"]
     assert lines[2].startswith("deleted 2 records, 12 forms")
-    states = call("plan", *finished[0], "--results", results)
+    states = call("plan", *selection)
     assert "missing   rods mesh shape-dna" in states
     assert "finished  rods mesh surface-area" in states
     call("forget", "-m", "all", "--yes", "--results", results)

@@ -43,11 +43,6 @@ def test_a_row_stands_beside_the_others_in_their_order_of_shapes(beside):
     assert {other.method for other in read_records(beside)} == {"gps", "external-their-method"}
 
 
-def test_distances_without_names_are_refused(beside):
-    with pytest.raises(ConfigurationError, match="paired by the names of shapes, and these distances have none"):
-        keep_distances(beside, score(D, LABELS), "Theirs", "line", "mesh")
-
-
 @pytest.mark.parametrize(
     ("labels", "dataset", "problem"),
     [
@@ -125,7 +120,7 @@ def test_where_a_row_goes_is_checked_before_anything_is_computed_or_printed(tmp_
     assert "no row of 'tosca', mesh, is here" in refusal(*command, "tosca")  # before files are read, which are none
     np.savetxt(tmp_path / "d.txt", D)
     (tmp_path / "labels.txt").write_text("\n".join(LABELS))
-    assert "these distances have none" in refusal(*command, "mine")
+    assert "paired by the names of shapes, and these distances have none" in refusal(*command, "mine")
 
 
 def test_verbs_show_rows_of_other_programs_beside_ours(tmp_path):
