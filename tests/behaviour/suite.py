@@ -43,7 +43,11 @@ def call(*words: object) -> Done:
     handler = signal.getsignal(signal.SIGTERM)
     code: Any = 0
 
+    program, end = os.getpid(), os._exit
+
     def leave(code: int) -> NoReturn:  # a program may end itself by force, which must not end the tests
+        if os.getpid() != program:  # a process that it has forked
+            end(code)
         raise SystemExit(code)
 
     with (
