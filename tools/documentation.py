@@ -41,7 +41,7 @@ TABLES = {
 REPORT, REPORTED = "report/index.html", "results/tables"
 
 #: Files outside ``docs/`` that are pages or pictures of the site.
-BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/experiments/*", "results/*/*.png")
+BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/experiments/*.*", "results/*/*.png")
 
 #: Modules whose docstrings form the reference: the interface for authors, results, methods and scorers.
 DOCUMENTED = (

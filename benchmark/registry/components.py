@@ -244,9 +244,10 @@ def component_of(value: Any) -> Component:
     if not (isinstance(value, contract) and isinstance(info, info_type)):
         problem = f"an object of type {cls.__name__} is no method or scorer: it has {lacking}, or no info"
         raise ConfigurationError(problem, "pass a function or a dataclass: see docs/reference/plugins.md")
-    chosen, target = non_default_values(cls, parameter_values(value)), f"{cls.__module__}:{cls.__qualname__}"
-    is_plain = getattr(value, "__dict__", None) == parameter_values(value)
-    if hasattr(value, "train") and not is_plain:
+    parameters, attributes = parameter_values(value), getattr(value, "__dict__", None)
+    chosen, target = non_default_values(cls, parameters), f"{cls.__module__}:{cls.__qualname__}"
+    is_plain = attributes == parameters
+    if hasattr(value, "train") and any(of for name, of in (attributes or {}).items() if name not in parameters):
         raise ConfigurationError(f"'{info.name}' has a model already, and a run looks for it", "pass it without one")
     if is_plain and is_installed(cls.__module__):
         return Component(kind, str(info.name), target, chosen)  # its name says all
