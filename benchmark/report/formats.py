@@ -143,7 +143,9 @@ def latex(view: TableView) -> str:
     widths = [2.6 if of else 1.9 for of in has_folds]
     rest = f"{len(MEASURES) * sum(widths) + 1.4:.1f}em-{16.2 * n_groups + 3.4:.1f}pt"
     one_column = "table", rf"\dimexpr\linewidth-{rest}\relax"
-    environment, title_width = one_column if n_scores <= _ONE_COLUMN else ("table*", r".28\linewidth")
+    for_folds = rf"-{0.7 * len(MEASURES) * sum(has_folds):.1f}em" * any(has_folds)
+    wide = "table*", rf"\dimexpr.28\linewidth{for_folds}\relax"
+    environment, title_width = one_column if n_scores <= _ONE_COLUMN else wide
     titles = rf">{{\raggedright\hangindent1em}}p{{{title_width}}}"  # breaks long ones
     scores = "".join(rf"*{{{len(MEASURES)}}}{{w{{c}}{{{width}em}}}}@{{\hskip6pt}}" for width in widths)
     rules = "".join(rf"\cmidrule(r){{{4 * k + 2}-{4 * k + 5}}}" for k in range(n_groups))
