@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import os
 import resource
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -67,8 +70,10 @@ def files_of_at_most(size: int) -> Iterator[None]:
     """Make writing fail as a full disk does."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    no_bytecode = patch.dict(os.environ, PYTHONDONTWRITEBYTECODE="1"), patch.object(sys, "dont_write_bytecode", True)
     try:
-        yield
+        with no_bytecode[0], no_bytecode[1]:  # Python would leave compiled modules of the suite cut off
+            yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 

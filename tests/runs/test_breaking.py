@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from random import Random
+from unittest.mock import patch
 
 import psutil
 import pytest
@@ -41,7 +42,9 @@ class World:
         limit = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))) if most >= 0 else None
         selection = ("-d", self.rods, "--input", "mesh", "--plugin", "own.py", "-j", 2)
         options = ("--scorer", SMALL_SCORER, "--results", results)
-        return start("run", *selection, *options, *words, cwd=self.folder, preexec_fn=limit)
+        # Python would leave compiled modules of the suite cut off.
+        with patch.dict(os.environ, {"PYTHONDONTWRITEBYTECODE": "1"} if limit else {}):
+            return start("run", *selection, *options, *words, cwd=self.folder, preexec_fn=limit)
 
     def outcomes(self, results: str = "results") -> dict[str, tuple[object, ...]]:
         """Return status and scores by method."""
