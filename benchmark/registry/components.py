@@ -249,7 +249,7 @@ def component_of(value: Any) -> Component:
     is_plain = attributes == parameters
     if hasattr(value, "train") and any(of for name, of in (attributes or {}).items() if name not in parameters):
         raise ConfigurationError(f"'{info.name}' has a model already, and a run looks for it", "pass it without one")
-    if is_plain and is_installed(cls.__module__):
+    if is_plain and is_installed(cls.__module__ or "__main__"):
         return Component(kind, str(info.name), target, chosen)  # its name says all
     # An object of the user depends on whatever the program may change, so it is never known again.
     return Component(kind, str(info.name), target, chosen, value, secrets.token_hex(8), is_unknown=True)
