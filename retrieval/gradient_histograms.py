@@ -217,13 +217,18 @@ def describe(
                 weight, first_bin = weights[corner, s], cell + CORNERS[corner]
                 histogram[first_bin + near] += weight * rest
                 histogram[first_bin + far] += weight * share
-    inner = histogram.reshape(PADDED, PADDED, ANGULAR_BINS)[1:-1, 1:-1].copy().ravel()
+    _normalise(histogram.reshape(PADDED, PADDED, ANGULAR_BINS)[1:-1, 1:-1].copy().ravel(), descriptor)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _normalise(values: SingleArray, descriptor: NDArray[np.uint8]) -> None:
+    """Write a histogram as a unit vector whose values are clipped, and which is normalised again."""
     for limit in (CLIP, 1.0):
-        norm = max(np.sqrt((inner * inner).sum()), np.float32(1e-30))
+        norm = max(np.sqrt((values * values).sum()), np.float32(1e-30))
         for place in range(DESCRIPTOR_SIZE):
-            inner[place] = min(inner[place] / norm, np.float32(limit))
+            values[place] = min(values[place] / norm, np.float32(limit))
     for place in range(DESCRIPTOR_SIZE):
-        descriptor[place] = np.uint8(min(np.float32(512.0) * inner[place], np.float32(255.0)))
+        descriptor[place] = np.uint8(min(np.float32(512.0) * values[place], np.float32(255.0)))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
