@@ -145,21 +145,9 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget, ro
     queue = np.empty(room, np.int64)
     plane = np.empty((room, 8), np.float64)
     for source in range(count):
-        n_seen = queued = 0
         best[source] = 0.0
-        for at in range(first[source], first[source + 1]):
-            p_x, p_y, q_x, q_y = first_plane[at, 0], first_plane[at, 1], first_plane[at, 2], first_plane[at, 3]
-            for vertex, square in (
-                (first_names[at, 0], p_x * p_x + p_y * p_y),
-                (first_names[at, 1], q_x * q_x + q_y * q_y),
-            ):
-                seen[n_seen] = vertex
-                n_seen += (square < np.inf) & (best[vertex] == np.inf)
-                best[vertex] = min(best[vertex], square)
-            if first_names[at, 2] >= 0:
-                queue[queued] = first_names[at, 2]
-                _place(plane[queued], p_x, p_y, q_x, q_y, p_x, p_y, q_x, q_y)
-                queued += 1
+        near = slice(first[source], first[source + 1])
+        n_seen, queued = _begin_windows(first_names[near], first_plane[near], seen, best, queue, plane)
         window = ring_end = 0
         last_ring = False
         while window < queued:
@@ -197,12 +185,32 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget, ro
             )
             queued += before_high & (past_q >= 0)
         if arcs + n_seen > tails.size:
-            tails = np.concatenate((tails, np.empty(tails.size + n_seen, np.int64)))
-            heads = np.concatenate((heads, np.empty(heads.size + n_seen, np.int64)))
-            squares = np.concatenate((squares, np.empty(squares.size + n_seen, np.float64)))
+            tails, heads, squares = _enlarged(tails, n_seen), _enlarged(heads, n_seen), _enlarged(squares, n_seen)
         _store_arcs(source, seen[:n_seen], best, tails[arcs:], heads[arcs:], squares[arcs:])
         arcs += n_seen
     return tails[:arcs], heads[:arcs], np.sqrt(squares[:arcs])
+
+
+@njit(cache=True, nogil=True)
+def _begin_windows(names, ends, seen, best, queue, plane):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write the windows through the sides opposite a source, and see their ends; return the number of both."""
+    n_seen = queued = 0
+    for at in range(len(names)):
+        p_x, p_y, q_x, q_y = ends[at, 0], ends[at, 1], ends[at, 2], ends[at, 3]
+        for vertex, square in ((names[at, 0], p_x * p_x + p_y * p_y), (names[at, 1], q_x * q_x + q_y * q_y)):
+            seen[n_seen] = vertex
+            n_seen += (square < np.inf) & (best[vertex] == np.inf)
+            best[vertex] = min(best[vertex], square)
+        if names[at, 2] >= 0:
+            queue[queued] = names[at, 2]
+            _place(plane[queued], p_x, p_y, q_x, q_y, p_x, p_y, q_x, q_y)
+            queued += 1
+    return n_seen, queued
+
+
+@njit(cache=True, nogil=True)
+def _enlarged(values, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    return np.concatenate((values, np.empty(values.size + count, values.dtype)))
 
 
 @njit(cache=True, nogil=True, inline="always")
