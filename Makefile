@@ -121,8 +121,6 @@ figures: setup
 	$(BIN)/python results/experiments/predictions.py
 	$(DRAW)/effect.png -t III -d tosca $(call methods,$(SHOWN)) $(BODIES)
 	$(BIN)/python -m tools.scorers
-	for name in animals people humans-scanlike tosca; do \
-	    $(BIN)/python -m benchmark data sheet $$name -o results/figures/sheet-$$name.png || exit 1; done
 	mkdir -p build
 	$(BIN)/python -m benchmark canonicalise examples/depth/man-1/kneeling.png -m learned-streamed \
 	    -o build/form.ply --picture docs/images/depth-frame.png

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 _application = partial(Typer, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
 cli = _application(context_settings={"help_option_names": ["-h", "--help"]})
-data = _application(help="Check, draw or export data sets.")
+data = _application(help="Check or export data sets.")
 cli.add_typer(data, name="data")
 
 _UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}

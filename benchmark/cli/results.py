@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Sequence
-from functools import partial
 from pathlib import Path
 
 from benchmark.cli.options import Selection
@@ -17,7 +16,7 @@ from benchmark.reference.paper import MEASURES
 from benchmark.report.formats import duration, hundredths, latex_figure, markdown
 from benchmark.report.frames import chosen_records, row_of, seconds_of
 from benchmark.report.tables import TableView, table_views
-from benchmark.text import brief, say, say_lines, say_table
+from benchmark.text import brief, say, say_lines
 
 
 def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
@@ -98,20 +97,6 @@ def outcome(record: Record) -> str:
     return f"{scores}  ({duration(seconds_of(record))} s a shape{refused})"
 
 
-def measure_spread(options: Selection) -> None:
-    """Compute how far forms of one subject are apart, where it is not kept yet, and print it."""
-    from benchmark.cli.progress import counting
-    from benchmark.report.figures import effect_records, spread_rows
-    from benchmark.report.forms import StoredForms, spread_of_forms
-
-    for view in selected_tables(options, recorded(options)):
-        for title, record in effect_records(view).items():
-            if spread_of_forms(options.results, record, partial(counting, f"spread of {title}")) is None:
-                say(f"{title}: not all of its forms are stored here; run it here", err=True)
-        say(f"Table {view.table.identifier}, {view.title}: distance of forms of a subject over that of different ones")
-        say_table(spread_rows(view, StoredForms(options.results)))
-
-
 def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, force: bool) -> None:
     """Draw a figure."""
     from benchmark.report import figures  # matplotlib takes half a second
@@ -119,8 +104,7 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
     from benchmark.report.forms import StoredForms
 
     check_ending(path, figures.ENDINGS)
-    of_forms = what in ("forms", "effect", "spread")
-    with_latex = of_forms and path.suffix.lower() == ".pdf"
+    with_latex = what == "forms" and path.suffix.lower() == ".pdf"
     for file in (path, path.with_suffix(".tex"))[: 1 + with_latex]:
         if file.exists() and not force:
             raise ConfigurationError(f"{file} is there already", "choose another file, or pass --force")
@@ -128,11 +112,11 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
     if not views:
         raise ConfigurationError("the table of robustness has no figures", "select another one with -t")
     view, forms = views[0], StoredForms(options.results, options.data_root)
-    if of_forms:
-        figure, caption = figures.forms_figure(view, forms, shapes, superposed=what == "spread")
+    if what == "map":
+        figure = figures.map_figure(view, forms)
+    else:
+        figure, caption = figures.forms_figure(view, forms, shapes)
         if with_latex:
             write_text(path.with_suffix(".tex"), latex_figure(path.name, caption))
-    else:
-        figure = figures.CHARTS[what](view, forms)
     figures.save(figure, path)
     say(f"wrote {path}")

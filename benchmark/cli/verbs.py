@@ -102,8 +102,8 @@ def report(
         Path | None, Option("-o", "--output", metavar="OUT", help="Folder [results/report], or figure [KIND.pdf].")
     ] = None,
     figure: Annotated[
-        Literal["forms", "effect", "spread", "scores", "classes", "precision-recall", "paper", "map"] | None,
-        Option("--figure", help="Draw a .pdf, .png or .svg instead; forms is also called effect."),
+        Literal["forms", "map"] | None,
+        Option("--figure", help="Draw a .pdf, .png or .svg instead."),
     ] = None,
     shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show.")] = [],
     spread: Annotated[bool, Option("--spread", help="Also compute how far forms of a subject are apart.")] = False,
@@ -112,20 +112,20 @@ def report(
 ) -> None:
     """Write HTML pages, or draw a figure.
 
-    Pages show tables, charts, and canonical forms in 3D.
+    Pages show tables, maps, and canonical forms in 3D.
     """
-    from benchmark.cli.results import draw, measure_spread, recorded, selected_tables
+    from benchmark.cli.progress import counting
+    from benchmark.cli.results import draw, recorded, selected_tables
     from benchmark.report.output import write_files
     from benchmark.report.pages import report_files
 
-    if spread:
-        measure_spread(selection)
     if figure:
         draw(selection, output or Path(f"{figure}.pdf"), figure, shapes, force=force)
         return
     records, folder = recorded(selection, failed=failed), output or Path("results/report")
     views = selected_tables(selection, records, paper=selection.published)
-    files = report_files(selection.results, views, selection.data_root)
+    watch = partial(counting, "how far forms of a subject are apart") if spread else None
+    files = report_files(selection.results, views, selection.data_root, watch)
     write_files(folder, files, force=force)
     say(f"wrote {folder / 'index.html'} and {len(files) - 1} other files")
 
@@ -135,11 +135,11 @@ def compare(
     selection: Selection,
     first: Annotated[str, Argument(metavar="A")],
     second: Annotated[str, Argument(metavar="[B]")] = "",
-    format: Annotated[Literal["text", "latex", "csv", "json"], Option("--format")] = "text",
+    format: Annotated[Literal["text", "csv", "json"], Option("--format")] = "text",
 ) -> None:
     """Test the differences of a method to another one, or to every row of its tables."""
     from benchmark.cli.results import recorded, selected_tables
-    from benchmark.report.comparison import compare, details, latex, summaries
+    from benchmark.report.comparison import compare, details, summaries
 
     records = recorded(selection, failed=True)
     found = compare(selected_tables(replace(selection, methods=[first, second]), records), first, second)
@@ -147,8 +147,6 @@ def compare(
         say_lines(found.to_csv(index=False, float_format="%.6f"))
     elif format == "json":
         say_lines(found.to_json(orient="records", indent=1, double_precision=6))
-    elif format == "latex":
-        say_lines(latex(found))
     elif second:
         for line in details(found):
             say(line)
@@ -433,29 +431,6 @@ def check_data(selection: Selection, name: shared.SetName) -> bool:
     for line in report.lines():
         say(line)
     return report.usable
-
-
-@verb("data_root", app=data)
-def sheet(
-    selection: Selection,
-    name: shared.SetName,
-    output: Annotated[Path | None, Option("-o", "--output", metavar="FILE.png", help="[sheet-NAME.png]")] = None,
-) -> None:
-    """Draw a data set at a glance.
-
-    It shows subjects in some poses, as surface and as depth image.
-    """
-    from benchmark.report.drawing import check_ending, save_png
-    from benchmark.report.sheets import contact_sheet
-
-    dataset = selection.open_dataset(name)
-    target = output or Path(f"sheet-{dataset.name}.png")
-    check_ending(target)
-    image, problems = contact_sheet(dataset)
-    for problem in problems:
-        say(f"not drawn: {problem}", err=True)
-    save_png(image, target)
-    say(f"wrote {target}")
 
 
 @verb("data_root", app=data)

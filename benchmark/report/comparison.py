@@ -10,7 +10,6 @@ from pandas import DataFrame, Series, concat
 
 from benchmark.errors import ConfigurationError
 from benchmark.reference.paper import MEASURES
-from benchmark.report.formats import latex_row, latex_table, latex_title
 from benchmark.report.statistics import (
     ALPHA,
     FEWEST_CLASSES,
@@ -23,9 +22,9 @@ from benchmark.report.tables import SAME, Row, TableView, least_difference
 ALONE, AMONG = "planned alone", "among the {} rows of the table"
 _TEST = "studentised permutation test over whole classes, of all measures"
 LEGEND = (
-    f"low, high: 95 % interval over classes. {ALONE.capitalize()}: if only these two rows were ever meant to be "
-    f"compared; the signs of whole classes are flipped. {AMONG.format('n').capitalize()}: {_TEST} and pairs of rows of "
-    "their blocks, as in tables."
+    f"low, high: nominal 95 % interval over classes. {ALONE.capitalize()}: if only these two rows were ever meant to "
+    f"be compared; the signs of whole classes are flipped. {AMONG.format('n').capitalize()}: {_TEST} and pairs of rows "
+    "of their blocks, as in tables."
 )
 
 
@@ -154,18 +153,6 @@ def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
         among = AMONG.format(most if least == most else f"{least} to {most}")
         heading = f"{place}: {frame.method[0]} - each row, {of_column.queries.max()} queries, {among}"
         yield heading, [["", *MEASURES, ""], *rows]
-
-
-def latex(frame: DataFrame) -> str:
-    """Return the differences as LaTeX, a table for each column of a table."""
-    columns = r">{\raggedright\hangindent1em}p{\dimexpr\linewidth-21em-17pt\relax}*{4}{w{c}{1.9em}}w{l}{13.4em}"
-    tables = []
-    for number, (heading, rows) in enumerate(summaries(frame)):
-        body, notes = [latex_row(*rows[0]), r"\midrule"], f"Verdicts: {_TEST} and rows."
-        for title, *differences, verdict in rows[1:]:
-            body.append(latex_row(latex_title(title), *(f"${text}$" for text in differences), verdict))
-        tables.append(latex_table(f"Differences in {heading}", f"compare-{number}", columns, body, notes))
-    return "\n".join(tables)
 
 
 def _verdict(of_row: DataFrame) -> str:

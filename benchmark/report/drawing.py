@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from PIL.PngImagePlugin import PngInfo
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
@@ -138,7 +137,5 @@ def check_ending(path: Path | None, endings: Sequence[str] = (".png",)) -> None:
 
 
 def save_png(image: Image.Image, path: Path) -> None:
-    """Write a PNG without date, with the names of the shapes that a sheet shows."""
-    text = PngInfo()
-    text.add_itxt("shapes", image.info.get("shapes", ""))
-    write_atomically(path, lambda file: image.save(file, format="PNG", optimize=True, pnginfo=text))
+    """Write a PNG."""
+    write_atomically(path, lambda file: image.save(file, format="PNG", optimize=True))

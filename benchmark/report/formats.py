@@ -169,17 +169,11 @@ def latex(view: TableView) -> str:
     head = [latex_row("", *map(_spread, groups), ""), rules, latex_row("", *MEASURES * n_groups, "s")]
     columns = f"{titles}{scores}w{{r}}{{1.4em}}"
     notes = " ".join(table_notes(view)[:-1])  # the last one is for those who have the suite
-    return latex_table(view.caption, view.stem.removeprefix("table-"), columns, [*head, *body], notes, environment)
-
-
-def latex_table(
-    caption: str, label: str, columns: str, body: Sequence[str], notes: str, environment: str = "table"
-) -> str:
-    """Return a table as LaTeX: its texts, and its columns and rows, which are LaTeX already."""
     return "\n".join([
         "% needs array and booktabs", rf"\begin{{{environment}}}", r"\centering",
-        rf"\caption{{{latex_text(caption)}.}}", rf"\label{{tab:{label}}}", r"\scriptsize\setlength{\tabcolsep}{1.7pt}",
-        rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}", r"\toprule", *body, r"\bottomrule", r"\end{tabular}",
+        rf"\caption{{{latex_text(view.caption)}.}}", rf"\label{{tab:{view.stem.removeprefix('table-')}}}",
+        r"\scriptsize\setlength{\tabcolsep}{1.7pt}", rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}", r"\toprule",
+        *head, *body, r"\bottomrule", r"\end{tabular}",
         rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {latex_text(notes)}}}",
         rf"\end{{{environment}}}",
     ]) + "\n"  # fmt: skip

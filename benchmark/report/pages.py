@@ -5,16 +5,14 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from itertools import chain, product
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader
 from numpy.typing import NDArray
-from pandas import DataFrame
 from plotly.offline import get_plotlyjs
 from scipy.spatial import cKDTree
 
@@ -27,7 +25,7 @@ from benchmark.report import figures
 from benchmark.report.drawing import OBLIQUE, PALETTE, shaded, webp
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import BLOCKS, blocks, hundredths
-from benchmark.report.forms import Drawn, StoredForms, thumbnail
+from benchmark.report.forms import Drawn, StoredForms, Watch, thumbnail
 from benchmark.report.frames import changed, file_name
 from benchmark.report.notes import leads, table_notes
 from benchmark.report.statistics import INTERVALS
@@ -36,18 +34,6 @@ from benchmark.text import clean, say
 
 #: Pages of a table by the end of their name.
 KINDS = {"": "Scores", "-forms": "Forms", "-queries": "Queries"}
-
-#: What the charts of a table show, in their order on its page.
-CHARTS = {
-    "classes": f"Mean {MEASURE} of each class, from the hardest class to the easiest",
-    "scores": f"{MEASURE} with intervals ({INTERVALS}); dashed: a random order, hollow: the paper. "
-    "Full circles of seconds (log scale): no row is both faster and better",
-    "map": "Shapes, so far apart as the order of their distances says, with lines to the middle of their class; a "
-    "ring: the nearest match is of another class. A click on a point leads to its query. Maps of two "
-    "methods have nothing in common but their shapes: only compare distances within one",
-    "precision-recall": "Precision over recall, mean over all queries; a refused shape finds nothing",
-    "paper": "Our scores over those of the paper",
-}
 
 #: Groups of the columns of the overview.
 GROUPS = ("Complete surfaces", "One depth view", "View against surfaces")
@@ -80,12 +66,15 @@ class Pages:
         Reader of the forms of a results folder.
     views
         The tables.
+    watch
+        Shows how far spreads of forms are computed, in pairs; None to show only those that are kept.
     files
         Contents by name.
     """
 
     forms: StoredForms
     views: Sequence[TableView]
+    watch: Watch | None
     files: dict[str, str | bytes] = field(default_factory=dict)
 
     def add(self, name: str, template: str, title: str, views: Iterable[TableView], **content: Any) -> None:
@@ -110,7 +99,9 @@ class Pages:
         return file
 
 
-def report_files(results: Path, views: Sequence[TableView], data_root: Path | None = None) -> dict[str, str | bytes]:
+def report_files(
+    results: Path, views: Sequence[TableView], data_root: Path | None = None, watch: Watch | None = None
+) -> dict[str, str | bytes]:
     """Return the files of a report by name.
 
     Parameters
@@ -121,8 +112,10 @@ def report_files(results: Path, views: Sequence[TableView], data_root: Path | No
         The tables.
     data_root
         Folder of the official data sets, whose cameras say which side of a shape is up.
+    watch
+        Shows how far spreads of forms are computed, in pairs; None to show only those that are kept.
     """
-    pages = Pages(StoredForms(results, data_root), views)
+    pages = Pages(StoredForms(results, data_root), views, watch)
     pages.files |= {name: fixed_file(name) for name in ("style.css", "table.css", "report.js")}
     listed = [_add_table(pages, view) for view in views if pages.main(view) is view]
     content = {"kinds": {}, "stem": "index", "matrix": _matrix(pages, views)}
@@ -141,7 +134,9 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     forms = [found for facet in facets if (found := _forms(pages, facet))]
     queries = [found for facet in facets if (found := _queries(pages, facet))]
     of_angles = [other for other in pages.views if pages.main(other) is view]
-    scores = _scores(view, forms, queries) | {"charts": _charts(pages, facets)}
+    scores = _scores(view, forms, queries)
+    scores["classes"] = [(facet.columns[0].title, figures.class_means(facet)) for facet in facets]
+    scores["maps"] = {facet.columns[0].title: name for facet in facets if (name := _map(pages, facet))}
     for row in view.printed_rows:
         if (anchor := file_name(row.method)) not in scores["pictures"]:
             published = thumbnail(pages.forms.folder, view.dataset, row.method)
@@ -231,40 +226,6 @@ def _scores(view: TableView, forms: Sequence[Any] = (), queries: Sequence[Any] =
     }
 
 
-def _charts(pages: Pages, facets: Sequence[TableView]) -> dict[str, list[tuple[str, list[str]]]]:
-    """Add the charts of the columns of a table as files, and return descriptions and files by heading."""
-    shown: dict[str, list[tuple[str, list[str]]]] = {}
-    for (kind, says), facet in product(CHARTS.items(), facets):
-        with suppress(ConfigurationError):  # distances, or scores of the paper, may not be there
-            figure, title = figures.CHARTS[kind](facet, pages.forms), facet.columns[0].title
-            name = f"charts/{facet.stem}-{kind}-{file_name(title.replace(' ', '-'))}"
-            files = [name + ending for ending in (".svg", ".pdf", ".csv")[: 3 - (kind in ("map", "paper"))]]
-            queries = f'<a xlink:href="../{facet.stem}-queries.html#{file_name(title)}-'
-            svg, pdf = (figures.encode(figure, file[-4:]) for file in files[:2])
-            svg = svg.replace(b'<a xlink:href="#', queries.encode()).replace(b'target="_blank"', b'target="_top"')
-            pages.files |= {files[0]: svg, files[1]: pdf}
-            pages.files |= {file: _numbers(facet, pages.forms, kind).to_csv(float_format="%.6g") for file in files[2:]}
-            column = f", {title}" * (len(facets) > 1)
-            shown.setdefault(kind.capitalize(), []).append((f"{says}{column}.", files))
-    return shown
-
-
-def _numbers(view: TableView, forms: StoredForms, kind: str) -> DataFrame:
-    """Return the numbers of a chart: means of classes, precision by recall, or scores with intervals and seconds."""
-    if kind == "classes":
-        return figures.class_means(view)
-    if kind == "precision-recall":
-        curves = {row.title: curve for row, curve in figures.precision_recall(view, forms)}
-        return DataFrame(curves, index=figures.RECALLS).rename_axis("recall")
-    rows = [
-        [row.title, name, one.means[name], *one.intervals[name], view.paper.get(row.method, {}).get(name), row.seconds]
-        for row, one in figures.shown_rows(view)
-        for name in MEASURES
-    ]
-    names = ["method", "measure", "score", "low", "high", "paper", "seconds"]
-    return DataFrame(rows, columns=names).set_index("method")
-
-
 # Forms and queries ---------------------------------------------------------------------------------------------------
 
 
@@ -281,7 +242,7 @@ def _forms(pages: Pages, view: TableView) -> dict[str, Any]:
     if not first or not rows:
         return {}
     rows.insert(0, ("Shape", "shape", [_form(pages, first, shape, "", forms.shape(first, shape)) for shape in shapes]))
-    title, spread = view.columns[0].title, figures.spread_rows(view, forms)
+    title, spread = view.columns[0].title, figures.spread_rows(view, forms, pages.watch)
     return {"title": title, "shapes": shapes, "rows": rows, "spread": spread}
 
 
@@ -401,6 +362,19 @@ def _outcome(
     first = nearest.get(number, ())[:1]
     is_hit = any(record.sides[-1].labels[match] == record.labels[number] for match, *_ in first)
     return (number in nearest) + is_hit, record.per_query[MEASURE][number] or 0.0
+
+
+def _map(pages: Pages, view: TableView) -> str:
+    """Add the map of a column as a file whose points lead to queries, and return its name; "" without distances."""
+    name, title = f"{view.stem}-map-{file_name(view.columns[0].title.replace(' ', '-'))}.svg", view.columns[0].title
+    try:
+        svg = figures.encode(figures.map_figure(view, pages.forms), ".svg")
+    except ConfigurationError:
+        return ""
+    address = f'<a xlink:href="{view.stem}-queries.html#{file_name(title)}-'
+    svg = svg.replace(b'<a xlink:href="#', address.encode())
+    pages.files[name] = svg.replace(b'target="_blank"', b'target="_top"')
+    return name
 
 
 def _title(view: TableView) -> str:

@@ -1,55 +1,42 @@
-"""Pages of a report, figures and sheets, from records alone and from stored forms."""
+"""Pages of a report, and figures, from records alone and from stored forms."""
 
 import io
 import json
-import os
 import re
 import shutil
 from collections import Counter
 from html.parser import HTMLParser
-from itertools import product
-from pathlib import Path
 
 import msgspec
 import numpy as np
 import pytest
 from PIL import Image
 
-from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.datasets.catalogue import open_dataset
-from benchmark.errors import ConfigurationError, InvalidMesh
+from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.records import Ranked
-from benchmark.reference.paper import MEASURES, PRINTED
 from benchmark.report.drawing import shaded
 from benchmark.report.figures import (
     COLOURS,
     GREY,
-    RECALLS,
     WIDTH,
-    _precision,
-    classes_figure,
+    class_means,
     effect_records,
     forms_figure,
     map_figure,
-    paper_figure,
-    precision_recall,
     save,
-    scores_figure,
+    some_shapes,
 )
 from benchmark.report.forms import StoredForms
 from benchmark.report.output import write_files
 from benchmark.report.pages import _nearest, report_files
-from benchmark.report.sheets import contact_sheet, frame_picture, mesh_picture, spread
+from benchmark.report.sheets import frame_picture, mesh_picture
 from benchmark.report.tables import table_views
-from benchmark.text import DATA_VARIABLE
 from tests.report.records import by_class, failed, record
 from tests.report.test_formats import HOSTILE
 from tests.toy import rod
 from tools.publish import write_thumbnails
-
-FIGURES = Path(__file__).parents[2] / "results" / "figures"
 
 
 def luminance(colour):
@@ -94,16 +81,17 @@ def read(folder):
     return found
 
 
-def test_records_alone_make_a_page_that_says_how_to_make_forms_and_a_chart_for_each_input(tmp_path):
+def test_records_alone_make_a_page_that_says_how_to_make_forms_and_has_the_classes_of_each_input(tmp_path):
     found = pages(tmp_path, record(), record("learned", input_="view"), failed("fell", "it <b>fell</b>"))
     assert found.keys() == {"index.html", "table-rods.html"}
     page = found["table-rods.html"]
     assert "it &lt;b&gt;fell&lt;/b&gt;" in page
     assert page.count("python -m benchmark run -d rods") == 1
-    for chart, ending in product(("scores-mesh", "scores-view", "classes-mesh"), ("svg", "pdf", "csv")):
-        assert f'href="charts/table-rods-{chart}.{ending}"' in page
-    view = (tmp_path / "report" / "charts" / "table-rods-scores-view.csv").read_text().splitlines()
-    assert view[1] == '"Depth network, 128 px",NN,0.75,0.75,0.75,,1.5'
+    assert [page.count(f"<h2>Classes, {title}</h2>") for title in ("mesh", "view")] == [1, 1]
+    of_view = page[page.index("Classes, view") :]
+    assert re.findall(r'<th scope="row">(.*?)</th>.*?--part: (\d+)%">(.*?)<', of_view) == [
+        ("Depth network, 128 px", "70", ".70")
+    ]
 
 
 def test_a_table_has_one_score_a_cell_with_what_it_is_sorted_by_its_interval_and_the_papers_score(tmp_path):
@@ -115,7 +103,7 @@ def test_a_table_has_one_score_a_cell_with_what_it_is_sorted_by_its_interval_and
     cells = re.findall(r"<td ([^>]*)>([.\d]*)(.*?)</td>", row, re.DOTALL)
     assert [score for _, score, _ in cells] == [*[".71", ".52", ".72", ".76", ".47", ".50", ".60", ".70"], "", "1.5"]
     assert cells[4][0] == 'class="" data-value="0.46875"'
-    assert re.fullmatch(r'class="range form" title="DCG .70, 95 %: .\d+ to .\d+; paper .76"', cells[8][0])
+    assert re.fullmatch(r'class="range form" title="DCG .70, nominal 95 %: .\d+ to .\d+; paper .76"', cells[8][0])
     assert [svg.count('class="paper"') for *_, svg in cells] == [0] * 8 + [1, 0]
     assert cells[9][0] == 'data-value="1.5"'
 
@@ -169,8 +157,7 @@ def test_turned_views_are_columns_of_the_table_of_unturned_ones(tmp_path):
         ]
 
 
-def test_hostile_names_are_text_on_pages_and_in_names_of_files(tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmark.report.pages.CHARTS", {})  # which take most of the time
+def test_hostile_names_are_text_on_pages_and_in_names_of_files(tmp_path):
     names = [name for name in HOSTILE if not re.search(r"[\x00-\x1f]", name)]  # records refuse the others
     records = [
         made for name in names for made in (record(dataset=name, title=name), failed("fell", name, dataset=name))
@@ -296,7 +283,7 @@ def test_pages_of_400_shapes_are_small(tmp_path):
 def test_figures_have_fonts_that_publishers_take(results, tmp_path):
     view = table_views(results.records)[0]
     forms = StoredForms(results.folder)
-    figures = [scores_figure(view), map_figure(view, forms), forms_figure(view, forms)[0]]
+    figures = [map_figure(view, forms), forms_figure(view, forms)[0]]
     for number, figure in enumerate(figures):
         save(figure, tmp_path / f"{number}.pdf")
         data = (tmp_path / f"{number}.pdf").read_bytes()
@@ -307,61 +294,15 @@ def test_figures_have_fonts_that_publishers_take(results, tmp_path):
         forms_figure(few, forms)
 
 
-def test_precision_counts_refused_shapes_among_the_queries_and_the_relevant():
-    matrix = np.array([[0, 1, 2, 3], [1, 0, 3, 2], [2, 3, 0, 1], [3, 2, 1, 0]], dtype=float)
-    whole = _precision(record(labels=["a", "a", "b", "b"]), matrix)
-    assert whole == pytest.approx(np.ones(len(RECALLS)))
-    refused = record(labels=["a", "a", "a", "b", "b"], unsupported=[("a2", "too thin")])
-    # Queries a0 and a1 find one of two; a2 finds nothing: at recall .5 and below 4 of 5 queries have precision 1.
-    assert _precision(refused, matrix)[RECALLS <= 0.5] == pytest.approx(0.8)
-    assert _precision(refused, matrix)[RECALLS > 0.5] == pytest.approx(0.4)
-
-
-def test_rows_are_full_circles_of_seconds_where_none_is_faster_and_better(monkeypatch):
-    monkeypatch.setattr("benchmark.report.figures.MEASURE", "NN")
-    rows = {"slow": (9.0, 0.5), "best": (3.0, 0.9), "fast": (4e-5, 0.1), "worse": (4.0, 0.4)}
-    records = [record(name, nn, seconds={"canonicalise": seconds}) for name, (seconds, nn) in rows.items()]
-    scores, seconds = scores_figure(table_views(records)[0]).axes
-    names = [text.get_text() for text in scores.get_yticklabels()]
-    shown = {names[int(of.get_ydata()[0])]: (of.get_xdata()[0], of.get_marker(), of.get_mfc()) for of in seconds.lines}
-    blue = COLOURS["form"]
-    expected = {
-        "Slow": (9.0, "o", "none"),
-        "Worse": (4.0, "o", "none"),
-        "Best": (3.0, "o", blue),
-        "Fast": (0.001, "<", blue),
-    }
-    assert shown == expected  # what takes less than a millisecond is not measured
-
-
-def test_the_papers_scores_are_hollow_marks_and_lie_in_a_band_beside_ours():
-    names = "gps", "skeleton", "learned"
-    view = table_views(record(name, 0.7, dataset="tosca") for name in names)[0]
-    marks = [line for line in scores_figure(view).axes[0].lines if line.get_marker() == "D"]
-    assert [(line.get_xdata()[0], line.get_markerfacecolor()) for line in marks] == [(0.84, "none"), (0.76, "none")]
-    points = [line.get_xydata().tolist() for line in paper_figure(view).axes[0].lines]
-    ours = view.printed_rows[0].scored["ours"].means
-    assert points == [[[PRINTED["III"][row][name], ours[name]] for row in names[:2]] for name in MEASURES]
-    with pytest.raises(ConfigurationError, match="the paper has no scores of two rows"):
-        paper_figure(table_views(record(name, 0.7, dataset="tosca") for name in names[::2])[0])
-
-
-def test_classes_of_fewer_than_five_shapes_have_no_curve_of_precision(monkeypatch):
-    monkeypatch.setattr("benchmark.report.figures.read_distances", lambda folder, one: np.ones((len(one.shapes),) * 2))
-    for size, count in ((4, 0), (5, 1)):
-        view = table_views([record(labels=[*"a" * size, *"bbbbb"])])[0]
-        assert len(precision_recall(view, StoredForms(None))) == count
-
-
 def test_colours_of_marks_have_a_contrast_of_three_with_white():
     for colour in (*COLOURS.values(), GREY):
         assert 1.05 / (luminance(colour) + 0.05) >= 3, colour
 
 
-def test_networks_of_views_are_in_charts_beside_rows_of_complete_surfaces():
+def test_networks_of_views_stand_beside_rows_of_complete_surfaces():
     view = table_views([record(), record("learned", input_="view")])[0]
     titles = ["GPS", "Depth network, 128 px, view"]
-    assert [text.get_text() for text in classes_figure(view).axes[0].get_yticklabels()] == titles
+    assert list(class_means(view).index) == titles
     assert list(effect_records(view)) == titles
 
 
@@ -369,9 +310,9 @@ def test_classes_stand_from_the_hardest_to_the_easiest(monkeypatch):
     monkeypatch.setattr("benchmark.report.figures.MEASURE", "NN")
     values = {"owl": 0.25, "cat": 0.5, "dog": 1.0}
     rows = [record("gps", by_class(values))]
-    (place,) = classes_figure(table_views(rows)[0]).axes
-    assert [text.get_text() for text in place.get_xticklabels()] == ["owl", "cat", "dog"]
-    assert place.images[0].get_array().tolist() == [[0.25, 0.5, 1.0]]
+    means = class_means(table_views(rows)[0])
+    assert list(means) == ["owl", "cat", "dog"]
+    assert means.to_numpy().tolist() == [[0.25, 0.5, 1.0]]
 
 
 def test_a_map_has_shapes_apart_as_their_distances_say_and_a_ring_at_those_whose_match_is_wrong(monkeypatch):
@@ -410,38 +351,8 @@ def test_the_nearer_of_two_surfaces_is_drawn():
     assert (picture[0, 0] == 255).all()
 
 
-# Sheets --------------------------------------------------------------------------------------------------------------
-
-
-def shapes(n_classes=3, n_poses=4, broken=()):
-    entries = tuple(Entry(f"s{c}-{p}", f"s{c}", str(p)) for c in range(n_classes) for p in range(n_poses))
-
-    def load(entry):
-        if entry.identifier in broken:
-            raise InvalidMesh("it has no faces", "repair it")
-        return rod(0.1, 0.5 + int(entry.pose))
-
-    return ShapeSet(name="rods", shapes=entries, load=load, key=lambda entry: entry.identifier)
-
-
-def test_a_sheet_shows_each_subject_and_greys_out_what_cannot_be_read():
-    assert contact_sheet(shapes(3))[0].height > contact_sheet(shapes(2))[0].height
-    assert [line.partition(":")[0] for line in contact_sheet(shapes(broken={"s2-0"}))[1]] == ["s2-0"]
-
-
-@pytest.mark.parametrize("name", ["animals", "people", "tosca"])
-def test_committed_sheets_have_the_size_and_the_shapes_of_those_that_are_drawn(name, monkeypatch):
-    if name == "tosca" and not os.environ.get(DATA_VARIABLE):
-        pytest.skip("TOSCA is not here")
-    monkeypatch.setattr("benchmark.report.sheets._pictures", lambda shapes, entries: ({}, []))
-    drawn, _ = contact_sheet(open_dataset(name, Path(os.environ.get(DATA_VARIABLE, "."))))
-    committed = Image.open(FIGURES / f"sheet-{name}.png")
-    assert (committed.size, committed.text["shapes"]) == (drawn.size, drawn.info["shapes"])
-
-
-def test_some_of_many_are_spread_evenly():
-    assert spread(range(10), 4) == [0, 3, 6, 9]
-    assert spread([1], 4) == [1]
+def test_some_shapes_of_some_classes_are_evenly_spaced():
+    assert some_shapes(record(), 2, 3) == ["cat0", "cat1", "cat3", "owl8", "owl9", "owl11"]
 
 
 def test_a_form_is_drawn_turned_as_its_shape_in_the_colours_of_its_parts():
