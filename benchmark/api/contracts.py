@@ -259,7 +259,8 @@ class Shape:
         """
         from benchmark.geometry import geodesics
 
-        compute = lambda: read_only(geodesics.rounded(geodesics.all_pairs(self.mesh, solver)))  # noqa: E731
+        # A view of an array that is read-only cannot be made writable.
+        compute = lambda: read_only(geodesics.rounded(geodesics.all_pairs(self.mesh, solver))).view()  # noqa: E731
         matrix: FloatArray = self.compute_once(Solver(solver), compute)
         return matrix
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import pickle
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -59,13 +58,11 @@ def _same(expected: FloatArray, answer: FloatArray, hint: str, tolerance: float 
     return f"relative difference {difference:.1e}"
 
 
-def _same_form(
-    expected: FloatArray, answer: FloatArray, hint: str, factor: float = 1.0, *, mirrored: bool = False
-) -> str:
-    """Compare two answers up to rigid motions, and ``mirrored`` up to reflections; the second is scaled by a factor."""
+def _same_form(expected: FloatArray, answer: FloatArray, hint: str, factor: float = 1.0) -> str:
+    """Compare two answers up to rigid motions; the second is scaled by a factor."""
     if expected.shape != answer.shape:
         raise Failed(f"{answer.shape} instead of {expected.shape}: {hint}")
-    if not mirrored and _is_mirror_image(expected, answer):
+    if _is_mirror_image(expected, answer):
         raise Failed(f"gives the mirror image of the form: {hint}; choose its side by benchmark.api.oriented")
     return _same(factor * _invariants(expected), _invariants(answer), hint, SYMMETRY_TOLERANCE)
 
@@ -174,24 +171,6 @@ def _repeatable(case: Case) -> str:
     return "the same whatever was processed before"
 
 
-def _input_untouched(case: Case) -> str:
-    shape = case.shape()
-
-    def content() -> dict[str, bytes]:
-        laplacian = shape.laplacian()
-        parts = {
-            "vertices": shape.mesh.vertices, "faces": shape.mesh.faces, "geodesics": shape.geodesics(),
-            "Laplacian": laplacian.stiffness, "vertex areas": laplacian.mass, "depth": shape.depth,
-        }  # fmt: skip
-        return {name: pickle.dumps(part) for name, part in parts.items()}
-
-    before = content()
-    case.answer(shape)
-    if changed := [name for name, part in content().items() if part != before[name]]:
-        raise Failed(f"changes the {', '.join(changed)} of the shape; work on a copy")
-    return "mesh, geodesics and Laplacian are unchanged"
-
-
 def _seed(case: Case) -> str:
     if not case.is_random:
         hint = "the answer depends on the name or the seed of the shape; use neither, or declare deterministic=False"
@@ -228,23 +207,6 @@ def _motion(case: Case) -> str:
             raise Skipped("declares that it undoes motions only if a pose is well defined")
     motion = lambda mesh: mesh.with_vertices(factor * mesh.vertices @ _ROTATION.T + [0.7, -1.1, 0.4])  # noqa: E731
     return _unchanged(case, motion, hint)
-
-
-def _mirror(case: Case) -> str:
-    _require_comparable(case)
-    if case.reference.ndim == 1 or case.component.learns:
-        raise Skipped("a descriptor or a learned form may distinguish mirror images")
-    mirrored, deviation = set(), ""
-    for bend in BENDS:
-        shape = case.shape(bend)
-        image = Mesh(shape.mesh.vertices * [-1.0, 1.0, 1.0], shape.mesh.faces[:, ::-1])
-        before, after = case.answer(shape), case.answer(case.shape(bend, mesh=image))
-        hint = "gives a mirrored shape another form; break ties by geometry"
-        deviation = _same_form(before, after, hint, mirrored=True)
-        mirrored.add(_is_mirror_image(before, after))
-    if len(mirrored) > 1:
-        raise Failed("mirrors some shapes and not others; let the form determine its handedness, or keep the shape's")
-    return f"{'the mirrored form' if True in mirrored else 'the same form'}, {deviation}"
 
 
 def _scale(case: Case) -> str:
@@ -311,7 +273,6 @@ def checks_of(component: Component) -> dict[str, Callable[[Case], str]]:
     if component.kind == "scorer":
         return {**answers, **surfaces, "dissimilarities": _dissimilarities, "awkward shapes": _awkward}
     learned = {"training": _training} if component.learns else {}
-    used = {"input untouched": _input_untouched, "seed": _seed}
-    changed = {**surfaces, "mirror": _mirror, "scale": _scale, "awkward shapes": _awkward}
+    changed = {"seed": _seed, **surfaces, "scale": _scale, "awkward shapes": _awkward}
     compared = {"dissimilarities": _dissimilarities} if component.describes else {}
-    return {**learned, **answers, **used, **changed, **compared}
+    return {**learned, **answers, **changed, **compared}

@@ -298,25 +298,6 @@ def check(
     return not outcomes["failed"]
 
 
-@cli.command(cls=shared.Verb)
-def new(
-    kind: Annotated[str, Argument(metavar="KIND")],
-    name: Annotated[str, Argument(metavar="NAME")],
-) -> None:
-    """Write a plugin file that works, and its test.
-
-    KIND is method; for other kinds copy a file of examples/.
-    """
-    from benchmark.new import new_method
-
-    if kind != "method":
-        raise ConfigurationError(f"there is no template for a {kind}", "copy the one in examples/")
-    paths = new_method(name)
-    for path in paths:
-        say(path)
-    say(f"next: edit it, then 'python -m benchmark check {paths[0]}'", err=True)
-
-
 @verb("plugins", "results", "data_root")
 def train(
     selection: Selection,

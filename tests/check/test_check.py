@@ -41,10 +41,6 @@ def spectral(shape):
 """
 FORM = "def canonicalise(self, shape):\n        x = shape.mesh.vertices\n        "
 RIGHT = FORM + "return shape.form(x)"
-LEANS = (
-    "y = x - x.mean(axis=0)\n        if y.var() > 0.14 / 3:\n            y = y @ np.linalg.eigh(y.T @ y)[1]\n"
-    "            y = y * np.sign((y**3).sum(axis=0))\n        return shape.form(y)"
-)
 DESCRIBE = "def describe(self, shape):\n        x = shape.mesh.vertices\n        "
 SPREAD = "return np.array([shape.geodesics().std(), shape.source_area])"
 DISTANCES = (
@@ -97,7 +93,7 @@ def findings(component: Component, only: str = "") -> dict[str, Finding]:
 def test_a_right_method_passes_every_check(tmp_path):
     found = findings(written(tmp_path / "tried.py", info="cite='@misc{me,\\n  title = {A}}'"))
     assert {finding.outcome for finding in found.values()} == {"ok"}
-    assert len(found) == 10
+    assert len(found) == 8
     assert found["citation"].explanation == "cites me"
 
 
@@ -117,7 +113,7 @@ FAULTS = [
     ("answer", FORM + "return topp", "", r"^tried.py:40: NameError: name 'topp' is not defined$"),
     ("answer", FORM + "sys.exit(3)", "", r"^tried.py:40: SystemExit: 3$"),
     ("answer", DESCRIBE + "return [1.0, 1j]" + DISTANCES, "", "type complex128; return a vector"),
-    ("input untouched", FORM + WRITES, "", "changes the geodesics of the shape"),
+    ("answer", FORM + WRITES, "", "cannot set WRITEABLE flag"),
     ("answer", FORM + "shape.seed = 7\n        return shape.form(x)", "", "work on a copy"),
     ("repeatable", FORM + COUNTS.format("len(CALLS)"), "", "two runs on one shape differ; draw from .*, keep no state"),
     (
@@ -135,8 +131,6 @@ FAULTS = [
     *(("relabelling", FORM + f"return shape.form({signs})", "", "mirror image") for signs in SIGNED),
     ("rigid motion", FORM + f"return shape.form({PLACED})", "", "mirror image of the form: .*api.oriented"),
     ("rigid motion", FORM + "return shape.form(x * [1, 1, 2])", "", "position of the shape in space"),
-    ("mirror", FORM + LEANS, "", "mirrors some shapes and not others"),
-    ("mirror", FORM + "return shape.form(x * (2 + np.tanh(np.linalg.det(x[[0, 9, 99]]))))", "", "another form"),
     ("scale", FORM + "return shape.form(x / np.sqrt(shape.mesh.area))", "", "or declare 'invariant'"),
     ("scale", RIGHT, "scale='invariant'", "difference 3.0e.00.* or declare 'equivariant'"),
     ("scale", DESCRIBE + SPREAD + DISTANCES, "scale='invariant'", "or declare 'equivariant'"),
@@ -163,7 +157,7 @@ def test_a_fault_is_found_by_its_check(name, body, info, message, tmp_path):
 
 def test_a_right_descriptor_passes(tmp_path):
     found = findings(written(tmp_path / "tried.py", DESCRIBE + "return [shape.geodesics().std()]" + DISTANCES))
-    assert {name for name, finding in found.items() if finding.outcome != "ok"} == {"mirror"}
+    assert {finding.outcome for finding in found.values()} == {"ok"}
 
 
 def test_a_method_of_depth_images_gets_one_and_may_have_vertices_of_its_own(tmp_path):
@@ -212,7 +206,7 @@ def test_a_fault_of_a_scorer_or_learner_is_found(example, old, new, name, messag
 
 @pytest.mark.parametrize(
     ("body", "limit", "n_ok", "code"),
-    [("while True: time.sleep(0.01)", "3s", 0, 1), ("if len(x) == 3: os.kill(os.getpid(), 11)", "5m", 8, -11)],
+    [("while True: time.sleep(0.01)", "3s", 0, 1), ("if len(x) == 3: os.kill(os.getpid(), 11)", "5m", 6, -11)],
 )
 def test_a_loop_or_a_crash_ends_the_checks_and_says_at_which_line(body, limit, n_ok, code, tmp_path):
     written(tmp_path / "tried.py", FORM + f"{body}\n        return shape.form(x)")

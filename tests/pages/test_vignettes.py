@@ -58,6 +58,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.mark.slow
 def test_your_method_in_the_papers_tables(folder: Path) -> None:
     write_off(folder / "cat1.off", rod(0.06, 1.2))
+    shutil.copy(ROOT / "examples" / "ray_stretch.py", folder)
     walked(folder, "start/first-method")
     assert (folder / "form.off").is_file()
     assert (folder / "report" / "index.html").is_file()
