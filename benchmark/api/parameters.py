@@ -12,24 +12,28 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-import types
 import typing
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from types import NoneType
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
+from msgspec import Meta
 
 from benchmark.errors import ConfigurationError, did_you_mean
 
+_QUOTES = "'\""
 
-@dataclass(frozen=True)
-class Interval:
-    """Finite numbers between two bounds.
+
+def Interval(  # noqa: N802  # it stands in types
+    low: float = -math.inf,
+    high: float = math.inf,
+    closed: Literal["both", "left", "right", "neither"] = "both",
+) -> Meta:
+    """Return the constraint to finite numbers between two bounds.
 
     Parameters
     ----------
@@ -38,25 +42,13 @@ class Interval:
     closed
         Bounds that belong to the interval: ``"both"``, ``"left"``, ``"right"`` or ``"neither"``.
     """
-
-    low: float = -math.inf
-    high: float = math.inf
-    closed: Literal["both", "left", "right", "neither"] = "both"
-
-    def admits(self, value: float) -> bool:
-        """Return whether a number lies inside."""
-        on_bound = self.closed in ("both", "left" if value == self.low else "right")
-        return math.isfinite(value) and (self.low < value < self.high or (value in (self.low, self.high) and on_bound))
-
-    def __str__(self) -> str:
-        low = f"{'of at least' if self.closed in ('both', 'left') else 'above'} {self.low:g}"
-        high = f"{'of at most' if self.closed in ('both', 'right') else 'below'} {self.high:g}"
-        return " and ".join(words for words in (low, high) if "inf" not in words) or "that is finite"
+    lower, upper = "ge" if closed in ("both", "left") else "gt", "le" if closed in ("both", "right") else "lt"
+    bounds: dict[str, Any] = {name: bound for name, bound in ((lower, low), (upper, high)) if math.isfinite(bound)}
+    return Meta(**bounds)
 
 
-@dataclass(frozen=True)
-class Matches:
-    """Text that matches a pattern.
+def Matches(pattern: str, words: str) -> Meta:  # noqa: N802
+    """Return the constraint to text that matches a pattern.
 
     Parameters
     ----------
@@ -65,24 +57,7 @@ class Matches:
     words
         Description of such text.
     """
-
-    pattern: str
-    words: str
-
-    def admits(self, value: str) -> bool:
-        """Return whether a text matches."""
-        return re.fullmatch(self.pattern, value) is not None
-
-    def __str__(self) -> str:
-        return self.words
-
-
-_WORDS: Mapping[Any, str] = {int: "a whole number", float: "a number", str: "a text", bool: "true or false"}
-_UNIONS = (typing.Union, types.UnionType)
-_QUOTES = "'\""
-
-#: Errors raised by a value that does not fit its type.
-_UNFIT = (ValueError, TypeError, OverflowError, msgspec.ValidationError)
+    return Meta(pattern=rf"^(?:{pattern})\Z", description=words)
 
 
 class CheckedParameters:
@@ -126,12 +101,13 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
         annotation, _ = fields[name]
         try:
             values[name] = _fit(annotation, value)
-        except _UNFIT:
+        except (msgspec.ValidationError, TypeError) as error:
+            arguments = typing.get_args(annotation)
             if isinstance(value, str) and typing.get_origin(annotation) is Literal:
-                choices = map(format_value, typing.get_args(annotation))
-                raise did_you_mean(f"{name} of {owner}", value, choices) from None
-            problem = f"'{value}' does not fit {name} of {owner}"
-            raise ConfigurationError(problem, f"write {values_in_words(annotation)}") from None
+                raise did_you_mean(f"{name} of {owner}", value, map(format_value, arguments)) from None
+            words = [of.description for of in arguments if isinstance(of, Meta) and of.description]
+            expected = words[0] if words else re.sub("^Expected |, got .*", "", str(error))
+            raise ConfigurationError(f"'{value}' does not fit {name} of {owner}", f"write {expected}") from None
     return values
 
 
@@ -229,47 +205,24 @@ def split(text: str, separator: str = ",") -> list[str]:
     return parts if text.strip() else []
 
 
-def values_in_words(annotation: Any) -> str:
-    """Describe the values that a type with constraints accepts."""
-    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
-    if origin is Annotated:
-        base, *limits = values_in_words(arguments[0]), *_limits(arguments)
-        return (
-            " and ".join(f"{base} {limit}" if isinstance(limit, Interval) else str(limit) for limit in limits) or base
-        )
-    if origin is Literal:
-        return " or ".join(map(format_value, arguments))
-    if origin in _UNIONS:
-        return " or ".join("none" if kind is NoneType else values_in_words(kind) for kind in arguments)
-    if origin is tuple:
-        count = "values" if Ellipsis in arguments else f"{len(arguments)} values"
-        kinds = set(arguments) - {Ellipsis}
-        return f"{count} in parentheses" + (f", each {values_in_words(*kinds)}" if len(kinds) == 1 else "")
-    return _WORDS.get(annotation) or f"a {getattr(annotation, '__name__', annotation)}"
-
-
-def _limits(arguments: Iterable[Any]) -> list[Interval | Matches]:
-    return [limit for limit in arguments if isinstance(limit, Interval | Matches)]
-
-
 def _fit(annotation: Any, value: Any) -> Any:
-    """Convert a value to a type with constraints; raise an error of ``_UNFIT`` if it does not fit."""
-    origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
-    if origin is Annotated:
-        fitted = _fit(arguments[0], value)
-        if not all(limit.admits(fitted) for limit in _limits(arguments)):
-            raise ValueError
-        return fitted
-    if origin in _UNIONS:
-        for kind in sorted(arguments, key=lambda kind: kind is not NoneType):
-            with suppress(*_UNFIT):
-                return _fit(kind, value)
-        raise ValueError
-    if origin is tuple:
-        parts = _parts(value) if isinstance(value, str) else tuple(value)
-        kinds = arguments[:1] * len(parts) if arguments[-1:] == (Ellipsis,) else arguments
-        return tuple(_fit(kind, part) for kind, part in zip(kinds, parts, strict=True))
-    return _convert(annotation, value)
+    """Convert text or an object to a type with constraints; raise ``ValidationError`` if it does not fit."""
+    given: Any = value.item() if isinstance(value, np.generic) else value
+    if isinstance(given, str):
+        if not given.isprintable():  # it becomes part of names
+            raise msgspec.ValidationError("printable text")
+        if NoneType in typing.get_args(annotation) and given.strip().lower() == "none":
+            return None
+        if typing.get_origin(annotation) is tuple:
+            given = _parts(given)
+    try:
+        fitted = _convert(annotation, given)
+    except msgspec.ValidationError:
+        fitted = _convert(annotation, [*map(_number, given)] if isinstance(given, list) else _number(given))
+    for part in fitted if isinstance(fitted, tuple) else (fitted,):
+        if isinstance(part, float) and not math.isfinite(part):
+            raise msgspec.ValidationError("a finite number")
+    return fitted + 0.0 if isinstance(fitted, float) else fitted  # so that -0.0 is 0.0
 
 
 def _parts(text: str) -> list[str]:
@@ -279,17 +232,12 @@ def _parts(text: str) -> list[str]:
     return [part.strip() for part in split(inner.removesuffix(","))]
 
 
-def _convert(kind: Any, value: Any) -> Any:
-    """Convert text or an object to a type; NaN is rejected, and an integer may be written as 2.0 or 1e3."""
-    value = value.item() if isinstance(value, np.generic) else value
-    if kind in (int, float) and isinstance(value, str):  # Python reads more than JSON: .5, +7, 012
-        value = int(value) if kind is int and value.strip(" +-").isdecimal() else float(value)
-    if kind is NoneType and str(value).lower() == "none":
-        return None
-    is_strict = kind is bool and not isinstance(value, str)
-    if isinstance(value, str) and not value.isprintable():  # it becomes part of names
-        raise ValueError
-    converted = msgspec.convert(value, kind, strict=is_strict, dec_hook=lambda kind, text: kind(text))
-    if converted != converted:
-        raise ValueError
-    return converted + 0.0 if kind is float else converted  # so that -0.0 is 0.0
+def _convert(annotation: Any, given: Any) -> Any:
+    return msgspec.convert(given, annotation, strict=False, dec_hook=lambda kind, text: kind(text))
+
+
+def _number(given: Any) -> Any:
+    """Return the number in a text, also as JSON does not write it: .5, +7, 012; anything else as it is."""
+    with suppress(ValueError):
+        return float(given) if isinstance(given, str) else given
+    return given

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Mapping
+from inspect import cleandoc
 from pathlib import Path
 
 from benchmark.api.learning import CARD, read_card
@@ -15,7 +16,7 @@ from benchmark.protocols.models import MODELS_VARIABLE, model_places, people_tra
 from benchmark.protocols.tables import TABLES
 from benchmark.reference.paper import entry_of, source_of
 from benchmark.registry import Component, by_name, select_one
-from benchmark.registry.names import described, split_name
+from benchmark.registry.names import split_name
 from benchmark.text import clean, say, say_lines, say_table
 
 Rows = list[dict[str, str]]
@@ -134,22 +135,19 @@ def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:
     """Print the details of a method or a scorer."""
     is_scorer = split_name(name)[0] in by_name("scorer", plugins)
     component = select_one(name, plugins, "scorer" if is_scorer else "method")
-    facts, parameters = _facts(component), described(component.load())
-    for parameter in parameters:
-        if parameter["name"] in component.parameters:
-            parameter["chosen"] = format_value(component.parameters[parameter["name"]])
+    facts, cls = _facts(component), component.load()
+    parameters = {name: format_value(value) for name, value in (component.defaults | {**component.parameters}).items()}
     if as_json:
         say_lines(json.dumps({**facts, "parameters": parameters}, indent=1))
         return
     texts = {fact: value if isinstance(value, str) else " and ".join(value) for fact, value in facts.items()}
     say(f"{texts.pop('name')}: {texts.pop('title')}")
     rows = [(f"  {fact}", text) for fact, text in texts.items() if text]
-    rows.append(("  parameters", "" if parameters else "none"))
-    for parameter in parameters:
-        chosen = f", here {parameter['chosen']}" if "chosen" in parameter else ""
-        values = f"{parameter['values']}; default {parameter['default'] or repr('')}{chosen}"
-        rows += [(f"    {parameter['name']}", values), ("", parameter["meaning"])]
-    say_table(rows, whole=(0,))
+    chosen = [f"{name}={text}" for name, text in parameters.items()]
+    say_table([*rows, ("  parameters", ", ".join(chosen) or "none")], whole=(0,))
+    for text in dict.fromkeys(cleandoc(base.__doc__ or "") for base in cls.__mro__ if parameters):
+        if "\nParameters\n" in text:
+            say_lines(f"\n{text}")
 
 
 def _facts(component: Component) -> dict[str, str | list[str]]:

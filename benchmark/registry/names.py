@@ -1,17 +1,14 @@
-"""Parameters as text: names with parameters in brackets, alternatives, and descriptions from docstrings.
+"""Parameters as text: names with parameters in brackets, and alternatives.
 
 ``start=mesh|classic,power=1|2`` stands for four choices.
 """
 
 from __future__ import annotations
 
-import dataclasses
-import inspect
 import itertools
 import re
-from typing import Any
 
-from benchmark.api.parameters import assignments, declared_parameters, format_value, split, values_in_words
+from benchmark.api.parameters import assignments, split
 from benchmark.errors import ConfigurationError
 
 #: Characters with a meaning inside brackets; a text that contains one of them is quoted.
@@ -75,33 +72,3 @@ def _values(name: str, parts: list[str]) -> list[str]:
     if len(texts) > 1 and not all(texts):
         raise ConfigurationError(f"'{name}' has an empty value", "write VALUE|VALUE, or '' for an empty text")
     return [text[1:-1] if len(text) > 1 and text[0] in "'\"" and text[0] == text[-1] else text for text in texts]
-
-
-def described(cls: type[Any]) -> list[dict[str, str]]:
-    """Return name, accepted values, default and meaning of each parameter of a dataclass; none for another class."""
-    meanings: dict[str, str] = {}
-    for base in reversed(inspect.getmro(cls)):
-        meanings |= explained(vars(base).get("__doc__") or "")
-    texts = []
-    for name, (annotation, default) in declared_parameters(cls).items():
-        written = "" if default is dataclasses.MISSING else format_value(default)
-        values = {"values": values_in_words(annotation), "default": written, "meaning": meanings.get(name, "")}
-        texts.append({"name": name, **values})
-    return texts
-
-
-def explained(docstring: str) -> dict[str, str]:
-    """Return the descriptions in the section ``Parameters`` of a numpydoc docstring by name, on one line each."""
-    _, *sections = re.split(r"^(\S.*)\n-{3,} *$", inspect.cleandoc(docstring), flags=re.MULTILINE)
-    section = dict(zip(sections[::2], sections[1::2], strict=True)).get("Parameters", "")
-    texts: dict[str, str] = {}
-    for names, text in re.findall(r"^(\S.*)((?:\n(?: .*)?)*)", section, re.MULTILINE):
-        for name in names.partition(" : ")[0].split(","):
-            texts[name.strip().lstrip("*")] = _plain(" ".join(text.split()))
-    return texts
-
-
-def _plain(text: str) -> str:
-    """Return text without reStructuredText markup."""
-    text = re.sub(r":[a-z]+:`~?([^`]*)`", r"\1", text)
-    return text.replace("``", "").replace('"', "'")
