@@ -14,7 +14,7 @@ import importlib.metadata
 import importlib.util
 import json
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from contextlib import suppress
 from functools import cache, partial
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -63,7 +63,7 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
         If there is no such module, or one of the files is missing or is a folder.
     """
     sources, packages = _closure(target)
-    parts = {path.relative_to(base).as_posix(): _parsed(path).digest for path, base in sources.items()}
+    parts = {_relative(path, base).as_posix(): _parsed(path).digest for path, base in sources.items()}
     for top in sorted(packages):
         parts |= _versions(top)
     start = next(iter(sources))
@@ -132,10 +132,9 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
     sources, packages, pending = {start: base}, set[str](), [start]
     while pending:
         source = pending.pop()
-        for parts in _imported(source, source.relative_to(sources[source]).parent.parts):
+        package = _relative(source, sources[source]).parts[:-1]
+        for parts in _imported(_parsed(source).imports, package):
             top = parts[0]
-            if top in sys.stdlib_module_names or ".".join(parts[:2]) in _WORDS:
-                continue
             is_near = path is not None and top not in FIRST_PARTY and is_beside(top)
             has_sources = is_near or top in FIRST_PARTY or not _versions(top)
             where = base if is_near else _folder_of(top) if has_sources else None
@@ -143,7 +142,7 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
                 packages.add(top)
                 continue
             found = [_locate(where, parts)]
-            if where not in (base, ROOT):  # a package without a version, which may import its modules in any way
+            if where is not ROOT and where not in (base, ROOT):  # a package without a version, which may import its modules in any way
                 found += sorted((where / top).rglob("*.py"))
             for file in found:
                 if file and file not in sources:
@@ -170,22 +169,32 @@ def _folder_of(top: str) -> Path | None:
     return None
 
 
-def _imported(source: Path, package: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
-    """Yield the full names of all modules that a module of a package may import, packages around them included."""
-    for level, module, attribute in _parsed(source).imports:
+@cache
+def _imported(imports: tuple[tuple[int, str, str], ...], package: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+    """Return the full names of the modules that a module of a package may import, and of packages around them."""
+    names = dict[tuple[str, ...], None]()
+    for level, module, attribute in imports:
         around = package[: len(package) - level + 1] if level else ()
         full = (*around, *filter(None, [*module.split("."), attribute]))
-        yield from (full[:count] for count in range(1, len(full) + 1))
+        names |= dict.fromkeys(full[:count] for count in range(1, len(full) + 1))
+    return tuple(
+        name for name in names if name[0] not in sys.stdlib_module_names and ".".join(name[:2]) not in _WORDS
+    )
+
+
+@cache
+def _relative(path: Path, base: Path) -> Path:
+    return path.relative_to(base)
 
 
 def _locate(base: Path, parts: tuple[str, ...]) -> Path | None:
     """Return the file of a module below a folder; that of a user may be new at any time."""
-    return _locate_once(base, parts) if base == ROOT else _find(base, parts)
+    return _locate_once(parts) if base is ROOT else _find(base, parts)
 
 
 @cache
-def _locate_once(base: Path, parts: tuple[str, ...]) -> Path | None:
-    return _find(base, parts)
+def _locate_once(parts: tuple[str, ...]) -> Path | None:
+    return _find(ROOT, parts)
 
 
 def _find(base: Path, parts: tuple[str, ...]) -> Path | None:

@@ -74,7 +74,8 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
         with suppress(OSError):
             Path(importlib.util.cache_from_source(source)).unlink(missing_ok=True)
     remove_kernels(sources)
-    for known in [known for known, module in sys.modules.items() if _file_of(module) in sources]:
+    names = {source.name for source in sources}
+    for known in [known for known, module in sys.modules.items() if _file_of(module, names) in sources]:
         if not is_installed(known):
             del sys.modules[known]
     contents = _contents(target)
@@ -85,9 +86,10 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     return module
 
 
-def _file_of(module: ModuleType) -> Path | None:
-    file = getattr(module, "__file__", None)
-    return Path(os.path.realpath(file)) if file else None
+def _file_of(module: ModuleType, names: set[str]) -> Path | None:
+    """Return the file of a module that has one of some names."""
+    file = getattr(module, "__file__", None) or ""
+    return Path(os.path.realpath(file)) if os.path.basename(file) in names else None  # noqa: PTH119  # of thousands
 
 
 def _unique_name(path: Path) -> str:
