@@ -142,7 +142,7 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
                 packages.add(top)
                 continue
             found = [_locate(where, parts)]
-            if where is not ROOT and where not in (base, ROOT):  # a package without a version, which may import its modules in any way
+            if where is not ROOT and where != base:  # a package without a version may import its modules in any way
                 found += sorted((where / top).rglob("*.py"))
             for file in found:
                 if file and file not in sources:
@@ -177,9 +177,7 @@ def _imported(imports: tuple[tuple[int, str, str], ...], package: tuple[str, ...
         around = package[: len(package) - level + 1] if level else ()
         full = (*around, *filter(None, [*module.split("."), attribute]))
         names |= dict.fromkeys(full[:count] for count in range(1, len(full) + 1))
-    return tuple(
-        name for name in names if name[0] not in sys.stdlib_module_names and ".".join(name[:2]) not in _WORDS
-    )
+    return tuple(name for name in names if name[0] not in sys.stdlib_module_names and ".".join(name[:2]) not in _WORDS)
 
 
 @cache

@@ -23,6 +23,9 @@ from numpy.typing import ArrayLike, NDArray
 #: Number of permutations; sign flips are all tried if they are fewer.
 DRAWS = 9999
 
+#: Permutations whose sums are in memory at a time.
+_AT_A_TIME = 500
+
 #: Significance level of the tests.
 ALPHA = 0.05
 
@@ -126,14 +129,17 @@ def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[n
         return p_values
     first, second = np.array([*combinations(range(n_rows), 2)]).reshape(-1, 2).T
     generator = np.random.default_rng(0)
-    totals = np.zeros((DRAWS, len(first), sums.shape[2]))
-    squares = np.zeros_like(totals)
-    for of_class in sums:
-        permuted = of_class[generator.random((DRAWS, n_rows)).argsort(axis=1)]
-        differences = permuted[:, first] - permuted[:, second]
-        totals += differences
-        squares += differences**2
-    largest = np.sort(_studentised(totals, squares).max(axis=(1, 2), initial=0))
+    orders = np.stack([generator.random((DRAWS, n_rows)).argsort(axis=1) for _ in sums], axis=1)
+    from_first = np.moveaxis(sums - sums[:, :1], 2, 0)  # integers, so that all sums and products are exact
+    largest = np.zeros(DRAWS)
+    for draws in np.split(np.arange(DRAWS), range(_AT_A_TIME, DRAWS, _AT_A_TIME)):
+        rows = from_first[:, np.arange(len(sums))[:, None], orders[draws]]  # (M, draws, classes, rows)
+        totals, products = rows.sum(axis=2), rows.swapaxes(2, 3) @ rows
+        of_row = products.diagonal(axis1=2, axis2=3)
+        squares = of_row[..., first] + of_row[..., second] - 2 * products[..., first, second]
+        statistics = _studentised(totals[..., first] - totals[..., second], squares)
+        largest[draws] = statistics.max(axis=(0, 2), initial=0)
+    largest.sort()
     differences = sums[:, first] - sums[:, second]
     observed = _studentised(differences.sum(axis=0), (differences**2).sum(axis=0))
     p_values[first, second] = (DRAWS - np.searchsorted(largest, observed - _EQUAL) + 1) / (DRAWS + 1)
