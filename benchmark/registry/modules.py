@@ -74,8 +74,8 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
         with suppress(OSError):
             Path(importlib.util.cache_from_source(source)).unlink(missing_ok=True)
     remove_kernels(sources)
-    names = {source.name for source in sources}
-    for known in [known for known, module in sys.modules.items() if _file_of(module, names) in sources]:
+    names, files = {source.name for source in sources}, {source.resolve() for source in sources}
+    for known in [known for known, module in sys.modules.items() if _file_of(module, names) in files]:
         if not is_installed(known):
             del sys.modules[known]
     contents = _contents(target)

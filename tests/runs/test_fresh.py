@@ -81,7 +81,12 @@ def of_the_same_second(folder):
     return folder / "quick.py", "from quick import FACTOR", ""
 
 
-@pytest.mark.parametrize("place", [sub_folder, on_the_path, named_file, of_the_same_second])
+def by_a_link(folder):
+    (folder / "linked.py").symlink_to(folder / "kept.txt")
+    return folder / "kept.txt", "from linked import FACTOR", ""
+
+
+@pytest.mark.parametrize("place", [sub_folder, on_the_path, named_file, of_the_same_second, by_a_link])
 def test_what_a_plugin_imports_is_in_its_key_and_of_today(own, tmp_path, monkeypatch, place):
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     file, imports, info = place(tmp_path)
