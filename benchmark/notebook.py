@@ -18,9 +18,7 @@ from numpy.typing import ArrayLike
 
 from benchmark.api.contracts import CanonicalForm, Input
 from benchmark.depth_forms import form_maker, form_of_surface
-from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.kernels import suite_sources
 from benchmark.machine import available_cores
 from benchmark.registry import select
 from benchmark.text import DATA_VARIABLE, say
@@ -89,7 +87,7 @@ def run(
     Raises
     ------
     ConfigurationError
-        If a name is unknown, a value is invalid, or the code of the suite was edited since Python started.
+        If a name is unknown, or a value is invalid.
     """
     from benchmark.pipeline.data_names import label_data_sets
     from benchmark.report.results import Results
@@ -97,7 +95,6 @@ def run(
     from benchmark.runs.runner import result_of
     from benchmark.runs.runner import run as run_jobs
 
-    _check_suite_is_unedited()
     folder, root = Path(results).absolute(), data_root or os.environ.get(DATA_VARIABLE)
     jobs = plan_selection(
         folder, datasets=[str(name) for name in _listed(data)], methods=_listed(methods),
@@ -162,16 +159,6 @@ def _lines_of_progress() -> Callable[[Any], None]:
             say(f"{state.done}/{state.total} steps, {'; '.join(state.working) or 'starting'}", err=True)
 
     return watch
-
-
-def _check_suite_is_unedited() -> None:
-    import psutil
-
-    started = psutil.Process().create_time() + 1  # which may be a second off
-    for path in suite_sources():
-        status = path.stat()  # an older file that replaces it keeps its time of modification
-        if max(status.st_mtime, status.st_ctime) > started:
-            raise ConfigurationError(f"{path} was edited since Python started", "start Python again")
 
 
 def _listed(values: Any) -> list[Any]:

@@ -118,7 +118,7 @@ def _read(side: Ranked, cache: Cache) -> tuple[dict[int, dict[Kind, Arrays]], di
             arrays = cache.read(kind, key, () if kind == "signatures" else _SURFACES)
             if arrays is None:
                 damaged.append((kind, key))
-                break
+                continue
             stages[kind] = arrays
             if REFUSED in arrays:
                 reasons[index] = kind, "; ".join(filter(None, arrays[REFUSED].tolist()))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import statistics
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -26,7 +25,7 @@ from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, select, select_one
 from benchmark.runs.tasks import CODE, Job, Step, code_of_step
-from benchmark.text import EVERY, clean
+from benchmark.text import EVERY, clean, listed
 
 State = Literal["finished", "failed", "missing", "stale", "incomplete", "unavailable", "unsupported"]
 
@@ -351,18 +350,9 @@ def _state(record: Record | None, key: str, parts: Mapping[str, str]) -> tuple[S
 
 
 def describe_change(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """Say in words which parts of a key changed: ``gps.py changed; numpy 2.3 -> 2.4``; at most three of them."""
-    changed = [name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
-    texts = list(dict.fromkeys(_in_words(name, before.get(name, ""), now.get(name, "")) for name in changed))
-    return "; ".join(texts[:3]) + (f"; and {len(texts) - 3} more" if len(texts) > 3 else "") or "the code changed"
-
-
-def _in_words(name: str, before: str, now: str) -> str:
-    if name.startswith(("its ", "the ")):
-        return f"{name} changed"
-    if re.fullmatch("[0-9a-f]{16}", now or before):  # the digest of a file
-        return f"{Path(name).name} {'changed' if before and now else 'is new' if now else 'is no longer used'}"
-    return f"{name} {before or 'none'} -> {now or 'none'}"
+    """Say which parts of a key changed: ``gps.py, numpy changed``."""
+    changed = [Path(name).name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
+    return f"{listed(dict.fromkeys(changed)) or 'the code'} changed"
 
 
 # Time ----------------------------------------------------------------------------------------------------------------

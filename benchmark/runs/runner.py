@@ -131,14 +131,14 @@ class _Run:
         self.waiting = defaultdict[File, list[Task]](list)
         #: Why shapes remain without a result, by the key of the job.
         self.incomplete = defaultdict[str, list[str]](list)
-        #: Files whose step is tried for the second time, and damaged ones that are made again.
-        self.retried, self.remade = set[File](), set[File]()
+        #: Files whose step is tried for the second time.
+        self.retried = set[File]()
         #: Messages about shapes, by data set.
         self.announced = set[tuple[str, str]]()
 
     def records(self, workers: Any, watch: Callable[[Progress], object]) -> Iterator[tuple[Planned, Record]]:
         """Run the jobs."""
-        self._begin()
+        self._begin(self.jobs)
         total = self._n_left
         for key in [*self.jobs]:
             yield from self._finish(key)
@@ -160,15 +160,15 @@ class _Run:
         """Return the keys of the jobs that a step is done for."""
         return [step.job.key] if step.kind == "records" else self.lacking.get(step.file, [])
 
-    def _begin(self) -> None:
-        """Queue the steps that make the files of all jobs, those of methods behind those that they need."""
+    def _begin(self, keys: Iterable[str], of: File | None = None) -> None:
+        """Queue the steps that make the missing files of jobs, or one file that is tried again, and those they need."""
         exists, steps, needs = cache(Cache(self.results).has), dict[File, Step](), dict[File, File | None]()
-        for key, planned in self.jobs.items():
-            for of_shape in planned.steps():
-                if exists(*of_shape[-1].file):
-                    continue
-                for before, step in zip((None, *of_shape), of_shape, strict=False):
-                    if not exists(*step.file):
+        for key in keys:
+            for of_shape in self.jobs[key].steps():
+                made = [step.file for step in of_shape]
+                n_steps = made.index(of) + 1 if of in made else 0 if of else len(made)
+                for before, step in zip((None, *of_shape), of_shape[:n_steps], strict=False):
+                    if step.file == of or not exists(*step.file):
                         self._need(step.file, key)
                         needs[step.file] = before.file if before and before.file in steps else None
                         steps[step.file] = step
@@ -208,11 +208,12 @@ class _Run:
         """Note an outcome; yield the jobs with their records that have ended."""
         if outcome.status == "stopped":
             raise BenchmarkError(outcome.reason)
-        if outcome.damaged and not self.remade.intersection(outcome.damaged):
-            self._make_again(step, outcome.damaged)
-        elif outcome.status in ("incomplete", "crashed") and outcome.scope != "job" and step.file not in self.retried:
+        if outcome.status in ("incomplete", "crashed") and step.file not in self.retried:
             self.retried.add(step.file)
-            self.queue.add(self._ranking(step.job.key) if step.kind == "records" else Task((step,)), first=True)
+            keys = [key for key in self._jobs_of(step) if key in self.jobs]
+            self._begin(keys, None if step.kind == "records" else step.file)  # a damaged file is no longer there
+            for key in keys:
+                yield from self._finish(key)
         elif outcome.status == "incomplete":
             yield from self._leave(step, outcome)
         elif step.kind != "records" and outcome.status in ("ok", "refused"):
@@ -222,20 +223,6 @@ class _Run:
         else:
             for planned in [self.jobs[key] for key in self._jobs_of(step) if key in self.jobs]:
                 yield planned, self._end(planned, step.shape, outcome)
-
-    def _make_again(self, step: Step, damaged: Sequence[File]) -> None:
-        """Make damaged files of a job again, and then the step that needs them."""
-        key = next(key for key in self._jobs_of(step) if key in self.jobs)
-        makers = {maker.file: maker for of_shape in self.jobs[key].steps() for maker in of_shape}
-        for file in damaged:
-            if file not in self.lacking:
-                self.remade.add(file)
-                Cache(self.results).remove(*file)
-                self.queue.add(Task((makers[file],)))
-            self._need(file, key)
-        if step.kind != "records":
-            self.following[damaged[0]][step.file] = None
-            self._queue(Task((step,)), damaged[0])
 
     def _settle(self, file: File, *, is_made: bool, reason: str = "") -> Iterator[tuple[Planned, Record]]:
         """Note that a file is made, or will not be, nor those that are made from it; end jobs that lack no more."""
@@ -267,15 +254,13 @@ class _Run:
         return Task((planned.ranking(),), planned.record)
 
     def _leave(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
-        """Leave jobs incomplete for a file, for all files of its shape, or altogether."""
+        """Leave jobs incomplete for a file, or for all files of its shape."""
         if step.kind == "prepared" or outcome.scope == "shape":
             self._announce(step, outcome.reason)
         if step.kind == "records":
             self.incomplete[step.job.key].append(outcome.reason)
             yield from self._finish(step.job.key)
             return
-        for key in self.lacking[step.file] if outcome.scope == "job" else ():
-            self.left.get(key, set()).intersection_update({step.file})
         file: File = ("prepared", step.keys["prepared"]) if outcome.scope == "shape" else step.file
         yield from self._settle(file, is_made=False, reason=outcome.reason)
 

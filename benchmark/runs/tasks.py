@@ -151,19 +151,16 @@ class Outcome(NamedTuple):
     reason, traceback
         Why there is no result.
     scope
-        What an outcome without a result holds for: this file, all files of this shape, or the jobs of this file.
+        What an outcome without a result holds for: this file, or all files of this shape.
     content
         Of a ranking: what its record says.
-    damaged
-        Files that it needs and that are missing or damaged.
     """
 
     status: str
     reason: str = ""
     traceback: str = ""
-    scope: Literal["file", "shape", "job"] = "file"
+    scope: Literal["file", "shape"] = "file"
     content: Mapping[str, Any] = {}
-    damaged: tuple[File, ...] = ()
 
 
 class Queue:
@@ -306,10 +303,11 @@ class Work:
         except (StorageError, Unrunnable) as error:
             return Outcome("stopped", str(error))
         except CodeChanged as error:
-            return Outcome("incomplete", str(error), scope="job")
+            return Outcome("incomplete", str(error))
         except DamagedFiles as error:
-            reason = str(Incomplete(f"cannot read the files of {step.shape or 'the gallery'} again"))
-            return Outcome("incomplete", reason, damaged=(*error.files,))
+            for file in error.files:
+                Cache(step.job.results).remove(*file)
+            return Outcome("incomplete", str(Incomplete(f"a file of {step.shape or 'the gallery'} was damaged")))
         except Incomplete as error:
             scope: Literal["shape", "file"] = "shape" if isinstance(error, forms.NoGeodesics) else "file"
             return Outcome("incomplete", f"{step.shape} {error}".strip(), scope=scope)

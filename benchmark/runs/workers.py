@@ -22,6 +22,9 @@ from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 #: Seconds between looks at the workers, and most of them that count between two: a machine may be paused.
 INTERVAL, _LONGEST_INTERVAL = 0.2, 1.0
 
+#: Shapes of any data set.
+_MANY = 10**6
+
 #: Seconds of waiting work for which another process of the same code starts.
 _STARTING = 1.0
 
@@ -64,8 +67,8 @@ class Worker:
         self.process: str | None = None
         #: Work under way that is charged to no method.
         self._uncharged: list[str] = []
-        #: Seconds for a step, those that are left of it, and the times of the last look and of the last message.
-        self._limit = self._left = self._looked = self._begun = 0.0
+        #: Seconds for a step, those that are left of it, and the time of the last look.
+        self._limit = self._left = self._looked = 0.0
 
     @property
     def is_alive(self) -> bool:
@@ -79,7 +82,7 @@ class Worker:
             self._start()
         self.task, self.waiting, self.process = task, deque(task.steps), task.process
         is_of_shape = bool(task.steps[0].shape)  # the camera takes as long as its data set is large
-        self._limit = self._timeout * (len(task.record.shapes) if task.record else 1 if is_of_shape else float("inf"))
+        self._limit = self._timeout * (len(task.record.shapes) if task.record else 1 if is_of_shape else _MANY)
         self._restart_clock()
         with suppress(OSError):  # it has just died; outcomes() says so
             self.connection.send(task)
@@ -102,10 +105,9 @@ class Worker:
     @property
     def elapsed(self) -> float:
         """Seconds since it began what it does; 0 while it starts, loads or compiles."""
-        return time.monotonic() - self._begun if _UNLIMITED.isdisjoint(self._uncharged) else 0.0
+        return max(0.0, self._limit - self._left)
 
     def _restart_clock(self) -> None:
-        self._begun = time.monotonic()
         self._left = self._limit if _UNLIMITED.isdisjoint(self._uncharged) else float("inf")
         self._looked = time.monotonic()
 

@@ -242,10 +242,9 @@ def test_published_lines_are_the_same_bytes_in_any_order(tmp_path):
 def test_changes_are_named():
     before = {"baselines/gps.py": "0" * 16, "numpy": "2.3", "its parameters": "{}", "the data": "1"}
     assert describe_change(before, before | {"baselines/gps.py": "1" * 16}) == "gps.py changed"
-    assert describe_change(before, before | {"numpy": "2.4"}) == "numpy 2.3 -> 2.4"
-    everything = {"baselines/gps.py": "1" * 16, "numpy": "2.4", "its parameters": "{2}", "the data": "2"}
-    assert describe_change(before, everything) == "gps.py changed; its parameters changed; numpy 2.3 -> 2.4; and 1 more"
-    assert describe_change({"a.py": "0" * 16}, {"b.py": "0" * 16}) == "a.py is no longer used; b.py is new"
+    everything = {"baselines/gps.py": "1" * 16, "numpy": "2.4", "its parameters": "{2}", "the data": "2", "scipy": "1"}
+    assert describe_change(before, everything) == "gps.py, its parameters, numpy, 2 more changed"
+    assert describe_change({}, {}) == "the code changed"
 
 
 def test_the_published_records_of_the_suite_are_records(capsys):

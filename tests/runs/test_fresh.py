@@ -117,15 +117,6 @@ def test_a_helper_that_is_written_after_its_import_failed_counts_from_then_on(ow
     assert len({*keys}) == 2
 
 
-def test_the_suite_may_not_be_edited_in_a_session(own, tmp_path, monkeypatch):
-    source = tmp_path / "gps.py"
-    source.touch()
-    os.utime(source, (0, 0))  # an older file that was put in its place
-    monkeypatch.setattr(notebook, "suite_sources", lambda: [source])
-    with pytest.raises(ConfigurationError, match=r"gps.py was edited since Python started; start Python again"):
-        benchmark.run(own, "identity")
-
-
 def test_code_of_the_ranking_that_is_edited_during_a_run_ranks_nothing(own, tmp_path, monkeypatch):
     jobs = planned(own, tmp_path / "results", "identity")
     monkeypatch.setattr("benchmark.runs.tasks.code_of_modules", lambda _: {"retrieval/measures.py": "edited"})
