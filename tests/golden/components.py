@@ -15,8 +15,6 @@ from tests.golden import inputs, stages
 
 #: Differences between processors are below 1e-9 of the size of a form.
 FORMS = 1e-8
-#: Of majorisation in single precision, whose rounding is the same on all processors.
-MAJORISED = 1e-6
 #: Networks were trained, and their golden results computed, in single precision.
 NETWORKS = 1e-5
 #: Distances, and meshes of generators: sums of doubles without cancellation.
@@ -74,11 +72,9 @@ def components() -> Mapping[str, Component]:
 
 
 def _components() -> Iterator[tuple[str, Component]]:
-    majorised = ("least-squares-mds", "non-metric-mds", "constrained-mds", "feature-preserved")
-    looser = dict.fromkeys(majorised, MAJORISED)
     for name, target in METHODS.items():
-        networks = NETWORKS if target.startswith("learned.") else FORMS
-        yield f"method/{name}", Component(partial(_of_method, name), looser.get(name, networks))
+        tolerance = NETWORKS if target.startswith("learned.") else FORMS
+        yield f"method/{name}", Component(partial(_of_method, name), tolerance)
     for name in SCORERS:
         yield f"scorer/{name}", Component(partial(_of_scorer, name))
     raw = {name: (name,) for name in RAW}

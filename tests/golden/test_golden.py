@@ -27,10 +27,6 @@ MOST_ROWS, MOST_INTEGERS = 800, 3000
 #: scale of their own.
 SMALLEST = 1e-3
 
-#: Note of a form with the number of iterations, and the tolerance above which it depends on rounding errors.
-ITERATIONS = "note:iterations"
-EXACT = 1e-5
-
 
 def compute(name: str) -> Arrays:
     """Compute the results of a component, as stored."""
@@ -56,9 +52,6 @@ def reduced(array: NDArray[Any]) -> NDArray[Any]:
 def tolerance(name: str, arrays: Arrays, share: float) -> dict[str, float]:
     """Return the tolerance of an array: a share of its largest value."""
     array = arrays[name]
-    if name.endswith(ITERATIONS) and share > EXACT:
-        arrays[name] = array.astype(float)
-        return {"atol": np.inf}  # rounding errors, which depend on the processor, decide when it ends
     if array.dtype.kind != "f":
         return {}
     unit = np.abs(array[np.isfinite(array)]).max(initial=0.0)
