@@ -8,7 +8,7 @@ import re
 import struct
 import warnings
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -36,6 +36,8 @@ SURFACE = (
 #: Polygons of one size that are split at a time, most corners that are tried, and area of a triangle of a fan that may
 #: look the other way, as a share of the polygon: that of a corner on a side, in single precision.
 _MOST_POLYGONS, _MOST_CORNERS, _FOLDED = 2**16, 500, 1e-6
+
+_NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|(nan|inf).*)", re.ASCII | re.IGNORECASE)
 
 
 def read_mesh(path: Path | str) -> Mesh:
@@ -208,7 +210,8 @@ def _parsed(text: bytes) -> FloatArray:
     except (DeprecationWarning, ValueError) as error:
         if re.search(rb"\d,\d", text):
             raise UnreadableMesh("numbers have decimal commas", "export with LC_NUMERIC=C") from error
-        raise ValueError("expected a number") from error
+        found = [word for word in text.decode("latin-1").split() if not _NUMBER.fullmatch(word)]
+        raise ValueError(f"expected a number, not '{found[0]:.20}'" if found else "expected a number") from error
 
 
 def _is_padding(rest: bytes) -> bool:
@@ -216,14 +219,16 @@ def _is_padding(rest: bytes) -> bool:
     return not rest.strip(b"\0 \t\r\n")
 
 
-def _table(lines: Sequence[bytes]) -> FloatArray:
-    """Parse lines of three numbers or more; lines of different length are cut to three."""
-    widths = {len(line.split()) for line in lines}
-    if min(widths, default=3) < 3:
-        raise ValueError("a line has fewer than three numbers")
-    if len(widths) > 1:
+def _table(lines: Sequence[bytes], widths: Collection[int] = (3,)) -> FloatArray:
+    """Parse lines of as many numbers, of which the first three are returned; a fourth alone is a weight."""
+    found = {len(line.split()) for line in lines}
+    if other := found.difference(widths):
+        raise ValueError(f"a line has {counted(min(other), 'number')}, not {min(widths)}")
+    if 4 in found and (_parsed(b" ".join(row[3] for row in map(bytes.split, lines) if len(row) == 4)) != 1).any():
+        raise ValueError("a line has a fourth number, which is not 1")
+    if len(found) > 1:
         lines = [b" ".join(line.split()[:3]) for line in lines]
-    return _parsed(b" ".join(lines)).reshape(len(lines), 3 if len(widths) != 1 else widths.pop())
+    return _parsed(b" ".join(lines)).reshape(len(lines), 3 if len(found) != 1 else found.pop())[:, :3]
 
 
 def _integers(numbers: NDArray[np.number]) -> IntArray:
@@ -259,7 +264,9 @@ def _seeing_corners(polygons: Points) -> IntArray:
         sides = np.stack(others) - a
         normals = np.cross(sides[:-1], sides[1:])
         whole = normals.sum(axis=0)
-        ahead = ((normals * whole).sum(axis=2) >= -_FOLDED * (whole**2).sum(axis=1)).all(axis=0)
+        square = (whole**2).sum(axis=1)
+        ahead = ((normals * whole).sum(axis=2) >= -_FOLDED * square).all(axis=0)
+        ahead &= square >= _FOLDED * (normals**2).sum(axis=(0, 2))  # of sides that cross, halves cancel
         first[left[ahead]], left = corner, left[~ahead]
         if not len(left):
             break
@@ -281,17 +288,18 @@ def _from_0(corners: IntArray, n_vertices: int, base: int) -> IntArray:
 def read_off(data: bytes, _: Path) -> Arrays:
     """Read Geomview OFF; a vertex may go on with a normal, a colour or a texture, and a face with a colour."""
     text = _text(data).lstrip()
-    header = rb"(?:(?:ST)?C?N?C?OFF)?\s*(\d{1,12})\s+(\d{1,12})(?:[ \t]+\d+)?[ \t]*\n"
+    header = rb"(?:((?:ST)?C?N?C?)OFF)?\s*(\d{1,12})\s+(\d{1,12})(?:[ \t]+\d+)?[ \t]*\n"
     head = re.match(header, text, re.IGNORECASE)
     if not head:
         raise ValueError("it does not begin with OFF and the numbers of vertices and faces")
-    n_vertices, n_faces, body = int(head[1]), int(head[2]), text[head.end() :]
-    if triangles := _triangle_mesh(body, n_vertices, n_faces):
-        return triangles
+    n_vertices, n_faces, body = int(head[2]), int(head[3]), text[head.end() :]
     lines = _lines(body)
+    if len(lines) in (1, n_vertices + n_faces) and (triangles := _triangle_mesh(body, n_vertices, n_faces)):
+        return triangles
     if len(lines) != n_vertices + n_faces:
         raise ValueError(f"{n_vertices} vertices and {n_faces} faces announced, but {len(lines)} lines follow")
-    return _table(lines[:n_vertices])[:, :3], *_counted_polygons(lines[n_vertices:])
+    width = 3 + 3 * (b"N" in (head[1] or b"").upper()) + 2 * (b"S" in (head[1] or b"").upper())
+    return _table(lines[:n_vertices], (width, width + 3, width + 4)), *_counted_polygons(lines[n_vertices:])
 
 
 def _counted_polygons(lines: Sequence[bytes]) -> tuple[IntArray, IntArray]:
@@ -306,7 +314,7 @@ def _counted_polygons(lines: Sequence[bytes]) -> tuple[IntArray, IntArray]:
 
 
 def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> Arrays | None:
-    """Read rows of three for vertices and of four for triangles, whatever the lines; None for anything else."""
+    """Read rows of three for vertices and of four for triangles; None for anything else."""
     try:
         numbers = _parsed(body)
     except ValueError:
@@ -321,13 +329,13 @@ def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> Arrays | None:
 
 def read_obj(data: bytes, _: Path) -> Arrays:
     """Read the vertices and faces of Wavefront OBJ; a negative corner counts back from the latest vertex."""
-    text = _text(data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" "))
+    text = _text(data).replace(b"\\\n", b" ")
     found = {kind: list(re.finditer(rb"(?m)^[ \t]*%s[ \t]+(\S.*)" % kind, text)) for kind in (b"v", b"fo?")}
     vertices, polygons = ([match[1] for match in matches] for matches in found.values())
     if not vertices:
         raise ValueError("there is no line of a vertex, 'v x y z'")
-    if free := re.search(rb"(?m)^[ \t]*(surf|call)[ \t]", text):
-        problem = f"it has lines '{free[1].decode()}', which are not read"
+    if other := re.search(rb"(?m)^[ \t]*(?!(?:%s)(?:[ \t]|$))([^ \t\n]+)" % _OBJ_WORDS, text):
+        problem = f"it has lines '{other[1].decode('ascii', 'backslashreplace'):.20}', which are not read"
         raise UnreadableMesh(problem, "export one file of triangles")
     sizes = np.array([len(polygon.split()) for polygon in polygons], dtype=np.int64)
     indices = _integers(_parsed(re.sub(rb"/\S*", b"", b" ".join(polygons))))
@@ -335,16 +343,15 @@ def read_obj(data: bytes, _: Path) -> Arrays:
     latest = np.repeat(np.searchsorted(np.array(of_vertices), np.array(of_faces, dtype=np.int64)), sizes)
     # One that counts back beyond the first vertex becomes -1.
     corners = np.where(indices < 0, np.where(indices + latest < 0, -1, indices + latest + 1), indices)
-    return _table(vertices)[:, :3], corners, sizes
+    return _table(vertices, (3, 4, 6, 7)), corners, sizes
 
 
 def read_vert_tri(data: bytes, path: Path) -> Arrays:
     """Read the ASCII pair of TOSCA, which counts from 1, unless it names vertex 0."""
     companion = _triangles_beside(path)
+    vertices = _table(_lines(_text(data)))
     with named_errors(companion, "tri file", UnreadableMesh, "fetch it again"):
-        vertices, faces = (_table(_lines(_text(part))) for part in (data, _load(companion)))
-    if vertices.shape[1] != 3 or faces.shape[1] != 3:
-        raise ValueError("a line of the .vert or .tri file has not three numbers")
+        faces = _table(_lines(_text(_load(companion))))
     first, last = int(faces.min()), int(faces.max())
     if first > 0 and last < len(vertices):
         unclear = f"triangles name vertices {first} to {last} of {len(vertices)}, so they may count from 0 or from 1"
@@ -506,6 +513,11 @@ _PLY_TYPES = {
     **{"float": "f4", "double": "f8", "float32": "f4", "float64": "f8"},
     **{f"{name}{8 * size}": f"{name[0]}{size}" for name in ("int", "uint") for size in (1, 2, 4, 8)},
 }
+#: First words of the lines of an OBJ file, but for surfaces of splines (``surf``) and other files (``call``).
+_OBJ_WORDS = (
+    rb"v[tnp]?|fo?|[lpgos]|mg|mtllib|usemtl|usemap|maplib|bevel|[cd]_interp|lod|shadow_obj|trace_obj|"
+    rb"cstype|[cs]tech|deg|bmat|step|curv2?|parm|trim|hole|scrv|sp|end|con"
+)
 _FROM_1 = (".obj", ".mat")
 READABLE: tuple[str, ...] = tuple(_READERS)
 WRITABLE: tuple[str, ...] = (".off", ".obj", ".ply")
