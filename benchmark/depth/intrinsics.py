@@ -19,13 +19,10 @@ from benchmark.geometry.io import named_errors
 
 Rays = NDArray[np.float64]
 
-#: Names of intrinsics files, in the folder of the image or in one of its two parents.
-NAMES = (
-    "camera.json", "camera_info.yaml", "camera_info.yml", "camera_info.json", "depth_camera_info.yaml",
-    "intrinsics.txt", "intrinsics.json", "intrinsics.yaml", "intrinsic.txt", "intrinsic.json",
-    "depthIntrinsics.txt", "depth_intrinsics.txt", "depth_intrinsics.json", "intrinsics_depth.txt",
-    "intrinsic_depth.txt", "camera-intrinsics.txt", "camera_intrinsics.txt", "camera_intrinsic.json", "K.txt",
-)  # fmt: skip
+#: Names of intrinsics files, in the folder of the image or in one of its two parents: not those of colour cameras.
+_NAMES = re.compile(
+    r"(?=.*(camera|intrinsic|\bk\b))((camera|depth|info|intrinsics?|k|matrix)[-_ ]?)+\.(json|txt|ya?ml)", re.IGNORECASE
+)
 
 CENTRAL = (0.4, 0.6)
 """Bounds of the principal point as fractions of width and height, if the intrinsics do not give the image size."""
@@ -166,7 +163,7 @@ def parse_intrinsics(text: str) -> Intrinsics:
 def _number(value: Any) -> float:
     """Return a number; raise ``ValueError`` at texts that Python alone takes, such as ``1_0`` and other scripts."""
     if isinstance(value, bool) or not re.fullmatch(r"[-+.\deEinfa]+", str(value), re.ASCII):
-        raise ValueError(f"'{value:.40}' is no number")
+        raise ValueError(f"'{value!s:.40}' is no number")
     return float(value)
 
 
@@ -193,16 +190,19 @@ def read_intrinsics(path: Path) -> Intrinsics:
         something else that may change where pixels look or what depths mean.
     """
     with named_errors(path, "file of intrinsics", DepthError, _HINT):
-        content = _parsed(text := decode(read_file(path, _LARGEST_FILE)))
-        return _of_mapping(content) if isinstance(content, Mapping) else parse_intrinsics(text)
+        contents = _parsed(text := decode(read_file(path, _LARGEST_FILE)))
+        cameras = {_of_mapping(each) if isinstance(each, Mapping) else parse_intrinsics(text) for each in contents}
+        if len(cameras) > 1:
+            raise DepthError(f"it holds {len(cameras)} different cameras", "keep that of the depth image")
+        return cameras.pop()
 
 
-def _parsed(text: str) -> Any:
-    """Return the content of JSON or of the first document of YAML; None for plain numbers."""
+def _parsed(text: str) -> Sequence[Any]:
+    """Return the content of JSON or of each document of YAML; None for plain numbers."""
     if text.lstrip().startswith("{"):
-        return parse_json(text)
+        return [parse_json(text)]
     if ":" not in text:
-        return None
+        return [None]
     from yaml import AliasEvent, MappingNode, Node, SafeLoader, ScalarNode, load_all  # lazy
 
     class Loader(SafeLoader):  # type: ignore[misc]
@@ -218,12 +218,14 @@ def _parsed(text: str) -> Any:
             self.depth -= 1
             if isinstance(node, ScalarNode) and node.tag.endswith((":int", ":float")):
                 _number(node.value)  # YAML has hexadecimal ones, underscores and sixtieths
+                node.tag = "tag:yaml.org,2002:float"  # and octal ones, with a leading zero
             if isinstance(node, MappingNode):
                 check_different([str(key.value) for key, _ in node.value])
             return node
 
     plain = re.sub(r"(?m)^%.*$|!!opencv-\w+", "", text)
-    return next(iter(load_all(plain, Loader)), None)
+    documents = [content for content in load_all(plain, Loader) if content is not None]
+    return [each for each in documents if [*each] == [*documents[0]]] or [None]  # the last may be cut off
 
 
 def find_intrinsics(image: Path) -> Path | None:
@@ -235,7 +237,7 @@ def find_intrinsics(image: Path) -> Path | None:
         If the nearest folder with one has several.
     """
     for folder in (image.parent, *image.absolute().parent.parents[:2]):
-        found = [folder / name for name in NAMES if (folder / name).exists()]
+        found = [path for path in sorted(folder.glob("*.*")) if _NAMES.fullmatch(path.name)]
         if len(found) > 1:
             problem = f"{folder} holds the camera files {found[0].name} and {found[1].name}"
             raise DepthError(problem, "keep that of the depth image, or name it: --intrinsics FILE, or in dataset.toml")

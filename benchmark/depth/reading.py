@@ -74,6 +74,9 @@ _ORIENTATION = 0x0112
 #: The word "mask" in a file name, as in ``0_mask``, ``masks3`` and ``depthMask``, but not in ``unmasked``.
 _MASK = re.compile("(?<![A-Za-z])(mask|MASK)(s|S)?(?![A-Za-z])|Masks?(?![a-z])")
 
+#: Extension of what may be a mask.
+_PICTURE = r"\.(png|jpe?g|tiff?|bmp|gif|webp|pbm|pgm|npy|npz)"
+
 #: Maximum value of a portable grey map, which Pillow stretches to 16 bits.
 _MAXIMUM = re.compile(rb"P[25](?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d{1,5})\s")
 
@@ -180,20 +183,20 @@ def readings(values: NDArray[Any]) -> Depths:
     Parameters
     ----------
     values
-        Shape (h, w) or (h, w, 1), integers or floats. Missing are 0, negative, NaN and infinite values, 1e9 and more,
-        the largest value of the type, and 65535, 65504, 32767, 10000 and 9999 if nothing is farther.
+        Shape (h, w) or (h, w, 1), integers or floats. Missing are masked, 0, negative, NaN and infinite values, 1e9 and
+        more, the largest value of the type, and 65535, 65504, 32767, 10000 and 9999 if nothing is farther.
 
     Raises
     ------
     DepthError
         If it is no image of one channel.
     """
-    values = np.asarray(values)
+    values = np.ma.filled(values, 0)
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[..., 0]
-    if values.ndim != 2 or values.dtype.kind not in "iuf":
+    if values.ndim != 2 or values.dtype.kind not in "iuf" or values.dtype.itemsize == 1:
         problem = f"an array of {values.dtype} and shape {values.shape} is no depth image"
-        raise DepthError(problem, "pass one channel of integers or floats, shape (height, width)")
+        raise DepthError(problem, "pass one channel of 16 bits or more, shape (height, width)")
     _check_size(values.shape[1], values.shape[0])
     is_float = values.dtype.kind == "f"
     largest = np.finfo(values.dtype).max if is_float else np.iinfo(values.dtype).max
@@ -377,13 +380,18 @@ def find_mask(image: Path) -> Path | None:
         If there are several.
     """
     stems = {image.stem: None, re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem) or image.stem: None}
+
+    def named(folder: Path, end: str) -> list[Path]:
+        """Return the pictures in a folder whose names continue that of the image."""
+        paths = [(stem, path) for stem in stems for path in sorted(folder.glob(f"{glob.escape(stem)}[._-]*"))]
+        return [path for stem, path in paths if re.fullmatch(end + _PICTURE, path.name[len(stem) :], re.IGNORECASE)]
+
     folders = [parent / name for parent in (image.parent, image.parent.parent) for name in MASK_FOLDERS]
-    usual = [image.with_name(f"{stem}{mark}mask.png") for stem in stems for mark in "._-"]
-    usual += [folder / f"{stem}{end}.png" for folder in folders for stem in stems for end in ("", "_mask")]
-    of_objects = [path for folder in folders for stem in stems for path in folder.glob(f"{glob.escape(stem)}_*.png")]
-    found = [path for path in usual if path.exists()] or [
+    whole = [path for folder in folders for path in named(folder, "(_mask)?")]
+    found = named(image.parent, "[._-]masks?([^a-z].*)?") + whole or [
         path
-        for path in sorted(of_objects)
+        for folder in folders
+        for path in named(folder, "_.*")
         if not image.with_name(path.name).exists()  # of which it is the mask
     ]
     if len(found) > 1:

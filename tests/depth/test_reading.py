@@ -40,7 +40,7 @@ def test_all_kinds_of_images_say_the_same(name: str) -> None:
     assert is_depth_file(INPUTS / "images" / name)
 
 
-@pytest.mark.parametrize("dtype", [np.uint16, np.int16, np.int32, np.uint8])
+@pytest.mark.parametrize("dtype", [np.uint16, np.int16, np.int32, np.uint32])
 def test_no_positive_number_and_the_largest_of_a_type_are_no_reading(dtype: type) -> None:
     values = np.tile(np.arange(50, 90), (30, 1)).astype(dtype)
     values[1, :2] = np.iinfo(dtype).max, 0
@@ -57,6 +57,7 @@ def test_a_background_is_no_reading(nothing: float) -> None:
     for kind in ("f4", "f8", *(("i4", "u2") if 9999 < nothing < 2**16 else ("f2",) if nothing == 1000 else ())):
         values = (DEPTHS if kind[0] == "f" else 1000 * DEPTHS).astype(kind)
         expected = np.where(OBJECT, in_metres(values), 0)
+        np.testing.assert_array_equal(in_metres(np.ma.masked_array(values, ~OBJECT)), expected)
         values[~OBJECT] = nothing
         if kind in ("f4", "f8"):
             values[0, :80] = 1e10
@@ -84,6 +85,10 @@ def test_each_fault_of_an_image_is_named_in_one_line_with_a_hint(name: str) -> N
     [
         (np.ones((2, 2)), "too few pixels have a depth: 4 of 4, fewer than 200"),
         (np.zeros((30, 40, 3)), r"shape \(30, 40, 3\) is no depth image"),
+        (
+            (50 * DEPTHS).astype(np.uint8),
+            r"uint8 and shape \(120, 160\) is no depth image; pass one channel of 16 bits",
+        ),
         (DEPTHS / DEPTHS.max(), "end at 1, as in a z-buffer"),
         (
             np.round(255 * DEPTHS / DEPTHS.max()).astype(np.uint16),
@@ -186,6 +191,10 @@ def test_a_mask_of_several_values_is_refused(mask: np.ndarray) -> None:
         ("a/frame-1.depth.png", "a/frame-1.mask.png"),
         ("a/depth/0.png", "a/mask/0.png"),
         ("a/depth/000.png", "a/masks/000_shirt.png"),
+        ("a/0.npy", "a/0_MASK.PNG"),
+        ("a/0.png", "a/0_mask.jpg"),
+        ("a/0.png", "a/0-masks-1.tif"),
+        ("a/depth/0.png", "a/mask/0.npy"),
     ],
 )
 def test_masks_are_found_by_their_usual_names_and_several_are_refused(tmp_path: Path, image: str, mask: str) -> None:
@@ -193,9 +202,14 @@ def test_masks_are_found_by_their_usual_names_and_several_are_refused(tmp_path: 
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
     assert find_mask(tmp_path / image) == tmp_path / mask
+    (tmp_path / "a/depth/00_mask.png").write_text("")
     assert find_mask(tmp_path / "a/1.png") is None
     with pytest.raises(DepthError, match="7.png has the masks mask/7_man.png and mask/7_shirt.png; keep"):
         find_mask(tmp_path / "a/depth/7.png")
+    for number in range(2):
+        (tmp_path / f"a/5_mask_{number}.png").write_text("")
+    with pytest.raises(DepthError, match="5.png has the masks a/5_mask_0.png and a/5_mask_1.png; keep that of"):
+        find_mask(tmp_path / "a/5.png")
 
 
 # --- intrinsics --------------------------------------------------------------------------------------------------
@@ -297,6 +311,7 @@ def test_without_a_size_the_centre_lies_in_the_middle_and_numbers_on_the_command
         ("a/b/0.png", ["a/intrinsics.txt", "camera.json"]),
         ("a/b/0.png", ["camera_info.yaml"]),
         ("a/frame-000.depth.png", ["a/depthIntrinsics.txt"]),
+        ("a/frame-000.depth.png", ["a/camera_depth.json"]),
     ],
 )
 def test_intrinsics_are_found_by_their_usual_names_the_nearest_first(
@@ -306,6 +321,7 @@ def test_intrinsics_are_found_by_their_usual_names_the_nearest_first(
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
     assert find_intrinsics(tmp_path / image) == tmp_path / files[0]
-    (tmp_path / files[0]).with_name("K.txt").write_text("")
-    with pytest.raises(DepthError, match=f"holds the camera files {Path(files[0]).name} and K.txt; keep that of"):
+    for name in ("camera_color.json", "K.txt"):
+        (tmp_path / files[0]).with_name(name).write_text("")
+    with pytest.raises(DepthError, match=f"holds the camera files K.txt and {Path(files[0]).name}; keep that of"):
         find_intrinsics(tmp_path / image)
