@@ -5,7 +5,6 @@ The code of this module and of all that it imports is in the key of each form; i
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Hashable
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 from benchmark.api.contracts import CanonicalForm, FloatArray, Mesh, Shape, Solver
 from benchmark.machine import describe_machine
 from benchmark.pipeline.cache import Arrays
-from benchmark.pipeline.preparation import NOTE, SECONDS, Incomplete, timed
+from benchmark.pipeline.preparation import NOTE, SECONDS, Incomplete, clock, timed
 
 #: Array that says on which machine a form was computed, and ending of the seconds of its geodesics.
 MACHINE, GEODESICS = ":machine", ":geodesics"
@@ -39,10 +38,10 @@ class SharedResults:
 
     def __init__(self, uncharged: Uncharged = lambda _: nullcontext()) -> None:
         self._uncharged = uncharged
-        self._results: dict[Hashable, tuple[Any, float]] = {}
+        self._results: dict[Hashable, tuple[Any, FloatArray]] = {}
         #: Seconds of the matrix that the current method used, and those that passed and are not its own.
-        self.used = 0.0
-        self.waited = 0.0
+        self.used = np.zeros(2)
+        self.waited = np.zeros(2)
 
     def get_or_compute(self, key: Hashable, compute: Callable[[], Any]) -> Any:
         """Return the distances of a solver, or the form of a method; compute them if they are missing.
@@ -52,7 +51,7 @@ class SharedResults:
         NoGeodesics
             If there is no memory for distances.
         """
-        known, is_solver, start = key in self._results, isinstance(key, Solver), time.perf_counter()
+        known, is_solver, start = key in self._results, isinstance(key, Solver), clock()
         if not known:
             try:
                 with self._uncharged("geodesics") if is_solver else nullcontext():
@@ -61,13 +60,13 @@ class SharedResults:
                 if is_solver:
                     raise NoGeodesics("has no geodesics: out of memory") from error
                 raise
-            self._results[key] = result, time.perf_counter() - start
+            self._results[key] = result, clock() - start
         result, seconds = self._results[key]
         if is_solver:
             self.used = seconds
-            self.waited += 0.0 if known else seconds
+            self.waited = self.waited + (0.0 if known else seconds)
         elif known:
-            self.waited -= seconds
+            self.waited = self.waited - seconds
         return result
 
 
@@ -106,9 +105,9 @@ def output_arrays(compute: Callable[[], CanonicalForm | FloatArray], shape: Shap
         notes = {f"{NOTE}{name}": np.asarray(value) for name, value in output.notes.items()}
         return {"vertices": mesh.vertices.astype(np.float32), **changed, **notes}
 
-    shared.used = shared.waited = 0.0
+    shared.used = shared.waited = np.zeros(2)
     arrays = timed(arrays_of)
-    geodesics = {SECONDS + GEODESICS: np.asarray(shared.used)} if shared.used else {}
+    geodesics = {SECONDS + GEODESICS: shared.used} if shared.used.any() else {}
     seconds = {SECONDS: arrays[SECONDS] - shared.waited, MACHINE: np.asarray(describe_machine())}
     return {**arrays, **geodesics, **seconds}
 

@@ -6,6 +6,7 @@ The code of this module and of all that it imports is in the key of each prepare
 from __future__ import annotations
 
 import errno
+import resource
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -13,6 +14,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
 from benchmark.api.datasets import Entry, ShapeSet, files_of
@@ -28,7 +30,7 @@ N_VERTICES = 2000
 #: Prefix of the names of arrays that are notes on a shape.
 NOTE = "note:"
 
-#: Arrays that say why there is no result, and how many seconds the result took; a scorer can call none of its own so.
+#: Arrays that say why there is no result, and what it took (:func:`clock`); a scorer can call none of its own so.
 REFUSED, SECONDS = ":refused", ":seconds"
 
 #: Problem of a shape whose key is not the planned one, and what to do without a result for a passing reason.
@@ -164,6 +166,12 @@ def last_change(entry: Entry) -> int:
     return 0
 
 
+def clock() -> NDArray[np.float64]:
+    """Return seconds of the wall and of the processor, user and system, of this process and its ended children."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return np.array([time.perf_counter(), time.process_time() + children.ru_utime + children.ru_stime])
+
+
 def timed(compute: Callable[[], Arrays]) -> Arrays:
     """Return the arrays of a stage, or the reason why it refuses the shape, with the seconds that it took.
 
@@ -174,7 +182,7 @@ def timed(compute: Callable[[], Arrays]) -> Arrays:
     Incomplete
         If memory or a read error is to blame, which may not happen again.
     """
-    start = time.perf_counter()
+    start = clock()
     try:
         arrays = compute()
     except (InvalidForm, InvalidSignature):
@@ -183,7 +191,7 @@ def timed(compute: Callable[[], Arrays]) -> Arrays:
         if _is_temporary(error):
             raise Incomplete(f"has no result: {error.problem}") from error
         arrays = {REFUSED: np.array([error.problem, error.hint])}
-    return {**arrays, SECONDS: np.asarray(time.perf_counter() - start)}
+    return {**arrays, SECONDS: clock() - start}
 
 
 def _is_temporary(error: BaseException | None) -> bool:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import statistics
-import time
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -18,7 +16,7 @@ from benchmark.api.scoring import Scorer
 from benchmark.pipeline.cache import Arrays, Cache, Kind
 from benchmark.pipeline.forms import MACHINE
 from benchmark.pipeline.outputs import compute_distances
-from benchmark.pipeline.preparation import NOTE, REFUSED, SECONDS
+from benchmark.pipeline.preparation import NOTE, REFUSED, SECONDS, clock
 from retrieval.measures import score_draws
 
 if TYPE_CHECKING:
@@ -74,7 +72,7 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
     DamagedFiles
         If files of a shape are missing or damaged.
     """
-    start = time.perf_counter()
+    start = clock()
     answered, refused = in_gallery, refused_there = _read(record, cache)
     if record.against:
         in_gallery, refused_there = _read(record.against, cache)
@@ -100,10 +98,11 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
         **refused,
         **({"against": msgspec.to_builtins(record.against) | refused_there} if record.against else {}),
         "notes": _summarise_notes(answered.values()),
-        "seconds": _median_seconds(list(answered.values())),
         "machines": sorted({str(of[MACHINE]) for stages in answered.values() if MACHINE in (of := stages["forms"])}),
     }
-    content["seconds"][STAGES["records"]] = round((time.perf_counter() - start) / len(record.shapes), 4)
+    spent = _median_seconds(list(answered.values())) | {STAGES["records"]: (clock() - start) / len(record.shapes)}
+    for place, name in enumerate(("seconds", "processor_seconds")):
+        content[name] = {stage: round(float(of[place]), 4) for stage, of in spent.items()}
     return content, {"distances": total / draws}
 
 
@@ -169,12 +168,12 @@ def _summarise_notes(answered: Iterable[Mapping[Kind, Arrays]]) -> dict[str, dic
     }
 
 
-def _median_seconds(answered: Sequence[Mapping[Kind, Arrays]]) -> dict[str, float]:
-    """Return median seconds per shape by stage."""
-    seconds = defaultdict[str, list[float]](list)
+def _median_seconds(answered: Sequence[Mapping[Kind, Arrays]]) -> dict[str, NDArray[np.float64]]:
+    """Return median seconds per shape by stage; see :func:`clock`."""
+    seconds = defaultdict[str, list[NDArray[np.float64]]](list)
     for stages in answered:
         for kind, arrays in stages.items():
             for name, took in arrays.items():
                 if name.startswith(SECONDS):
-                    seconds[name.removeprefix(SECONDS)[1:] or STAGES[kind]].append(float(took))
-    return {stage: round(statistics.median(values), 4) for stage, values in sorted(seconds.items())}
+                    seconds[name.removeprefix(SECONDS)[1:] or STAGES[kind]].append(took)
+    return {stage: np.median(values, axis=0) for stage, values in sorted(seconds.items())}

@@ -167,8 +167,10 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
         Trained models, and shapes that they were trained on.
     notes
         Mean and maximum of each number that preparation or method reported.
-    seconds, machines
-        Median seconds per shape by stage; the machines that made the forms, none if they are unknown.
+    seconds, processor_seconds
+        Median seconds per shape by stage: of the wall, and of the processor, which old records lack.
+    machines
+        The machines that made the forms, none if they are unknown.
     finished, commit, packages
         When it ended, and by which code and packages.
     parts
@@ -204,6 +206,7 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
     seen: list[Name] = []
     notes: dict[str, Note] = {}
     seconds: dict[str, Seconds] = {}
+    processor_seconds: dict[str, Seconds] = {}
     machines: list[Name] = []
     finished: str = ""
     commit: str = ""

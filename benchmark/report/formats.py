@@ -99,7 +99,7 @@ def _line(view: TableView, row: Row) -> Line:
         texts = map(str if group == SECOND else hundredths, scores.values())
         groups.append(list(zip(texts, marks, strict=True)) if scores else [(status, "")])
     folds = ([(hundredths(low), hundredths(high)) for low, high in view.of_folds(row, group)] for group in view.groups)
-    return Line(clean(row.title), tuple(groups), duration(row.seconds), row, tuple(folds))
+    return Line(clean(row.title), tuple(groups), duration(view.seconds.get(row.method)), row, tuple(folds))
 
 
 def _joined(group: Iterable[tuple[str, str]], styles: Mapping[str, str]) -> str:
@@ -228,5 +228,5 @@ def _json(view: TableView, row: Row, title: str) -> dict[str, Any]:
         "paper": view.paper.get(row.method), "chance": view.chance.get(title), "status": status,
         "n_shapes": sum(map(len, galleries)), "n_classes": sum(len(set(of)) for of in galleries),
         "coverage": min((record.coverage for record in records), default=None),
-        "seconds": None if row.seconds is None else round(row.seconds, 4),
+        **{name: row.seconds(of_processor="_" in name) for name in ("seconds", "processor_seconds")},
     }  # fmt: skip

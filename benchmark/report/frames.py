@@ -115,11 +115,12 @@ def tables_of(dataset: str, fold: str) -> tuple[Table, ...]:
     return (*shown, own_table(dataset, fold)) if has_own else shown
 
 
-def seconds_of(record: Record) -> float | None:
-    """Return the seconds a shape for form and geodesics; None if they were not measured."""
-    if "canonicalise" not in record.seconds or record.family == EXTERNAL:
+def seconds_of(record: Record, *, of_processor: bool = False) -> float | None:
+    """Return the seconds a shape for form and geodesics, of wall or processor; None if they were not measured."""
+    seconds = record.processor_seconds if of_processor else record.seconds
+    if "canonicalise" not in seconds or record.family == EXTERNAL:
         return None
-    return record.seconds["canonicalise"] + record.seconds.get("geodesics", 0.0)
+    return seconds["canonicalise"] + seconds.get("geodesics", 0.0)
 
 
 def scores_frame(records: Iterable[Record]) -> DataFrame:

@@ -93,8 +93,9 @@ def _columns(view: TableView) -> Iterator[str]:
             yield f"{column.title}: mean of {draws} draws, which differ by at most {score} ({where})."
     if any(view.of_folds(row, column.title) for row in view.printed_rows for column in view.columns):
         yield "Beside means over folds: the least and the greatest fold."
-    if any(row.seconds is not None for row in view.printed_rows):
-        yield "s: median seconds per shape for form and geodesics."
+    if any(row.method in view.seconds for row in view.printed_rows):
+        of, why = ("processor", "") if view.has_processor_time else ("wall", "; older records have no processor time")
+        yield f"s: median {of} seconds per shape for form and geodesics{why}."
 
 
 def _undecided(view: TableView) -> Iterable[str]:

@@ -65,7 +65,7 @@ class Results:
         Columns: ``dataset``, ``fold``, ``quick``, ``kind``, ``input``, ``method``, ``title``, ``scorer``, ``seed``,
         ``status`` ("ok", "failed", ...), ``reason`` (or that of a refused shape), ``published``, ``commit``,
         ``finished``, ``coverage`` (share of shapes with a result), the measures (NaN without scores), ``n_shapes``,
-        ``n_classes``, ``seconds`` per shape, ``machine``.
+        ``n_classes``, ``seconds`` and ``processor_seconds`` (NaN in old records) per shape, ``machine``.
         """
         facts = ("input", "method", "title", "scorer", "seed", "status", "published", "commit", "finished")
         rows = {
@@ -80,6 +80,7 @@ class Results:
                 "n_shapes": len(record.shapes),
                 "n_classes": len(set(record.labels)),
                 "seconds": seconds_of(record),
+                "processor_seconds": seconds_of(record, of_processor=True),
                 "machine": "; ".join(record.machines) or "unknown",
             }
             for record in self.records

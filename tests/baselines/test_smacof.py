@@ -194,7 +194,8 @@ def test_only_the_order_of_the_distances_counts(power):
 
 def test_the_form_that_others_deform_is_computed_once_and_charged_to_each(monkeypatch):
     clock, computed, fit, all_pairs = [0.0], [], LeastSquaresMDS._fit, geodesics.all_pairs
-    monkeypatch.setattr("time.perf_counter", lambda: clock[0])
+    for name in ("perf_counter", "process_time"):
+        monkeypatch.setattr(f"time.{name}", lambda: clock[0])
 
     def slow(seconds, function):
         def work(*arguments):
@@ -210,7 +211,8 @@ def test_the_form_that_others_deform_is_computed_once_and_charged_to_each(monkey
     shape = Shape(identifier="limbed", mesh=limbed(200).mesh, cache=shared.get_or_compute)
     for method in (ConstrainedMDS(), LeastSquaresMDS(), FeaturePreserved(), LeastSquaresMDS(start="classic")):
         output = compute_output(method, shape, shared)
-        assert (output[SECONDS], output[SECONDS + GEODESICS]) == (5.0, 3.0)
+        each = [*output[SECONDS], *output[SECONDS + GEODESICS]]
+        assert each == pytest.approx([5.0, 5.0, 3.0, 3.0], abs=0.05)  # children of other tests may end
     assert computed == [3.0, 5.0, 5.0]
 
 

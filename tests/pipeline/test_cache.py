@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
+from hashlib import pbkdf2_hmac
+from threading import Thread
+
 import numpy as np
 import pytest
 
 from benchmark.pipeline.cache import Cache
+from benchmark.pipeline.preparation import SECONDS, timed
 
 ARRAYS = {
     "descriptors": np.arange(24, dtype=np.uint8).reshape(2, 12),
@@ -28,3 +35,25 @@ def test_a_file_with_any_flipped_bit_counts_as_missing_or_is_the_same(tmp_path, 
         )
     path.write_bytes(content[:-30])
     assert cache.read(kind, "key") is cache.read(kind, "other") is None
+
+
+def test_processor_time_is_that_of_threads_and_ended_children_without_what_a_step_waits():
+    word = (b"", b"", 400_000)
+
+    def in_thread():
+        thread = Thread(target=pbkdf2_hmac, args=("sha256", *word))
+        thread.start()
+        thread.join()
+
+    in_child = [sys.executable, "-c", f"import hashlib; hashlib.pbkdf2_hmac('sha256', *{word})"]
+    waits, *works = (
+        timed(lambda work=work: work() or {})[SECONDS]
+        for work in (
+            lambda: time.sleep(0.2),
+            lambda: pbkdf2_hmac("sha256", *word) and {},
+            in_thread,
+            lambda: subprocess.run(in_child, check=True) and {},
+        )
+    )
+    assert waits[1] < 0.1 < 0.2 <= waits[0]
+    assert all(processor > 0.6 * works[0][1] > 0.01 for _, processor in works)

@@ -12,7 +12,7 @@ import pytest
 from benchmark.pipeline.records import Record, write_record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PRINTED
-from benchmark.report.formats import latex, markdown
+from benchmark.report.formats import as_json, latex, markdown
 from benchmark.report.frames import chosen_records
 from benchmark.report.notes import table_notes
 from benchmark.report.output import table_files
@@ -169,7 +169,7 @@ def test_notes_say_what_s_is_why_a_score_is_missing_and_what_was_seen_in_trainin
     seen = record("learned", dataset="tosca", input_="view", models=[], seen=["cat0", "owl8"])
     table, _ = table_views([record("gps", dataset="tosca"), seen], ["III"], paper=True)
     found = "\n".join(table_notes(table))
-    assert "s: median seconds per shape for form and geodesics." in found
+    assert "s: median wall seconds per shape for form and geodesics; older records have no processor time." in found
     assert "Depth network (no model was trained for this data, or it was not run)" in found
     assert "Classic MDS, Fast MDS, Non-metric MDS, 4 more (not run)" in found
     assert "Trained on the classes of: Depth network, 128 px 8 of 12 shapes (ours)" in found
@@ -287,6 +287,22 @@ def test_every_record_that_is_read_makes_tables():
                     assert latex(table)
                 assert len(Results(Path(), (read, *beside)).jobs) == 3
                 assert len(read.keys) in (0, 12)
+
+
+def test_seconds_are_of_the_processor_unless_an_old_record_has_only_those_of_the_wall():
+    new, old = record("gps", processor_seconds={"canonicalise": 2.0, "geodesics": 0.25}), record("skeleton")
+    for records, seconds, note in (
+        ([new], {"gps": 2.25}, "s: median processor seconds per shape for form and geodesics."),
+        ([new, old], {"gps": 1.5, "skeleton": 1.5}, "older records have no processor time."),
+    ):
+        shown = view(*records)
+        assert shown.seconds == seconds
+        assert table_notes(shown)[0].endswith(note)
+    each = [(of["seconds"], of["processor_seconds"]) for of in as_json([view(new, old)])]
+    assert each == [(1.5, 2.25), (1.5, None)]
+    jobs = Results(Path(), (new, old)).jobs
+    assert jobs.seconds.tolist() == [1.5, 1.5]
+    assert jobs.processor_seconds.isna().tolist() == [False, True]
 
 
 def test_seconds_of_several_machines_are_told_apart():
