@@ -49,9 +49,9 @@ class ConstrainedMDS(CheckedParameters):
         family="paper",
         summary="the surface deformed towards its least-squares MDS pose, details kept",
         departs=(
-            "An as-rigid-as-possible energy of the surface replaces the source's deformation of a solid, and nothing "
-            "is registered. Of the two mirror images, the one with lower energy is kept. The MDS pose is the form of "
-            "Least Square MDS, a local minimum of the stress; the source does not say which MDS it uses."
+            "An as-rigid-as-possible energy of the surface replaces the source's deformation of a solid; the weights "
+            "are ours. Of the two mirror images, the one with lower energy is kept. The MDS pose is the form of Least "
+            "Square MDS, a local minimum of the stress; the abstract of the source does not say which MDS it uses."
         ),
         needs=("pairs",),
     )

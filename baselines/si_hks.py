@@ -50,7 +50,7 @@ class ScaleInvariantHKS(CheckedParameters):
             "The words come from the gallery itself. Diffusion times cover the spectrum of a surface of unit area; in "
             "the source they depend on the unit of the file. Sigma is that of code released for the same experiments: "
             "twice the median distance of a vertex to its nearest word. That code also scales each signature to unit "
-            "length."
+            "length, which is omitted here."
         ),
         scale="invariant",
         needs=("connected",),

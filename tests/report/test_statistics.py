@@ -13,9 +13,6 @@ from benchmark.report.tables import table_views
 
 ROOT = Path(__file__).parents[2]
 
-#: Shapes of each class of TOSCA.
-TOSCA_SIZES = np.array([11, 9, 3, 6, 8, 4, 7, 20, 12])
-
 
 def test_intervals_are_those_of_a_t_test_of_class_means_or_logits():
     values = np.random.default_rng(1).random((12, 1)).round(6)
@@ -39,7 +36,7 @@ def test_intervals_cover_what_the_legend_says(n_classes):
             labels = np.repeat(np.arange(n_classes), sizes[of]).tolist()
             low, high = class_intervals(means[of][labels, None], labels)[0]
             covered += low <= true <= high
-        assert least * 1000 - 10 <= covered <= 975, (a, b)
+        assert least * 1000 - 10 <= covered <= 970, (a, b)
 
 
 def test_queries_of_one_class_count_as_one():
@@ -106,8 +103,8 @@ def published_sums():
     for view in table_views(read_records(ROOT / "results", local=False), ["I", "II", "III"]):
         title = "5 subjects" if "5 subjects" in view.groups else view.columns[0].title
         forms = [row.scored[title] for row in view.rows if row.kind == "form" and title in row.scored]
-        sums = [class_sums(one.values, one.labels) for one in forms]
-        found[view.table.identifier] = np.stack([of for of, _ in sums], axis=1) / 1e6
+        sums, sizes = zip(*(class_sums(one.values, one.labels) for one in forms), strict=True)
+        found[view.table.identifier], found[f"{view.table.identifier} sizes"] = np.stack(sums, axis=1) / 1e6, sizes[0]
     return found
 
 
@@ -146,13 +143,14 @@ def test_an_equal_pair_among_rows_as_published_is_seldom_certain(published_sums,
 
 
 @pytest.mark.slow
-def test_nine_classes_find_a_difference_of_two_tenths_in_a_quarter_of_cases(published_sums, monkeypatch):
+def test_nine_classes_find_a_difference_of_two_tenths_in_a_fifth_of_cases(published_sums, monkeypatch):
     monkeypatch.setattr("benchmark.report.statistics.DRAWS", 199)
     generator, found = np.random.default_rng(6), []
     for _ in range(400):
         pair = generator.permutation(published_sums["III"].shape[1])[:2]
         sums, flipped = published_sums["III"].copy(), generator.random(9) < 0.5
         sums[np.ix_(flipped, pair)] = published_sums["III"][np.ix_(flipped, pair[::-1])]
-        sums[:, pair[0]] += 0.2 * TOSCA_SIZES[:, None]
+        sums[:, pair[0]] += 0.2 * published_sums["III sizes"][:, None]
         found.append(permutation_test(np.moveaxis(sums, 1, 0), range(9))[tuple(pair)] < ALPHA)
-    assert np.mean(found) == pytest.approx(1 / 4, abs=0.06)
+    assert np.mean(found) == pytest.approx(1 / 5, abs=0.04)
+    assert np.mean(found, axis=0)[0] == pytest.approx(1 / 10, abs=0.04)
