@@ -30,7 +30,7 @@ from benchmark.report.figures import (
 )
 from benchmark.report.forms import StoredForms
 from benchmark.report.output import write_files
-from benchmark.report.pages import _nearest, report_files
+from benchmark.report.pages import _kept_pose, _nearest, report_files
 from benchmark.report.sheets import frame_picture, mesh_picture
 from benchmark.report.tables import table_views
 from tests.report.records import by_class, failed, record
@@ -246,6 +246,28 @@ def test_matches_are_shapes_of_the_gallery_without_the_name_of_the_query():
         found = _nearest(record(labels=["a", "b"], against=ranked, keeps_same_names=keeps), matrix)
         assert found[0][: len(expected)] == expected
         assert found[1] == [(2, 1, None), (1, 2, None), (0, 3, None), (3, 4, None)]
+
+
+def test_how_often_a_wrong_match_has_the_pose_of_the_query_stands_beside_chance():
+    poses = ["sits", "runs", "kneels"]
+    shapes = [f"{label}_{pose}" for label in ("ann", "bob") for pose in poses]
+    named = record(labels=["ann"] * 3 + ["bob"] * 3, shapes=shapes)
+    # By number: 0 and 1 match the other person, in their pose and in another one; 4 matches its own pose; 2 is right.
+    nearest = {0: [(3, 1, 0.5)], 1: [(5, 1, 0.5)], 2: [(0, 1, 1.0)], 3: [(4, 1, 1.0)], 4: [(1, 1, 0.5)]}
+    assert _kept_pose(named, nearest) == pytest.approx([2 / 3, 1 / 3])
+    assert _kept_pose(named, {2: nearest[2]}) == []  # nothing fails
+    assert _kept_pose(record(), {0: [(4, 1, 0.5)]}) == []  # poses are numbers
+
+
+def test_points_of_a_map_lead_to_their_queries(results, tmp_path):
+    (view,) = table_views(results.records)
+    write_files(tmp_path, report_files(results.folder, [view]))
+    queries = Facts((tmp_path / f"{view.stem}-queries.html").read_text()).values("id")
+    (chart,) = Facts((tmp_path / f"{view.stem}.html").read_text()).values("data", "object")
+    links = re.findall(r'<a xlink:href="(.*?)#(.*?)" target="_top">', (tmp_path / chart).read_text())
+    assert len(links) == 3 * len(results.records[0].shapes)
+    assert {file for file, _ in links} == {f"{view.stem}-queries.html"}
+    assert {name for _, name in links} <= {*queries}
 
 
 def test_the_first_of_the_class_of_a_query_is_listed_with_its_rank_where_it_is_late():
