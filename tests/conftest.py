@@ -17,6 +17,9 @@ from benchmark.machine import pin_threads
 
 pin_threads()
 
+# Processes that tests start find this checkout from anywhere, whatever is installed.
+os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH"))))
+
 # Processes of xdist know the width of the terminal, at which rows would be wrapped.
 os.environ.pop("COLUMNS", None)
 

@@ -25,7 +25,7 @@ def far(tmp_path):
     def call(*arguments, code=0):
         done = subprocess.run(
             [sys.executable, "-m", *map(str, arguments)], capture_output=True, text=True, check=False, cwd=tmp_path,
-            timeout=280, env=env | {"PYTHONPATH": str(ROOT)},
+            timeout=280, env=env,
         )  # fmt: skip
         assert done.returncode == code, done.stdout + done.stderr
         return done.stdout

@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 HERE = Path(__file__).parent
 
 #: Environment variables of the suite, which the tests set for themselves.
-_VARIABLES = ("CANONICAL_FORMS_DATA", "CANONICAL_FORMS_MODELS", "PYTHONPATH")
+_VARIABLES = ("CANONICAL_FORMS_DATA", "CANONICAL_FORMS_MODELS")
 
 
 @dataclass(frozen=True)
@@ -32,9 +32,9 @@ class Done:
     err: str
 
 
-def environment(**more: str) -> dict[str, str]:
+def environment() -> dict[str, str]:
     """The environment of a command: no data, no models of one's own, a terminal of 100 columns."""
-    return {name: value for name, value in os.environ.items() if name not in _VARIABLES} | {"COLUMNS": "100"} | more
+    return {name: value for name, value in os.environ.items() if name not in _VARIABLES} | {"COLUMNS": "100"}
 
 
 def call(*words: object) -> Done:
@@ -72,8 +72,7 @@ def start(*words: object, cwd: Path, **options: Any) -> subprocess.Popen[str]:
     """Start ``python -m benchmark`` as a process in a session of its own."""
     command = [sys.executable, "-m", "benchmark", *map(str, words)]
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | options
-    paths = environment(PYTHONPATH=str(ROOT))
-    return subprocess.Popen(command, cwd=cwd, env=paths, text=True, start_new_session=True, **streams)
+    return subprocess.Popen(command, cwd=cwd, env=environment(), text=True, start_new_session=True, **streams)
 
 
 def write_frames(folder: Path) -> None:

@@ -36,7 +36,7 @@ def shown(page: str) -> list[str]:
 def walked(folder: Path, page: str) -> None:
     """Run the commands of a page in a folder, and look for what it shows."""
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
-    given = os.environ | {"PATH": path, "PYTHONPATH": str(ROOT), "CANONICAL_FORMS_DATA": str(folder / "data")}
+    given = os.environ | {"PATH": path, "CANONICAL_FORMS_DATA": str(folder / "data")}
     lines = [line for line in commands(page) if shutil.which("pdflatex") or "make" not in line]
     script = "\n".join(["set -e", *lines])
     done = subprocess.run(

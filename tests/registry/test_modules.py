@@ -10,7 +10,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from benchmark.code_digest import ROOT
 from benchmark.errors import ConfigurationError
 from benchmark.registry.known import in_file
 from benchmark.registry.modules import load_module
@@ -123,5 +122,5 @@ def test_a_package_of_another_folder_than_pythons_is_no_code_of_the_user(tmp_pat
     (odd / "lib" / "_utility.py").write_text("")
     path = write_plugin(tmp_path / "smooth.py", imports="import lib; __import__('lib._utility'[4:])")
     program = f"from benchmark.registry.modules import load_module; load_module({str(path)!r})"
-    found = os.pathsep.join([str(packages), str(odd / "lib"), str(ROOT), os.environ.get("PYTHONPATH", "")])
+    found = os.pathsep.join([str(packages), str(odd / "lib"), os.environ["PYTHONPATH"]])
     subprocess.run([sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": found}, check=True)

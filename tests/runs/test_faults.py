@@ -8,7 +8,6 @@ import signal
 import sys
 import time
 from contextlib import suppress
-from pathlib import Path
 
 import psutil
 import pytest
@@ -226,7 +225,7 @@ def failing(pair, tmp_path, monkeypatch):
     """Return a function that runs two methods while a function fails in some way, so many times."""
     monkeypatch.setenv("FAULTS", str(tmp_path))
     (tmp_path / "sitecustomize.py").write_text("import tests.runs.injection\n")
-    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{Path.cwd()}")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
 
     def run_failing(function, how, times):
         monkeypatch.setenv("FAILS", f"{function} {how} {times}")

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from bdb import BdbQuit
-from pathlib import Path
 
 import psutil
 import pytest
@@ -36,7 +35,7 @@ run_toy(Path(sys.argv[1]), Path(sys.argv[2]), "slow", size=2, plugins=(FAULTS,))
 
 def start(rods, tmp_path):
     """Start a run of a slow method in a program of its own; return it with its workers once one is at work."""
-    environment = {**os.environ, "FAULTS": str(tmp_path), "PYTHONPATH": str(Path.cwd())}
+    environment = {**os.environ, "FAULTS": str(tmp_path)}
     command = [sys.executable, "-c", PROGRAM, str(rods), str(tmp_path / "results")]
     program = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
     noted(tmp_path / "slow")
