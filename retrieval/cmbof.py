@@ -44,7 +44,7 @@ class CMBOF(CheckedParameters):
     Notes
     -----
     The re-implementation and this one score the same forms of TOSCA as follows (NN FT ST DCG; complete surfaces,
-    peak threshold .001, November 2026):
+    peak threshold .001, the default at the time, November 2026):
 
     ================================  ===================  ===================
     forms                             re-implementation    this one
