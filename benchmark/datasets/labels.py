@@ -18,6 +18,10 @@ MISCELLANEOUS = "-1"
 #: Labels that say that there is none, as Python, pandas, R and spreadsheets write them.
 _MISSING = ("", "nan", "none", "null", "na", "<na>", "n/a", "nat")
 
+#: Titles of the columns of a table of labels.
+_NAMES = ("", "name", "shape", "mesh", "model", "file", "filename", "id", "identifier", "index")
+_LABELS = ("label", "labels", "class", "category", "subject", "target")
+
 
 def class_name(label: object, shape: object) -> str:
     """Return the class that a label means: 1 and 1.0 are one, and each shape of class -1 is its own."""
@@ -47,6 +51,10 @@ def read_labels(path: Path) -> dict[str, str] | list[str]:
     hint = "write 'label' or 'name label' on each line"
     with named_errors(path, "list of labels", ConfigurationError, hint):
         rows = cells_of(lines_of(read_file(path, LARGEST_LIST)))
+        *names, label = (cell.lower() for cell in rows[0])
+        if label in _LABELS and all(name in _NAMES for name in names):
+            problem = f"its first line, '{' '.join(rows[0]).strip()}', may name the columns"
+            raise ConfigurationError(problem, "delete it, or let it begin with '#'")
         widths = {len(row) for row in rows}
         if widths == {1}:
             return classes_of([row[0] for row in rows])

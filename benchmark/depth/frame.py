@@ -311,7 +311,7 @@ class FrameFiles:
         with named_errors(self.image, "depth image", DepthError, "export the image again"):
             scale = scale_of(values, camera, self.scale)
             observed = observe(reading.in_metres(values, scale), camera, mask, self.up, self.half_width)
-        observed.notes["unit"] = f"1 / {scale or reading.usual_scale(values):g} m"
+        observed.notes["unit"] = f"1 / {scale:g} m" if scale else f"assumed 1 / {reading.usual_scale(values):g} m"
         observed.notes["camera"] = (
             "given" if self.intrinsics else os.path.relpath(self.intrinsics_file or "", self.image.parent)
         )

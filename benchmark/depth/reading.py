@@ -43,7 +43,7 @@ _NO_READING = 1e9
 _FAR_PLANE = 0.01
 
 #: Least number of different values of which the lowest bits say something.
-_FEWEST_VALUES = 32
+_FEWEST_VALUES = 16
 
 #: Words in names of files, folders and arrays for what is no depth along the optical axis.
 _OTHER_THAN_DEPTH = {

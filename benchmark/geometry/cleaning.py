@@ -44,6 +44,9 @@ _EXTENTS = (1e-100, 1e100)
 #: Distance between neighbouring numbers of single precision above which they move a shape, in units of its extent.
 _COARSE = 1e-3
 
+#: Least number of coordinates that tell single precision from decimals.
+_FEWEST_TELLING = 30
+
 
 def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
     """Merge copies of vertices; remove triangles without area, duplicate faces and unreferenced vertices.
@@ -118,11 +121,20 @@ def extent_of(mesh: Mesh) -> float:
         raise InvalidMesh(problem, "pass a surface of positive size in a unit that fits it")
     far = np.abs(mesh.vertices).max(axis=0)
     coarse = mesh.vertices[:, far * np.finfo(np.float32).eps > _COARSE * extent]
-    single = coarse.astype(np.float32)  # a file may hold its shortest decimal form
-    if coarse.size and ((single == coarse) | (single.astype(str).astype(np.float64) == coarse)).all():
+    if coarse.size and _were_single(coarse):
         problem = f"coordinates of {far.max():.7g} in single precision are too coarse for a size of {extent:.3g}"
         raise InvalidMesh(problem, "move it to the origin, or export coordinates in double precision")
     return extent
+
+
+def _were_single(numbers: FloatArray) -> bool:
+    """Return whether numbers were in single precision before they were written, in shortest or fixed decimals."""
+    single = numbers.astype(np.float32)
+    if ((single == numbers) | (single.astype(str).astype(np.float64) == numbers)).all():
+        return True
+    decimals = next((places for places in range(10) if (numbers.round(places) == numbers).all()), 10)
+    is_telling = 2 * 10.0**-decimals < np.spacing(single)  # others would agree anyway
+    return bool((single.astype(np.float64).round(decimals) == numbers).all() and is_telling.sum() >= _FEWEST_TELLING)
 
 
 def _check_stray(vertices: Points) -> None:

@@ -36,7 +36,7 @@ def test_a_folder_and_a_pattern_give_a_form_of_each_image_and_one_bad_image_cost
     assert len(list((tmp_path / "pictures").rglob("*.png"))) == 3
     others = sorted((folder / "two").glob("0*.png"))  # a mask and a colour image are among them
     said = call("canonicalise", "-m", "identity", *others, "-o", tmp_path / "form.off")
-    facts = r"distance 2\.\d+ m, size 1\.\d+ m, unit 1 / 1000 m, camera \.\./intrinsics\.txt$"
+    facts = r"distance 2\.\d+ m, size 1\.\d+ m, unit assumed 1 / 1000 m, camera \.\./intrinsics\.txt$"
     assert re.search(f"form.off: .*, mask 0_mask.png, .*, {facts}", said)
 
 

@@ -163,6 +163,10 @@ def test_a_list_of_labels_is_the_first_rule(rods, name):
         DatasetError, match=f"{name} and the shapes beside it differ in thin0, fat0; name each shape once"
     ):
         folder_set(rods)
+    for title in (f"Name{mark}Label", f'{mark}"class"' if mark == "," else "labels"):
+        (rods / name).write_text("\n".join([title, *rows]))
+        with pytest.raises(BenchmarkError, match=f"{name}: its first line, '.*', may name the columns; delete it"):
+            folder_set(rods)
     (rods / name).write_text("even\n" * 6)
     with pytest.raises(DatasetError, match=f"{name} does not name the shapes"):
         folder_set(rods)

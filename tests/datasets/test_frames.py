@@ -52,7 +52,7 @@ def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
         line for line in report.lines() if line.startswith(("unit", "camera", "mask", "depths", "distance", "size"))
     ]
     assert taken[:3] == [
-        "unit        1 / 1000 m (4)", "camera      ../intrinsics.txt (4)", "mask        NAME_mask.png (4)"
+        "unit        assumed 1 / 1000 m (4)", "camera      ../intrinsics.txt (4)", "mask        NAME_mask.png (4)"
     ]  # fmt: skip
     assert all(re.search(r"[1-4]\.\d+ to [1-4]\.\d+ m$", line) for line in taken[3:])
 

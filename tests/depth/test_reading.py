@@ -94,6 +94,7 @@ def test_each_fault_of_an_image_is_named_in_one_line_with_a_hint(name: str) -> N
             np.round(255 * DEPTHS / DEPTHS.max()).astype(np.uint16),
             "end at 255, the largest of 8 bits, as .* --depth-scale 1000",
         ),
+        (16 * (900 + np.arange(1200).reshape(30, 40) // 60).astype(np.uint16), "no lowest three bits but 0, as"),
         (np.full((30, 40), 1500, np.uint16), "all 1200 pixels lie at 1.5 m"),
         (1000 * DEPTHS, "the median depth is 2.* m with 1 units per metre; pass the camera's --depth-scale"),
         (np.round(DEPTHS).astype(np.uint16), "the median depth is 0.002 m with 1000 units"),

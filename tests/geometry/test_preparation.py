@@ -184,6 +184,8 @@ REFUSED = {
     "stray vertex": (Mesh(FAR, limbed_body(3).faces), "extent"),
     "single precision": (Mesh(MAPPED, limbed_body(3).faces), "5411934 in single precision are too coarse"),
     "seven digits": (Mesh(SEVEN_DIGITS, limbed_body(3).faces), "in single precision are too coarse .* move it"),
+    "two decimals": (Mesh(MAPPED.astype(float).round(2), limbed_body(3).faces), "in single precision are too coarse"),
+    "one decimal": (Mesh(MAPPED.astype(float).round(1), limbed_body(3).faces), "in single precision are too coarse"),
     "stray, smaller": (Mesh(FAR * 1e-80, limbed_body(3).faces), "1 vertex beyond 100 radii of the shape; remove stray"),
 }
 
