@@ -90,6 +90,15 @@ def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_te
     assert len(json.loads(frame.to_json(orient="records"))) == 20
 
 
+@pytest.mark.parametrize(
+    ("errors", "nn", "verdict"),
+    [({}, 0.57, "certain"), ({"NN": 0.03}, 0.57, "within the scatter of codebooks"), ({"NN": 0.001}, 0.51, "certain")],
+)
+def test_the_scatter_of_codebooks_is_that_of_the_records_and_else_a_measured_one(errors, nn, verdict):
+    rows = [record(name, value, labels=LETTERS, draw_errors=errors) for name, value in (("a", 0.5), ("b", nn))]
+    assert compared(rows, "a", "b").verdict[0] == verdict
+
+
 def test_a_row_without_a_gallery_is_compared_without_a_verdict():
     folds = [record("a", dataset="people[draw=0]", fold=f"fold {k}", labels=LETTERS) for k in range(3)]
     part = record("b", dataset="people[draw=0]", fold="fold 0", labels=LETTERS)

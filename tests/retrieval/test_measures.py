@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
-from retrieval.measures import Targets, chance_levels, evaluate
+from retrieval.measures import Targets, chance_levels, evaluate, score_draws
 
 
 def test_a_row_by_hand():
@@ -47,6 +47,15 @@ def test_the_ideal_matrix_scores_one_and_the_only_member_of_a_class_is_no_query(
 def test_faults_are_named(distances, labels, message):
     with pytest.raises(ConfigurationError, match=message):
         evaluate(distances, labels)
+
+
+def test_the_error_of_a_mean_over_draws_is_their_standard_error():
+    right, half, wrong = (np.abs(np.subtract.outer(of, of)) for of in ([0, 1, 5, 6], [0, 1, 5, 2.9], [0, 5, 0.4, 5.5]))
+    scored = score_draws([right, half, wrong], ["a", "a", "b", "b"])
+    nn = [evaluate(matrix, ["a", "a", "b", "b"]).means["NN"] for matrix in (right, half, wrong)]
+    assert nn == [1, 0.75, 0]
+    assert scored["draw_errors"]["NN"] == pytest.approx(np.std(nn, ddof=1) / np.sqrt(3))
+    assert score_draws([right], ["a", "a", "b", "b"])["draw_errors"] == {}
 
 
 def by_definition(distances, labels, targets, answered):
