@@ -96,13 +96,8 @@ def locate(error: BaseException) -> str:
     return one_line(error)
 
 
-#: Number of names in an error if a command lists them all, and that command by kind of name.
-_FEW = 6
-_LISTED_BY = {"method": "list methods", "scorer": "list scorers", "data set": "list datasets", "table": "list tables"}
-
-
 def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
-    """Return the error for an unknown name; its hint suggests similar names, or a command that lists all.
+    """Return the error for an unknown name; its hint suggests similar names, or names all.
 
     Parameters
     ----------
@@ -117,13 +112,7 @@ def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationErr
 
     names = sorted(known)
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-    verb = _LISTED_BY.get(kind)
-    if near:
-        hint = f"did you mean {' or '.join(near)}?"
-    elif verb and len(names) > _FEW:
-        hint = f"choose one of {', '.join(names[:_FEW])} ...: '{verb}' names them"
-    else:
-        hint = f"choose one of {', '.join(names)}"
+    hint = f"did you mean {' or '.join(near)}?" if near else f"choose one of {', '.join(names)}"
     return ConfigurationError(f"unknown {kind} '{name}'", hint)
 
 

@@ -3,12 +3,13 @@
 import os
 import subprocess
 import sys
+import time
 
 import pytest
 
 from benchmark import code_digest, kernels
-from benchmark.code_digest import ROOT
-from benchmark.kernels import compiled_kernels, drop_stale_kernels, kernel_folder, suite_sources
+from benchmark.kernels import compiled_kernels, drop_stale_kernels
+from tests import conftest
 
 KERNEL = (
     "from numba import njit\nfrom {origin} import {name}\n\n\n@njit(cache=True)\ndef kernel(x):\n    return {name}\n"
@@ -32,7 +33,8 @@ def sources(tmp_path, monkeypatch):
     for module in (kernels, code_digest):
         monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(code_digest, "FIRST_PARTY", [source.stem for source in sources])
-    drop_stale_kernels()
+    monkeypatch.setattr(code_digest, "_locate_once", lambda parts: code_digest._find(tmp_path, parts))
+    (tmp_path / "__pycache__").mkdir()
     for source in sources[1:]:
         for ending in ("nbi", "1.nbc"):
             (tmp_path / "__pycache__" / f"{source.stem}.kernel-6.py311.{ending}").write_text("")
@@ -52,29 +54,18 @@ def sources(tmp_path, monkeypatch):
 )
 def test_what_was_compiled_from_other_code_goes(sources, edited, kept):
     path = sources[0].with_name(edited)
+    time.sleep(0.02)  # the clock of a file system may be late
     path.write_text(path.read_text() + "MORE = 1\n")
+    os.utime(path, (0, 0))  # an older file that was put in its place
     drop_stale_kernels()
     assert {source.stem for source in sources if compiled_kernels(source)} == kept
 
 
-def test_pytest_drops_stale_kernels_before_its_tests(tmp_path, monkeypatch):
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    (source,) = (path for path in suite_sources() if path.name == "pose.py")
-    folder = kernel_folder(source)
-    folder.mkdir(parents=True)
-    (folder / "pose.kernels").write_text("that of another code")
-    (folder / "pose.kernel-1.py311.nbi").write_text("")
-    words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "--collect-only", "tests/test_text.py"]
-    subprocess.run(words, cwd=ROOT, capture_output=True, check=False)
-    assert compiled_kernels(source) == []
-
-
-def test_older_kernels_without_a_mark_go_and_newer_ones_stay(sources):
-    for source in sources:
-        (source.parent / "__pycache__" / f"{source.stem}.kernels").unlink(missing_ok=True)
-    os.utime(sources[0], (2**33, 2**33))
-    drop_stale_kernels()
-    assert {source.stem for source in sources if compiled_kernels(source)} == {"alone"}
+def test_pytest_drops_stale_kernels_before_its_tests(monkeypatch):
+    dropped = []
+    monkeypatch.setattr(conftest, "drop_stale_kernels", lambda: dropped.append(True))
+    conftest.pytest_configure(object())
+    assert dropped
 
 
 @pytest.mark.slow

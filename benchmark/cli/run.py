@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from datetime import timedelta
 from pathlib import Path
 
@@ -17,9 +17,7 @@ from benchmark.datasets.checking import by_kind, unread_files
 from benchmark.errors import ConfigurationError
 from benchmark.kernels import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
-from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.data_names import label_data_sets
-from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.tables import TABLES, own_table
 from benchmark.registry import Component
@@ -121,8 +119,6 @@ def run(
             fine &= record.status == "ok"
     if any(record.traceback for record in ended.values()):
         say("'plan --traceback', with the same selection, prints errors in full", err=True)
-    for line in _small_for_people(jobs):
-        say(line, err=True)
     records = with_results(records, jobs, ended)
     if selection.subjects:  # tables show whole galleries
         for record in _records_of(jobs, records):
@@ -204,22 +200,6 @@ def _announce(jobs: Sequence[Planned], data_root: Path | None, records: Iterable
     for source, dataset in own.items():
         for anomaly in by_kind(unread_files(dataset)):
             say(f"{source}: {anomaly}", err=True)
-
-
-def _small_for_people(jobs: Sequence[Planned]) -> Iterator[str]:
-    """Warn of depth images of objects that are small for the people that a network was trained on."""
-    from benchmark.depth_forms import small_for_person
-
-    for job in jobs:
-        if not (job.galleries[0].dataset.observe and any(job.models) and job.record.files):
-            continue
-        doubts = list[str]()
-        for *_, step in job.steps():
-            arrays = Cache(step.job.results).read("prepared", step.keys["prepared"], ("depth",)) or {}
-            doubt = small_for_person(shape_of(arrays, step.shape), step.model) if "vertices" in arrays else ""
-            doubts += [f"{step.shape}: {doubt}"] * bool(doubt)
-        if doubts:
-            yield f"{job.record.method}: {len(doubts)} of {len(job.record.shapes)} objects are small; {doubts[0]}"
 
 
 def _say_summary(jobs: Sequence[Planned]) -> None:

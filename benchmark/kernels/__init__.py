@@ -14,8 +14,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
 
-from benchmark.code_digest import FIRST_PARTY, ROOT, code_digest, sources_of
-from benchmark.files import write_text
+from benchmark.code_digest import FIRST_PARTY, ROOT, sources_of
 
 #: Environment variable with the folder where numba stores compiled kernels.
 VARIABLE = "NUMBA_CACHE_DIR"
@@ -24,7 +23,7 @@ _PACKAGE = Path(__file__).parent
 
 
 def drop_stale_kernels() -> None:
-    """Remove the compiled kernels of the suite whose code, or that of a module they use, has changed."""
+    """Remove the compiled kernels of the suite that are older than their code, or that of a module they use."""
     for source in suite_sources():
         if b"numba" in source.read_bytes():
             with suppress(OSError):  # a folder that is read-only
@@ -54,15 +53,11 @@ def compiled_kernels(source: Path) -> list[Path]:
 
 
 def _drop_if_stale(source: Path) -> None:
+    """Remove kernels that are older than a source that they are compiled from, or its move to its place."""
     target = ".".join(source.relative_to(ROOT).with_suffix("").parts)
-    digest, mark = code_digest(target), kernel_folder(source) / f"{source.stem}.kernels"
-    if mark.is_file() and mark.read_text(encoding="utf-8") == digest:
-        return
-    compiled = compiled_kernels(source)
-    newest = max(path.stat().st_mtime_ns for path in sources_of(target))
-    if mark.is_file() or any(path.stat().st_mtime_ns < newest for path in compiled):
+    newest = max(path.stat().st_ctime_ns for path in sources_of(target))
+    if any(path.stat().st_ctime_ns < newest for path in compiled_kernels(source)):
         remove_kernels([source])
-    write_text(mark, digest)
 
 
 def kernel_folder(source: Path) -> Path:
