@@ -23,7 +23,7 @@ OF_SCANS := -d humans-scanlike --input mesh --quick
 DRAW := $(BIN)/python -m benchmark report --force --figure forms -o results/figures
 methods = $(addprefix -m ,$(1))
 
-.PHONY: setup kernels bench test test-slow lint fuzz docs speed tables check-tables publish figures clean golden
+.PHONY: setup kernels bench test test-slow lint fuzz docs speed tables check-tables publish figures clean golden processors
 
 setup: $(READY)
 
@@ -72,6 +72,14 @@ test-slow: setup kernels
 # What each component makes of small committed inputs, beside what it made before; ARGS="-k NAME --force-regen" writes it again.
 golden: setup kernels
 	$(BIN)/python -m pytest -m golden -n logical tests/golden $(ARGS)
+
+# The golden results under the kernels of other processors, and the tests of kernels with checked indices.
+processors: setup kernels
+	OPENBLAS_CORETYPE=Haswell $(BIN)/python -m pytest -m golden -n logical tests/golden
+	OPENBLAS_CORETYPE=Nehalem NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR="$(CURDIR)/build/generic" \
+	    $(BIN)/python -m pytest -m golden -n logical tests/golden
+	NUMBA_BOUNDSCHECK=1 NUMBA_OPT=1 NUMBA_CACHE_DIR="$(CURDIR)/build/checked" \
+	    $(BIN)/python -m pytest -m "kernels and not slow"
 
 lint: setup
 	$(BIN)/ruff check .

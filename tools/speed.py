@@ -9,7 +9,6 @@ pin_threads()
 
 import platform
 import re
-import subprocess
 import sys
 import time
 import timeit
@@ -21,7 +20,6 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 import psutil
-import pymeshlab
 import torch
 import trimesh
 from matplotlib.ticker import EngFormatter
@@ -55,7 +53,7 @@ from tests.retrieval.figures import figure
 
 Work = Callable[[], Any]
 FloatArray = NDArray[np.float64]
-HEADER = ("what", "ours", "limit", "other program", "its time", "ratio", "clock", "how it was measured")
+HEADER = ("what", "ours", "limit", "other program", "its time", "ratio", "how it was measured")
 readable = EngFormatter("s", places=2)
 
 
@@ -72,26 +70,25 @@ class Row(NamedTuple):
     detail: str = ""
     units: int = 1
     peer_units: int = 1
-    clock: Callable[[], float] = time.process_time
     operations: float = 0.0
 
     def cells(self) -> tuple[str, ...]:
         """Measure the times, and return the cells of the table."""
-        ours = least(self.ours, self.clock) / self.units
+        ours = least(self.ours) / self.units
         peer = ("", "", "")
         if self.theirs:
-            theirs = least(self.theirs, self.clock) / self.peer_units
+            theirs = least(self.theirs) / self.peer_units
             peer = (self.peer, readable(theirs), f"{theirs / ours:.2f}")
-        clock = "wall" if self.clock is time.perf_counter else "processor"
         limit = readable(self.operations / self.units / operations_per_second()) if self.operations else ""
-        return (self.name, readable(ours), limit, *peer, clock, self.detail)
+        return (self.name, readable(ours), limit, *peer, self.detail)
 
 
-def least(work: Work, clock: Callable[[], float] = time.process_time) -> float:
-    """Return the least time of three runs (of slow work, of one), after a run that compiles and fills the caches."""
-    start = clock()
+def least(work: Work) -> float:
+    """Return the least processor time of three runs (of slow work, of one), after one that compiles."""
+    start = time.process_time()
     work()
-    return min(timeit.repeat(work, timer=clock, number=1, repeat=3 if clock() - start < 5 else 1))
+    repeat = 3 if time.process_time() - start < 5 else 1
+    return min(timeit.repeat(work, timer=time.process_time, number=1, repeat=repeat))
 
 
 @cache
@@ -286,13 +283,8 @@ def of_network() -> Iterator[Row]:
         )  # fmt: skip
 
 
-def of_programs() -> Iterator[Row]:
-    """Measure one mesh, one frame from its files, and two verbs that must respond at once."""
-    mesh = body(7)
-    collapse, detail = partial(collapsed, mesh), f"from {mesh.n_vertices} to 2000 vertices"
-    peer = "pymeshlab quadric edge collapse alone"
-    yield Row("preparation of one mesh", partial(prepare, mesh, 2000), peer, collapse, detail)
-
+def of_frames() -> Iterator[Row]:
+    """Measure one frame of a depth camera from its files."""
     torch.set_num_threads(1)
     method, scorer = method_of_depth("learned-streamed"), select_one("cm-bof", kind="scorer").create()
     files = FrameFiles(FRAME)
@@ -304,27 +296,13 @@ def of_programs() -> Iterator[Row]:
     for name, work in steps.items():
         yield Row(f"frame of a depth camera, file to {name}", work, detail="320 x 240 pixels, with a mask")
 
-    def start(*arguments: str) -> Work:
-        return partial(subprocess.run, [sys.executable, *arguments], check=True, capture_output=True)
-
-    for words in (("--help",), ("list", "methods")):
-        works = start("-m", "benchmark", *words), "python -c pass", start("-c", "pass")
-        detail = "the start of the interpreter is the floor"
-        yield Row(f"python -m benchmark {' '.join(words)}", *works, detail, clock=time.perf_counter)
-
-
-def collapsed(mesh: Mesh) -> None:
-    work = pymeshlab.MeshSet(verbose=False)
-    work.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-    work.meshing_decimation_quadric_edge_collapse(targetfacenum=4000)
-
 
 GROUPS: dict[str, Callable[[], Iterator[Row]]] = {
     "geodesics": of_geodesics,
     "forms": of_forms,
     "scorer": of_scorer,
     "network": of_network,
-    "programs": of_programs,
+    "frames": of_frames,
 }
 
 

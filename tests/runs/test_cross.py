@@ -153,10 +153,10 @@ def test_frames_are_ranked_among_meshes_and_find_them(rods, finished, tmp_path):
 
 
 def seen_from_around(queries, results, method, **options):
-    return result(queries, "", results, method, input="view", gallery_views=12, **options)
+    return result(queries, "", results, method, input="view", gallery_views=4, **options)
 
 
-def test_a_gallery_that_twelve_cameras_see_is_as_near_as_its_nearest_view(rods, tmp_path):
+def test_a_gallery_that_four_cameras_see_is_as_near_as_its_nearest_view(rods, tmp_path):
     record = seen_from_around(rods, tmp_path, "surface-area")
     shapes, area = open_dataset(str(rods), None), select_one("surface-area").create()
     width = frame_of(shapes)
@@ -167,17 +167,17 @@ def test_a_gallery_that_twelve_cameras_see_is_as_near_as_its_nearest_view(rods, 
         view = prepare_view(shapes.load(entry), Camera(turned, shapes.camera(entry).up), width)
         return area.describe(shape_of(view, entry.identifier))
 
-    views = [[described(entry, np.radians(angle)) for angle in range(15, 360, 30)] for entry in shapes.shapes]
+    views = [[described(entry, np.radians(angle)) for angle in range(45, 360, 90)] for entry in shapes.shapes]
     expected = [[min(area.distances([described(entry, 0), each])[0, 1] for each in of) for of in views]
                 for entry in shapes.shapes]  # fmt: skip
     np.testing.assert_allclose(read_distances(tmp_path, record), expected, atol=1e-9)
-    assert (record.gallery, len(record.against.shapes)) == ("rods against 12 cameras", 4)
+    assert (record.gallery, len(record.against.shapes)) == ("rods against 4 cameras", 4)
     found = open_results(tmp_path).matches(record.key, "thin0", 9)
     assert sorted(found["shape"]) == ["thick0", "thick1", "thin1"], "its own shape is left out"
     others = [jobs(rods, *how, tmp_path, "surface-area", input="view", gallery_views=n)[0].record
-              for how, n in ((("",), 6), ((rods,), 12))]  # fmt: skip
+              for how, n in ((("",), 6), ((rods,), 4))]  # fmt: skip
     assert {record.key} & {other.key for other in others} == set()
-    assert others[1].gallery == "rods against 12 cameras around rods"
+    assert others[1].gallery == "rods against 4 cameras around rods"
 
 
 @pytest.mark.parametrize("input_", ["mesh", "view"])
@@ -205,7 +205,7 @@ class Constant:
 
 
 def test_one_constant_form_scores_chance_whatever_views_are_refused(rods, tmp_path):
-    for refuses in ((), ("thin0@0", "thick1@0", "thick1@11")):
+    for refuses in ((), ("thin0@0", "thick1@0", "thick1@3")):
         record = seen_from_around(rods, tmp_path, Constant(*refuses))
         (view,) = table_views([record])
         assert record.against.unsupported == []

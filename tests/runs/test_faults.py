@@ -8,6 +8,9 @@ import signal
 import sys
 import time
 from contextlib import suppress
+from itertools import chain, repeat
+from pkgutil import resolve_name
+from unittest.mock import DEFAULT, Mock
 
 import psutil
 import pytest
@@ -190,14 +193,14 @@ def test_a_descriptor_that_returns_no_distances_or_writes_into_its_input_fails(r
 
 
 def test_no_key_of_a_method_is_that_of_a_solver_and_no_fault_of_a_method_takes_a_shape_from_others(rods, tmp_path):
-    methods = ("replaces", "misreads", "needs-geodesics", "surface-area")
+    methods = ("alters", "misreads", "needs-geodesics", "surface-area")
     records = run_toy(rods, tmp_path / "results", *methods, plugins=(FAULTS,))
     alone = run_toy(rods, tmp_path / "alone", "needs-geodesics", plugins=(FAULTS,))["needs-geodesics"]
     assert {name: record.status for name, record in records.items()} == dict.fromkeys(methods, "ok") | {
         "misreads": "incomplete"
     }
     assert records["needs-geodesics"].per_query == alone.per_query
-    replaces = records["replaces"]
+    replaces = records["alters"]
     assert replaces.processor_seconds["canonicalise"] < 0.1 < replaces.seconds["canonicalise"] < 0.5
     assert "geodesics" not in replaces.seconds
 
@@ -209,8 +212,8 @@ def test_arrays_of_a_scorer_may_have_any_name(rods, tmp_path):
     assert (record.status, record.coverage) == ("ok", 1.0)
 
 
-PREPARATION, GEODESICS = "benchmark.pipeline.preparation prepare_mesh", "benchmark.geometry.geodesics all_pairs"
-READING = "benchmark.geometry.io _load"
+PREPARATION, GEODESICS = "benchmark.pipeline.preparation:prepare_mesh", "benchmark.geometry.geodesics:all_pairs"
+READING, UNREADABLE = "benchmark.geometry.io:_load", OSError(5, "Input/output error")
 
 
 @pytest.fixture(scope="module")
@@ -222,15 +225,21 @@ def pair(rods, tmp_path_factory):
 
 @pytest.fixture
 def failing(pair, tmp_path, monkeypatch):
-    """Return a function that runs two methods while a function fails in some way, so many times."""
+    """Return a function that runs two methods while a function raises an error, or ends its process, so many times."""
     monkeypatch.setenv("FAULTS", str(tmp_path))
     (tmp_path / "sitecustomize.py").write_text("import tests.runs.injection\n")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
 
     def run_failing(function, how, times):
-        monkeypatch.setenv("FAILS", f"{function} {how} {times}")
-        options = {"size": 1, "timeout": 8.0 if how == "sleep" else 60.0, "plugins": (FAULTS,)}
-        return run_toy(pair, tmp_path / "results", "needs-geodesics", "fine", **options)
+        options = {"size": int(isinstance(how, str)), "timeout": 8.0 if how == "sleep" else 60.0, "plugins": (FAULTS,)}
+        with monkeypatch.context() as patch:
+            if options["size"]:
+                patch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+                patch.setenv("FAILS", f"{function.replace(':', ' ')} {how} {times}")
+            else:
+                effects = chain(repeat(how, times), repeat(DEFAULT))
+                failing = Mock(wraps=resolve_name(function), side_effect=effects)
+                patch.setattr(function.replace(":", "."), failing)
+            return run_toy(pair, tmp_path / "results", "needs-geodesics", "fine", **options)
 
     return run_failing
 
@@ -238,12 +247,14 @@ def failing(pair, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("function", "how"),
     [
-        (PREPARATION, "kill"),
+        (PREPARATION, MemoryError()),
+        (GEODESICS, MemoryError()),
+        (READING, UNREADABLE),
         *(
             pytest.param(*fault, marks=pytest.mark.slow)
             for fault in [
-                (PREPARATION, "sleep"), (PREPARATION, "memory"), (GEODESICS, "sleep"), (GEODESICS, "kill"),
-                (GEODESICS, "memory"), (READING, "read"), ("retrieval.measures score_draws", "kill"),
+                (PREPARATION, "sleep"), (PREPARATION, "kill"), (GEODESICS, "sleep"), (GEODESICS, "kill"),
+                ("retrieval.measures:score_draws", "kill"),
             ]
         ),
     ],
@@ -265,12 +276,12 @@ def undisturbed(pair, tmp_path_factory):
     ("function", "how", "reason"),
     [
         (PREPARATION, "kill", "thick0 has no result: its preparation: the process ended with SIGKILL"),
-        (GEODESICS, "memory", "thick0 has no geodesics: out of memory"),
-        (READING, "read", "Input/output error"),
+        (GEODESICS, MemoryError(), "thick0 has no geodesics: out of memory"),
+        (READING, UNREADABLE, "Input/output error"),
     ],
 )
 def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
-    undisturbed, pair, tmp_path, failing, monkeypatch, function, how, reason
+    undisturbed, pair, tmp_path, failing, function, how, reason
 ):
     results = tmp_path / "results"
     records = failing(function, how, times=99)
@@ -278,7 +289,6 @@ def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
         records.pop("fine")  # it needs none
     assert {(record.status, bool(record.scores)) for record in records.values()} == {("incomplete", False)}
     assert all(reason in record.reason and record.reason.count("run again") == 1 for record in records.values())
-    monkeypatch.delenv("FAILS")
     jobs = planned(pair, results, "needs-geodesics", "fine", plugins=(FAULTS,))
     assert {job.record.method for job in jobs if job.is_pending} >= records.keys()
     done(jobs, results, size=0)
