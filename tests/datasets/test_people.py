@@ -21,17 +21,14 @@ TAKEN = np.array([astuple(body) for name in SETS if name != "animals" for body i
 OTHERS = np.array([astuple(body) for name in ("humans", "humans-scanlike") for body in SETS[name].values()])
 
 
-@pytest.mark.parametrize("subjects", [["man-a2"], pytest.param([*SUBJECTS], marks=pytest.mark.slow)])
-def test_poses_fit_the_frame_and_push_no_body_through_itself(subjects: list[str]) -> None:
+def test_poses_fit_the_frame_and_push_no_body_through_itself() -> None:
     import pymeshlab
 
-    is_whole = len(subjects) == len(SUBJECTS)
-    poses = list(POSES.values())[:: 1 if is_whole else 3]
-    meshes = [body_mesh(SUBJECTS[name], pose) for name in subjects for pose in poses]
+    meshes = [body_mesh(SUBJECTS["man-a2"], pose) for pose in POSES.values()]
     half_width = open_dataset("people").half_width
     assert half_width
     filled = FILL * fit_half_width(meshes, FRONT) / half_width
-    assert 0.35 < filled <= (0.94 if is_whole else FILL)
+    assert 0.35 < filled <= FILL
     for mesh in meshes:
         layers = pymeshlab.MeshSet()
         layers.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
@@ -41,7 +38,7 @@ def test_poses_fit_the_frame_and_push_no_body_through_itself(subjects: list[str]
         view = depth_surface(mesh, FRONT, half_width)
         stride = max(1, round(np.sqrt(view.report["foreground"] / SAMPLES)))
         assert view.surface.n_vertices == pytest.approx(view.report["foreground"] / stride**2, rel=0.08)
-        assert 1000 < view.surface.n_vertices < (4600 if is_whole else 3200)  # steps are whole pixels
+        assert 1000 < view.surface.n_vertices < 3200
         assert view.report["lost_samples"] < 0.05 * view.surface.n_vertices
 
 

@@ -7,12 +7,9 @@ import pytest
 import trimesh
 
 from benchmark.api.contracts import Shape
-from benchmark.datasets.bodies import POSES, SUBJECTS, body_mesh
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh
 from learned.field import even_samples, in_frame, with_detail
-from learned.methods import DeformationField
-from tests.baselines.deformable import moved_to
 from tests.geometry.surfaces import flat_grid, limbed_body, relabelled, sphere
 
 BODY = limbed_body()
@@ -65,21 +62,3 @@ def test_rotated_positions_and_rotations_give_the_input_rotated() -> None:
     refined = with_detail(rest, shape.laplacian(), noisy, rotations, reach=0.1, rounds=2)
     assert np.abs(refined - rest @ turn.T).mean() < 0.4 * np.abs(noisy - rest @ turn.T).mean()
     assert with_detail(rest, shape.laplacian(), noisy, rotations, reach=0, rounds=2) is noisy
-
-
-def misfit(form: np.ndarray, target: np.ndarray) -> float:
-    """Mean distance of corresponding points after the best rigid motion, over the mean distance from the centre."""
-    distances = np.linalg.norm(moved_to(form, target) - target, axis=1)
-    return float(distances.mean() / np.linalg.norm(target - target.mean(axis=0), axis=1).mean())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("subject", "pose"), [("woman-3", "kicking"), ("child-2", "throwing")])
-def test_an_unseen_person_stands_again(subject: str, pose: str) -> None:
-    posed, standing = (body_mesh(SUBJECTS["humans"][subject], POSES[name]) for name in (pose, "standing"))
-    form = DeformationField().canonicalise(Shape(identifier="x", mesh=posed)).vertices
-    target = standing.vertices / standing.area**0.5
-    assert misfit(form, target) < 0.35 * misfit(posed.vertices / posed.area**0.5, target)
-    moved = posed.with_vertices(posed.vertices @ np.diag([1, -1, -1]) * 30 + 7)
-    again = DeformationField().canonicalise(Shape(identifier="x", mesh=moved)).vertices
-    assert np.abs(again - form).max() < 1e-3
