@@ -17,7 +17,7 @@ import numpy as np
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
-from benchmark.datasets.folder import all_mesh_files, is_hidden, mesh_stem, skipped_files, sub_folders
+from benchmark.datasets.folder import POINTS, all_mesh_files, is_hidden, mesh_stem, skipped_files, sub_folders
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
@@ -214,10 +214,12 @@ def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
     folder, used = dataset.folder, {entry.path for entry in dataset.shapes}
     if folder is None:
         return
-    for path in skipped_files(folder):
+    for path in skipped_files(folder) if dataset.name not in SETS else ():
         what, hint = "points, not a surface", f"make a surface of them: {SURFACE.format(name='FILE')}"
         if is_hidden(path):
             what, hint = "hidden", "remove what macOS writes beside each file, or rename a shape"
+        elif path.suffix.lower() not in POINTS:
+            what, hint = "no shape, labels or settings", f"labels.txt and {SETTINGS_FILE} are read, in {folder.name}"
         yield Anomaly("warning", (_relative(path, folder),), f"skipped: {what}", hint)
     for place in dict.fromkeys([folder, *(path.parent for path in used if path), *sub_folders(folder)]):
         first: dict[str, Path] = {}

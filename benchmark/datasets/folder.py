@@ -12,7 +12,8 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import natural_key
 from benchmark.datasets.frames import depth_frames
 from benchmark.datasets.labels import class_name, read_labels
-from benchmark.datasets.settings import text_of, with_settings
+from benchmark.datasets.settings import SETTINGS_FILE, text_of, with_settings
+from benchmark.depth.intrinsics import CAMERA_FILES
 from benchmark.depth.reading import EXTENSIONS, MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
 from benchmark.geometry.io import READABLE, mesh_suffix
@@ -23,8 +24,11 @@ UNREAD = (".3ds", ".3mf", ".dae", ".fbx", ".vtk", ".vtp", ".wrl")
 POINTS = (".pcd", ".pts", ".xyz")
 
 
-#: Lists of labels of a folder, with lines ``name label``.
-LABELS = ("labels.txt", "labels.csv")
+#: Files beside meshes and images that are known.
+_BESIDE = (".tri", ".bin", ".mtl", ".jpg", ".jpeg", ".bmp", ".tga", ".json", ".yaml", ".yml", ".md", ".pdf", ".html")
+
+#: Names of lists of classes: of the Princeton Shape Benchmark, and in a folder of a user also of lines ``name label``.
+_CLA, _LISTS = (re.compile(pattern, re.IGNORECASE) for pattern in (r".*\.cla", r".*\.cla|labels\.(txt|csv|tsv)"))
 
 
 def folder_set(folder: Path, name: str = "") -> ShapeSet:
@@ -49,15 +53,15 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
         If ``dataset.toml`` has an unknown key.
     """
     name = name or printable(folder.resolve().name)
-    files, given = mesh_files(folder), class_list([folder], (*LABELS, "*.cla"))
-    if given and given.suffix == ".cla":
+    files, given = mesh_files(folder), class_list([folder], _LISTS)
+    if given and given.suffix.lower() == ".cla":
         entries = _from_cla(given, files)
     elif files:
         entries = _from_names(files)
     else:
         entries = [entry for sub in sub_folders(folder) for entry in _from_sub_folder(sub, mesh_files(sub))]
     frames = [] if entries else _from_depth_images(folder)
-    if given and given.name in LABELS:
+    if given and given.suffix.lower() != ".cla":
         entries, frames = _labelled(given, entries), _labelled(given, frames)
     if not entries and not frames:
         unread = ", ".join(sorted({path.suffix for path in skipped_files(folder)}))
@@ -108,10 +112,15 @@ def sub_folders(folder: Path) -> list[Path]:
 
 
 def skipped_files(folder: Path) -> list[Path]:
-    """Return the point clouds in a folder and its sub-folders, and hidden files that end like meshes or images."""
-    places, named = (folder, *sub_folders(folder)), (*POINTS, *READABLE, *EXTENSIONS)
-    points = [path for place in places for path in _listed(place, lambda path: path.suffix.lower() in POINTS)]
-    return points + [path for place in places for path in sorted(place.glob(".*")) if mesh_suffix(path) in named]
+    """Return files of a folder and its sub-folders that are not known, and hidden ones that would be."""
+    places, known = (folder, *sub_folders(folder)), {*READABLE, *UNREAD, *EXTENSIONS, *_BESIDE}
+
+    def is_unknown(path: Path) -> bool:
+        is_read = path.parent == folder and (path.name == SETTINGS_FILE or _LISTS.fullmatch(path.name))
+        return not (mesh_suffix(path) in known or is_read or CAMERA_FILES.fullmatch(path.name) or path.is_dir())
+
+    unknown = [path for place in places for path in _listed(place, is_unknown)]
+    return unknown + [path for place in places for path in sorted(place.glob(".*")) if mesh_suffix(path) in known]
 
 
 def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
@@ -156,9 +165,10 @@ def _from_depth_images(folder: Path) -> list[Entry]:
 def _from_names(files: Iterable[Path]) -> list[Entry]:
     entries = []
     for path in files:
-        stem = printable(mesh_stem(path))
-        subject = re.sub(r"[-_ ]*[0-9]+$", "", stem) or stem
-        entries.append(Entry(stem, subject, stem[len(subject) :].lstrip("-_ "), path))
+        stem = mesh_stem(path)
+        subject = re.sub(r"[-_ \xa0]*[0-9]+\Z", "", stem) or stem
+        pose = printable(stem[len(subject) :].lstrip("-_ \xa0"))
+        entries.append(Entry(printable(stem), printable(subject), pose, path))
     return entries
 
 
@@ -168,10 +178,9 @@ def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
     return [Entry(f"{subject}/{pose}", class_name(folder.name, pose), pose, path) for pose, path in poses]
 
 
-def class_list(folders: Sequence[Path], patterns: Iterable[str] = ("*.cla",)) -> Path | None:
+def class_list(folders: Sequence[Path], lists: re.Pattern[str] = _CLA) -> Path | None:
     """Return the list of classes in some folders, or None; raises ``DatasetError`` if there are several."""
-    found = [path for folder in folders for pattern in patterns for path in sorted(folder.glob(pattern))]
-    files = [path for path in found if not is_hidden(path)]
+    files = [path for folder in folders for path in _listed(folder, lambda path: bool(lists.fullmatch(path.name)))]
     if len(files) > 1:
         names = " and ".join(path.relative_to(folders[0]).as_posix() for path in files[:2])
         raise DatasetError(f"{folders[0]} holds {names}", "keep the list that classifies these meshes")

@@ -16,7 +16,10 @@ from benchmark.text import nfc, printable
 MISCELLANEOUS = "-1"
 
 #: Labels that say that there is none, as Python, pandas, R and spreadsheets write them.
-_MISSING = ("", "nan", "none", "null", "na", "<na>", "n/a", "nat")
+_MISSING = ("nan", "none", "null", "nil", "na", "<na>", "n/a", "nat")
+
+#: Numbers as programs write floats: 1.0, or 1.000e+00 of ``numpy.savetxt``.
+_FLOAT = re.compile(r"-?(0|[1-9][0-9]{0,14})\.[0-9]*(e[+-]?[0-9]{1,2})?", re.IGNORECASE | re.ASCII)
 
 #: Titles of the columns of a table of labels.
 _NAMES = ("", "name", "shape", "mesh", "model", "file", "filename", "id", "identifier", "index")
@@ -26,7 +29,7 @@ _LABELS = ("label", "labels", "class", "category", "subject", "target")
 def class_name(label: object, shape: object) -> str:
     """Return the class that a label means: 1 and 1.0 are one, and each shape of class -1 is its own."""
     text = printable(str(label))
-    text = re.sub(r"\.0*$", "", text) if re.fullmatch(r"-?[0-9]+\.0*", text) else text
+    text = f"{float(text):.0f}" if _FLOAT.fullmatch(text) and float(text).is_integer() else text
     return f"{text} {shape}" if text == MISCELLANEOUS else text
 
 
@@ -34,7 +37,7 @@ def classes_of(labels: Mapping[str, object] | Sequence[object]) -> dict[str, str
     """Return the classes of shapes by name, or in order; raise ``ConfigurationError`` if some have no label."""
     named = labels if isinstance(labels, Mapping) else {f"row {row}": label for row, label in enumerate(labels, 1)}
     classes = {nfc(name): class_name(str(label).strip(), name) for name, label in named.items()}
-    if missing := [name for name, of in classes.items() if of.lower() in _MISSING]:
+    if missing := [name for name, of in classes.items() if of.lower() in _MISSING or not any(map(str.isalnum, of))]:
         problem = f"shapes without a label: {len(missing)}, the first is '{missing[0]}'"
         raise ConfigurationError(problem, "label them, or with -1 if they are of no class")
     return classes if isinstance(labels, Mapping) else [*classes.values()]

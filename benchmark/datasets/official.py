@@ -23,7 +23,7 @@ from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 
 #: File names of class lists in the format of the Princeton Shape Benchmark.
-LISTS = ("*.cla", "categories.txt")
+LISTS = re.compile(r".*\.cla|categories\.txt", re.IGNORECASE)
 
 _DEPTH = 3
 _UNPACK = "unpack the official archive there, or name the folder, -d FOLDER, where no official set is meant"

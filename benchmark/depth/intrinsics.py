@@ -20,7 +20,7 @@ from benchmark.geometry.io import named_errors
 Rays = NDArray[np.float64]
 
 #: Names of intrinsics files, in the folder of the image or in one of its two parents: not those of colour cameras.
-_NAMES = re.compile(
+CAMERA_FILES = re.compile(
     r"(?=.*(camera|intrinsic|\bk\b))((camera|depth|info|intrinsics?|k|matrix)[-_ ]?)+\.(json|txt|ya?ml)", re.IGNORECASE
 )
 
@@ -237,7 +237,7 @@ def find_intrinsics(image: Path) -> Path | None:
         If the nearest folder with one has several.
     """
     for folder in (image.parent, *image.absolute().parent.parents[:2]):
-        found = [path for path in sorted(folder.glob("*.*")) if _NAMES.fullmatch(path.name)]
+        found = [path for path in sorted(folder.glob("*.*")) if CAMERA_FILES.fullmatch(path.name)]
         if len(found) > 1:
             problem = f"{folder} holds the camera files {found[0].name} and {found[1].name}"
             raise DepthError(problem, "keep that of the depth image, or name it: --intrinsics FILE, or in dataset.toml")

@@ -388,12 +388,8 @@ def find_mask(image: Path) -> Path | None:
 
     folders = [parent / name for parent in (image.parent, image.parent.parent) for name in MASK_FOLDERS]
     whole = [path for folder in folders for path in named(folder, "(_mask)?")]
-    found = named(image.parent, "[._-]masks?([^a-z].*)?") + whole or [
-        path
-        for folder in folders
-        for path in named(folder, "_.*")
-        if not image.with_name(path.name).exists()  # of which it is the mask
-    ]
+    others = [path for folder in folders for path in named(folder, "_.*") if not image.with_name(path.name).exists()]
+    found = named(image.parent, "[._-]masks?([^a-z].*)?") + whole or others  # of which none is that of another image
     if len(found) > 1:
         listed = " and ".join(path.relative_to(image.parent.parent).as_posix() for path in found[:2])
         raise DepthError(f"{image} has the masks {listed}", "keep that of the object")

@@ -37,7 +37,7 @@ SURFACE = (
 #: look the other way, as a share of the polygon: that of a corner on a side, in single precision.
 _MOST_POLYGONS, _MOST_CORNERS, _FOLDED = 2**16, 500, 1e-6
 
-_NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|(nan|inf).*)", re.ASCII | re.IGNORECASE)
+_NUMBER = re.compile(r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|nan(\(.*\))?|inf(inity)?)", re.ASCII | re.IGNORECASE)
 
 
 def read_mesh(path: Path | str) -> Mesh:
@@ -139,10 +139,9 @@ def write_mesh(path: Path | str, mesh: Mesh) -> None:
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".off":
-        content = f"OFF\n{mesh.n_vertices} {mesh.n_faces} 0\n" + _rows("", mesh.vertices) + _rows("3 ", mesh.faces)
-        data = content.encode("ascii")
+        data = b"OFF\n%d %d 0\n" % (mesh.n_vertices, mesh.n_faces) + _rows("", mesh.vertices) + _rows("3 ", mesh.faces)
     elif suffix == ".obj":
-        data = (_rows("v ", mesh.vertices) + _rows("f ", mesh.faces + 1)).encode("ascii")
+        data = _rows("v ", mesh.vertices) + _rows("f ", mesh.faces + 1)
     elif suffix == ".ply":
         data = _ply(mesh)
     else:
@@ -154,8 +153,8 @@ def write_mesh(path: Path | str, mesh: Mesh) -> None:
         raise ConfigurationError(problem, "choose a file in a folder that can be written") from error
 
 
-def _rows(prefix: str, table: NDArray[Any]) -> str:
-    return "".join(f"{prefix}{a!r} {b!r} {c!r}\n" for a, b, c in table.tolist())
+def _rows(prefix: str, table: NDArray[Any]) -> bytes:
+    return "".join(f"{prefix}{a!r} {b!r} {c!r}\n" for a, b, c in table.tolist()).encode()
 
 
 def _ply(mesh: Mesh) -> bytes:
@@ -210,8 +209,8 @@ def _parsed(text: bytes) -> FloatArray:
     except (DeprecationWarning, ValueError) as error:
         if re.search(rb"\d,\d", text):
             raise UnreadableMesh("numbers have decimal commas", "export with LC_NUMERIC=C") from error
-        found = [word for word in text.decode("latin-1").split() if not _NUMBER.fullmatch(word)]
-        raise ValueError(f"expected a number, not '{found[0]:.20}'" if found else "expected a number") from error
+        word = next((word for word in text.decode("latin-1").split() if not _NUMBER.fullmatch(word)), "")
+        raise ValueError(f"expected a number, not '{word:.20}'") from error
 
 
 def _is_padding(rest: bytes) -> bool:
@@ -513,11 +512,8 @@ _PLY_TYPES = {
     **{"float": "f4", "double": "f8", "float32": "f4", "float64": "f8"},
     **{f"{name}{8 * size}": f"{name[0]}{size}" for name in ("int", "uint") for size in (1, 2, 4, 8)},
 }
-#: First words of the lines of an OBJ file, but for surfaces of splines (``surf``) and other files (``call``).
-_OBJ_WORDS = (
-    rb"v[tnp]?|fo?|[lpgos]|mg|mtllib|usemtl|usemap|maplib|bevel|[cd]_interp|lod|shadow_obj|trace_obj|"
-    rb"cstype|[cs]tech|deg|bmat|step|curv2?|parm|trim|hole|scrv|sp|end|con"
-)
+#: First words of the lines of an OBJ file, but for splines (``curv``, ``surf``) and other files (``call``).
+_OBJ_WORDS = rb"v[tnp]?|fo?|[lpgos]|mg|mtllib|usemtl|usemap|maplib|bevel|[cd]_interp|lod|shadow_obj|trace_obj"
 _FROM_1 = (".obj", ".mat")
 READABLE: tuple[str, ...] = tuple(_READERS)
 WRITABLE: tuple[str, ...] = (".off", ".obj", ".ply")

@@ -179,8 +179,8 @@ def _matrix_of(found: Mapping[str, Any], size: tuple[int, int]) -> Any:
     arrays = {name: value for name, value in found.items() if isinstance(value, np.ndarray) and value.size > 1}
     real = {name: value.shape for name, value in arrays.items() if value.dtype.kind in "iuf"}
     matrix = arrays[_only([name for name, shape in real.items() if shape == (size if size[1] else shape[:1] * 2)])]
-    for texts in (value.ravel() for value in arrays.values() if value.dtype.kind in "UO" and not size[1]):
-        names = [str(np.squeeze(text)).strip() for text in texts]
+    for texts in (value.ravel() for value in arrays.values() if value.dtype.kind in "SUO" and not size[1]):
+        names = [str(np.squeeze(text)).strip() for text in (texts.astype("U") if texts.dtype.kind == "S" else texts)]
         if len({*names}) == len(matrix) == len(names):
             return DataFrame(matrix, names, names)
     return matrix

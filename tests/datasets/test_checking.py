@@ -105,6 +105,18 @@ def test_meshes_that_are_passed_over_are_named(rods):
     assert f"{rods}: {only(rods)}" in said
 
 
+def test_lists_and_settings_that_are_not_read_are_named(rods):
+    for name in ("Dataset.toml", "dataset.toml.txt", "class.tsv", "thin9.zip"):
+        (rods / name).write_text("unit = 'mm'\n")
+    (rods / "dataset.toml").write_text("unit = 'm'\n")
+    for name in ("thin0.mtl", "skin.png", "K.txt", "README.md"):
+        (rods / name).write_text("")
+    assert only(rods) == (
+        "warning  4 files: Dataset.toml, class.tsv, dataset.toml.txt, thin9.zip  skipped: no shape, labels or "
+        f"settings; labels.txt and dataset.toml are read, in {rods.name}"
+    )
+
+
 def test_what_keeps_a_folder_from_being_opened_is_an_error_and_the_meshes_are_read_all_the_same(rods):
     (rods / "x.cla").write_text("PSB 2\n")
     (rods / "thin0.off").write_text("")

@@ -108,6 +108,11 @@ def test_names_that_cannot_be_printed_are_written_so_that_they_can(rods):
     entries = {entry.identifier: entry for entry in folder_set(rods).shapes}
     assert {r"thin\n0", r"thin\x1b[31m1", r"thin\udcff2"} <= entries.keys()
     assert entries[r"thin\n0"].subject == r"thin\n"
+    for number in range(2):
+        write_off(rods / f"fat\xa0{number}.off", rod(0.2, number))
+        write_off(rods / f"thin{number}\n.off", rod(0.2, number))
+    classes = [entry.subject for entry in folder_set(rods).shapes]
+    assert (classes.count("fat"), classes.count(r"thin0\n")) == (2, 1)
     for entry in entries.values():
         for text in (entry.identifier, entry.subject, entry.pose):
             assert text.isprintable()
@@ -150,9 +155,8 @@ def test_what_systems_write_beside_shapes_is_no_shape(rods):
         folder_set(rods).load(folder_set(rods).shapes[-1])
 
 
-@pytest.mark.parametrize("name", ["labels.txt", "labels.csv"])
-def test_a_list_of_labels_is_the_first_rule(rods, name):
-    mark = "," if name == "labels.csv" else " "
+@pytest.mark.parametrize(("name", "mark"), [("labels.txt", " "), ("labels.csv", ","), ("Labels.TSV", "\t")])
+def test_a_list_of_labels_is_the_first_rule(rods, name, mark):
     rows = [
         f"{build}{number}{mark}{'odd' if number % 2 else 'even'}" for build in ("thin", "thick") for number in range(3)
     ]
@@ -170,8 +174,8 @@ def test_a_list_of_labels_is_the_first_rule(rods, name):
     (rods / name).write_text("even\n" * 6)
     with pytest.raises(DatasetError, match=f"{name} does not name the shapes"):
         folder_set(rods)
-    (rods / "x.cla").write_text(CLA)
-    with pytest.raises(DatasetError, match=f"holds {name} and x.cla; keep the list"):
+    (rods / "x.CLA").write_text(CLA)
+    with pytest.raises(DatasetError, match=f"holds {name} and x.CLA; keep the list"):
         folder_set(rods)
 
 
