@@ -1,4 +1,4 @@
-"""Figure of the paper's methods under two scorers, from results/figures/two-scorers.csv: python -m tools.scorers."""
+"""Figure of two-scorers.csv, which results/experiments/two_scorers.py writes: python -m tools.scorers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ TARGET = Path(__file__).parents[1] / "results" / "figures" / "two-scorers.png"
 def scorers_figure(scores: DataFrame) -> Figure:
     """Draw the scores of each method by both scorers, with intervals over classes."""
     figure, ((place,),) = subplots(COLUMN, 2.4)
-    of_measure = scores[scores["measure"] == MEASURE].sort_values(
+    of_measure = scores[(scores["measure"] == MEASURE) & (scores.get("input", "mesh") == "mesh")].sort_values(
         "method", key=lambda names: names.map([*TITLES].index)
     )
     for number, (scorer, part) in enumerate(of_measure.groupby("scorer", sort=False)):

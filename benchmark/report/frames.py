@@ -97,7 +97,7 @@ def scored_by(records: Iterable[Record]) -> ScoredBy:
 
 @cache
 def two_scorers() -> dict[tuple[str, str, str], dict[str, float]]:
-    """Return published scores of methods on TOSCA by input, scorer and measure; see tools/scorers.py."""
+    """Return published scores of methods on TOSCA by input, scorer and measure."""
     path = SUITE_RESULTS / "figures" / "two-scorers.csv"
     found: dict[tuple[str, str, str], dict[str, float]] = {}
     for line in csv.DictReader(path.read_text(encoding="utf-8").splitlines() if path.is_file() else ()):
