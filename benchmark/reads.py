@@ -33,7 +33,7 @@ _EXEMPT = (
 _LATE = 0.02
 
 #: What the plugin whose code runs has opened, and for each plugin the first file that it should have declared.
-_opened: dict[str, int] | None = None
+_opened: dict[str, tuple[int, bool]] | None = None
 _undeclared: dict[Path, Path] = {}
 
 
@@ -70,14 +70,14 @@ def _hook(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _note(path: Any, folder: Any = "", *, is_program: bool = False) -> None:
-    """Note when a regular file changed last; -1 for a program, a library or a word that may name one."""
+    """Note when a regular file changed last, and whether it is a program or a library, or a word that may name one."""
     file = os.path.realpath(Path(os.fsdecode(folder), os.fsdecode(path)))
     if file.endswith(".pyc"):
         with suppress(ValueError):
             file = source_from_cache(file)
     status = Path(file).stat()
     if _opened is not None and stat.S_ISREG(status.st_mode):
-        _opened.setdefault(file, -1 if is_program else status.st_ctime_ns)
+        _opened.setdefault(file, (status.st_ctime_ns, is_program))
 
 
 @contextmanager
@@ -102,16 +102,17 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
         yield declared
         return
     plugin = Path(target.rpartition(":")[0] or target)
-    opened: dict[str, int] = {}
+    opened: dict[str, tuple[int, bool]] = {}
     _opened = opened
     try:
         yield declared
     finally:
         _opened = None
         known = {*sources_of(target)}
-        for file in [Path(file) for file, changed in opened.items() if changed < begun and Path(file) not in known]:
-            if _is_of_user(file, plugin.parent, declared, is_program=opened[str(file)] < 0):
-                _undeclared.setdefault(plugin, file)
+        for file, (changed, is_program) in opened.items():
+            is_own = changed >= begun or Path(file) in known  # it was made meanwhile, or is of the code
+            if not is_own and _is_of_user(Path(file), plugin.parent, declared, is_program=is_program):
+                _undeclared.setdefault(plugin, Path(file))
     if found := _undeclared.get(plugin):
         does, hint = "reads", f"declare it in info: files=({os.path.relpath(found, plugin.parent.resolve())!r},)"
         if found.suffix == ".py":

@@ -2,6 +2,8 @@
 
 import json
 import re
+import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,7 @@ from baselines.classic_mds import ClassicMDS
 from baselines.gps import GPS
 from benchmark.api import Shape
 from benchmark.errors import ConfigurationError, InvalidMesh
-from benchmark.geometry.preparation import prepare
+from benchmark.geometry.preparation import import_pymeshlab, prepare
 from tests.geometry.surfaces import sphere
 from tests.toy import SMALL_SCORER, rod, write_off
 
@@ -123,3 +125,9 @@ def test_the_cells_of_the_notebook_run_one_after_the_other(tmp_path, monkeypatch
     assert len(found["sweep"]) == 3
     assert len(found["curves"]) == 8
     assert found["form"].n_vertices > 100
+
+
+def test_pymeshlab_is_not_loaded_in_another_thread_first(monkeypatch):
+    monkeypatch.delitem(sys.modules, "pymeshlab", raising=False)
+    with ThreadPoolExecutor(1) as pool, pytest.raises(ConfigurationError, match="write 'import pymeshlab' in the main"):
+        pool.submit(import_pymeshlab).result()

@@ -16,7 +16,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.pipeline.cache import storing
 from benchmark.pipeline.environment import has_edits
-from benchmark.pipeline.records import Record, read_files, read_records
+from benchmark.pipeline.records import Record, encode, read_files, read_records
 from benchmark.protocols.tables import PARTS
 from benchmark.reference.paper import MEASURES
 from benchmark.registry import BUILT_IN
@@ -79,7 +79,7 @@ def write_published(results: Path, records: Iterable[Record]) -> None:
     files = defaultdict[str, bytes](bytes)
     for record in sorted(records, key=lambda record: record.row):
         base = re.sub("[^A-Za-z0-9-]+", "-", record.data.name.partition("[")[0])[:LONGEST_NAME] or "records"
-        files[f"{base}.jsonl"] += msgspec.json.encode(record) + b"\n"
+        files[f"{base}.jsonl"] += encode(record) + b"\n"
     folder = results / "records"
     with storing(results):
         for name, text in files.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from inspect import cleandoc
 from pathlib import Path
 
@@ -23,24 +23,19 @@ Rows = list[dict[str, str]]
 
 #: Columns that fit 80 characters, by kind; the JSON has all.
 _COLUMNS = {
+    "methods": ("name", "family", "state", "summary"),
     "datasets": ("name", "state", "shapes", "classes", "source"), "models": ("training", "model", "origin", "schedule"),
 }  # fmt: skip
-
-#: Names of the groups of methods.
-_GROUPS = {"paper": "paper", "extended": "extended", "control": "controls", "network": "networks", "": "broken"}
 
 _FAMILIES = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
 
 
 def list_(what: str, selection: Selection, *, as_json: bool) -> None:
     """Print the names of a kind."""
-    known = by_name("method" if what == "methods" else "scorer", selection.plugins)
     kinds = {"datasets": _datasets, "tables": _tables, "models": _models}
-    rows = kinds[what](selection) if what in kinds else _components(known)
+    rows = kinds[what](selection) if what in kinds else _components(what, selection)
     if as_json:
         say_lines(json.dumps(rows, indent=1))
-    elif what == "methods":
-        say_table(_grouped(known, rows), whole=(0,))
     else:
         names = _COLUMNS.get(what, tuple(rows[0]))
         table = [[row.get(name, "") for name in names] for row in rows]
@@ -49,20 +44,10 @@ def list_(what: str, selection: Selection, *, as_json: bool) -> None:
         say_table([names, *table] if what == "datasets" else table, whole=range(len(table[0]) - 1))
 
 
-def _grouped(methods: Mapping[str, Component], rows: Rows) -> list[list[str]]:
-    """Return lines of methods below the names of their groups; only those that cannot be used say so."""
-    groups = {group: [[name, ""]] for group, name in _GROUPS.items()}
-    for row in rows:
-        group = "network" if row["family"] and methods[row["name"]].learns else row["family"]
-        state = f" ({row['state']})" if row["state"].startswith("needs") else ""
-        groups[group].append([f"  {row['name']}", f"{row['title']} - {row['summary']}{state}"])
-    return [line for lines in groups.values() if len(lines) > 1 for line in lines]
-
-
-def _components(components: Mapping[str, Component]) -> Rows:
+def _components(what: str, selection: Selection) -> Rows:
     """Return methods or scorers; one that cannot be imported has the reason."""
     rows: Rows = []
-    for name, component in components.items():
+    for name, component in by_name("method" if what == "methods" else "scorer", selection.plugins).items():
         try:
             missing = component.missing_packages()
             family = {"family": component.info.family} if component.kind == "method" else {}

@@ -125,23 +125,14 @@ class Selection(Struct, frozen=True, kw_only=True):
         return open_dataset(name, self.require_data_root())
 
     def require_data_root(self) -> Path | None:
-        """Return the folder of official data sets; raise ``ConfigurationError`` if it is missing or the wrong level.
+        """Return the folder of official data sets; raise ``ConfigurationError`` if it is missing.
 
         A folder without sets is valid: a run announces its stand-ins.
         """
-        root = self.data_root
-        if root is None:
-            return None
-        if not root.is_dir():
-            problem = f"data root {root} is not a readable folder"
+        if self.data_root and not self.data_root.is_dir():
+            problem = f"data root {self.data_root} is not a readable folder"
             raise ConfigurationError(problem, f"correct --data-root or {DATA_VARIABLE}")
-        from benchmark.datasets.catalogue import has_official_sets
-
-        absolute = root.absolute()
-        near = [*absolute.parents[:2], *sorted(path for path in absolute.iterdir() if path.is_dir())]
-        if not has_official_sets(root) and (right := next(filter(has_official_sets, near), None)):
-            raise ConfigurationError(f"data root {root} holds no official data set", f"pass --data-root {right}")
-        return root
+        return self.data_root
 
 
 def verb(*shared: str, app: Typer = cli) -> Callable[[Callable[..., bool | None]], Callable[..., None]]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from datetime import timedelta
 from pathlib import Path
@@ -30,9 +29,6 @@ from benchmark.runs.runner import with_results
 from benchmark.scoring.rows import check_forms, forms_of
 from benchmark.text import brief, nfc, say, say_lines, say_table
 
-#: Most jobs that ``plan`` lists one by one, and most reasons in its summary of more.
-_SCREEN, _REASONS = 18, 5
-
 
 def planned_jobs(
     selection: Selection,
@@ -57,11 +53,7 @@ def plan(selection: Selection, *, traceback: bool = False) -> None:
     records = read_records(selection.results, published=False)
     jobs = planned_jobs(selection, records)
     pending, cores = [job for job in jobs if job.is_pending], available_cores()
-    each = [(job.state, name, brief(job.reason)) for job, name in zip(jobs, _names(jobs, records), strict=True)]
-    if len(jobs) <= _SCREEN:
-        say_table(each)
-    else:
-        _say_summary(jobs)
+    say_table([(job.state, name, brief(job.reason)) for job, name in zip(jobs, _names(jobs, records), strict=True)])
     say(f"{len(pending)} of {len(jobs)} jobs to run")
     expected = estimate(pending, records)
     if expected.seconds:
@@ -200,16 +192,3 @@ def _announce(jobs: Sequence[Planned], data_root: Path | None, records: Iterable
     for source, dataset in own.items():
         for anomaly in by_kind(unread_files(dataset)):
             say(f"{source}: {anomaly}", err=True)
-
-
-def _say_summary(jobs: Sequence[Planned]) -> None:
-    """Count the jobs of each table and input by state, and the most frequent reasons."""
-    states = defaultdict[str, Counter[str]](Counter)
-    for job in jobs:
-        for gallery in job.galleries:
-            states[f"{gallery.table.identifier} {job.record.input}"][job.state] += 1
-    rows = [(name, ", ".join(f"{n} {state}" for state, n in counts.most_common())) for name, counts in states.items()]
-    reasons = Counter(f"{job.state}: {brief(job.reason)}" for job in jobs if job.state != "finished")
-    say_table(rows)
-    say_table([[f"{count} {reason}"] for reason, count in reasons.most_common(_REASONS)])
-    say("select fewer with -t, -d, -m and --input to see each job")

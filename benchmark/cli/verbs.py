@@ -5,7 +5,6 @@ from __future__ import annotations
 import faulthandler
 import json
 import shlex
-import sys
 import warnings
 from collections import Counter
 from functools import partial
@@ -313,7 +312,7 @@ def train(
     """
     from benchmark.api.learning import Learner
     from benchmark.api.parameters import assignments
-    from benchmark.protocols.pairs import set_unusable_aside, training_data, trainings_of
+    from benchmark.protocols.pairs import training_data, trainings_of
     from benchmark.protocols.trainings import own_training
     from benchmark.registry import select_one
 
@@ -329,7 +328,6 @@ def train(
     for training in trainings:
         say(f"{spec.name}, {training.name}")
         folder = selection.results / "models" / training.name / learner.model_name
-        set_unusable_aside(folder, say)
         learner.train(training_data(training, selection.data_root, say), folder, settings, say)
         say(f"the model is in {folder}")
 
@@ -350,6 +348,7 @@ def merge(selection: Selection, folders: Annotated[list[Path], Argument(metavar=
     for existing, other in merged.conflicts:
         say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
         words = ["forget", "-m", existing.method, "-d", existing.data.path or existing.data.name]
+        words += ["--results", str(results)] if results != Selection().results else []
         say(f"the one here stays; to take the other, run 'python -m benchmark {shlex.join(words)}', and merge again")
     say(f"records: {len(merged.added)} added, {merged.known} known, {len(merged.conflicts)} in conflict")
     return not merged.conflicts
@@ -359,11 +358,9 @@ def merge(selection: Selection, folders: Annotated[list[Path], Argument(metavar=
 def forget(
     selection: Selection,
     unused: Annotated[bool, Option("--unused", help="Delete only files that no record names.")] = False,
-    yes: Annotated[bool, Option("--yes", help="Do not ask.")] = False,
+    yes: Annotated[bool, Option("--yes", help="Delete them, and do not only name them.")] = False,
 ) -> None:
     """Delete the results of methods or data sets, and files that no record names."""
-    from typer import confirm
-
     from benchmark.cli.results import outcome
     from benchmark.pipeline.cache import storing, writing
     from benchmark.pipeline.data_names import label_data_sets
@@ -389,13 +386,12 @@ def forget(
             say(f"{record.row}  {outcome(record)}")
         size = sum(path.stat().st_size for path in files) / 1e6
         what = f"{len(records)} records, {sum(path.parent.name == 'forms' for path in files)} forms, {size:.1f} MB"
-        if not (yes or sys.stdin.isatty()):
+        if not yes:
             raise ConfigurationError(f"this deletes {what}", "pass --yes")
-        if yes or confirm(f"delete {what}?"):
-            with storing(selection.results):
-                for path in files:
-                    path.unlink(missing_ok=True)
-            say(f"deleted {what}")
+        with storing(selection.results):
+            for path in files:
+                path.unlink(missing_ok=True)
+        say(f"deleted {what}")
 
 
 @verb("data_root", app=data)

@@ -144,11 +144,6 @@ def _is_there(source: OfficialSet | GeneratedSet, data_root: Path | None) -> boo
     return data_root is not None and (data_root / source.folder).is_dir()
 
 
-def has_official_sets(data_root: Path) -> bool:
-    """Return whether a folder contains an official set."""
-    return any(_is_there(source, data_root) for source in CATALOGUE.values() if source.folder)
-
-
 def is_path(name: str) -> bool:
     """Return whether a name on the command line is a path, with or without changes."""
     base = split_name(name)[0]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+import threading
 from dataclasses import dataclass
 from typing import Any
 
@@ -233,7 +235,10 @@ def filtered(mesh: Mesh, name: str, **parameters: object) -> Mesh:
 
 
 def import_pymeshlab() -> Any:
-    """Return the package; raise ``ConfigurationError`` where the system lacks libraries that it loads."""
+    """Return the package; raise ``ConfigurationError`` where it cannot be loaded, or not safely."""
+    if "pymeshlab" not in sys.modules and threading.current_thread() is not threading.main_thread():
+        problem = "pymeshlab corrupts the memory of a process that loads it first in another thread than the main one"
+        raise ConfigurationError(problem, "write 'import pymeshlab' in the main thread before")
     try:
         import pymeshlab
     except ImportError as error:

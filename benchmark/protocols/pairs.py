@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.api.learning import CARD, Learner, TrainingData, TrainingPair, digest_of, read_card
+from benchmark.api.learning import Learner, TrainingData, TrainingPair, digest_of
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.bodies import SUBJECTS
 from benchmark.datasets.catalogue import open_dataset
@@ -41,17 +41,6 @@ def trainings_of(learner: Learner, target: str, data_root: Path | None) -> list[
     tested = galleries([target], data_root=data_root)
     of_shapes = [trainings_by_shape(learner, gallery.dataset, gallery.entries, data_root) for gallery in tested]
     return list(dict.fromkeys(training for of_shape in of_shapes for training in of_shape.values()))
-
-
-def set_unusable_aside(folder: Path, say: Say) -> None:
-    """Rename the card of an unusable model, which is then trained again."""
-    card = folder / CARD
-    if card.is_file():
-        try:
-            read_card(folder)
-        except ConfigurationError as error:
-            card.replace(card.with_name(f"unusable-{card.name}"))
-            say(f"{error.problem}: renamed to unusable-{card.name}, training the model again")
 
 
 def training_data(training: Training, data_root: Path | None, say: Say) -> TrainingData:

@@ -3,7 +3,6 @@
 import re
 import subprocess
 import sys
-from types import SimpleNamespace
 
 import pytest
 import typer
@@ -90,16 +89,6 @@ def test_what_reads_no_data_does_not_look_for_it(line):
     assert "/no/such/folder" not in f"{done.output}{done.exception}"
 
 
-@pytest.mark.parametrize(("given", "right"), [("sets/tosca", "sets"), (".", "sets"), ("sets", ""), ("other/a", "")])
-def test_a_wrong_data_root_is_refused_with_the_right_one(tmp_path, given, right):
-    (tmp_path / "sets" / "tosca").mkdir(parents=True)
-    (tmp_path / "other" / "a" / "b").mkdir(parents=True)
-    if right:
-        assert f"pass --data-root {tmp_path / right}" in refusal("list", "datasets", "--data-root", tmp_path / given)
-    else:
-        call("list", "datasets", "--data-root", tmp_path / given)
-
-
 # Files of the user ---------------------------------------------------------------------------------------------------
 
 
@@ -131,7 +120,7 @@ def test_quick_rows_are_shown_where_no_full_ones_are_and_named_where_they_are_ne
     assert "quick jobs" not in call("tables", "--results", tmp_path)
 
 
-def test_forget_says_what_goes_and_asks(tmp_path, monkeypatch):
+def test_forget_says_what_goes(tmp_path):
     results = tmp_path / "results"
     selection = ("-d", write_rods(tmp_path / "rods"), "-m", "shape-dna", "-m", "surface-area", "--results", results)
     call("run", *selection, "-j", 0)
@@ -139,9 +128,6 @@ def test_forget_says_what_goes_and_asks(tmp_path, monkeypatch):
     assert re.match(r"this deletes 2 records, 12 forms, 0\.\d MB; pass --yes", refusal(*words))
     assert "nothing is selected" in refusal("forget", "--results", results)
     assert call("forget", "--unused", "--yes", "--results", results) == "deleted 0 records, 0 forms, 0.0 MB\n"
-    monkeypatch.setattr("benchmark.cli.verbs.sys", SimpleNamespace(stdin=SimpleNamespace(isatty=lambda: True)))
-    monkeypatch.setattr("typer.confirm", lambda text: print(text) or "forms" not in text)
-    assert call(*words).splitlines()[2].startswith("delete 2 records, 12 forms")
     assert "finished  rods mesh shape-dna" in call("plan", *selection)
     lines = call(*words, "--yes").splitlines()
     assert [line.partition("  ")[0] for line in lines[:2]] == ["rods mesh shape-dna", "rods view shape-dna"]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from benchmark.api.datasets import FRONT, Entry, ShapeSet
-from benchmark.api.learning import CARD, digest_of
+from benchmark.api.learning import digest_of
 from benchmark.datasets.base import Part
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.pipeline.preparation import prepare_view
-from benchmark.protocols.pairs import set_unusable_aside, training_data
+from benchmark.protocols.pairs import training_data
 from benchmark.protocols.trainings import TRAININGS
 from tests.toy import rod
 
@@ -96,9 +96,3 @@ def test_trainings_on_people_are_validated_on_new_ones_and_name_their_distance_f
     assert pair.subject == "body-0" and pair.image.any()
     assert data.clearance["people[draw=0]"] >= 0.25 > data.clearance["people[draw=1]"]
     assert set(data.clearance) == {"humans", "humans-scanlike", *(f"people[draw={draw}]" for draw in range(3))}
-
-
-def test_the_card_of_an_unusable_model_is_renamed(tmp_path):
-    (tmp_path / CARD).write_text("{}")
-    set_unusable_aside(tmp_path, print)
-    assert [path.name for path in tmp_path.iterdir()] == [f"unusable-{CARD}"]

@@ -86,6 +86,7 @@ FAULTLESS = {
     "logger": ("import logging", "logging.basicConfig(filename='log.txt'); logging.warning('a')"),
     "temporary": ("import tempfile", "f = tempfile.TemporaryFile(); f.write(b'a'); f.seek(0); f.read()"),
     "named": ("import tempfile", "n = tempfile.NamedTemporaryFile(suffix='.off'); open(n.name).read()"),
+    "built": ("import os, sys", "open('mine.py', 'w').close(); os.system(f'{sys.executable} mine.py')"),
     "written": ("", "np.save('mine.npy', shape.mesh.vertices); np.load('mine.npy')"),
     "appended": ("", "open('value.txt', 'a').close()"),
     "processor": ("import platform", "platform.processor(), platform.platform()"),
