@@ -137,6 +137,6 @@ def _lies_in(file: Path, folders: Iterable[Path | str]) -> bool:
 
 @cache
 def _package_folders(places: tuple[str, ...]) -> list[Path]:
-    """Return the folders on the path that hold installed packages."""
+    """Return the folders on the path that hold installed packages, or lie in one."""
     found = [Path(place) for place in places if place]
-    return [of for of in found if of.name in ("site-packages", "dist-packages") or any(of.glob("*.dist-info"))]
+    return [of for of in found if {"site-packages", "dist-packages"} & {*of.parts} or any(of.glob("*.dist-info"))]

@@ -121,6 +121,7 @@ def test_a_package_of_another_folder_than_pythons_is_no_code_of_the_user(tmp_pat
     (odd / "lib").mkdir(parents=True)
     (odd / "lib" / "_utility.py").write_text("")
     path = write_plugin(tmp_path / "smooth.py", imports="import lib; __import__('lib._utility'[4:])")
-    program = f"from benchmark.registry.modules import load_module; load_module({str(path)!r})"
+    program = "from benchmark.reads import watch_this_process; watch_this_process(); "
+    program += f"from benchmark.registry.modules import load_module; load_module({str(path)!r})"
     found = os.pathsep.join([str(packages), str(odd / "lib"), os.environ["PYTHONPATH"]])
     subprocess.run([sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": found}, check=True)

@@ -196,6 +196,12 @@ def test_notes_name_each_kind_of_fact_once_and_every_fact_that_moves_a_score():
         assert sum(kind in note for note in found) == 1, kind
 
 
+def test_a_shape_that_cannot_be_read_is_named_with_the_column_that_lacks_it():
+    lacking = record("gps", unsupported=[("cat0", "cut off")], unprepared=["cat0"])
+    found = table_notes(view(lacking, record("gps", input_="view")))
+    assert "Cannot be read or prepared, and count 0: cat0 (cut off) in mesh." in found
+
+
 def test_a_table_without_scores_shows_the_input_that_failed():
     assert view(failed("gps", dataset="mine", input="view")).groups == ["view"]
     assert view(failed("gps", dataset="mine"), failed("gps", dataset="mine", input="view")).groups == ["mesh"]
