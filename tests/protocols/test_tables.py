@@ -35,15 +35,6 @@ def test_classical_rows_of_table_one_see_surfaces_of_both_galleries_and_networks
     assert {name for table, name, *_ in found if table == "I-view"} == {FIRST, *(f"{FIRST} fold {k}" for k in range(3))}
 
 
-def test_the_folds_have_five_subjects_each_and_together_all():
-    folds = [gallery for gallery in galleries(["IV"]) if gallery.part]
-    assert [len(gallery.entries) for gallery in folds] == [100, 100, 100]
-    assert len({entry.identifier for gallery in folds for entry in gallery.entries}) == 300
-    subjects = list(dict.fromkeys(entry.subject for entry in folds[0].dataset.shapes))
-    shown = [subjects.index(name) for name in dict.fromkeys(entry.subject for entry in folds[0].entries)]
-    assert shown == [0, 5, 7, 9, 14]
-
-
 def test_official_data_replace_the_stand_in(tmp_path):
     write_rods(tmp_path / "tosca", radii={"cat": 0.06, "horse": 0.1, "dog": 0.18})
     chosen = galleries(["III"], data_root=tmp_path)
