@@ -115,7 +115,7 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 def _checked(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[Any]:
     try:
-        values = np.asarray(array)
+        values = np.ma.filled(array, np.nan)  # of masked numbers
     except (TypeError, ValueError, RuntimeError) as error:
         raise InvalidMesh(f"{what} are no array: {error}", "pass an array of shape (count, 3)") from error
     if values.size == 0:

@@ -249,6 +249,8 @@ def test_edges_of_any_triangles_are_those_of_numpy(triangles: list[tuple[int, in
         (TRIANGLE, [[0.0, 1.0, 2.0]], "faces are of type float64, not integers"),
         (TRIANGLE, [[0, 1, 2**32 + 2]], "name vertices 0 to 4294967298"),
         ([[0, 0], [1, 0, 0]], [[0, 1, 2]], "vertices are no array"),
+        (np.ma.masked_equal(TRIANGLE, 3), [[0, 1, 2]], "1 of 3 vertices are NaN or infinite"),
+        (TRIANGLE, np.ma.masked_equal([[0, 1, 2]], 1), "faces are no array"),
     ],
 )
 def test_arrays_that_are_no_mesh_are_refused(vertices: object, faces: object, words: str) -> None:
