@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.api.parameters import CheckedParameters, Interval, Matches
-from benchmark.errors import InvalidMesh, UnsupportedShape
+from benchmark.errors import InvalidMesh, UnsupportedShape, check_known
 from benchmark.geometry.mesh import Mesh, read_only
 from benchmark.text import NAME
 
@@ -172,6 +172,8 @@ class Solver:
     name: str
 
 
+SOLVER = "geodesic-graph"
+
 ResultCache = Callable[[Hashable, Callable[[], Any]], Any]
 """Returns the result under a key; calls the function, which computes it, if it is missing."""
 
@@ -239,13 +241,13 @@ class Shape:
     def __repr__(self) -> str:
         return f"Shape({self.identifier!r}, {self.mesh.n_vertices} vertices, {self.mesh.n_faces} faces)"
 
-    def geodesics(self, solver: str = "geodesic-graph") -> FloatArray:
+    def geodesics(self, solver: str = SOLVER) -> FloatArray:
         """Return geodesic distances between all pairs of vertices.
 
         Parameters
         ----------
         solver
-            A name from :data:`benchmark.geometry.geodesics.SOLVERS`.
+            Has one value: shortest paths over straight geodesics between nearby vertices.
 
         Returns
         -------
@@ -259,8 +261,9 @@ class Shape:
         """
         from benchmark.geometry import geodesics
 
+        check_known("geodesic solver", [solver], [SOLVER])
         # A view of an array that is read-only cannot be made writable.
-        compute = lambda: read_only(geodesics.rounded(geodesics.all_pairs(self.mesh, solver))).view()  # noqa: E731
+        compute = lambda: read_only(geodesics.rounded(geodesics.all_pairs(self.mesh))).view()  # noqa: E731
         matrix: FloatArray = self.compute_once(Solver(solver), compute)
         return matrix
 
@@ -280,7 +283,7 @@ class Shape:
             self._results[key] = compute()
         return self._results[key]
 
-    def geodesics_from(self, sources: ArrayLike, solver: str = "geodesic-graph") -> FloatArray:
+    def geodesics_from(self, sources: ArrayLike, solver: str = SOLVER) -> FloatArray:
         """Return geodesic distances from a few vertices to all vertices, without computing all pairs.
 
         Parameters
@@ -302,7 +305,8 @@ class Shape:
         """
         from benchmark.geometry.geodesics import from_sources
 
-        return read_only(from_sources(self.mesh, np.asarray(sources, dtype=np.int64), solver))
+        check_known("geodesic solver", [solver], [SOLVER])
+        return read_only(from_sources(self.mesh, np.asarray(sources, dtype=np.int64)))
 
     def laplacian(self) -> Laplacian:
         """Return the cotangent Laplacian and lumped mass, read-only; see :mod:`benchmark.geometry.laplacian`."""

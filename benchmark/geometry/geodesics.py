@@ -1,18 +1,17 @@
-"""Geodesic distances on a triangle mesh, with a choice of solvers."""
+"""Geodesic distances on a triangle mesh."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
-from benchmark.errors import UnsupportedShape, check_known
-from benchmark.geometry.cleaning import connected_components, fans_per_vertex
+from benchmark.errors import UnsupportedShape
+from benchmark.geometry.cleaning import connected_components
 from benchmark.geometry.geodesic_graph import geodesic_graph
-from benchmark.geometry.mesh import FloatArray, IntArray, Mesh
+from benchmark.geometry.mesh import FloatArray, Mesh
 from benchmark.geometry.shortest_paths import shortest_paths
 
 
@@ -22,74 +21,35 @@ def _graph_of(mesh: Mesh) -> csr_array:
     return geodesic_graph(mesh)
 
 
-def _heat(mesh: Mesh, sources: IntArray) -> FloatArray:
-    import potpourri3d
-
-    try:
-        solver = potpourri3d.MeshHeatMethodDistanceSolver(mesh.vertices, mesh.faces)
-    except RuntimeError as error:
-        problem = f"the heat method cannot treat this mesh ({error})"
-        raise UnsupportedShape(problem, "use another solver, or clean the mesh") from error
-    return np.stack([solver.compute_distance(int(source)) for source in sources])
+SOLVERS = (DEFAULT_SOLVER,) = ("geodesic-graph",)
 
 
-def _exact(mesh: Mesh, sources: IntArray) -> FloatArray:
-    import igl
-
-    # On anything but a proper manifold, libigl reads out of bounds and crashes the process.
-    if (mesh.edges.counts > 2).any() or (fans_per_vertex(mesh) > 1).any() or not (mesh.edge_lengths > 0).all():
-        problem = "the exact solver needs a manifold without edges of length zero"
-        raise UnsupportedShape(problem, "clean the mesh (benchmark.geometry.cleaning), or use another solver")
-    faces = mesh.faces.astype(np.int64)
-    everywhere = np.arange(mesh.n_vertices, dtype=np.int64)
-    distances = np.stack([igl.exact_geodesic(mesh.vertices, faces, VS=at, VT=everywhere) for at in sources[:, None]])
-    straight = np.linalg.norm(mesh.vertices[sources][:, None, :] - mesh.vertices[None, :, :], axis=2)
-    # libigl returns 0, not infinity, for unreached vertices; no geodesic is shorter than the straight line.
-    if not (np.isfinite(distances).all() and (distances >= straight * (1 - 1e-6)).all()):
-        raise UnsupportedShape("the exact solver did not reach every vertex", "clean the mesh: it is not a manifold")
-    return distances
-
-
-_BY_NAME: dict[str, Callable[[Mesh, IntArray], FloatArray]] = {
-    "geodesic-graph": lambda mesh, sources: shortest_paths(_graph_of(mesh), sources),
-    "dijkstra": lambda mesh, sources: shortest_paths(mesh.edge_graph(), sources),
-    "heat": _heat,
-    "exact": _exact,
-}
-SOLVERS: tuple[str, ...] = tuple(_BY_NAME)
-DEFAULT_SOLVER: str = "geodesic-graph"
-
-
-def all_pairs(mesh: Mesh, solver: str = DEFAULT_SOLVER) -> FloatArray:
+def all_pairs(mesh: Mesh) -> FloatArray:
     """Compute the geodesic distances between all pairs of vertices.
 
     Parameters
     ----------
     mesh
         A mesh with a single component.
-    solver
-        A name from :data:`SOLVERS`.
 
     Returns
     -------
     numpy.ndarray
-        Shape (n, n), symmetric with zero diagonal, in units of the mesh. The two directions are averaged, as they
-        differ slightly in the heat method.
+        Shape (n, n), symmetric with zero diagonal, in units of the mesh. The two directions are averaged, as rounding
+        differs between them.
 
     Raises
     ------
     UnsupportedShape
-        If the mesh has more than one component, or the solver does not support it.
-    ConfigurationError
-        If the solver is unknown.
+        If the mesh has more than one component.
     """
-    distances = from_sources(mesh, np.arange(mesh.n_vertices), solver)
+    distances = from_sources(mesh, np.arange(mesh.n_vertices))
     distances = (distances + distances.T) / 2
     np.fill_diagonal(distances, 0.0)
     return distances
 
 
-def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = DEFAULT_SOLVER) -> FloatArray:
+def from_sources(mesh: Mesh, sources: ArrayLike) -> FloatArray:
     """Compute the geodesic distances from some vertices to all vertices.
 
     Parameters
@@ -98,8 +58,6 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = DEFAULT_SOLVER) -
         A mesh with a single component.
     sources
         Vertex indices, shape (k,).
-    solver
-        As in :func:`all_pairs`.
 
     Returns
     -------
@@ -109,11 +67,8 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = DEFAULT_SOLVER) -
     Raises
     ------
     UnsupportedShape
-        If the mesh has more than one component, a source is not a vertex, or the solver does not support the mesh.
-    ConfigurationError
-        If the solver is unknown.
+        If the mesh has more than one component, or a source is not a vertex.
     """
-    check_known("geodesic solver", [solver], SOLVERS)
     indices = np.asarray(sources, dtype=np.int64).reshape(-1)
     if indices.size and not (indices.min() >= 0 and indices.max() < mesh.n_vertices):
         problem = f"a source lies outside the {mesh.n_vertices} vertices"
@@ -125,13 +80,13 @@ def from_sources(mesh: Mesh, sources: ArrayLike, solver: str = DEFAULT_SOLVER) -
         raise UnsupportedShape(problem, hint)
     if not indices.size:
         return np.empty((0, mesh.n_vertices))
-    return _BY_NAME[solver](mesh, indices)
+    return shortest_paths(_graph_of(mesh), indices)
 
 
 def rounded(matrix: FloatArray) -> FloatArray:
     """Round distances to single precision; the result is float64.
 
-    Seven digits are four more than the accuracy of any solver, and rounding removes most last-bit differences between
+    Seven digits are four more than the accuracy, and rounding removes most last-bit differences between
     processors, so that methods start from the same numbers on any machine.
     """
     return matrix.astype(np.float32).astype(np.float64)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 
 import igl
 import numpy as np
-import potpourri3d
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -14,6 +14,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
 
+from benchmark.api.contracts import Shape
 from benchmark.errors import ConfigurationError, UnsupportedShape
 from benchmark.geometry import geodesic_graph as kernels
 from benchmark.geometry import geodesics
@@ -24,9 +25,8 @@ from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.geometry.shortest_paths import shortest_paths
-from tests.geometry.surfaces import capped_cylinder, flat_grid, joined, limbed_body, relabelled, sphere
+from tests.geometry.surfaces import capped_cylinder, exact_distances, flat_grid, joined, limbed_body, relabelled, sphere
 
-GRAPHS = ("geodesic-graph", "dijkstra")
 BODY = prepare(limbed_body(), 500).mesh
 TETRAHEDRON = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
 
@@ -42,39 +42,27 @@ def test_shortest_paths_agree_with_scipy(build: Callable[[Mesh], csr_array]) -> 
 def test_distances_known_by_hand_and_near_the_exact_ones() -> None:
     """Two unit right triangles folded along their hypotenuse: the geodesic is the diagonal of the unfolded square."""
     folded = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, np.sqrt(0.5)]], [[0, 1, 2], [1, 3, 2]])
-    expected = {"dijkstra": 2.0, "geodesic-graph": np.sqrt(2), "exact": np.sqrt(2)}
-    found = {solver: geodesics.all_pairs(folded, solver)[0, 3] for solver in expected}
-    assert found == pytest.approx(expected, rel=1e-6)
+    assert geodesics.all_pairs(folded)[0, 3] == pytest.approx(np.sqrt(2), rel=1e-6)
     mesh = prepare(limbed_body(5), 2000).mesh
     sources = np.arange(0, mesh.n_vertices, 200)
-    exact, distances = (geodesics.from_sources(mesh, sources, solver) for solver in ("exact", "geodesic-graph"))
+    exact, distances = exact_distances(mesh, sources), geodesics.from_sources(mesh, sources)
     errors = np.abs(distances - exact)[exact > 0] / exact[exact > 0]
     assert errors.mean() < 0.0008
     assert np.percentile(errors, 95) < 0.003
 
 
-def test_heat_is_the_mean_of_both_directions_of_potpourri3d() -> None:
-    solver = potpourri3d.MeshHeatMethodDistanceSolver(BODY.vertices, BODY.faces)
-    mean = (solver.compute_distance(3)[77] + solver.compute_distance(77)[3]) / 2
-    assert geodesics.all_pairs(BODY, "heat")[3, 77] == pytest.approx(mean, rel=1e-9)
-
-
 @pytest.mark.kernels
-@pytest.mark.parametrize("solver", geodesics.SOLVERS)
-def test_all_pairs_are_a_metric_whose_rows_are_those_of_few_sources(solver: str) -> None:
-    mesh = BODY if solver in GRAPHS else sphere(2)
-    matrix = geodesics.all_pairs(mesh, solver)
+def test_all_pairs_are_a_metric_whose_rows_are_those_of_few_sources() -> None:
+    mesh, matrix = BODY, geodesics.all_pairs(BODY)
     np.testing.assert_array_equal(matrix, matrix.T)
     assert not matrix.diagonal().any()
     sources = np.array([7, 40, 7, 0])
-    rows = geodesics.from_sources(mesh, sources, solver)
-    np.testing.assert_allclose(rows, matrix[sources], rtol=1e-6, atol=0.2 if solver == "heat" else 1e-12)
+    rows = geodesics.from_sources(mesh, sources)
+    np.testing.assert_allclose(rows, matrix[sources], rtol=1e-6, atol=1e-12)
     assert geodesics.from_sources(mesh, []).shape == (0, mesh.n_vertices)
     np.testing.assert_array_equal(geodesics.rounded(matrix), matrix.astype(np.float32))
-    if solver == "heat":  # neither a metric nor bounded by the straight line
-        return
     for row, source in zip(rows, sources, strict=True):
-        np.testing.assert_array_equal(row, geodesics.from_sources(mesh, source, solver)[0])
+        np.testing.assert_array_equal(row, geodesics.from_sources(mesh, source)[0])
     assert (matrix >= cdist(mesh.vertices, mesh.vertices) * (1 - 1e-5)).all()
     for middle in range(0, mesh.n_vertices, 25):
         assert (matrix <= (matrix[:, [middle]] + matrix[[middle], :]) * (1 + 1e-5)).all()
@@ -87,48 +75,31 @@ def test_scale_and_rigid_motion(exponent: int, seed: int) -> None:
     rotation, _ = np.linalg.qr(random.standard_normal((3, 3)))
     mesh, scale = sphere(2), 10.0**exponent
     moved = mesh.with_vertices(scale * (mesh.vertices @ rotation.T + random.standard_normal(3)))
-    for solver in GRAPHS:
-        expected = scale * geodesics.all_pairs(mesh, solver)
-        np.testing.assert_allclose(geodesics.all_pairs(moved, solver), expected, rtol=2e-5)
+    np.testing.assert_allclose(geodesics.all_pairs(moved), scale * geodesics.all_pairs(mesh), rtol=2e-5)
     body = BODY.with_vertices(1e6 * BODY.vertices @ rotation.T)
     found, expected = (eigenpairs(cotangent_laplacian(each), 6)[0] for each in (body, BODY))
     np.testing.assert_allclose(found[1:] * 1e12, expected[1:], rtol=1e-7)
 
 
-REFUSED: dict[str, tuple[Mesh, tuple[str, ...], str]] = {
-    "two pieces": (joined(TETRAHEDRON, TETRAHEDRON), geodesics.SOLVERS, "2 components.*join"),
-    "repeated corner": (Mesh(np.eye(3), [[0, 1, 2], [0, 1, 1]]), ("exact",), "manifold"),
-    "two fans": (Mesh([*np.eye(3), [2, 0, 0], [0, 2, 1]], [[0, 1, 2], [0, 3, 4]]), ("exact",), "manifold"),
-    "no length": (Mesh([[0, 0, 0], *np.eye(3)[:2], [0, 0, 0]], [[0, 2, 1], [0, 1, 3]]), ("exact",), "manifold"),
-    "three at an edge": (Mesh([*np.eye(3), [1, 1, 0], [2, 2, 2]], [[0, 1, 2], [1, 0, 3], [0, 1, 4]]), ("exact",), "m"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("name", REFUSED)
-def test_what_has_no_distances_is_refused_by_name(name: str) -> None:
-    mesh, solvers, reason = REFUSED[name]
-    for solver in solvers:
-        with pytest.raises(UnsupportedShape, match=reason) as caught:
-            geodesics.all_pairs(mesh, solver)
-        assert caught.value.hint
-
-
-def test_unknown_solvers_and_sources_outside_the_mesh_are_refused() -> None:
+def test_what_has_no_distances_is_refused() -> None:
+    with pytest.raises(UnsupportedShape, match=r"2 components.*join"):
+        geodesics.all_pairs(joined(TETRAHEDRON, TETRAHEDRON))
     for sources in ([4], [-1], [0, 99]):
         with pytest.raises(UnsupportedShape, match="source"):
             geodesics.from_sources(TETRAHEDRON, sources)
-    with pytest.raises(ConfigurationError, match="did you mean dijkstra"):
-        geodesics.all_pairs(TETRAHEDRON, "djikstra")
+    shape = Shape(identifier="tetrahedron", mesh=TETRAHEDRON)
+    for use in (shape.geodesics, partial(shape.geodesics_from, [0])):
+        with pytest.raises(ConfigurationError, match="did you mean geodesic-graph"):
+            use(solver="geodesic-grap")
 
 
-@pytest.mark.parametrize("solver", GRAPHS)
-def test_degenerate_triangles_are_harmless(solver: str) -> None:
+def test_degenerate_triangles_are_harmless() -> None:
     """A flat triangle, and two vertices at one position: still finite, still a metric."""
     mesh = Mesh(
         [[0, 0, 0], [1, 0, 0], [2, 0, 0], [1, 1, 0], [1, 1, 0], [1, 2, 0]],
         [[0, 1, 2], [0, 1, 3], [1, 2, 3], [0, 3, 4], [3, 2, 4], [4, 5, 0], [4, 2, 5]],
     )
-    matrix = geodesics.all_pairs(mesh, solver)
+    matrix = geodesics.all_pairs(mesh)
     assert (matrix[3, 4], matrix[0, 2]) == (0, pytest.approx(2))
     assert (matrix >= cdist(mesh.vertices, mesh.vertices) * (1 - 1e-6)).all()
     assert np.isfinite(matrix).all()
@@ -175,7 +146,7 @@ def stretched(rows: int, columns: int, height: float, *, rolled: bool) -> Mesh:
 def test_distances_on_thin_triangles_are_as_good_as_on_others(rows: int, columns: int, rolled: bool) -> None:
     mesh = prepare(stretched(rows, columns, 6.0 if rolled else 1.0, rolled=rolled)).mesh
     sources = np.arange(0, mesh.n_vertices, 20)
-    exact, found = (geodesics.from_sources(mesh, sources, solver) for solver in ("exact", "geodesic-graph"))
+    exact, found = exact_distances(mesh, sources), geodesics.from_sources(mesh, sources)
     errors = np.abs(found - exact)[exact > 0] / exact[exact > 0]
     assert errors.mean() < 0.005
 

@@ -14,7 +14,6 @@ from hypothesis import strategies as st
 
 from benchmark.api.contracts import Shape
 from benchmark.errors import InvalidMesh
-from benchmark.geometry import geodesics
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.cleaning import (
     clean,
@@ -28,7 +27,7 @@ from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh, edges_of, in_spatial_order, sides_of
 from benchmark.geometry.preparation import Prepared, prepare
-from tests.geometry.surfaces import flat_grid, flipped, joined, limbed_body, relabelled, soup, sphere
+from tests.geometry.surfaces import exact_distances, flat_grid, flipped, joined, limbed_body, relabelled, soup, sphere
 
 TRIANGLE = np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]])
 SQUARE = flat_grid(2)
@@ -272,7 +271,7 @@ def assert_one_oriented_manifold(mesh: Mesh) -> None:
     assert (fans_per_vertex(mesh) == 1).all()
     sides = np.stack(sides_of(mesh.faces), axis=1)
     assert len(np.unique(sides, axis=0)) == len(sides)
-    geodesics.all_pairs(mesh, "exact")
+    exact_distances(mesh, np.arange(mesh.n_vertices))
     assert eigenpairs(cotangent_laplacian(mesh), 2)[0][1] > 1e-9
 
 
@@ -383,7 +382,7 @@ def test_triangles_without_area_leave_no_border(change: Callable[[Mesh], Mesh], 
     assert prepared.mesh.face_areas.min() > 1e-4
     places = (prepared.centre + prepared.scale * prepared.mesh.vertices) @ turn.T
     first, last = (int(np.linalg.norm(places - place, axis=1).argmin()) for place in ([0, 2, 2], [5, 1, 2]))
-    distance = prepared.scale * geodesics.all_pairs(prepared.mesh, "exact")[first, last]
+    distance = prepared.scale * exact_distances(prepared.mesh, np.array([first]))[0, last]
     assert distance == pytest.approx(np.sqrt(26), abs=1e-4)
 
 
