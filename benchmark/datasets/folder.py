@@ -156,7 +156,7 @@ def _from_depth_images(folder: Path) -> list[Entry]:
         return _from_names(flat)
     entries: list[Entry] = []
     for sub in sub_folders(folder):
-        if sub.name not in MASK_FOLDERS:
+        if sub.name.lower() not in MASK_FOLDERS:
             inner = sub / "depth"
             entries += _from_sub_folder(sub, depth_files(sub) or (depth_files(inner) if inner.is_dir() else []))
     return entries

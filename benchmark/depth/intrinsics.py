@@ -237,7 +237,7 @@ def find_intrinsics(image: Path) -> Path | None:
         If the nearest folder with one has several.
     """
     for folder in (image.parent, *image.absolute().parent.parents[:2]):
-        found = [path for path in sorted(folder.glob("*.*")) if CAMERA_FILES.fullmatch(path.name)]
+        found = sorted(path for path in folder.glob("*.*") if CAMERA_FILES.fullmatch(path.name))
         if len(found) > 1:
             problem = f"{folder} holds the camera files {found[0].name} and {found[1].name}"
             raise DepthError(problem, "keep that of the depth image, or name it: --intrinsics FILE, or in dataset.toml")

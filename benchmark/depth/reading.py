@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import glob
 import io
 import re
 from pathlib import Path
@@ -379,14 +378,15 @@ def find_mask(image: Path) -> Path | None:
     DepthError
         If there are several.
     """
-    stems = {image.stem: None, re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem) or image.stem: None}
+    stems = {image.stem, re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem) or image.stem}
 
     def named(folder: Path, end: str) -> list[Path]:
         """Return the pictures in a folder whose names continue that of the image."""
-        paths = [(stem, path) for stem in stems for path in sorted(folder.glob(f"{glob.escape(stem)}[._-]*"))]
-        return [path for stem, path in paths if re.fullmatch(end + _PICTURE, path.name[len(stem) :], re.IGNORECASE)]
+        name = re.compile(f"({'|'.join(map(re.escape, stems))})(?i:{end}{_PICTURE})")
+        return sorted(path for path in folder.glob("*.*") if name.fullmatch(path.name))
 
-    folders = [parent / name for parent in (image.parent, image.parent.parent) for name in MASK_FOLDERS]
+    image = image.absolute()  # a relative one may lie in the folder above it
+    folders = [path for above in image.parents[:2] for path in above.glob("[mM]*") if path.name.lower() in MASK_FOLDERS]
     whole = [path for folder in folders for path in named(folder, "(_mask)?")]
     others = [path for folder in folders for path in named(folder, "_.*") if not image.with_name(path.name).exists()]
     found = named(image.parent, "[._-]masks?([^a-z].*)?") + whole or others  # of which none is that of another image

@@ -196,6 +196,7 @@ def test_a_mask_of_several_values_is_refused(mask: np.ndarray) -> None:
         ("a/0.png", "a/0_mask.jpg"),
         ("a/0.png", "a/0-masks-1.tif"),
         ("a/depth/0.png", "a/mask/0.npy"),
+        ("a/depth/0.png", "a/Masks/0.jpg"),
     ],
 )
 def test_masks_are_found_by_their_usual_names_and_several_are_refused(tmp_path: Path, image: str, mask: str) -> None:
@@ -211,6 +212,13 @@ def test_masks_are_found_by_their_usual_names_and_several_are_refused(tmp_path: 
         (tmp_path / f"a/5_mask_{number}.png").write_text("")
     with pytest.raises(DepthError, match="5.png has the masks a/5_mask_0.png and a/5_mask_1.png; keep that of"):
         find_mask(tmp_path / "a/5.png")
+
+
+def test_a_mask_is_found_from_the_folder_of_its_image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "masks").mkdir()
+    (tmp_path / "masks/0.png").write_text("")
+    monkeypatch.chdir(tmp_path)
+    assert find_mask(Path("0.png")) == tmp_path / "masks/0.png"
 
 
 # --- intrinsics --------------------------------------------------------------------------------------------------
