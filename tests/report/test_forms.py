@@ -81,15 +81,15 @@ def test_a_spread_is_computed_on_demand_kept_and_shown(results, monkeypatch, tmp
     assert spread_of_forms(results.folder, record) is None
     monkeypatch.setattr(forms, "SAMPLES", 100)
     found = spread_of_forms(results.folder, record, iter)
-    monkeypatch.setattr(forms, "_spread", None)
+    monkeypatch.setattr(forms, "_spread", lambda *_: np.array([0.125, 0.25, 0.5]))
     assert spread_of_forms(results.folder, record, iter).tolist() == found.tolist()
     assert spread_of_forms(results.folder, next(r for r in results.records if r.method == "surface-area"), iter) is None
     view = table_views(results.records)[0]
     (_, row) = spread_rows(view, StoredForms(results.folder))
     assert row == ("GPS", *map(hundredths, found), "0")
-    write_files(tmp_path, report_files(results.folder, [view]))
+    write_files(tmp_path, report_files(results.folder, [view], watch=iter))
     shown = (tmp_path / f"{view.stem}-forms.html").read_text()
-    assert all(f">{cell}</td>" in shown for cell in row)
+    assert all(f">{cell}</td>" in shown for cell in (*row, ".13", ".25", ".50"))  # identity is computed now
 
 
 def test_forms_of_a_subject_are_turned_to_that_of_its_first_pose(results):
