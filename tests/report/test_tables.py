@@ -2,17 +2,15 @@
 
 import json
 import random
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import msgspec
 import pytest
 
-from benchmark.pipeline.records import Record, write_record
+from benchmark.pipeline.records import write_record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PRINTED
-from benchmark.report.formats import as_json, latex, markdown
+from benchmark.report.formats import as_json, markdown
 from benchmark.report.frames import chosen_records
 from benchmark.report.notes import table_notes
 from benchmark.report.output import table_files
@@ -278,21 +276,6 @@ def test_robustness_has_a_line_for_each_change_and_strength_below_the_unchanged_
         "|noise|5|--|.25|",
     ]
     assert robustness_markdown([record("gps", dataset="rods")]) == ""
-
-
-def test_every_record_that_is_read_makes_tables():
-    more = {"seen": ["cat0"], "unsupported": [("cat1", "no")], "files": {"forms": ["0" * 32] * 12}}
-    good = json.loads(msgspec.json.encode(record("gps", **more)))
-    beside = [record("identity"), failed("skeleton")]
-    for name in good:
-        for value in ([], {}, "", 0, ["cat0"], {"NN": 0.5}, {"forms": []}, "failed"):
-            with suppress(msgspec.DecodeError):
-                read = msgspec.json.decode(json.dumps(good | {name: value}), type=Record)
-                for table in table_views([read, *beside]):
-                    assert markdown(table)
-                    assert latex(table)
-                assert len(Results(Path(), (read, *beside)).jobs) == 3
-                assert len(read.keys) in (0, 12)
 
 
 def test_seconds_are_of_the_processor_unless_an_old_record_has_only_those_of_the_wall():
