@@ -18,7 +18,7 @@ from benchmark.depth.reading import in_metres
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.preparation import Prepared, prepare
+from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.outputs import compute_form
 from benchmark.pipeline.preparation import N_VERTICES
 from benchmark.protocols.models import people_training, with_model
@@ -154,8 +154,8 @@ def small_for_person(shape: Shape, model: object) -> str:
 
 def form_of_surface(
     maker: Method, mesh: Mesh, name: str = "shape", *, n_vertices: int = N_VERTICES, seed: int = 0
-) -> tuple[CanonicalForm, Prepared]:
-    """Return the form of a surface, prepared as in a run, and the prepared surface.
+) -> CanonicalForm:
+    """Return the form of a surface, prepared as in a run.
 
     Where each vertex of the surface has one in the prepared surface, the form has those of the surface in their order;
     otherwise it has those of the prepared surface, and says in ``vertex_map`` which one of the surface is nearest.
@@ -164,11 +164,11 @@ def form_of_surface(
     shape = Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
     form = form_with_fit(maker, shape, prepared.notes)
     if not np.array_equal(form.faces, prepared.mesh.faces):
-        return form, prepared
+        return form
     numbers = prepared.numbers_of(mesh)
     if numbers is None:
-        return replace(form, vertex_map=prepared.vertex_map(mesh)), prepared
-    return CanonicalForm(form.vertices[numbers], mesh.faces, form.notes), prepared
+        return replace(form, vertex_map=prepared.vertex_map(mesh))
+    return CanonicalForm(form.vertices[numbers], mesh.faces, form.notes)
 
 
 def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:

@@ -146,7 +146,7 @@ def canonicalise(
     """
     maker = form_maker(select([method])[0])
     mesh = Mesh(vertices, faces)  # type: ignore[arg-type]
-    return form_of_surface(maker, mesh, n_vertices=n_vertices, seed=seed)[0]
+    return form_of_surface(maker, mesh, n_vertices=n_vertices, seed=seed)
 
 
 def _lines_of_progress() -> Callable[[Any], None]:

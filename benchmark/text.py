@@ -29,12 +29,10 @@ _NAMED = 3
 #: Pattern of names: lower-case words joined by hyphens.
 NAME = rf"(?=.{{1,{LONGEST_NAME}}}$)[a-z][a-z0-9]*(-[a-z0-9]+)*"
 
-_BREAKS = frozenset("\t\n\v\f\r\x1c\x1d\x1e\x1f\x85\u2028\u2029")
+_BREAKS = re.compile("[ \xa0]*[\t\n\v\f\r\x1c-\x1f\x85\u2028\u2029]\\s*")
 
 #: ANSI escape sequences for colours and cursor movements.
 _TERMINAL_CODES = re.compile(r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]")
-
-_BLANKS = re.compile(r"\s+")
 
 _CUT = " ..."
 
@@ -75,8 +73,8 @@ def clean(text: object) -> str:
     words = _as_text(text)
     if words.isprintable():
         return words
-    words = _BLANKS.sub(_without_breaks, _TERMINAL_CODES.sub("", words))
-    return "".join(_printable(character) for character in words)
+    words = _BREAKS.sub(" ", _TERMINAL_CODES.sub("", words))
+    return "".join(" " if character.isspace() else _printable(character) for character in words)
 
 
 def counted(number: int, one: str, many: str = "") -> str:
@@ -147,10 +145,6 @@ def say_table(rows: Sequence[Sequence[str]], whole: Collection[int] = ()) -> Non
     with console.capture() as captured:
         console.print(grid)
     say_lines("\n".join(map(str.rstrip, captured.get().splitlines())))
-
-
-def _without_breaks(match: re.Match[str]) -> str:
-    return " " if _BREAKS & set(match[0]) else " " * len(match[0])
 
 
 def _printable(character: str) -> str:

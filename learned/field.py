@@ -15,9 +15,8 @@ from torch import Tensor
 
 from benchmark.api.contracts import FloatArray, Shape
 from benchmark.errors import UnsupportedShape
-from benchmark.geometry.interpolation import vertex_normals
 from benchmark.geometry.laplacian import Laplacian
-from benchmark.geometry.mesh import Mesh, Points
+from benchmark.geometry.mesh import Mesh, Points, vertex_normals
 from learned.field_network import POINTS, FieldNetwork
 
 MOST_VERTICES = 50_000

@@ -10,9 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from msgspec import structs
-from scipy.spatial import cKDTree
 
 from benchmark.api.contracts import CanonicalForm, Input
 from benchmark.api.datasets import ShapeSet
@@ -35,10 +33,8 @@ from benchmark.depth_forms import (
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.files import write_text
 from benchmark.geometry.camera import FRONT
-from benchmark.geometry.interpolation import interpolate, vertex_normals
 from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
-from benchmark.geometry.mesh import Mesh
-from benchmark.geometry.preparation import Prepared, prepare
+from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.cache import Arrays, Cache
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.preparation import (
@@ -59,9 +55,7 @@ from benchmark.runs.planning import Planned
 from benchmark.text import say, say_table
 
 
-def canonicalise(
-    paths: Sequence[Path], method: str, options: Selection, output: Path, *, all_vertices: bool = False
-) -> bool:
+def canonicalise(paths: Sequence[Path], method: str, options: Selection, output: Path) -> bool:
     """Write the form of a mesh, or the forms of depth images; return whether all could be made."""
     source, *others = paths
     if absent := [path for path in paths if not path.name or not (others or path.exists())]:  # of several, one may miss
@@ -69,8 +63,6 @@ def canonicalise(
     if warning := trained_on_people(select_one(method, options.plugins)):
         say(f"{method}: {warning}", err=True)
     if others or source.suffix.lower() in EXTENSIONS or source.is_dir():
-        if all_vertices:
-            raise ConfigurationError("a depth image has no vertices", "omit --all-vertices")
         return _canonicalise_frames(paths, method, options, output)
     if options.has_camera:
         raise ConfigurationError(f"{source} is not a depth image", "omit --intrinsics, --mask and --depth-scale")
@@ -78,7 +70,7 @@ def canonicalise(
     if output.exists() and output.samefile(source):
         raise ConfigurationError(f"{output} is the mesh itself", "name another file with -o")
     try:
-        form = form_of_mesh(source, method, options, all_vertices=all_vertices)
+        form = form_of_mesh(source, method, options)
     except ShapeError as error:
         problem = error.problem if str(source) in error.problem else f"{source}: {error.problem}"
         raise ShapeError(problem, error.hint) from error
@@ -109,7 +101,7 @@ def _facts(notes: Mapping[str, float | str]) -> list[str]:
     return [f"doubt: {value}" if name == "doubt" else f"{name} {value}" for name, value in values.items()]
 
 
-def form_of_mesh(source: Path, method: str, options: Selection, *, all_vertices: bool = False) -> CanonicalForm:
+def form_of_mesh(source: Path, method: str, options: Selection) -> CanonicalForm:
     """Prepare a mesh as in the benchmark and return its form.
 
     A method that accepts only views gets the view of a camera in front of the mesh (z up, facing -y), in a frame that
@@ -121,40 +113,21 @@ def form_of_mesh(source: Path, method: str, options: Selection, *, all_vertices:
         The file.
     method, options
         The method; plugins that may define it, and the seed.
-    all_vertices
-        Whether the form of a decimated mesh is interpolated at the vertices of the file: each gets the barycentric mean
-        over the nearest triangle of the prepared mesh that faces the same way.
 
     Raises
     ------
     ConfigurationError
-        If the method is unknown or has no canonical form, or if vertices are asked for and its forms have their own.
+        If the method is unknown or has no canonical form.
     ShapeError
         If the mesh cannot be read or processed.
     """
     spec = select_one(method, options.plugins)
     maker = form_maker(spec)
-    reads_meshes = "mesh" in spec.info.inputs
-    if all_vertices and not reads_meshes:
-        raise ConfigurationError(f"method '{method}' reads depth images, not vertices", "omit --all-vertices")
     mesh = read_mesh(source)
-    if not reads_meshes:
+    if "mesh" not in spec.info.inputs:
         arrays = prepare_view(mesh, FRONT, fit_frame(mesh, FRONT))
         return form_with_fit(maker, shape_of(arrays, source.stem, options.seed), {})
-    form, prepared = form_of_surface(maker, mesh, source.stem, seed=options.seed)
-    are_all = np.array_equal(form.faces, mesh.faces)
-    return _at_vertices(mesh, prepared, form, spec.info.name) if all_vertices and not are_all else form
-
-
-def _at_vertices(mesh: Mesh, prepared: Prepared, form: CanonicalForm, method: str) -> CanonicalForm:
-    """Return the form of a prepared mesh, interpolated at the vertices of the mesh."""
-    if not np.array_equal(form.faces, prepared.mesh.faces):
-        raise ConfigurationError(f"forms of method '{method}' have vertices of their own", "omit --all-vertices")
-    points = (mesh.vertices - prepared.centre) / prepared.scale
-    _, nearest = cKDTree(prepared.surface.vertices).query(points)
-    normals = vertex_normals(prepared.surface)[nearest]  # faces of a file may face either way
-    positions, distances = interpolate(prepared.mesh, form.vertices, points, normals)
-    return CanonicalForm(positions, mesh.faces, {**form.notes, "farthest_from_prepared": float(distances.max())})
+    return form_of_surface(maker, mesh, source.stem, seed=options.seed)
 
 
 # Depth images --------------------------------------------------------------------------------------------------------

@@ -27,8 +27,6 @@ _COLUMNS = {
     "datasets": ("name", "state", "shapes", "classes", "source"), "models": ("training", "model", "origin", "schedule"),
 }  # fmt: skip
 
-_FAMILIES = {"paper": "a row of the paper", "control": "a yardstick", "extended": "beyond the paper"}
-
 
 def list_(what: str, selection: Selection, *, as_json: bool) -> None:
     """Print the names of a kind."""
@@ -152,7 +150,7 @@ def _facts(component: Component) -> dict[str, str | list[str]]:
         "title": info.title,
         "summary": clean(component.summary),
         "kind": kind,
-        "family": _FAMILIES.get(info.family, info.family) if facts else "",
+        "family": info.family if facts else "",
         "source": source_of(info.cite) or "none",
         "cite": entry_of(info.cite)[0],
         **(facts or {"draws": str(info.draws)}),

@@ -58,8 +58,7 @@ def plan(selection: Selection, *, traceback: bool = False) -> None:
     expected = estimate(pending, records)
     if expected.seconds:
         work, wall = (timedelta(seconds=round(expected.seconds / share)) for share in (1, cores))
-        disk = f"{expected.gigabytes:.1f} GB of disk"
-        say(f"at most about {work} of work, {wall} with {cores} processes, {disk}")
+        say(f"at most about {work} of work, {wall} with {cores} processes")
     if expected.unknown:
         say(f"{expected.unknown} of them cannot be estimated: no job of their method has finished")
     for record in _records_of(jobs, records) if traceback else ():

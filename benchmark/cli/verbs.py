@@ -183,7 +183,6 @@ def canonicalise(
     method: shared.Method,
     paths: Annotated[list[Path], Argument(metavar="IN...")],
     output: Annotated[Path, Option("-o", "--output", metavar="OUT", help="Mesh file, or folder for several.")],
-    all_vertices: Annotated[bool, Option("--all-vertices", help="Keep the vertices of a large mesh.")] = False,
 ) -> bool:
     """Write the canonical form of a mesh, or of depth images.
 
@@ -191,7 +190,7 @@ def canonicalise(
     """
     from benchmark.cli.forms import canonicalise
 
-    return canonicalise(paths, method, selection, output, all_vertices=all_vertices)
+    return canonicalise(paths, method, selection, output)
 
 
 @verb("scorer", "plugins", "results", "data_root", "seed", "gallery_views", *_CAMERA)

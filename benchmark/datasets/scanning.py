@@ -15,8 +15,7 @@ from scipy.sparse.linalg import spsolve
 
 from benchmark.datasets.bodies import CAVITIES, named_random, reference_mesh, vertices_of
 from benchmark.geometry.cleaning import largest_component
-from benchmark.geometry.interpolation import vertex_normals
-from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points, sides_of
+from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points, sides_of, vertex_normals
 from benchmark.geometry.preparation import isotropic_remesh
 
 N_VERTICES = 15_000

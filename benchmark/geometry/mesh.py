@@ -107,6 +107,14 @@ class Mesh:
         return Mesh(vertices, self.faces)  # type: ignore[arg-type]
 
 
+def vertex_normals(mesh: Mesh) -> Points:
+    """Return area-weighted vertex normals, not normalised, shape (n, 3)."""
+    normals = np.zeros((mesh.n_vertices, 3))
+    for corner in range(3):
+        np.add.at(normals, mesh.faces[:, corner], mesh.face_normals)
+    return normals
+
+
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
     """Return an array, which can no longer be written to."""
     array.flags.writeable = False

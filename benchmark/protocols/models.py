@@ -25,9 +25,6 @@ MODELS_VARIABLE = "CANONICAL_FORMS_MODELS"
 #: Sets whose trainings contain people only.
 _PEOPLE = ("people", "shrec14-synthetic")
 
-#: File next to the models in the repository; wheels, which are too small for all models, omit it.
-_ALL_HERE = "README.md"
-
 
 class MissingModel(ConfigurationError):
     """A learner has not been trained for some shapes."""
@@ -208,10 +205,8 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
         words += ["--table", names[0]]
     if spec.plugin:
         words += ["--plugin", str(spec.plugin)]
-    hint, package, shipped = f"run `{shlex.join(words)}`", Path(__file__).parents[2], learner.shipped_models
-    if shipped.is_relative_to(package) and not (shipped / _ALL_HERE).is_file():
-        folder = shipped.relative_to(package)
-        hint += f", or name the folder {folder} of a checkout in {MODELS_VARIABLE}: installed packages lack this model"
+    folder = "/".join(learner.shipped_models.parts[-2:])
+    hint = f"run `{shlex.join(words)}`, or name the folder {folder} of a checkout in {MODELS_VARIABLE}"
     return MissingModel(f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}", hint)
 
 

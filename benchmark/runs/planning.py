@@ -359,15 +359,10 @@ def describe_change(before: Mapping[str, str], now: Mapping[str, str]) -> str:
 
 
 class Estimate(NamedTuple):
-    """Upper bound for seconds on one core, jobs without one as no job of their method has finished, and gigabytes."""
+    """Upper bound for seconds on one core, and jobs without one, as no job of their method has finished."""
 
     seconds: float
     unknown: int
-    gigabytes: float
-
-
-#: Bytes of a file of the cache, means over TOSCA, people and animals.
-_SIZES: Mapping[Kind, float] = {"prepared": 75e3, "forms": 21e3, "signatures": 106e3}
 
 
 def estimate(planned: Sequence[Planned], records: Iterable[Record], published: Path = SUITE_RESULTS) -> Estimate:
@@ -380,16 +375,14 @@ def estimate(planned: Sequence[Planned], records: Iterable[Record], published: P
     here = [record for record in records if not record.published]
     finished = [*read_records(published, local=False), *here] if pending else []
     unknown, spent = set[str](), dict[str, float]()  # seconds of each file of the cache, which several jobs may take
-    sizes = dict[str, float]()
     for job, side in [(one, of) for one in pending for of in one.sides]:
         seconds = _seconds_a_shape(job.method, side, finished)
         unknown |= set() if seconds else {job.key}
         for kind, keys in side.files.items():
             of_file = seconds.get(STAGES[kind], 0.0) + (seconds.get("geodesics", 0.0) if kind == "prepared" else 0.0)
             spent |= {key: max(spent.get(key, 0.0), of_file) for key in filter(None, keys)}
-            sizes |= dict.fromkeys(filter(None, keys), _SIZES[kind])
         spent[f"{job.key} {side.gallery}"] = seconds.get(STAGES["records"], 0.0) * len(side.file_names)
-    return Estimate(sum(spent.values()), len(unknown), sum(sizes.values()) / 1e9)
+    return Estimate(sum(spent.values()), len(unknown))
 
 
 def _seconds_a_shape(method: str, side: Ranked, finished: Sequence[Record]) -> dict[str, float]:

@@ -1,15 +1,11 @@
 """The form of one mesh as a file: whole, or not there."""
 
 import numpy as np
-import pytest
 from PIL import Image
 
-from benchmark.cli.forms import form_of_mesh
-from benchmark.cli.options import Selection
-from benchmark.errors import ConfigurationError
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
-from tests.geometry.surfaces import flipped, joined, limbed_body, soup, sphere
+from tests.geometry.surfaces import joined, limbed_body, sphere
 from tests.toy import rod, write_off
 from tests.verbs import call
 
@@ -41,22 +37,6 @@ def test_a_decimated_form_has_a_file_of_the_nearest_vertices(tmp_path):
     numbers = np.loadtxt(tmp_path / "form.vertices.txt", dtype=int)
     moved = (body.vertices - body.vertices.mean(axis=0)) / body.area**0.5
     assert np.abs(read_mesh(tmp_path / "form.off").vertices - moved[numbers]).max() < 0.1
-    canonicalise(tmp_path / "body.off", "-o", tmp_path / "all.off", "--all-vertices")
-    assert not (tmp_path / "all.vertices.txt").exists()
-
-
-@pytest.mark.parametrize("subdivisions", [3, 4])
-def test_copies_and_turned_faces_change_no_vertex_of_a_form(tmp_path, subdivisions):
-    """Of a mesh that keeps its vertices, and of one that is decimated; two faces of a sheet lie close together."""
-    body = limbed_body(subdivisions)
-    body = body.with_vertices(body.vertices * [1, 1, 0.02])
-    write_off(tmp_path / "body.off", body)
-    write_off(tmp_path / "soup.off", soup(flipped(body, 0.5)))
-    for name in ("body", "soup"):
-        canonicalise(tmp_path / f"{name}.off", "-o", tmp_path / f"{name}-form.off", "--all-vertices")
-    whole, scattered = (read_mesh(tmp_path / f"{name}-form.off") for name in ("body", "soup"))
-    corners = [np.sort(mesh.vertices[mesh.faces], axis=1) for mesh in (whole, scattered)]
-    np.testing.assert_allclose(corners[0], corners[1], atol=1e-6)
 
 
 def test_a_form_is_never_written_over_its_mesh(tmp_path, monkeypatch):
@@ -77,31 +57,3 @@ def test_a_picture_shows_a_mesh_and_its_form(tmp_path):
     with Image.open(tmp_path / "shape.png") as picture:
         left, right = (np.asarray(picture.convert("L"))[:, half] for half in (slice(None, 300), slice(-300, None)))
     assert min((left < 200).mean(), (right < 200).mean()) > 0.02
-
-
-SHEARED = """
-from benchmark.api.contracts import canonical_form
-
-@canonical_form(name="sheared", title="Sheared")
-def sheared(shape):
-    return shape.mesh.vertices @ [[1.0, 0.3, 0.0], [0.0, 2.0, -0.4], [0.1, 0.0, 0.5]]
-"""
-
-
-def test_all_vertices_of_the_file_get_their_place_in_the_form_in_their_order(tmp_path):
-    (tmp_path / "sheared.py").write_text(SHEARED)
-    mesh = sphere(5)
-    write_off(tmp_path / "in.off", mesh)
-    options = Selection(plugins=[tmp_path / "sheared.py"])
-    form = form_of_mesh(tmp_path / "in.off", "sheared", options, all_vertices=True)
-    assert len(form.vertices) == mesh.n_vertices == 10242
-    np.testing.assert_array_equal(form.faces, mesh.faces)
-    unit = (mesh.vertices - mesh.vertices.mean(axis=0)) / mesh.area**0.5
-    expected = unit @ [[1.0, 0.3, 0.0], [0.0, 2.0, -0.4], [0.1, 0.0, 0.5]]
-    farthest = form.notes["farthest_from_prepared"]
-    assert np.abs(form.vertices - expected).max() < 3 * farthest + 0.002
-    assert 0 < farthest < 0.005
-    own = SHEARED.replace("return shape", "return CanonicalForm(shape.mesh.vertices[:3], [[0, 1, 2]])  # ")
-    (tmp_path / "sheared.py").write_text(own.replace("import canonical", "import CanonicalForm, canonical"))
-    with pytest.raises(ConfigurationError, match="vertices of their own; omit --all-vertices"):
-        form_of_mesh(tmp_path / "in.off", "sheared", options, all_vertices=True)

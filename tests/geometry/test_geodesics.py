@@ -20,7 +20,6 @@ from benchmark.geometry import geodesic_graph as kernels
 from benchmark.geometry import geodesics
 from benchmark.geometry.cleaning import compact
 from benchmark.geometry.geodesic_graph import WINDOWS, geodesic_graph
-from benchmark.geometry.interpolation import interpolate, vertex_normals
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
@@ -183,15 +182,3 @@ def test_slivers_and_flat_triangles_do_not_spoil_the_matrix() -> None:
     for k in (0, 13):
         with pytest.raises(UnsupportedShape, match="1 to 12"):
             eigenpairs(cotangent_laplacian(sphere(0)), k)
-
-
-def test_of_two_sheets_that_lie_close_together_the_one_that_looks_the_same_way_is_taken() -> None:
-    sheet = flat_grid(12, 1 / 11)
-    up = 1 if vertex_normals(sheet)[0, 2] > 0 else -1
-    faces = np.concatenate([sheet.faces[:, ::-up], sheet.faces[:, ::up] + sheet.n_vertices])
-    slab = compact(np.concatenate([sheet.vertices, sheet.vertices + np.array([0, 0, 0.01])]), faces)
-    points = np.array([[0.4, 0.6, 0.002], [0.4, 0.6, 0.008], [0.52, 0.31, 0.002]])
-    positions, _ = interpolate(slab, slab.vertices, points, [[0, 0, 1.0], [0, 0, -1.0], [0, 0, -1.0]])
-    np.testing.assert_allclose(positions, np.c_[points[:, :2], [0.01, 0, 0]], atol=1e-12)
-    lone, _ = interpolate(Mesh(np.eye(3), [[0, 1, 2]]), np.eye(3), [[0.5, 0.5, 0.0]], [[-1.0, -1.0, -1.0]])
-    np.testing.assert_allclose(lone, [[0.5, 0.5, 0.0]], atol=1e-12)
