@@ -62,10 +62,6 @@ def test_jobs_run_in_this_process_once_with_a_line_of_progress(rods, tmp_path, c
     np.testing.assert_allclose(form.vertices, prepared.vertices * [1, 1, 0.5], atol=1e-6)
 
 
-def test_a_method_that_is_named_has_a_row_in_quick_runs(rods, tmp_path):
-    assert benchmark.run(rods, "surface-area", results=tmp_path, quick=True)["status"].tolist() == ["ok"]
-
-
 def test_what_is_unknown_is_raised():
     with pytest.raises(ConfigurationError, match="unknown method 'gsp'; did you mean gps"):
         benchmark.run("animals", ["gsp"])

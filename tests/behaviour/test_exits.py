@@ -3,16 +3,13 @@
 import os
 import pty
 import re
-import signal
 import subprocess
 import sys
 from contextlib import suppress
 
-import psutil
 import pytest
 
 from tests.behaviour.suite import call, environment, start
-from tests.toy import wait_for
 
 
 @pytest.fixture(scope="module")
@@ -27,22 +24,6 @@ def scored(material, tmp_path_factory):
 def ended(process, timeout=60):
     out, err = process.communicate(timeout=timeout)
     return process.returncode, out or "", err or ""
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
-def test_a_run_that_is_stopped_says_so_and_leaves_nothing(number, place, monkeypatch):
-    monkeypatch.setenv("FAULTS", str(place))
-    words = ("-d", "rods", "-m", "waits-once", "--plugin", "own.py", "--results", "stopped", "-j", 1)
-    process = start("run", *words, cwd=place)
-    marker = place / "waits-once"
-    wait_for(lambda: (marker.exists() and marker.read_text()) or process.poll() is not None, 120)
-    os.kill(process.pid, number)
-    found, _, err = ended(process)
-    assert found == 130, err
-    assert "interrupted" in err
-    assert "run again" in err
-    assert "Traceback" not in err
-    wait_for(lambda: not psutil.pid_exists(int(marker.read_text())), 10)
 
 
 @pytest.mark.parametrize("line", ["list datasets", "tables -d rods", "describe gps"])

@@ -15,6 +15,7 @@ from benchmark.code_digest import digest
 from benchmark.errors import ConfigurationError
 from benchmark.registry import component_of, select, select_one
 from learned.methods import Learned
+from tests.registry.plugin import write_plugin
 
 INFO = MethodInfo(name="power", title="Power")
 
@@ -68,6 +69,11 @@ def test_a_learner_with_a_model_is_refused():
 def test_what_is_no_method_is_refused(value):
     with pytest.raises(ConfigurationError, match="is no method or scorer"):
         component_of(value)
+
+
+def test_a_plugin_that_runs_in_this_process_is_never_known_again(tmp_path):
+    component = select_one("smooth", [write_plugin(tmp_path / "smooth.py")])
+    assert component.in_this_process().key() != component.in_this_process().key()
 
 
 def test_an_object_is_one_method_with_the_name_of_no_other():

@@ -115,12 +115,14 @@ def test_the_best_of_each_block_is_bold_and_rows_that_it_does_not_certainly_beat
     rows = [
         eight("top", *[0.9] * 8),
         eight("near", *[1.0] * 4, *[0.6] * 4),
+        eight("close", *[0.88] * 8),  # in every class, but within the scatter of codebooks
         eight("far", *[0.2] * 8),
         eight("dna", *[0.4] * 8, **descriptor),
         eight("area", *[0.5] * 4, *[0.2] * 4, **descriptor),
     ]
     table = view(*rows)
-    assert marks(table) == {"top": "bold", "near": "italic", "far": "", "dna": "bold", "area": ""}
+    expected = {"top": "bold", "near": "italic", "close": "italic", "far": "", "dna": "bold", "area": ""}
+    assert marks(table) == expected
     assert "No difference is certain: Descriptors (mesh)." in table_notes(table)
     assert "bold" in table.marks["area", "mesh"]
 

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import os
+import re
 import shutil
 import signal
-import subprocess
-import sys
-import time
 from bdb import BdbQuit
 
 import psutil
@@ -19,26 +16,18 @@ from benchmark.pipeline.cache import StorageError, writing
 from benchmark.pipeline.records import read_records
 from benchmark.runs.planning import estimate
 from benchmark.runs.runner import run
-from tests.runs.toy import FAULTS, done, noted, planned, run_toy
+from tests.behaviour.suite import start
+from tests.runs.toy import FAULTS, LIGHT, done, noted, planned, run_toy
 from tests.toy import files_of_at_most, wait_for
 
-#: A program that runs slow methods.
-PROGRAM = """
-import sys
-from pathlib import Path
-from benchmark.machine import pin_threads
-pin_threads()
-from tests.runs.toy import FAULTS, run_toy
-run_toy(Path(sys.argv[1]), Path(sys.argv[2]), "slow", size=2, plugins=(FAULTS,))
-"""
 
-
-def start(rods, tmp_path):
-    """Start a run of a slow method in a program of its own; return it with its workers once one is at work."""
-    environment = {**os.environ, "FAULTS": str(tmp_path)}
-    command = [sys.executable, "-c", PROGRAM, str(rods), str(tmp_path / "results")]
-    program = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
-    noted(tmp_path / "slow")
+@pytest.fixture
+def started(rods, tmp_path, monkeypatch):
+    """A run of a method that waits as a program of its own, with its workers, once it is at work."""
+    monkeypatch.setenv("FAULTS", str(tmp_path))
+    words = ("-d", rods, "-m", "waits-once", "--plugin", FAULTS, "--input", "mesh", *LIGHT, "-j", 2)
+    program = start("run", *words, cwd=tmp_path)
+    noted(tmp_path / "waits-once")
     return program, [worker.pid for worker in psutil.Process(program.pid).children()]
 
 
@@ -46,30 +35,26 @@ def is_gone(process):
     return not psutil.pid_exists(process) or psutil.Process(process).status() == psutil.STATUS_ZOMBIE
 
 
-def test_ctrl_c_ends_a_run_within_a_second_and_keeps_what_is_done(rods, tmp_path):
-    program, workers = start(rods, tmp_path)
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
+def test_a_run_that_is_stopped_ends_at_once_says_so_and_keeps_what_is_done(started, rods, tmp_path, number):
+    program, workers = started
     assert len(workers) >= 2  # one of the suite waits while the plugin runs
-    time.sleep(0.35)
-    begun = time.monotonic()
-    program.send_signal(signal.SIGINT)
+    program.send_signal(number)
     error = program.communicate(timeout=20)[1]
-    assert time.monotonic() - begun < 1.5
-    if program.returncode:  # it may just have ended
-        assert error.rstrip().endswith("KeyboardInterrupt")
-    wait_for(lambda: all(map(is_gone, workers)), 1.0)
-    kept = set((tmp_path / "results" / "runs" / "forms").glob("*.npz"))
-    (record,) = run_toy(rods, tmp_path / "results", "slow", plugins=(FAULTS,)).values() or read_records(
-        tmp_path / "results"
-    )
+    assert (program.returncode, "Traceback" in error) == (130, False), error
+    assert re.search("interrupted.*run again", error)
+    wait_for(lambda: all(map(is_gone, workers)), 5.0)
+    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "runs" / "prepared").iterdir()}
+    record = run_toy(rods, tmp_path / "results", "waits-once", plugins=(FAULTS,))["waits-once"]
     assert record.status == "ok"
-    assert kept <= set((tmp_path / "results" / "runs" / "forms").glob("*.npz"))
+    assert kept == {path: path.stat().st_mtime_ns for path in kept} != {}
 
 
-def test_workers_end_with_a_program_that_is_killed(rods, tmp_path):
-    program, workers = start(rods, tmp_path)
+def test_workers_end_with_a_program_that_is_killed(started, tmp_path):
+    program, workers = started
     program.kill()
     program.communicate()
-    wait_for(lambda: all(map(is_gone, workers)), 2.0)
+    wait_for(lambda: all(map(is_gone, workers)), 5.0)
     with writing(tmp_path / "results"):  # its lock ended with it, and so did what it left half-written
         assert not list((tmp_path / "results" / "runs").rglob("*.tmp"))
 
