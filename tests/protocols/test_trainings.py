@@ -8,6 +8,7 @@ from benchmark.datasets.animals import animals
 from benchmark.datasets.base import Part, canonical_shapes
 from benchmark.datasets.people import people
 from benchmark.errors import ConfigurationError
+from benchmark.protocols import trainings
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
 from learned.methods import Learned, Strict
@@ -96,3 +97,10 @@ def test_each_gallery_gets_the_models_of_its_table():
         names(Strict(), second)
     with pytest.raises(ConfigurationError, match="unknown training 'people-fold-3'; did you mean people-fold"):
         names(Learned(training="people-fold-3"), folds[0])
+
+
+@pytest.mark.parametrize("present", [True, False])
+def test_official_scans_get_the_network_of_the_official_people_where_these_are(present, monkeypatch):
+    monkeypatch.setattr(trainings, "is_present", lambda name, root: present and name == "shrec14-synthetic")
+    names = [trainings._trainings(Learned(), name, None)[0].name for name in ("shrec14-real", "humans-scanlike")]
+    assert names == ["shrec14-synthetic-fold-0" if present else "people-fold-0", "people-fold-0"]
