@@ -135,7 +135,7 @@ def exact_distances(mesh: Mesh, sources: NDArray[np.int64]) -> FloatArray:
     return np.stack([igl.exact_geodesic(mesh.vertices, faces, VS=at, VT=everywhere) for at in sources[:, None]])
 
 
-def of_forms(steps: int = 10) -> Iterator[Row]:
+def of_forms() -> Iterator[Row]:
     """Measure methods given the geodesics, and methods that compute only a few rows of them."""
     shape = Shape(identifier="body", mesh=prepare(body()).mesh)
     distances = shape.geodesics()
@@ -150,13 +150,7 @@ def of_forms(steps: int = 10) -> Iterator[Row]:
     detail = f"stress {ours().notes['stress']:.5f} (peer {stress_of(theirs(), distances):.5f})"
     yield Row("least-squares-mds, given the geodesics", ours, "sklearn.manifold.smacof", theirs, detail)
 
-    # Complete non-metric scaling by scikit-learn takes minutes, and its scale depends on the number of points.
     classic = select_one("classic-mds").create()
-    theirs = partial(sklearn_scaling, distances, classic.canonicalise(shape).vertices, steps, metric=False)
-    ours = partial(select_one("non-metric-mds").create().canonicalise, shape)
-    peer = f"sklearn.manifold.smacof(metric=False), {steps} iterations"
-    yield Row("non-metric-mds, given the geodesics", ours, peer, theirs, f"{ours().notes['iterations']} iterations")
-
     for name in ("accelerated-mds", "fast-classical-scaling", "fast-mds"):
         method = select_one(name).create()
         ours, theirs = (partial(form_of_mesh, method, shape.mesh) for method in (method, classic))
@@ -193,11 +187,9 @@ def form_of_distances(name: str, shape: Shape) -> Any:
     return select_one(name).create().canonicalise(fresh)
 
 
-def sklearn_scaling(
-    distances: FloatArray, start: FloatArray, steps: int, *, metric: bool = True, eps: float = 0.0
-) -> FloatArray:
+def sklearn_scaling(distances: FloatArray, start: FloatArray, steps: int, eps: float) -> FloatArray:
     options = {"n_components": 3, "n_init": 1, "max_iter": steps, "eps": eps}
-    return np.asarray(sklearn_smacof(distances, metric=metric, init=start, **options)[0])
+    return np.asarray(sklearn_smacof(distances, init=start, **options)[0])
 
 
 SPHERE = view_sphere(2)
