@@ -54,7 +54,11 @@ def geodesic_graph(mesh: Mesh, windows: int | None = None) -> csr_array:
     # per triangle at the source. Otherwise, fewer than ``windows`` precede it, which include the previous ring, and a
     # window has at most two successors. One extra entry, as a window is written before it is counted.
     room = max(3 * windows, int(np.diff(first).max(initial=0))) + 1
-    tails, heads, lengths = _follow_windows(*_first_windows(sides, opposite), *_passages(sides), first, windows, room)
+    # Around a thin fan, windows multiply at each turn: those are left out that a vertex beside them makes a detour.
+    ends = np.stack((sides.starts, sides.ends, sides.ends, sides.starts), axis=1).reshape(-1, 2)
+    ends = ends if windows == WINDOWS_OF_THIN else ends[:0]
+    known = (*_first_windows(sides, opposite), *_passages(sides))
+    tails, heads, lengths = _follow_windows(*known, ends, first, windows, room)
     return _undirected(mesh.n_vertices, tails, heads, lengths)
 
 
@@ -126,7 +130,7 @@ def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArra
 
 
 @njit(cache=True, nogil=True)
-def _follow_windows(first_names, first_plane, passages, moves, first, budget, room):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _follow_windows(first_names, first_plane, passages, moves, ends, first, budget, room):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Collect the arcs of :func:`geodesic_graph`; the source lies at the origin of every unfolded plane.
 
     A window consists of a passage through a side PQ and, in the plane, P, Q and the two rays that bound the cone. Q is
@@ -160,6 +164,10 @@ def _follow_windows(first_names, first_plane, passages, moves, first, budget, ro
             p_x, p_y, q_x, q_y = plane[window, 0], plane[window, 1], plane[window, 2], plane[window, 3]
             low_x, low_y, high_x, high_y = plane[window, 4], plane[window, 5], plane[window, 6], plane[window, 7]
             window += 1
+            if len(ends) and _is_detour(
+                best[ends[passage, 0]], best[ends[passage, 1]], p_x, p_y, q_x, q_y, low_x, low_y, high_x, high_y
+            ):
+                continue
             apex, past_p, past_q = passages[passage, 0], passages[passage, 1], passages[passage, 2]
             along, beside = moves[passage, 0], moves[passage, 1]
             width_x, width_y = q_x - p_x, q_y - p_y
@@ -211,6 +219,19 @@ def _begin_windows(names, ends, seen, best, queue, plane):  # type: ignore[no-un
 @njit(cache=True, nogil=True)
 def _enlarged(values, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     return np.concatenate((values, np.empty(values.size + count, values.dtype)))
+
+
+@njit(cache=True, nogil=True)
+def _is_detour(square_p, square_q, p_x, p_y, q_x, q_y, low_x, low_y, high_x, high_y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return whether all points behind a window are nearer by way of P or of Q [Xin and Wang 2009, theorem 3.2]."""
+    for square, v_x, v_y, ray_x, ray_y in ((square_p, p_x, p_y, high_x, high_y), (square_q, q_x, q_y, low_x, low_y)):
+        from_p, from_q = ray_x * p_y - ray_y * p_x, ray_x * q_y - ray_y * q_x
+        if square < np.inf and from_p != from_q:
+            share = from_p / (from_p - from_q)
+            x, y = p_x + share * (q_x - p_x), p_y + share * (q_y - p_y)
+            if np.sqrt(square) + np.hypot(x - v_x, y - v_y) < (1.0 - GRAZING) * np.hypot(x, y):
+                return True
+    return False
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
 import igl
 import numpy as np
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
+from trimesh import creation
 
 from benchmark.api.contracts import Shape
 from benchmark.errors import ConfigurationError, UnsupportedShape
@@ -148,6 +150,14 @@ def test_distances_on_thin_triangles_are_as_good_as_on_others(rows: int, columns
     exact, found = exact_distances(mesh, sources), geodesics.from_sources(mesh, sources)
     errors = np.abs(found - exact)[exact > 0] / exact[exact > 0]
     assert errors.mean() < 0.005
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("solid", [creation.cone(0.5, 2, sections=200), creation.torus(1, 0.3, 6, 100)])
+def test_distances_around_thin_fans_and_tubes_are_exact(solid: Any) -> None:
+    mesh = Mesh(solid.vertices, solid.faces)
+    sources = np.arange(0, mesh.n_vertices, 60)
+    np.testing.assert_allclose(geodesics.from_sources(mesh, sources), exact_distances(mesh, sources), atol=1e-6)
 
 
 @pytest.mark.parametrize("mesh", [BODY, flat_grid(7), joined(sphere(1), flat_grid(3))])
