@@ -158,6 +158,28 @@ def _check_pair(record: Record) -> None:
         raise DatasetError(problem, "name the classes of both alike, and give the gallery two or more")
 
 
+class _Side(NamedTuple):
+    """Queries, or the gallery that they are ranked in, with the keys of prepared shapes."""
+
+    gallery: Gallery
+    input: Input
+    source: str
+    preparation: Preparation
+    prepared: list[str]
+
+
+def _sides_of(gallery: Gallery, input_: Input) -> list[_Side]:
+    both, sides = [(gallery, input_)], []
+    if gallery.against:
+        both.append((gallery.against, gallery.against.inputs[0]))
+    for side, of_side in both:
+        seen = side.seen
+        preparation = Preparation(seen.dataset, of_side)
+        prepared = [preparation.key(entry) for entry in seen.entries]
+        sides.append(_Side(side, of_side, _absolute(seen.source), preparation, prepared))
+    return sides
+
+
 @dataclass
 class _Planning:
     """What all jobs of a plan share."""
@@ -176,76 +198,81 @@ class _Planning:
 
     def jobs(self, gallery: Gallery, input_: Input, methods: Iterable[Component]) -> Iterator[Planned]:
         """Yield the job of each method with its state."""
-        facts, sides = gallery_facts(gallery, input_), [(gallery, input_)]
-        if gallery.against:
-            sides.append((gallery.against, gallery.against.inputs[0]))
-        seen = [side.seen for side, _ in sides]
-        preparations = [Preparation(one.dataset, of_side) for one, (_, of_side) in zip(seen, sides, strict=True)]
-        prepared = [[of.key(entry) for entry in one.entries] for of, one in zip(preparations, seen, strict=True)]
-        source, *there = (_absolute(one.source) for one in seen)
-        data_root = gallery.data_root and gallery.data_root.absolute()
-        paths = tuple(path_of(side.source) for side, _ in sides)
+        facts, sides = gallery_facts(gallery, input_), _sides_of(gallery, input_)
         for method in methods:
-            scorer = None if method.missing_packages() or method.describes else self.scorer
-            row = Row(gallery.name, input_, method.name, self.seed, scorer.name if scorer else "", paths)
-            before = self._records.get(row)
-            obstacles = [_obstacle(*side, method, self.results / "models") for side in sides]
-            state, reason = next(((state, reason) for state, reason, _ in obstacles if state), (None, ""))
-            models = [of for *_, of in obstacles]
-            trained = _seen(gallery, models[0])
-            models = [[m for m in of for _ in range(side.n_views)] for of, (side, _) in zip(models, sides, strict=True)]
-            if trained and gallery.table.all_unseen:
-                state, reason = "unsupported", f"{len(trained)} shapes were seen in training, such as {trained[0]}"
-                reason += "; take a model of another training"
-            key, result_key = digest(["unavailable", row]), ""
-            parts, files = dict[str, str](), [dict[str, list[str]]()] * 2
-            codes: dict[Kind, str] = {}
-            if state is None:
-                of_kinds: dict[Kind, Component] = {"forms": method, "records": scorer or method}
-                of_kinds |= {"signatures": scorer} if scorer else {}
-                codes = {kind: self._code_of_step(component, kind) for kind, component in of_kinds.items()}
-                files = [self._files(*side, method, scorer) for side in zip(prepared, models, strict=True)]
-                titles = [method.title, scorer.title if scorer else ""]
-                keys = [keys for of_side in files for keys in zip(*of_side.values(), strict=True)]
-                result_key = digest([row._replace(paths=()), titles, facts["gallery_digest"], keys, self._ranking])
-                key = key_at(result_key, paths)
-                for side in zip(preparations, models, strict=True):
-                    parts = self._parts(*side, method, scorer) | parts
-                parts["the data"] = facts["gallery_digest"]
-                state, reason = _state(before, key, parts)
-            content = facts | {
-                "key": key,
-                "result_key": result_key,
-                "status": "unavailable",
-                "method": method.name,
-                "title": method.title,
-                "family": method.info.family,
-                "cite": method.info.cite,
-                "parameters": _as_json(method.parameters),
-                "defaults": _as_json(method.defaults),
-                "seed": self.seed,
-                "scorer": row.scorer,
-                "scorer_title": scorer.title if scorer else "",
-                "models": [model.summary() for model in dict.fromkeys(filter(None, chain(*models)))],
-                "seen": trained,
-                "parts": parts,
-                "files": files[0],
-                **({"against": facts["against"] | {"files": files[1]}} if there else {}),
-            }
-            job = Job(key, row, source, data_root, method, self.scorer, self.results)
-            yield Planned(
-                job,
-                replace(job, source=there[0], row=row._replace(input=sides[1][1])) if there else None,
-                tuple(of.frame_key for of in preparations),
-                codes,
-                (gallery,),
-                record_of(content),
-                tuple(model.folder if model else None for model in chain(*models)),
-                state,
-                reason,
-                before,
-                is_pending=state in ("missing", "stale", "incomplete", *self.rerun),
-            )
+            yield self._job(facts, sides, method)
+
+    def _job(self, facts: dict[str, Any], sides: Sequence[_Side], method: Component) -> Planned:
+        gallery, paths = sides[0].gallery, tuple(path_of(side.gallery.source) for side in sides)
+        scorer = None if method.missing_packages() or method.describes else self.scorer
+        row = Row(gallery.name, sides[0].input, method.name, self.seed, scorer.name if scorer else "", paths)
+        before = self._records.get(row)
+        state, reason, models, seen = self._models(sides, method)
+        content = facts | self._facts(method, scorer)
+        content |= {"key": digest(["unavailable", row]), "seen": seen}
+        content["models"] = [model.summary() for model in dict.fromkeys(filter(None, chain(*models)))]
+        codes: dict[Kind, str] = {}
+        if state is None:
+            codes = self._codes(method, scorer)
+            files = [self._files(side.prepared, of, method, scorer) for side, of in zip(sides, models, strict=True)]
+            keys = [keys for of_side in files for keys in zip(*of_side.values(), strict=True)]
+            titles = [method.title, scorer.title if scorer else ""]
+            result_key = digest([row._replace(paths=()), titles, facts["gallery_digest"], keys, self._ranking])
+            parts = dict[str, str]()
+            for side, of in zip(sides, models, strict=True):
+                parts = self._parts(side.preparation, of, method, scorer) | parts
+            parts["the data"] = facts["gallery_digest"]
+            content |= {"key": key_at(result_key, paths), "result_key": result_key, "parts": parts, "files": files[0]}
+            if sides[1:]:
+                content["against"] = facts["against"] | {"files": files[1]}
+            state, reason = _state(before, content["key"], parts)
+        data_root = gallery.data_root and gallery.data_root.absolute()
+        job = Job(content["key"], row, sides[0].source, data_root, method, self.scorer, self.results)
+        return Planned(
+            job,
+            replace(job, source=sides[1].source, row=row._replace(input=sides[1].input)) if sides[1:] else None,
+            tuple(side.preparation.frame_key for side in sides),
+            codes,
+            (gallery,),
+            record_of(content),
+            tuple(model.folder if model else None for model in chain(*models)),
+            state,
+            reason,
+            before,
+            is_pending=state in ("missing", "stale", "incomplete", *self.rerun),
+        )
+
+    def _models(self, sides: Sequence[_Side], method: Component) -> tuple[State | None, str, list[Models], list[str]]:
+        """Return why a job cannot run, the model of each view of each side, and the queries seen in training."""
+        obstacles = [_obstacle(side.gallery, side.input, method, self.results / "models") for side in sides]
+        state, reason = next(((state, reason) for state, reason, _ in obstacles if state), (None, ""))
+        gallery, of_shapes = sides[0].gallery, [of for *_, of in obstacles]
+        seen = _seen(gallery, of_shapes[0])
+        if seen and gallery.table.all_unseen:
+            state, reason = "unsupported", f"{len(seen)} shapes were seen in training, such as {seen[0]}"
+            reason += "; take a model of another training"
+        pairs = zip(sides, of_shapes, strict=True)
+        return state, reason, [[model for model in of for _ in range(side.gallery.n_views)] for side, of in pairs], seen
+
+    def _facts(self, method: Component, scorer: Component | None) -> dict[str, Any]:
+        """Return the fields of a record that describe a method and a scorer."""
+        return {
+            "status": "unavailable",
+            "method": method.name,
+            "title": method.title,
+            "family": method.info.family,
+            "cite": method.info.cite,
+            "parameters": _as_json(method.parameters),
+            "defaults": _as_json(method.defaults),
+            "seed": self.seed,
+            "scorer": scorer.name if scorer else "",
+            "scorer_title": scorer.title if scorer else "",
+        }
+
+    def _codes(self, method: Component, scorer: Component | None) -> dict[Kind, str]:
+        of_kinds: dict[Kind, Component] = {"forms": method, "records": scorer or method}
+        of_kinds |= {"signatures": scorer} if scorer else {}
+        return {kind: self._code_of_step(component, kind) for kind, component in of_kinds.items()}
 
     def _files(
         self, prepared: list[str], models: Models, method: Component, scorer: Component | None
