@@ -97,14 +97,14 @@ def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) 
         files={"prepared": keys, "forms": keys, "signatures": keys},
     )  # fmt: skip
     with tempfile.TemporaryDirectory() as folder:
-        cache, second = Cache(Path(folder)), {SECONDS: np.array(1.0)}
+        cache, second = Cache(Path(folder)), {SECONDS: np.ones(2)}
         for form, key in zip(forms, keys, strict=True):
             cache.write("prepared", key, {**second, "note:bridges": np.array(len(form))})
             cache.write("forms", key, {REFUSED: np.array(["no reason", ""])} if form in refused else second)
             cache.write("signatures", key, {**_committed("cm-bof", form), **second})
         content, arrays = rank(record, cache, scorer)
     del content["machines"]
-    del content["seconds"]["ranking"]  # of this machine
+    del content["processor_seconds"], content["seconds"]["ranking"]  # of this machine
     refused = [forms.index(name) for name, _ in content.pop("unsupported")]
     return {**arrays, **_flat({**content, "unsupported": refused})}
 
