@@ -64,8 +64,8 @@ def leads(view: TableView) -> list[str]:
         best = int(np.argmax(scores))
         row = next(row for row in view.rows if row.method == [*rivals][best])
         before = f"{certain[best, :, -1].sum() or 'none'} of {len(rivals) - 1}"
-        score = f"{MEASURES[-1]} {scores[best]:.2f}".replace("0.", ".")
-        said.setdefault(title, []).append(f"{BLOCKS[kind]}: {row.title} leads ({score}), certainly before {before}")
+        score = f"{MEASURES[-1]} ({scores[best]:.2f})".replace("0.", ".")
+        said.setdefault(title, []).append(f"{BLOCKS[kind]}: {row.title} leads in {score}, certainly before {before}")
     return [f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "." for title, of in said.items()]
 
 
