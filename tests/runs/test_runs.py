@@ -45,7 +45,7 @@ def test_a_run_that_is_stopped_ends_at_once_says_so_and_keeps_what_is_done(start
     assert re.search("interrupted.*run again", error)
     wait_for(lambda: all(map(is_gone, workers)), 5.0)
     kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "runs" / "prepared").iterdir()}
-    record = run_toy(rods, tmp_path / "results", "waits-once", plugins=(FAULTS,))["waits-once"]
+    record = run_toy(rods, tmp_path / "results", "waits-once", plugins=(FAULTS,), size=1)["waits-once"]
     assert record.status == "ok"
     assert kept == {path: path.stat().st_mtime_ns for path in kept} != {}
 
