@@ -117,7 +117,8 @@ def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -
             advice = "check the path and its permissions" if error.errno else hint
             raise kind(f"{path}: {error.strerror}", advice) from error
         name = "" if isinstance(error, ValueError | OSError) else f"{type(error).__name__} "
-        reason = "nested too deeply" if isinstance(error, RecursionError) else name + " ".join(str(error).split())
+        text = re.sub(r" <[^<>]* at 0x[0-9a-f]+>", "", str(error))  # an address differs in each run
+        reason = "nested too deeply" if isinstance(error, RecursionError) else name + " ".join(text.split())
         raise kind(f"{path}: not a readable {what}: {reason:.300}", hint) from error
 
 
