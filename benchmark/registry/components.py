@@ -201,7 +201,8 @@ class Component:
 
     def code(self) -> dict[str, str]:
         """Return what its code consists of, with ``info.files``; see :func:`benchmark.code_digest.code_of`."""
-        return {"its code": self.state} | ({} if self.is_unknown else code_of(self.target, self.info.files))
+        of_object = {"its code": self.state} if self.state else {}
+        return of_object | ({} if self.is_unknown else code_of(self.target, self.info.files))
 
     def key(self) -> dict[str, Any]:
         """Return what determines its results; the path of a plugin file does not count."""

@@ -104,6 +104,13 @@ def test_a_damaged_file_of_any_kind_is_made_again(rods, finished, tmp_path, kind
     assert (after.scores, after.per_query) == (before.scores, before.per_query)
 
 
+def test_a_plan_says_that_a_plugin_ran_in_this_process(rods, tmp_path):
+    options = {"plugins": (FAULTS,), "scorer": "cm-bof"}
+    (job,) = planned(rods, tmp_path, "last-three", in_this_process=True, **options)
+    (again,) = planned(rods, tmp_path, "last-three", records=[job.record], **options)
+    assert (again.state, again.reason[:50]) == ("stale", "it ran in the process of a program, or with -j 0, ")
+
+
 def test_a_debugger_works_in_this_process_and_its_end_is_nobodys_fault(rods, tmp_path, monkeypatch):
     def quits():
         raise BdbQuit
