@@ -231,6 +231,8 @@ def _pixels(content: bytes) -> NDArray[Any]:
 def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
     """Raise ``ValueError`` if numbers follow those of a PGM or PFM, of which Pillow reads the first ones."""
     body = content[image.tile[0].offset :]
+    if content[:2] == b"P2" and body[-1:].isdigit():
+        raise ValueError("its last line has no line break, so it may be cut off")
     width = {b"P5": 1 if image.mode == "L" else 2, b"Pf": 4}.get(content[:2], np.inf)
     count = len(re.sub(rb"#[^\n]*", b"", body).split()) if content[:2] == b"P2" else len(body) / width
     if count > image.size[0] * image.size[1] + 1:
@@ -278,7 +280,7 @@ def _array(content: bytes) -> NDArray[Any]:
             raise DepthError(f"the archive holds {listed}", "name the array of depths 'depth'")
         if archive.zip.getinfo(f"{name}.npy").file_size > _LARGEST_FILE:
             raise DepthError(f"the array has more than {LARGEST_SIDE} pixels per side", "reduce it")
-        return np.asarray(archive[name])
+        return _array(archive.zip.read(f"{name}.npy"))  # to its end, where its checksum is compared
 
 
 def is_depth_file(path: Path) -> bool:

@@ -162,6 +162,8 @@ def _read(path: Path, count: int, n_columns: int) -> Any:
             with np.load(io.BytesIO(content), allow_pickle=False) as archive:
                 if sum(part.file_size for part in archive.zip.infolist()) > _LARGEST:
                     raise ConfigurationError(f"its arrays hold more than {_LARGEST:,} bytes", _HINT)
+                if archive.zip.testzip():
+                    raise ValueError("a checksum is wrong")
                 return _matrix_of(archive, (count, n_columns))
         if suffix == ".mat":
             check_expansion(content)
