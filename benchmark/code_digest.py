@@ -142,7 +142,7 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
                 packages.add(top)
                 continue
             found = [_locate(where, parts)]
-            if where is not ROOT and where not in (base, ROOT):  # no version, and modules are imported in any way
+            if where not in (ROOT, base):  # a package without a version, which may import its modules in any way
                 found += sorted((where / top).rglob("*.py"))
             for file in found:
                 if file and file not in sources:

@@ -55,8 +55,9 @@ def geodesic_graph(mesh: Mesh, windows: int | None = None) -> csr_array:
     # window has at most two successors. One extra entry, as a window is written before it is counted.
     room = max(3 * windows, int(np.diff(first).max(initial=0))) + 1
     # Around a thin fan, windows multiply at each turn: those are left out that a vertex beside them makes a detour.
-    ends = np.stack((sides.starts, sides.ends, sides.ends, sides.starts), axis=1).reshape(-1, 2)
-    ends = ends if windows == WINDOWS_OF_THIN else ends[:0]
+    ends = np.empty((0, 2), np.int64)
+    if windows == WINDOWS_OF_THIN:
+        ends = np.stack((sides.starts, sides.ends, sides.ends, sides.starts), axis=1).reshape(-1, 2)
     known = (*_first_windows(sides, opposite), *_passages(sides))
     tails, heads, lengths = _follow_windows(*known, ends, first, windows, room)
     return _undirected(mesh.n_vertices, tails, heads, lengths)
@@ -163,10 +164,9 @@ def _follow_windows(first_names, first_plane, passages, moves, ends, first, budg
             passage = queue[window]
             p_x, p_y, q_x, q_y = plane[window, 0], plane[window, 1], plane[window, 2], plane[window, 3]
             low_x, low_y, high_x, high_y = plane[window, 4], plane[window, 5], plane[window, 6], plane[window, 7]
+            is_detour = len(ends) and _is_detour(best[ends[passage, 0]], best[ends[passage, 1]], plane[window])
             window += 1
-            if len(ends) and _is_detour(
-                best[ends[passage, 0]], best[ends[passage, 1]], p_x, p_y, q_x, q_y, low_x, low_y, high_x, high_y
-            ):
+            if is_detour:
                 continue
             apex, past_p, past_q = passages[passage, 0], passages[passage, 1], passages[passage, 2]
             along, beside = moves[passage, 0], moves[passage, 1]
@@ -222,8 +222,10 @@ def _enlarged(values, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, A
 
 
 @njit(cache=True, nogil=True)
-def _is_detour(square_p, square_q, p_x, p_y, q_x, q_y, low_x, low_y, high_x, high_y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+def _is_detour(square_p, square_q, row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Return whether all points behind a window are nearer by way of P or of Q [Xin and Wang 2009, theorem 3.2]."""
+    p_x, p_y, q_x, q_y = row[0], row[1], row[2], row[3]
+    low_x, low_y, high_x, high_y = row[4], row[5], row[6], row[7]
     for square, v_x, v_y, ray_x, ray_y in ((square_p, p_x, p_y, high_x, high_y), (square_q, q_x, q_y, low_x, low_y)):
         from_p, from_q = ray_x * p_y - ray_y * p_x, ray_x * q_y - ray_y * q_x
         if square < np.inf and from_p != from_q:
