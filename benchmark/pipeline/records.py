@@ -177,8 +177,7 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
     published
         Whether it was read from the published records; never stored.
     checksum
-        Digest of all other fields in a file, in which a damaged digit would be another figure; "" in memory, and in
-        records that were published before 0.3.0.
+        Digest of all other fields in a file, in which a damaged digit would be another figure; "" in memory.
     """
 
     key: Annotated[str, Meta(pattern="^[0-9a-f]{32}$")]
@@ -320,7 +319,7 @@ def read_files(paths: Iterable[Path]) -> list[Record]:
         for number, line in enumerate([text] if path.suffix == ".json" else text.splitlines(), 1):
             try:
                 record, content = _decoder.decode(line), msgspec.json.decode(line)
-                if content.pop("checksum", "") != _checksum(content) and (path.suffix == ".json" or record.checksum):
+                if content.pop("checksum", "") != _checksum(content):
                     raise msgspec.DecodeError("it was changed after it was written, or written by hand")
                 records.append(msgspec.structs.replace(record, checksum=""))
             except (msgspec.DecodeError, UnicodeError, RecursionError) as error:  # ValidationError is one
