@@ -37,9 +37,9 @@ from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.cache import Arrays, Cache
 from benchmark.pipeline.forms import shape_of
-from benchmark.pipeline.preparation import (
+from benchmark.pipeline.prepared import (
     N_VERTICES,
-    Preparation,
+    PreparedShapes,
     fit_frame,
     frame_of,
     prepare_mesh,
@@ -208,14 +208,14 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
     input_, of_gallery = _inputs(query, shapes, component, "view" if options.gallery_views else wanted)
     job = _job(name, shapes, component, options, of_gallery)
     itself = [entry for entry in shapes.shapes if entry.path and entry.path.exists() and entry.path.samefile(query)]
-    cache, preparation = Cache(options.results), Preparation(shapes, input_)
-    fitted = cache.read("prepared", preparation.frame_key) if preparation.frame_key else None
+    cache, prepared_shapes = Cache(options.results), PreparedShapes(shapes, input_)
+    fitted = cache.read("prepared", prepared_shapes.frame_key) if prepared_shapes.frame_key else None
     half_width = float(fitted["half_width"]) if fitted else frame_of(shapes) if input_ == "view" else 0.0
     if itself and not options.has_camera:  # nothing is written, because this process runs the code of plugins
-        known = cache.read("prepared", preparation.key(itself[0])) or preparation.prepare(itself[0], half_width)
+        known = cache.read("prepared", prepared_shapes.key(itself[0])) or prepared_shapes.prepare(itself[0], half_width)
         arrays = require_result(known)
     else:
-        arrays = _query_arrays(query, preparation, half_width, options, of_gallery=bool(itself))
+        arrays = _query_arrays(query, prepared_shapes, half_width, options, of_gallery=bool(itself))
     shape = shape_of(arrays, query.stem, options.seed)
     maker = _with_model(component, job, [entry.identifier for entry in itself])
     gallery = (job.before or job.record).sides[-1]
@@ -280,14 +280,14 @@ def _inputs(query: Path, shapes: ShapeSet, component: Component, wanted: Input |
 
 
 def _query_arrays(
-    query: Path, preparation: Preparation, half_width: float, options: Selection, *, of_gallery: bool
+    query: Path, prepared_shapes: PreparedShapes, half_width: float, options: Selection, *, of_gallery: bool
 ) -> Arrays:
     """Return the prepared arrays of a mesh or depth image, in the frame of the gallery."""
     if query.suffix.lower() in EXTENSIONS:
-        folder = preparation.shapes.folder
+        folder = prepared_shapes.shapes.folder
         frame = FrameFiles(query, **frame_settings(folder)) if of_gallery and folder else FrameFiles(query)
-        frame = replace(_with_camera(frame, options), half_width=preparation.shapes.half_width or HALF_WIDTH)
+        frame = replace(_with_camera(frame, options), half_width=prepared_shapes.shapes.half_width or HALF_WIDTH)
         return prepare_view(frame.observe().surface, UPRIGHT, frame.half_width)
-    if preparation.input == "mesh":
+    if prepared_shapes.input == "mesh":
         return prepare_mesh(read_mesh(query))
     return prepare_view(read_mesh(query), FRONT, half_width)

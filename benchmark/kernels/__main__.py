@@ -23,7 +23,7 @@ def steps() -> Iterator[Callable[[], object]]:
     from benchmark.datasets.catalogue import CATALOGUE, open_dataset
     from benchmark.geometry.camera import FRONT
     from benchmark.pipeline.forms import shape_of
-    from benchmark.pipeline.preparation import fit_frame, prepare_mesh, prepare_view
+    from benchmark.pipeline.prepared import fit_frame, prepare_mesh, prepare_view
     from benchmark.protocols.models import with_model
     from benchmark.registry import Component, by_name, select_one
 

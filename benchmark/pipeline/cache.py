@@ -20,7 +20,7 @@ from benchmark.files import sweep, write_atomically
 from benchmark.geometry.mesh import read_only
 
 Arrays = Mapping[str, NDArray[Any]]
-Kind = Literal["prepared", "forms", "signatures", "records"]  # in the order in which they are made
+Stage = Literal["prepared", "forms", "signatures", "records"]  # in the order in which they are made
 
 #: Folder of local results in a results folder.
 RUNS = "runs"
@@ -79,14 +79,14 @@ class Cache:
 
     results: Path
 
-    def has(self, kind: Kind, key: str) -> bool:
+    def has(self, stage: Stage, key: str) -> bool:
         """Return whether there is a file under a key, damaged or not."""
-        return self._path(kind, key).is_file()
+        return self._path(stage, key).is_file()
 
-    def read(self, kind: Kind, key: str, without: Collection[str] = ()) -> dict[str, NDArray[Any]] | None:
+    def read(self, stage: Stage, key: str, without: Collection[str] = ()) -> dict[str, NDArray[Any]] | None:
         """Return the read-only arrays under a key, except some; None if there are none, or their file is damaged."""
         try:
-            with zipfile.ZipFile(self._path(kind, key)) as archive:
+            with zipfile.ZipFile(self._path(stage, key)) as archive:
                 names = {name.removesuffix(".npy") for name in archive.namelist()}
                 if archive.comment != str(len(names)).encode():  # the list, which has no checksum, is not complete
                     return None
@@ -95,26 +95,26 @@ class Cache:
         except Exception:  # zip, zlib and numpy raise many types
             return None
 
-    def write(self, kind: Kind, key: str, arrays: Arrays) -> None:
+    def write(self, stage: Stage, key: str, arrays: Arrays) -> None:
         """Write the arrays under a key; raise :class:`StorageError` if that fails."""
         with storing(self.results):
-            write_atomically(self._path(kind, key), lambda file: _write_arrays(file, arrays, kind != "signatures"))
+            write_atomically(self._path(stage, key), lambda file: _write_arrays(file, arrays, stage != "signatures"))
 
-    def get(self, kind: Kind, key: str, compute: Callable[[], Arrays]) -> Arrays:
+    def get(self, stage: Stage, key: str, compute: Callable[[], Arrays]) -> Arrays:
         """Return the arrays under a key; compute and write them if they are missing."""
-        arrays: Arrays | None = self.read(kind, key)
+        arrays: Arrays | None = self.read(stage, key)
         if arrays is None:
             arrays = compute()
-            self.write(kind, key, arrays)
+            self.write(stage, key, arrays)
         return arrays
 
-    def remove(self, kind: Kind, key: str) -> None:
+    def remove(self, stage: Stage, key: str) -> None:
         """Remove the arrays under a key; raise :class:`StorageError` if that fails."""
         with storing(self.results):
-            self._path(kind, key).unlink(missing_ok=True)
+            self._path(stage, key).unlink(missing_ok=True)
 
-    def _path(self, kind: Kind, key: str) -> Path:
-        return self.results / RUNS / kind / f"{key}.npz"
+    def _path(self, stage: Stage, key: str) -> Path:
+        return self.results / RUNS / stage / f"{key}.npz"
 
 
 def _write_arrays(file: IO[bytes], arrays: Arrays, repetitive: bool) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from benchmark.api.contracts import CanonicalForm, FloatArray, Mesh, Shape, Solver
 from benchmark.machine import describe_machine
 from benchmark.pipeline.cache import Arrays
-from benchmark.pipeline.preparation import NOTE, SECONDS, Incomplete, clock, timed
+from benchmark.pipeline.prepared import NOTE, SECONDS, Incomplete, clock, timed
 
 #: Array that says on which machine a form was computed, and ending of the seconds of its geodesics.
 MACHINE, GEODESICS = ":machine", ":geodesics"

@@ -9,9 +9,9 @@ from typing import NamedTuple, TypeVar
 import msgspec
 
 from benchmark.pipeline.cache import RUNS, StorageError
-from benchmark.pipeline.records import Ranked, Record, key_at, read_records, write_record
+from benchmark.pipeline.records import RankedShapes, Record, key_at, read_records, write_record
 
-RankedSide = TypeVar("RankedSide", bound=Ranked)
+RankedSide = TypeVar("RankedSide", bound=RankedShapes)
 
 
 class Merged(NamedTuple):
@@ -62,12 +62,16 @@ def _of_data_here(record: Record, known: Collection[Record]) -> Record:
         path = side.data.path if side.data.path in same or not same else same[-1]
         return msgspec.structs.replace(side, data=msgspec.structs.replace(side.data, path=path))
 
-    record = moved(msgspec.structs.replace(record, against=record.against and moved(record.against)))
+    record = moved(
+        msgspec.structs.replace(
+            record, gallery_of_queries=record.gallery_of_queries and moved(record.gallery_of_queries)
+        )
+    )
     key = key_at(record.result_key, record.row.paths) if record.result_key else record.key
     return msgspec.structs.replace(record, key=key)
 
 
-def _facts(side: Ranked) -> tuple[str, ...]:
+def _facts(side: RankedShapes) -> tuple[str, ...]:
     return side.gallery, side.gallery_digest, side.input, side.data.name
 
 

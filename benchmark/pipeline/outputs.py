@@ -18,7 +18,7 @@ from benchmark.api.scoring import Scorer, SignatureArrays
 from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, one_line
 from benchmark.pipeline.cache import Arrays
 from benchmark.pipeline.forms import SharedResults, output_arrays
-from benchmark.pipeline.preparation import timed
+from benchmark.pipeline.prepared import timed
 from benchmark.text import LONGEST_NAME, brief
 
 _FORM_HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"

@@ -13,20 +13,20 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import Descriptor
 from benchmark.api.scoring import Scorer
-from benchmark.pipeline.cache import Arrays, Cache, Kind
+from benchmark.pipeline.cache import Arrays, Cache, Stage
 from benchmark.pipeline.forms import MACHINE
 from benchmark.pipeline.outputs import compute_distances
-from benchmark.pipeline.preparation import NOTE, REFUSED, SECONDS, clock
+from benchmark.pipeline.prepared import NOTE, REFUSED, SECONDS, clock
 from retrieval.measures import score_draws
 
 if TYPE_CHECKING:
-    from benchmark.pipeline.records import Ranked, Record
+    from benchmark.pipeline.records import RankedShapes, Record
 
 #: Arrays of prepared shapes and forms that ranking does not read.
 _SURFACES = ("vertices", "faces", "depth")
 
 #: Names in records of the stages that make the files.
-STAGES: Mapping[Kind, str] = {
+STAGES: Mapping[Stage, str] = {
     "prepared": "prepare",
     "forms": "canonicalise",
     "signatures": "signature",
@@ -40,10 +40,10 @@ class DamagedFiles(Exception):
     Parameters
     ----------
     files
-        Kind and key of each.
+        Stage and key of each.
     """
 
-    def __init__(self, files: Sequence[tuple[Kind, str]]) -> None:
+    def __init__(self, files: Sequence[tuple[Stage, str]]) -> None:
         super().__init__(files)
         self.files = files
 
@@ -74,12 +74,12 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
     """
     start = clock()
     answered, refused = in_gallery, refused_there = _read(record, cache)
-    if record.against:
-        in_gallery, refused_there = _read(record.against, cache)
+    if record.gallery_of_queries:
+        in_gallery, refused_there = _read(record.gallery_of_queries, cache)
     if not (answered and in_gallery):
         return refused_there if answered else refused, {}
     queries, gallery = ([[*stages.values()][-1] for stages in of.values()] for of in (answered, in_gallery))
-    matrices = distances(comparing, gallery, queries if record.against else None)
+    matrices = distances(comparing, gallery, queries if record.gallery_of_queries else None)
     shown, first = np.unique(np.array([*in_gallery]) // record.sides[-1].views, return_index=True)
     if len(shown) < len(gallery):
         matrices = (np.minimum.reduceat(matrix, first, axis=1) for matrix in matrices)
@@ -96,7 +96,11 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
     content = {
         **score_draws(summed(), record.labels, [*answered], targets),
         **refused,
-        **({"against": msgspec.to_builtins(record.against) | refused_there} if record.against else {}),
+        **(
+            {"against": msgspec.to_builtins(record.gallery_of_queries) | refused_there}
+            if record.gallery_of_queries
+            else {}
+        ),
         "notes": _summarise_notes(answered.values()),
         "machines": sorted({str(of[MACHINE]) for stages in answered.values() if MACHINE in (of := stages["forms"])}),
     }
@@ -106,21 +110,21 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
     return content, {"distances": total / draws}
 
 
-def _read(side: Ranked, cache: Cache) -> tuple[dict[int, dict[Kind, Arrays]], dict[str, Any]]:
+def _read(side: RankedShapes, cache: Cache) -> tuple[dict[int, dict[Stage, Arrays]], dict[str, Any]]:
     """Return the stages of the shapes with a result by index, and what a record says of the others."""
-    answered: dict[int, dict[Kind, Arrays]] = {}
-    reasons: dict[int, tuple[Kind, str]] = {}
-    damaged: list[tuple[Kind, str]] = []
+    answered: dict[int, dict[Stage, Arrays]] = {}
+    reasons: dict[int, tuple[Stage, str]] = {}
+    damaged: list[tuple[Stage, str]] = []
     for index, keys in enumerate(side.keys):
-        stages: dict[Kind, Arrays] = {}
-        for kind, key in keys.items():  # up to the one that refuses the shape
-            arrays = cache.read(kind, key, () if kind == "signatures" else _SURFACES)
+        stages: dict[Stage, Arrays] = {}
+        for stage, key in keys.items():  # up to the one that refuses the shape
+            arrays = cache.read(stage, key, () if stage == "signatures" else _SURFACES)
             if arrays is None:
-                damaged.append((kind, key))
+                damaged.append((stage, key))
                 continue
-            stages[kind] = arrays
+            stages[stage] = arrays
             if REFUSED in arrays:
-                reasons[index] = kind, "; ".join(filter(None, arrays[REFUSED].tolist()))
+                reasons[index] = stage, "; ".join(filter(None, arrays[REFUSED].tolist()))
                 break
         else:
             answered[index] = stages
@@ -130,7 +134,7 @@ def _read(side: Ranked, cache: Cache) -> tuple[dict[int, dict[Kind, Arrays]], di
     refused = [(shape, *reasons[k * side.views]) for k, shape in enumerate(side.shapes) if k not in shown]
     return answered, {
         "unsupported": [(shape, reason) for shape, _, reason in refused],
-        "unprepared": [shape for shape, kind, _ in refused if kind == "prepared"],
+        "unprepared": [shape for shape, stage, _ in refused if stage == "prepared"],
     }
 
 
@@ -154,7 +158,7 @@ def distances(
         yield compute_distances(comparing, of_gallery, draw, of_queries)
 
 
-def _summarise_notes(answered: Iterable[Mapping[Kind, Arrays]]) -> dict[str, dict[str, float]]:
+def _summarise_notes(answered: Iterable[Mapping[Stage, Arrays]]) -> dict[str, dict[str, float]]:
     """Return the mean and the maximum of each number that preparation or method reported."""
     notes = defaultdict[str, list[float]](list)
     for stages in answered:
@@ -168,12 +172,12 @@ def _summarise_notes(answered: Iterable[Mapping[Kind, Arrays]]) -> dict[str, dic
     }
 
 
-def _median_seconds(answered: Sequence[Mapping[Kind, Arrays]]) -> dict[str, NDArray[np.float64]]:
+def _median_seconds(answered: Sequence[Mapping[Stage, Arrays]]) -> dict[str, NDArray[np.float64]]:
     """Return median seconds per shape by stage; see :func:`clock`."""
     seconds = defaultdict[str, list[NDArray[np.float64]]](list)
     for stages in answered:
-        for kind, arrays in stages.items():
+        for stage, arrays in stages.items():
             for name, took in arrays.items():
                 if name.startswith(SECONDS):
-                    seconds[name.removeprefix(SECONDS)[1:] or STAGES[kind]].append(took)
+                    seconds[name.removeprefix(SECONDS)[1:] or STAGES[stage]].append(took)
     return {stage: np.median(values, axis=0) for stage, values in sorted(seconds.items())}

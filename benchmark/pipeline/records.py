@@ -18,7 +18,7 @@ from benchmark.api.datasets import name_view
 from benchmark.code_digest import ROOT, digest, digest_of_bytes
 from benchmark.files import read_file, write_atomically
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import RUNS, Cache, Kind, storing
+from benchmark.pipeline.cache import RUNS, Cache, Stage, storing
 from benchmark.text import LONGEST_MESSAGE, brief, clean, say
 from retrieval.measures import Targets
 
@@ -92,7 +92,7 @@ class Note(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max: float
 
 
-class Ranked(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+class RankedShapes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """Shapes that a job ranks.
 
     Parameters
@@ -119,7 +119,7 @@ class Ranked(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     labels: list[Name]
     unsupported: list[tuple[Name, str]] = []
     unprepared: list[Name] = []
-    files: dict[Kind, list[Key]] = {}
+    files: dict[Stage, list[Key]] = {}
     views: Annotated[int, Meta(ge=1)] = 1
 
     @property
@@ -134,13 +134,13 @@ class Ranked(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
         return [number for number, name in enumerate(self.shapes) if name not in refused]
 
     @property
-    def keys(self) -> list[dict[Kind, str]]:
+    def keys(self) -> list[dict[Stage, str]]:
         """Keys of the cached files of each shape, in the order in which they are made."""
         rows = zip(*self.files.values(), strict=True)
-        return [{kind: key for kind, key in zip(self.files, row, strict=True) if key} for row in rows]
+        return [{stage: key for stage, key in zip(self.files, row, strict=True) if key} for row in rows]
 
 
-class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+class Record(RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
     """What a finished job leaves: its scores, or why it has none; its shapes are the queries.
 
     Parameters
@@ -149,7 +149,7 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
         Digests of everything that determines the scores, with and without the paths of the data.
     status, reason, traceback
         Outcome of the job; what went wrong unless it is ``"ok"``.
-    against, keeps_same_names
+    gallery_of_queries, keeps_same_names
         The gallery, unless it is the queries, and whether a query leaves out no shape of its own name.
     method, title, family, cite, parameters, defaults, seed
         What ran; ``parameters`` are those that differ from their defaults, ``defaults`` all others.
@@ -185,7 +185,7 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
     method: Name
     title: Name
     family: Name
-    against: Ranked | None = None
+    gallery_of_queries: RankedShapes | None = msgspec.field(default=None, name="against")
     keeps_same_names: bool = False
     reason: str = ""
     traceback: str = ""
@@ -221,27 +221,29 @@ class Record(Ranked, frozen=True, kw_only=True, forbid_unknown_fields=True, omit
         return Row(self.gallery, self.input, self.method, self.seed, self.scorer, paths)
 
     @property
-    def sides(self) -> tuple[Ranked, ...]:
+    def sides(self) -> tuple[RankedShapes, ...]:
         """The queries, and the gallery if it is another one."""
-        return (self, self.against) if self.against else (self,)
+        return (self, self.gallery_of_queries) if self.gallery_of_queries else (self,)
 
     @property
     def targets(self) -> Targets | None:
         """The gallery for measures; None if it is the queries."""
-        if self.against is None:
+        if self.gallery_of_queries is None:
             return None
-        places = {} if self.keeps_same_names else {name: place for place, name in enumerate(self.against.shapes)}
-        return Targets(self.against.labels, [places.get(name, -1) for name in self.shapes])
+        places = (
+            {} if self.keeps_same_names else {name: place for place, name in enumerate(self.gallery_of_queries.shapes)}
+        )
+        return Targets(self.gallery_of_queries.labels, [places.get(name, -1) for name in self.shapes])
 
     def without_files(self) -> Record:
         """Return the record for a folder that does not keep its files."""
-        against = self.against and msgspec.structs.replace(self.against, files={})
-        return msgspec.structs.replace(self, files={}, against=against)
+        gallery = self.gallery_of_queries and msgspec.structs.replace(self.gallery_of_queries, files={})
+        return msgspec.structs.replace(self, files={}, gallery_of_queries=gallery)
 
     @property
     def are_queries(self) -> list[bool]:
         """Whether each query has something to find; those that have not count nowhere."""
-        gallery = self.against or self
+        gallery = self.gallery_of_queries or self
         own = set() if self.keeps_same_names else {*zip(gallery.shapes, gallery.labels, strict=True)}
         members, queries = Counter(gallery.labels), zip(self.shapes, self.labels, strict=True)
         return [members[label] > ((name, label) in own) for name, label in queries]
@@ -389,7 +391,7 @@ def unneeded(results: Path, is_unwanted: Callable[[Record], bool]) -> tuple[list
     unwanted = [record for record in records if is_unwanted(record)]
     needed = {path for record in records if not is_unwanted(record) for path in _files_of(record)}
     files = [runs / "records" / f"{record.key}.json" for record in unwanted]
-    files += [path for kind in get_args(Kind) for path in sorted((runs / kind).glob("*.npz"))]
+    files += [path for stage in get_args(Stage) for path in sorted((runs / stage).glob("*.npz"))]
     return unwanted, [path for path in files if path.relative_to(runs).as_posix() not in needed]
 
 
@@ -397,8 +399,8 @@ def _files_of(record: Record) -> Iterator[str]:
     """Yield the files of a record; the frame of the camera is kept beside prepared shapes."""
     yield from (f"records/{record.key}.npz", f"prepared/{record.parts.get('the camera')}.npz")
     for side in record.sides:
-        for kind, keys in side.files.items():
-            yield from (f"{kind}/{key}.npz" for key in keys)
+        for stage, keys in side.files.items():
+            yield from (f"{stage}/{key}.npz" for key in keys)
 
 
 # Files of a record ---------------------------------------------------------------------------------------------------
@@ -410,15 +412,15 @@ def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
     return distances if distances.shape == (len(record.answered), len(record.sides[-1].answered)) else None
 
 
-def read_prepared(results: Path, record: Ranked, shape: str) -> Mesh | None:
+def read_prepared(results: Path, record: RankedShapes, shape: str) -> Mesh | None:
     """Return the prepared surface of a shape of a record; None if it is not kept here, or could not be prepared."""
     arrays = _read_arrays(results, record, "prepared", shape)
     return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in arrays else None
 
 
-def read_form(results: Path, record: Ranked, shape: str) -> Mesh | None:
+def read_form(results: Path, record: RankedShapes, shape: str) -> Mesh | None:
     """Return the canonical form of a shape of a record; None if it is not kept here, or there is none."""
-    form, prepared = (_read_arrays(results, record, kind, shape) for kind in ("forms", "prepared"))
+    form, prepared = (_read_arrays(results, record, stage, shape) for stage in ("forms", "prepared"))
     arrays = prepared | form
     return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in form and "faces" in arrays else None
 
@@ -428,13 +430,13 @@ def read_vertex_map(results: Path, record: Record, shape: str) -> tuple[NDArray[
 
     None means that the form has vertices of its own, as those of views have, or is not kept here.
     """
-    form, prepared = (_read_arrays(results, record, kind, shape) for kind in ("forms", "prepared"))
+    form, prepared = (_read_arrays(results, record, stage, shape) for stage in ("forms", "prepared"))
     if "vertex_map" not in prepared or "vertices" not in form or "faces" in form:
         return None
     numbers = prepared["vertex_map"].astype(np.int64)
     return numbers, np.array_equal(np.sort(numbers), np.arange(int(prepared["note:vertices_before"])))
 
 
-def _read_arrays(results: Path, record: Ranked, kind: Kind, shape: str) -> dict[str, NDArray[Any]]:
-    keys = dict(zip(record.shapes, record.files.get(kind, [])[:: record.views], strict=False))
-    return Cache(results).read(kind, keys.get(shape, "")) or {}
+def _read_arrays(results: Path, record: RankedShapes, stage: Stage, shape: str) -> dict[str, NDArray[Any]]:
+    keys = dict(zip(record.shapes, record.files.get(stage, [])[:: record.views], strict=False))
+    return Cache(results).read(stage, keys.get(shape, "")) or {}

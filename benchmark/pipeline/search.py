@@ -13,12 +13,12 @@ from benchmark.api.contracts import Descriptor, Method, Shape
 from benchmark.api.scoring import Scorer
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import Cache, Kind
+from benchmark.pipeline.cache import Cache, Stage
 from benchmark.pipeline.forms import SharedResults, mesh_of
 from benchmark.pipeline.outputs import compute_output, sign
-from benchmark.pipeline.preparation import REFUSED, require_result
+from benchmark.pipeline.prepared import REFUSED, require_result
 from benchmark.pipeline.ranking import distances
-from benchmark.pipeline.records import Ranked
+from benchmark.pipeline.records import RankedShapes
 
 
 class Hit(NamedTuple):
@@ -53,7 +53,7 @@ class SearchResult(NamedTuple):
 
 def search(
     results: Path,
-    gallery: Ranked,
+    gallery: RankedShapes,
     query: Shape,
     method: Method | Descriptor,
     scorer: Scorer,
@@ -80,14 +80,14 @@ def search(
         If the query is refused.
     """
     answer = require_result(compute_output(method, query, SharedResults()))
-    kind: Kind = "forms"
+    stage: Stage = "forms"
     form = None
     if isinstance(method, Method):
-        kind, form = "signatures", mesh_of(answer, {"faces": query.mesh.faces})
+        stage, form = "signatures", mesh_of(answer, {"faces": query.mesh.faces})
         answer = require_result(sign(scorer, form))
     keys, cache, views = gallery.keys, Cache(results), gallery.views
     wanted = [index for index in gallery.answered if keys and gallery.shapes[index] not in without]
-    found = {(index, k): cache.read(kind, keys[index * views + k][kind]) for index in wanted for k in range(views)}
+    found = {(index, k): cache.read(stage, keys[index * views + k][stage]) for index in wanted for k in range(views)}
     stored = {place: arrays for place, arrays in found.items() if arrays is not None and REFUSED not in arrays}
     if not stored:
         raise ConfigurationError(f"no form of {gallery.gallery} is kept in {results}", "run it again here")

@@ -62,7 +62,7 @@ class Gallery:
         The inputs of its column that its shapes have.
     is_split
         Whether networks see only views, and all other methods only complete surfaces.
-    against
+    gallery_of_queries
         The gallery if its shapes are queries of another one, with the input of that one.
     cameras
         Change of the data set that shows each shape from several cameras; "" for none.
@@ -77,7 +77,7 @@ class Gallery:
     data_root: Path | None = None
     inputs: tuple[Input, ...] = ()
     is_split: bool = False
-    against: Gallery | None = None
+    gallery_of_queries: Gallery | None = None
     cameras: str = ""
 
     @cached_property
@@ -106,7 +106,7 @@ class Gallery:
         if unknown := [name for name in subjects if name not in known]:
             raise did_you_mean("subject", unknown[0], list(known))
         entries = tuple(entry for entry in self.entries if entry.subject in subjects)
-        if self.against is None:
+        if self.gallery_of_queries is None:
             check_retrievable(self.dataset, entries)
         return replace(self, entries=entries, part=f"{', '.join(subjects)} {self.part}".strip())
 

@@ -18,7 +18,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.people import PEOPLE, clearances
 from benchmark.errors import ConfigurationError, ShapeError, did_you_mean
 from benchmark.pipeline.environment import commit
-from benchmark.pipeline.preparation import frame_of, prepare_view
+from benchmark.pipeline.prepared import frame_of, prepare_view
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import TRAININGS, Training, trainings_by_shape
 from benchmark.reference.paper import NUMERALS

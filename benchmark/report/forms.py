@@ -24,7 +24,7 @@ from benchmark.files import file_digest
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.cache import Cache
-from benchmark.pipeline.records import Ranked, Record, read_form, read_prepared
+from benchmark.pipeline.records import RankedShapes, Record, read_form, read_prepared
 from benchmark.report.drawing import outwardness
 from benchmark.report.frames import file_name
 
@@ -93,7 +93,7 @@ class StoredForms:
     _shapes: dict[tuple[str, str, str], Drawn | None] = field(default_factory=dict, repr=False)
     _firsts: dict[tuple[str, str], Drawn | None] = field(default_factory=dict, repr=False)
 
-    def shape(self, record: Ranked, name: str) -> Drawn | None:
+    def shape(self, record: RankedShapes, name: str) -> Drawn | None:
         """Return a prepared shape; None if it is not stored."""
         place = record.gallery_digest, record.input, name
         if place not in self._shapes:
@@ -115,12 +115,12 @@ class StoredForms:
         form = target if name == first else self.upright(record, name)
         return form if form is target or form is None or target is None else turned(form, target)
 
-    def upright(self, record: Ranked, name: str) -> Drawn | None:
+    def upright(self, record: RankedShapes, name: str) -> Drawn | None:
         """Return the form of a shape, turned as the shape; None if it is not stored."""
         form, shape = read_form(self.folder, record, name), self.shape(record, name)
         return upright(form, shape) if form and shape else None
 
-    def _camera(self, record: Ranked, name: str) -> Camera:
+    def _camera(self, record: RankedShapes, name: str) -> Camera:
         source = record.data.source
         if source not in self._sets:
             try:

@@ -140,7 +140,7 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
     for record in records:
         dataset, fold = record.data.name, fold_of(record)
         for table in tables_of(dataset, fold):
-            if table.is_cross and not record.against:
+            if table.is_cross and not record.gallery_of_queries:
                 continue  # it shows scores of another table
             where = table.identifier, dataset, row_of(record), record.input, record.scorer, record.seed, fold
             rows += [(*where, measure, value) for measure, value in record.scores.items()]

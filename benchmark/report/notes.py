@@ -29,7 +29,9 @@ def table_notes(view: TableView) -> list[str]:
     """Return the notes of a table."""
     rows = view.printed_rows
     incomplete = [(row, one) for row in rows for one in row.scored.values() if one.missing]
-    crossed = {title for title, records in view.samples.items() if (of := records[0].against) and of.input == "mesh"}
+    crossed = {
+        title for title, records in view.samples.items() if (of := records[0].gallery_of_queries) and of.input == "mesh"
+    }
     facts = {
         "{}": " ".join([view.by.note, *_columns(view)]).strip(),
         "No form of a surface: {}.": listed(r.title for r in rows if r.kind == "network" and crossed - {*r.scored}),

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.preparation import decimate
-from benchmark.pipeline.records import Ranked, Record, read_distances
+from benchmark.pipeline.records import RankedShapes, Record, read_distances
 from benchmark.protocols.tables import AGAINST, Column, Kind
 from benchmark.reference.paper import MEASURES
 from benchmark.report import figures
@@ -292,7 +292,7 @@ def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
     }
 
 
-def _shapes(pages: Pages, side: Ranked) -> list[tuple[str, str, str]]:
+def _shapes(pages: Pages, side: RankedShapes) -> list[tuple[str, str, str]]:
     """Return names, classes and pictures of shapes that are queries or ranked."""
     place = f"{side.input}-{side.data.name}"
     pictures = [pages.picture(f"{place}-{shape}", pages.forms.shape(side, shape), _SMALL) for shape in side.shapes]

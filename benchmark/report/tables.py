@@ -226,11 +226,11 @@ class TableView:
             classes = ranked_classes(first)
             times = f"{len(others) + 1} x " if others else ""
             texts[column.title] = f"{times}{len(classes)} shapes of {len(set(classes))} classes"
-            if first.against:
+            if first.gallery_of_queries:
                 n_omitted = len(first.shapes) - len(classes)
                 omitted = f", {n_omitted} left out" if n_omitted else ""
                 size = f"{len(classes)} queries of {len(set(classes))} classes{omitted}"
-                texts[column.title] = f"{size}, among {len(first.against.shapes)} shapes"
+                texts[column.title] = f"{size}, among {len(first.gallery_of_queries.shapes)} shapes"
         if len(set(texts.values())) == 1:
             return next(iter(texts.values()))
         return "; ".join(f"{title}: {text}" for title, text in texts.items())
@@ -392,7 +392,9 @@ def table_views(
                 main = table.stand_ins[0] if name in table.stand_ins else name
                 by_table.setdefault((table, main), []).append(record)
     order = {table: place for place, table in enumerate(TABLES)}
-    own = [key for key, of in by_table.items() if not key[0].is_cross or any(record.against for record in of)]
+    own = [
+        key for key, of in by_table.items() if not key[0].is_cross or any(record.gallery_of_queries for record in of)
+    ]
     keys = sorted(own, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
     every = [replace(_view(table, main, by_table[table, main], shown, by), never_ran=paper) for table, main in keys]
     views = [view for view in every if any(row.scored or row.failed for row in view.rows)]

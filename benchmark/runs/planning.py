@@ -15,11 +15,11 @@ from benchmark.api.contracts import Input
 from benchmark.code_digest import code_of_modules, digest
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError, DatasetError
-from benchmark.pipeline.cache import Kind
+from benchmark.pipeline.cache import Stage
 from benchmark.pipeline.data_names import path_of
-from benchmark.pipeline.preparation import Preparation
+from benchmark.pipeline.prepared import PreparedShapes
 from benchmark.pipeline.ranking import STAGES
-from benchmark.pipeline.records import SUITE_RESULTS, Ranked, Record, Row, key_at, read_records, record_of
+from benchmark.pipeline.records import SUITE_RESULTS, RankedShapes, Record, Row, key_at, read_records, record_of
 from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import NoFolds
@@ -39,11 +39,11 @@ class Planned:
 
     Parameters
     ----------
-    job, against
+    job, gallery_of_queries
         The job; what it is at the shapes of the gallery, if these are not the queries.
     frames, codes
         Keys of the frames of the camera that are fitted to both, "" where none is; digest of the code that makes files
-        of a kind.
+        of a stage.
     galleries
         The shapes, once for each table that shows them.
     record
@@ -62,9 +62,9 @@ class Planned:
     """
 
     job: Job
-    against: Job | None
+    gallery_of_queries: Job | None
     frames: tuple[str, ...]
-    codes: Mapping[Kind, str] = field(repr=False)
+    codes: Mapping[Stage, str] = field(repr=False)
     galleries: tuple[Gallery, ...]
     record: Record = field(repr=False)
     models: tuple[Path | None, ...] = field(repr=False)
@@ -75,14 +75,16 @@ class Planned:
 
     def steps(self) -> list[tuple[Step, ...]]:
         """Return the steps at each shape, in order, those at the gallery behind those at the queries."""
-        jobs, models = (self.job, self.against), iter(self.models)
+        jobs, models = (self.job, self.gallery_of_queries), iter(self.models)
         chains = list[tuple[Step, ...]]()
         for side, job, frame in zip(self.record.sides, jobs, self.frames, strict=False):
             first = (Step(job, "prepared", frame),) if job and frame else ()
             for shape, keys in zip(side.file_names, side.keys, strict=True):
                 model = next(models)
                 if job:
-                    steps = [Step(job, kind, keys[kind], shape, keys, model, self.codes.get(kind, "")) for kind in keys]
+                    steps = [
+                        Step(job, stage, keys[stage], shape, keys, model, self.codes.get(stage, "")) for stage in keys
+                    ]
                     chains.append((*first, *steps))
         return chains
 
@@ -152,9 +154,12 @@ def plan_selection(
 
 def _check_pair(record: Record) -> None:
     """Raise ``DatasetError`` unless another gallery has two classes, and a query another shape of its own in it."""
-    if record.against and (len(classes := {*record.against.labels}) < 2 or not any(record.are_queries)):
+    if record.gallery_of_queries and (
+        len(classes := {*record.gallery_of_queries.labels}) < 2 or not any(record.are_queries)
+    ):
         shown, there = (", ".join(sorted(names)[:3]) for names in ({*record.labels}, classes))
-        problem = f"nothing can be retrieved: queries are of {shown}, and shapes of {record.against.gallery} of {there}"
+        name = record.gallery_of_queries.gallery
+        problem = f"nothing can be retrieved: queries are of {shown}, and shapes of {name} of {there}"
         raise DatasetError(problem, "name the classes of both alike, and give the gallery two or more")
 
 
@@ -164,19 +169,19 @@ class _Side(NamedTuple):
     gallery: Gallery
     input: Input
     source: str
-    preparation: Preparation
+    prepared_shapes: PreparedShapes
     prepared: list[str]
 
 
 def _sides_of(gallery: Gallery, input_: Input) -> list[_Side]:
     both, sides = [(gallery, input_)], []
-    if gallery.against:
-        both.append((gallery.against, gallery.against.inputs[0]))
+    if gallery.gallery_of_queries:
+        both.append((gallery.gallery_of_queries, gallery.gallery_of_queries.inputs[0]))
     for side, of_side in both:
         seen = side.seen
-        preparation = Preparation(seen.dataset, of_side)
-        prepared = [preparation.key(entry) for entry in seen.entries]
-        sides.append(_Side(side, of_side, _absolute(seen.source), preparation, prepared))
+        prepared_shapes = PreparedShapes(seen.dataset, of_side)
+        prepared = [prepared_shapes.key(entry) for entry in seen.entries]
+        sides.append(_Side(side, of_side, _absolute(seen.source), prepared_shapes, prepared))
     return sides
 
 
@@ -192,7 +197,7 @@ class _Planning:
 
     def __post_init__(self) -> None:
         self._key, self._code = cache(Component.key), cache(Component.code)
-        self._forms, self._ranking = (code_of_modules([CODE[kind]]) for kind in ("forms", "records"))
+        self._forms, self._ranking = (code_of_modules([CODE[stage]]) for stage in ("forms", "records"))
         self._code_of_step = cache(code_of_step)
         self._records = {record.row: record for record in self.records if not record.published}
 
@@ -211,7 +216,7 @@ class _Planning:
         content = facts | self._facts(method, scorer)
         content |= {"key": digest(["unavailable", row]), "seen": seen}
         content["models"] = [model.summary() for model in dict.fromkeys(filter(None, chain(*models)))]
-        codes: dict[Kind, str] = {}
+        codes: dict[Stage, str] = {}
         if state is None:
             codes = self._codes(method, scorer)
             files = [self._files(side.prepared, of, method, scorer) for side, of in zip(sides, models, strict=True)]
@@ -220,7 +225,7 @@ class _Planning:
             result_key = digest([row._replace(paths=()), titles, facts["gallery_digest"], keys, self._ranking])
             parts = dict[str, str]()
             for side, of in zip(sides, models, strict=True):
-                parts = self._parts(side.preparation, of, method, scorer) | parts
+                parts = self._parts(side.prepared_shapes, of, method, scorer) | parts
             parts["the data"] = facts["gallery_digest"]
             content |= {"key": key_at(result_key, paths), "result_key": result_key, "parts": parts, "files": files[0]}
             if sides[1:]:
@@ -231,7 +236,7 @@ class _Planning:
         return Planned(
             job,
             replace(job, source=sides[1].source, row=row._replace(input=sides[1].input)) if sides[1:] else None,
-            tuple(side.preparation.frame_key for side in sides),
+            tuple(side.prepared_shapes.frame_key for side in sides),
             codes,
             (gallery,),
             record_of(content),
@@ -269,10 +274,10 @@ class _Planning:
             "scorer_title": scorer.title if scorer else "",
         }
 
-    def _codes(self, method: Component, scorer: Component | None) -> dict[Kind, str]:
-        of_kinds: dict[Kind, Component] = {"forms": method, "records": scorer or method}
-        of_kinds |= {"signatures": scorer} if scorer else {}
-        return {kind: self._code_of_step(component, kind) for kind, component in of_kinds.items()}
+    def _codes(self, method: Component, scorer: Component | None) -> dict[Stage, str]:
+        of_stages: dict[Stage, Component] = {"forms": method, "records": scorer or method}
+        of_stages |= {"signatures": scorer} if scorer else {}
+        return {stage: self._code_of_step(component, stage) for stage, component in of_stages.items()}
 
     def _files(
         self, prepared: list[str], models: Models, method: Component, scorer: Component | None
@@ -286,12 +291,12 @@ class _Planning:
         return {"prepared": prepared, "forms": forms, "signatures": signatures}
 
     def _parts(
-        self, preparation: Preparation, models: Models, method: Component, scorer: Component | None
+        self, prepared_shapes: PreparedShapes, models: Models, method: Component, scorer: Component | None
     ) -> dict[str, str]:
         """Return what determines the scores, by names that a user understands."""
-        parts = preparation.code | self._code(method) | self._forms | self._ranking
+        parts = prepared_shapes.code | self._code(method) | self._forms | self._ranking
         parts |= self._code(scorer) if scorer else {}
-        parts["the camera"] = preparation.camera_key
+        parts["the camera"] = prepared_shapes.camera_key
         for name, component in (("its", method), ("the scorer's", self.scorer)):
             parts[f"{name} title"] = component.info.title
             parts[f"{name} parameters"] = json.dumps(dict(component.parameters), sort_keys=True, default=str)
@@ -309,13 +314,13 @@ def _absolute(source: str) -> str:
 
 def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
     """Return the fields of a record that describe the shapes of a gallery, or of queries and their gallery."""
-    if gallery.against:
-        queries = gallery_facts(replace(gallery, against=None), input_)
-        against = gallery_facts(gallery.against, gallery.against.inputs[0])
+    if gallery.gallery_of_queries:
+        queries = gallery_facts(replace(gallery, gallery_of_queries=None), input_)
+        against = gallery_facts(gallery.gallery_of_queries, gallery.gallery_of_queries.inputs[0])
         keeps = gallery.table.keeps_same_names
         both = [queries["gallery_digest"], against["gallery_digest"], against["input"], keeps]
-        both += filter(None, [gallery.against.cameras])
-        against |= {"views": gallery.against.n_views}
+        both += filter(None, [gallery.gallery_of_queries.cameras])
+        against |= {"views": gallery.gallery_of_queries.n_views}
         return queries | {"against": against, "keeps_same_names": keeps, "gallery_digest": digest(both)}
     shapes = gallery.dataset
     content: list[object] = [(entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries]
@@ -405,16 +410,18 @@ def estimate(planned: Sequence[Planned], records: Iterable[Record], published: P
     for job, side in [(one, of) for one in pending for of in one.sides]:
         seconds = _seconds_a_shape(job.method, side, finished)
         unknown |= set() if seconds else {job.key}
-        for kind, keys in side.files.items():
-            of_file = seconds.get(STAGES[kind], 0.0) + (seconds.get("geodesics", 0.0) if kind == "prepared" else 0.0)
+        for stage, keys in side.files.items():
+            of_file = seconds.get(STAGES[stage], 0.0) + (seconds.get("geodesics", 0.0) if stage == "prepared" else 0.0)
             spent |= {key: max(spent.get(key, 0.0), of_file) for key in filter(None, keys)}
         spent[f"{job.key} {side.gallery}"] = seconds.get(STAGES["records"], 0.0) * len(side.file_names)
     return Estimate(sum(spent.values()), len(unknown))
 
 
-def _seconds_a_shape(method: str, side: Ranked, finished: Sequence[Record]) -> dict[str, float]:
+def _seconds_a_shape(method: str, side: RankedShapes, finished: Sequence[Record]) -> dict[str, float]:
     """Return seconds by stage; empty if they are unknown."""
-    timed = [record for record in finished if record.seconds and record.input == side.input and not record.against]
+    timed = [
+        record for record in finished if record.seconds and record.input == side.input and not record.gallery_of_queries
+    ]
     alike = [record for record in timed if record.method == method]
     alike = alike or [record for record in timed if _base(record.method) == _base(method)]
     of_gallery = [record for record in alike if record.gallery == side.gallery]

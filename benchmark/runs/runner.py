@@ -158,7 +158,7 @@ class _Run:
 
     def _jobs_of(self, step: Step) -> list[str]:
         """Return the keys of the jobs that a step is done for."""
-        return [step.job.key] if step.kind == "records" else self.lacking.get(step.file, [])
+        return [step.job.key] if step.stage == "records" else self.lacking.get(step.file, [])
 
     def _begin(self, keys: Iterable[str], of: File | None = None) -> None:
         """Queue the steps that make the missing files of jobs, or one file that is tried again, and those they need."""
@@ -185,7 +185,7 @@ class _Run:
     @staticmethod
     def _task_of(step: Step, need: File | None, steps: Mapping[File, Step]) -> tuple[object, ...]:
         """Return what tells apart the task of a step: a shape is loaded once, and methods share its geodesics."""
-        if step.kind == "prepared":
+        if step.stage == "prepared":
             return step.job.source, step.job.data_root, step.shape, step.shape or step.key
         if need and need[0] == "forms" and steps[need].process != step.process:
             return step.file
@@ -211,13 +211,13 @@ class _Run:
         if outcome.status in ("incomplete", "crashed") and step.file not in self.retried:
             self.retried.add(step.file)
             keys = [key for key in self._jobs_of(step) if key in self.jobs]
-            self._begin(keys, None if step.kind == "records" else step.file)  # a damaged file is no longer there
+            self._begin(keys, None if step.stage == "records" else step.file)  # a damaged file is no longer there
             for key in keys:
                 yield from self._finish(key)
         elif outcome.status == "incomplete":
             yield from self._leave(step, outcome)
-        elif step.kind != "records" and outcome.status in ("ok", "refused"):
-            if step.kind == "prepared" and outcome.status == "refused":
+        elif step.stage != "records" and outcome.status in ("ok", "refused"):
+            if step.stage == "prepared" and outcome.status == "refused":
                 self._announce(step, outcome.reason)
             yield from self._settle(step.file, is_made=outcome.status == "ok")
         else:
@@ -255,9 +255,9 @@ class _Run:
 
     def _leave(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
         """Leave jobs incomplete for a file, or for all files of its shape."""
-        if step.kind == "prepared" or outcome.scope == "shape":
+        if step.stage == "prepared" or outcome.scope == "shape":
             self._announce(step, outcome.reason)
-        if step.kind == "records":
+        if step.stage == "records":
             self.incomplete[step.job.key].append(outcome.reason)
             yield from self._finish(step.job.key)
             return

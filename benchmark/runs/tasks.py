@@ -30,22 +30,22 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import code_of_modules, digest
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.pipeline import forms
-from benchmark.pipeline.cache import Arrays, Cache, Kind, StorageError
+from benchmark.pipeline.cache import Arrays, Cache, Stage, StorageError
 from benchmark.pipeline.outputs import compute_output, sign
-from benchmark.pipeline.preparation import AGAIN, CHANGED, REFUSED, Incomplete, Preparation, last_change
+from benchmark.pipeline.prepared import AGAIN, CHANGED, REFUSED, Incomplete, PreparedShapes, last_change
 from benchmark.pipeline.ranking import DamagedFiles, rank
 from benchmark.pipeline.records import Record, Row
 from benchmark.reads import watch_this_process
 from benchmark.registry.components import THIS_PROCESS, Component, watching_component
 from benchmark.text import Printed, clean_lines
 
-#: Modules with the code of the suite that makes files of a kind, beside that of preparation and of the component.
-CODE: Mapping[Kind, str] = {"forms": forms.__name__, "records": rank.__module__}
+#: Modules with the code of the suite that makes files of a stage, beside that of preparation and of the component.
+CODE: Mapping[Stage, str] = {"forms": forms.__name__, "records": rank.__module__}
 
 T = TypeVar("T")
 
 #: A file of the cache.
-File = tuple[Kind, str]
+File = tuple[Stage, str]
 
 # What a worker gets and gives ----------------------------------------------------------------------------------------
 
@@ -82,12 +82,12 @@ class Step(NamedTuple):
     ----------
     job
         A job that needs the file; others may need it, too.
-    kind, key
+    stage, key
         The file.
     shape
         The shape; "" for a frame and for distances.
     keys
-        Keys of the files of the shape by kind.
+        Keys of the files of the shape by stage.
     model
         Trained model of the method.
     code
@@ -95,36 +95,36 @@ class Step(NamedTuple):
     """
 
     job: Job
-    kind: Kind
+    stage: Stage
     key: str
     shape: str = ""
-    keys: Mapping[Kind, str] = {}
+    keys: Mapping[Stage, str] = {}
     model: Path | None = None
     code: str = ""
 
     def __str__(self) -> str:
-        work = "preparation" if self.kind == "prepared" else self.job.method.name
-        return f"{work}, {self.shape or 'camera'}" if self.kind != "records" else f"ranking {self.job.row}"
+        work = "preparation" if self.stage == "prepared" else self.job.method.name
+        return f"{work}, {self.shape or 'camera'}" if self.stage != "records" else f"ranking {self.job.row}"
 
     @property
     def file(self) -> File:
         """The file that it makes."""
-        return self.kind, self.key
+        return self.stage, self.key
 
     @property
     def component(self) -> Component:
         """The method or scorer that makes the file, unless preparation does."""
-        return self.job.method if self.kind == "forms" or not self.job.row.scorer else self.job.scorer
+        return self.job.method if self.stage == "forms" or not self.job.row.scorer else self.job.scorer
 
     @property
     def process(self) -> str:
         """Whose process it runs in: "" for the suite."""
-        return "" if self.kind == "prepared" else self.component.process
+        return "" if self.stage == "prepared" else self.component.process
 
 
-def code_of_step(component: Component, kind: Kind) -> str:
-    """Return the digest of the code with which a method or scorer makes files of a kind."""
-    return digest([component.key(), code_of_modules([CODE[kind]] if kind in CODE else [])])
+def code_of_step(component: Component, stage: Stage) -> str:
+    """Return the digest of the code with which a method or scorer makes files of a stage."""
+    return digest([component.key(), code_of_modules([CODE[stage]] if stage in CODE else [])])
 
 
 class Task(NamedTuple):
@@ -219,11 +219,11 @@ class RunContext:
         self.uncharged = uncharged
         self._components: dict[tuple[Component, Path | None, str], Any] = {}
         self._open = cache(_open)
-        self._prepare = cache(lambda source, data_root, input_: Preparation(self._open(source, data_root), input_))
+        self._prepare = cache(lambda source, data_root, input_: PreparedShapes(self._open(source, data_root), input_))
 
     def created(self, step: Step) -> Any:
         """Return the method of a step with its model, or its scorer; raise ``CodeChanged`` if the plan saw another."""
-        model = step.model if step.kind == "forms" else None
+        model = step.model if step.stage == "forms" else None
         key = step.component, model, step.code
         if key not in self._components:
             with self.uncharged("loading"):
@@ -234,8 +234,8 @@ class RunContext:
             self._components[key] = created
         return self._components[key]
 
-    def preparation(self, job: Job) -> Preparation:
-        """Return the preparation of the shapes of a job."""
+    def prepared_shapes(self, job: Job) -> PreparedShapes:
+        """Return the prepared shapes of a job."""
         with self.uncharged("loading"):
             return self._prepare(job.source, job.data_root, job.row.input)
 
@@ -249,7 +249,7 @@ class CodeChanged(BenchmarkError):
 
 
 def _check_code(step: Step) -> None:
-    if code_of_step(step.component, step.kind) != step.code:
+    if code_of_step(step.component, step.stage) != step.code:
         raise CodeChanged("its code changed during the run, or is another one on this machine", AGAIN)
 
 
@@ -313,7 +313,7 @@ class Work:
             return Outcome("incomplete", f"{step.shape} {error}".strip(), scope=scope)
         except BaseException as error:  # SystemExit included: a method must not end its worker
             out_of_memory = "out of memory" if isinstance(error, MemoryError) else ""
-            if step.kind == "prepared":  # of the suite, so that no method is to blame
+            if step.stage == "prepared":  # of the suite, so that no method is to blame
                 problem = f"{step.shape or 'the camera'} was not prepared: {out_of_memory or locate(error)}"
                 return Outcome("incomplete", str(Incomplete(problem)))
             if out_of_memory:
@@ -324,10 +324,10 @@ class Work:
 
     def _make(self, step: Step) -> Outcome:
         """Compute the file of a step, unless it is there; a shape that was refused before remains refused."""
-        before, make = self._MAKERS[step.kind]
+        before, make = self._MAKERS[step.stage]
         arrays = self._read(step, before) if before else {}
         if REFUSED not in arrays:
-            arrays = Cache(step.job.results).get(step.kind, step.key, lambda: self._watched(step, make))
+            arrays = Cache(step.job.results).get(step.stage, step.key, lambda: self._watched(step, make))
             self._files[step.file] = arrays
         refused = arrays.get(REFUSED)
         return Outcome("ok") if refused is None else Outcome("refused", "; ".join(filter(None, refused.tolist())))
@@ -338,9 +338,9 @@ class Work:
         with chdir("."), watching_component(step.component, allowed) if step.process else nullcontext():
             return make(self, step)
 
-    def _read(self, step: Step, kind: Kind) -> Arrays:
+    def _read(self, step: Step, stage: Stage) -> Arrays:
         """Return a file of the shape of a step that was made before."""
-        file = kind, step.keys[kind]
+        file = stage, step.keys[stage]
         if file not in self._files:
             arrays = Cache(step.job.results).read(*file)
             if arrays is None:
@@ -350,16 +350,16 @@ class Work:
 
     def _prepare(self, step: Step) -> Arrays:
         """Prepare a shape, or fit the frame of the camera; they must be those of the plan."""
-        preparation = self._context.preparation(step.job)
+        prepared_shapes = self._context.prepared_shapes(step.job)
         if not step.shape:
-            if preparation.frame_key != step.key:
+            if prepared_shapes.frame_key != step.key:
                 raise Incomplete(f"the camera was not prepared: the data set {CHANGED}")
-            return preparation.frame()
-        entry, half_width = preparation.find(step.shape, step.key), preparation.shapes.half_width or 0.0
-        if preparation.input == "view" and preparation.frame_key:
-            frame = step._replace(keys={"prepared": preparation.frame_key})
+            return prepared_shapes.frame()
+        entry, half_width = prepared_shapes.find(step.shape, step.key), prepared_shapes.shapes.half_width or 0.0
+        if prepared_shapes.input == "view" and prepared_shapes.frame_key:
+            frame = step._replace(keys={"prepared": prepared_shapes.frame_key})
             half_width = float(self._read(frame, "prepared")["half_width"])
-        return preparation.prepare(entry, half_width)
+        return prepared_shapes.prepare(entry, half_width)
 
     def _form(self, step: Step) -> Arrays:
         method, key = self._context.created(step), step.keys["prepared"]
@@ -372,8 +372,8 @@ class Work:
         scorer, form = self._context.created(step), self._read(step, "forms")
         return sign(scorer, forms.mesh_of(form, {} if "faces" in form else self._read(step, "prepared")))
 
-    #: By kind of a file: the one of the same shape that it is made from, and how.
-    _MAKERS: ClassVar[Mapping[Kind, tuple[Kind | None, Callable[[Any, Step], Arrays]]]] = {
+    #: By stage of a file: the one of the same shape that it is made from, and how.
+    _MAKERS: ClassVar[Mapping[Stage, tuple[Stage | None, Callable[[Any, Step], Arrays]]]] = {
         "prepared": (None, _prepare),
         "forms": ("prepared", _form),
         "signatures": ("forms", _signature),

@@ -15,7 +15,7 @@ from contextlib import suppress
 from multiprocessing.connection import Pipe, wait
 
 from benchmark.errors import BenchmarkError
-from benchmark.pipeline.preparation import Incomplete
+from benchmark.pipeline.prepared import Incomplete
 from benchmark.registry.components import THIS_PROCESS
 from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 
@@ -142,8 +142,8 @@ class Worker:
     def _blame(self, status: str, reason: str) -> tuple[Step, Outcome]:
         """Blame the method of the step at work, unless the process ended from outside, or over what is the suite's."""
         step, in_geodesics = self.waiting.popleft(), "geodesics" in self._uncharged
-        if step.kind == "prepared" or in_geodesics or status == "incomplete":
-            work = "its geodesics: " if in_geodesics else "its preparation: " if step.kind == "prepared" else ""
+        if step.stage == "prepared" or in_geodesics or status == "incomplete":
+            work = "its geodesics: " if in_geodesics else "its preparation: " if step.stage == "prepared" else ""
             what = "the ranking" if self.task.record else step.shape or "the camera"
             problem = Incomplete(f"{what} has no result: {work}{reason}")
             return step, Outcome("incomplete", str(problem), scope="shape" if in_geodesics else "file")

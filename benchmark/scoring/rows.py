@@ -115,7 +115,7 @@ def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Rec
     whole = [record for record in every if not (fold_of(record) or record.data.quick)]
     of_data = {record.key for record in records_of(label_data_sets(whole), [dataset])}
     of_gallery = [record for record in every if record.key in of_data or record.gallery == dataset]
-    rows = [record for record in of_gallery if record.input == input_ and not record.against]
+    rows = [record for record in of_gallery if record.input == input_ and not record.gallery_of_queries]
     if beside := [record for record in rows if record.status == "ok" and record.method != method]:
         return beside[-1]
     if is_known(dataset) or Path(dataset).is_dir():
@@ -181,7 +181,7 @@ def forms_of(folder: Path, title: str) -> Component:
 
 def check_forms(job: Record, before: Record | None, forms: Forms) -> None:
     """Raise ``ConfigurationError`` if no form is of a shape of a job, or its row has the name of another one."""
-    if job.against:
+    if job.gallery_of_queries:
         raise ConfigurationError("forms of queries are others than those of their gallery", "omit -t or --gallery")
     if not any(map(forms.file_of, job.shapes)):
         hint = f"name them like the shapes: {job.shapes[0]}.off"

@@ -28,7 +28,7 @@ from torch import Tensor
 from benchmark.api.learning import CARD, WEIGHTS
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.pipeline.preparation import frame_of, prepare_view
+from benchmark.pipeline.prepared import frame_of, prepare_view
 from benchmark.protocols.pairs import training_data
 from benchmark.protocols.trainings import TRAININGS
 from learned import fitting, training

@@ -24,7 +24,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.preparation import frame_of
+from benchmark.pipeline.prepared import frame_of
 from benchmark.report.figures import WIDTH, save
 from learned.images import COVERED, resampled
 from learned.methods import Learned

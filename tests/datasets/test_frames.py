@@ -10,7 +10,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.checking import check
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
 from benchmark.pipeline.forms import shape_of
-from benchmark.pipeline.preparation import Preparation, require_result
+from benchmark.pipeline.prepared import PreparedShapes, require_result
 from tests.depth.scenes import frame, in_millimetres
 from tests.toy import rod, write_off
 
@@ -60,7 +60,7 @@ def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
 def test_a_method_gets_a_depth_image_in_the_frame_of_the_humans_and_the_surface_behind_it(frames, tmp_path):
     dataset = open_dataset(str(frames), None)
     assert dataset.half_width == 1.285
-    shape = shape_of(Preparation(dataset, "view").prepare(dataset.shapes[0], 1.285), "one/0")
+    shape = shape_of(PreparedShapes(dataset, "view").prepare(dataset.shapes[0], 1.285), "one/0")
     assert shape.depth.shape == (500, 500)
     rows = np.flatnonzero(shape.depth.any(axis=1))
     assert len(rows) * 2.57 / 500 == pytest.approx(1.65, abs=0.1)
@@ -120,10 +120,10 @@ def test_each_bad_image_costs_one_shape(tmp_path):
     folder = write_frames(tmp_path / "frames")
     (folder / "one" / "1.png").write_bytes((folder / "one" / "0.png").read_bytes()[:20000])
     (folder / "two" / "intrinsics.txt").write_text("0 0 0 0 0 0 0 0 1")
-    preparation = Preparation(open_dataset(str(folder), None), "view")
-    good, cut, wrong, twin = preparation.shapes.shapes
-    assert "vertices" in preparation.prepare(good, 1.285)
+    prepared_shapes = PreparedShapes(open_dataset(str(folder), None), "view")
+    good, cut, wrong, twin = prepared_shapes.shapes.shapes
+    assert "vertices" in prepared_shapes.prepare(good, 1.285)
     camera = "invalid focal lengths 0, 0"
     for entry, message in ((cut, "1.png: not a readable png file"), (wrong, camera), (twin, camera)):
         with pytest.raises(UnsupportedShape, match=message):
-            require_result(preparation.prepare(entry, 1.285))
+            require_result(prepared_shapes.prepare(entry, 1.285))

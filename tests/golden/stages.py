@@ -23,7 +23,7 @@ from benchmark.pipeline import preparation
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.forms import MACHINE, SharedResults
 from benchmark.pipeline.outputs import compute_distances, compute_output, compute_signature
-from benchmark.pipeline.preparation import REFUSED, SECONDS, require_result
+from benchmark.pipeline.prepared import REFUSED, SECONDS, require_result
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Data, Record
 from benchmark.registry import select_one

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from benchmark.pipeline.cache import Cache
-from benchmark.pipeline.preparation import SECONDS, timed
+from benchmark.pipeline.prepared import SECONDS, timed
 
 ARRAYS = {
     "descriptors": np.arange(24, dtype=np.uint8).reshape(2, 12),
@@ -21,20 +21,20 @@ ARRAYS = {
 }
 
 
-@pytest.mark.parametrize("kind", ["forms", "signatures"])
-def test_a_file_with_any_flipped_bit_counts_as_missing_or_is_the_same(tmp_path, kind):
+@pytest.mark.parametrize("stage", ["forms", "signatures"])
+def test_a_file_with_any_flipped_bit_counts_as_missing_or_is_the_same(tmp_path, stage):
     cache = Cache(tmp_path)
-    cache.write(kind, "key", ARRAYS)
+    cache.write(stage, "key", ARRAYS)
     path = next(tmp_path.rglob("*.npz"))
     content = path.read_bytes()
     for place in range(len(content)):
         path.write_bytes(content[:place] + bytes([content[place] ^ 1 << place % 8]) + content[place + 1 :])
-        read = cache.read(kind, "key")
+        read = cache.read(stage, "key")
         assert read is None or (
             read.keys() == ARRAYS.keys() and all(np.array_equal(read[name], ARRAYS[name]) for name in read)
         )
     path.write_bytes(content[:-30])
-    assert cache.read(kind, "key") is cache.read(kind, "other") is None
+    assert cache.read(stage, "key") is cache.read(stage, "other") is None
 
 
 def test_processor_time_is_that_of_threads_and_ended_children_without_what_a_step_waits():

@@ -169,10 +169,10 @@ def test_files_that_no_other_record_names_are_unneeded(rods, tmp_path):
     for path in files:
         path.unlink()
     of = {
-        kind: {key for record in read_records(tmp_path) for key in record.files[kind]}
-        for kind in ("forms", "signatures")
+        stage: {key for record in read_records(tmp_path) for key in record.files[stage]}
+        for stage in ("forms", "signatures")
     }
-    assert {kind: {path.stem for path in (runs / kind).iterdir()} for kind in of} == of
+    assert {stage: {path.stem for path in (runs / stage).iterdir()} for stage in of} == of
     assert {path.stem for path in (runs / "records").glob("*.npz")} == {record.key for record in read_records(tmp_path)}
     assert len(list((runs / "prepared").iterdir())) == 9  # four rods, their views, and the frame of the camera
     every = {path for path in runs.rglob("*.*") if path.is_file()}

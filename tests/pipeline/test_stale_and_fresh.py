@@ -121,7 +121,7 @@ TOUCHED = {
     "pipeline/ranking.py": EVERYTHING,
     "pipeline/outputs.py": EVERYTHING,
     "pipeline/forms.py": EVERYTHING,
-    "pipeline/preparation.py": EVERYTHING,
+    "pipeline/prepared.py": EVERYTHING,
 }
 TOUCHES_NOTHING = ("baselines/fast_mds.py", "benchmark/errors.py", "benchmark/text.py")
 
@@ -156,7 +156,7 @@ def test_the_name_of_a_plugin_file_changes_nothing(world):
 def test_an_edit_of_a_check_a_ranking_step_or_a_measure_makes_no_form_anew_and_one_of_preparation_does(world, edited):
     made = {"forms", "prepared", "signatures"}
     expected = {"pipeline/outputs.py": set(), "pipeline/ranking.py": set(), "retrieval/measures.py": set(),
-                "pipeline/forms.py": made - {"prepared"}, "pipeline/preparation.py": made}  # fmt: skip
+                "pipeline/forms.py": made - {"prepared"}, "pipeline/prepared.py": made}  # fmt: skip
     for name, kinds in expected.items():
         edited(name)
         before = {*(world.results / "runs").glob("*/*.npz")}
@@ -166,7 +166,7 @@ def test_an_edit_of_a_check_a_ranking_step_or_a_measure_makes_no_form_anew_and_o
 
 
 def test_keys_of_shapes_and_forms_hold_no_check():
-    for module in ("preparation", "forms"):
+    for module in ("prepared", "forms"):
         assert not {"outputs.py", "ranking.py", "measures.py"} & {
             path.name for path in code_digest.sources_of(f"benchmark.pipeline.{module}")
         }

@@ -80,7 +80,7 @@ def test_docstrings_and_comments_of_the_suite_do_not_count(tmp_path, monkeypatch
 
 
 def test_the_code_of_a_method_adds_its_own_file_to_that_of_preparation():
-    code, of_all = code_of("baselines.identity"), code_of("benchmark.pipeline.preparation")
+    code, of_all = code_of("baselines.identity"), code_of("benchmark.pipeline.prepared")
     assert code.keys() - of_all.keys() == {"baselines/identity.py"}
     assert not {"benchmark/errors.py", "benchmark/text.py", "psutil", "joblib", "threadpoolctl"} & of_all.keys()
 

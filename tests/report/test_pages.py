@@ -15,7 +15,7 @@ from PIL import Image
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.records import Ranked
+from benchmark.pipeline.records import RankedShapes
 from benchmark.report.drawing import shaded
 from benchmark.report.figures import (
     COLOURS,
@@ -141,7 +141,7 @@ def test_a_score_of_views_stands_in_the_column_of_views_or_says_so(tmp_path):
 def test_turned_views_are_columns_of_the_table_of_unturned_ones(tmp_path):
     labels = [f"s{k // 2}" for k in range(18)]
     gallery = record(dataset="tosca", labels=labels)
-    ranked = Ranked(**{name: getattr(gallery, name) for name in Ranked.__struct_fields__})
+    ranked = RankedShapes(**{name: getattr(gallery, name) for name in RankedShapes.__struct_fields__})
     titles = {"tosca": "TOSCA", "tosca[view-angle=3]": "TOSCA, view angle: largest angle in degrees 30"}
     common = {"fold": "against complete surfaces", "input_": "view", "labels": labels, "against": ranked}
     rows = [
@@ -240,7 +240,7 @@ def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch
 
 def test_matches_are_shapes_of_the_gallery_without_the_name_of_the_query():
     gallery = record(labels=["a", "a", "b", "b"])
-    ranked = Ranked(**{name: getattr(gallery, name) for name in Ranked.__struct_fields__})
+    ranked = RankedShapes(**{name: getattr(gallery, name) for name in RankedShapes.__struct_fields__})
     matrix = np.array([[0.0, 3, 2, 1], [5, 4, 0, 6]])
     for keeps, expected in ((False, [(3, 1, 0.33), (2, 2, 0.67), (1, 3, 1.0)]), (True, [(0, 1, None), (3, 2, None)])):
         found = _nearest(record(labels=["a", "b"], against=ranked, keeps_same_names=keeps), matrix)

@@ -12,7 +12,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
 from benchmark.geometry.camera import Camera
 from benchmark.pipeline.forms import shape_of
-from benchmark.pipeline.preparation import frame_of, prepare_view
+from benchmark.pipeline.prepared import frame_of, prepare_view
 from benchmark.pipeline.records import read_distances
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.tables import ROUND
@@ -60,7 +60,7 @@ def test_a_job_takes_the_forms_of_both_inputs_from_the_cache_and_its_ranking_is_
     before, how = forms(finished), {"input": "view", "same_names": True}
     record = result(rods, rods, finished, **how)
     assert before == forms(finished)
-    assert (record.gallery, record.input, record.against.input) == (
+    assert (record.gallery, record.input, record.gallery_of_queries.input) == (
         "rods against rods without same names",
         "view",
         "mesh",
@@ -96,10 +96,16 @@ def test_shapes_without_a_result_rank_last_or_find_nothing(rods, finished, tmp_p
     assert ", 1 left out, among 4 shapes), scored by CM-BOF (image_size=64" in view.caption
     assert view.chance["mesh"]["NN"] == pytest.approx(1 / 3)
     kept = finished / "runs"
-    for path in (kept / "records" / f"{record.key}.json", kept / "forms" / f"{record.against.keys[3]['forms']}.npz"):
+    for path in (
+        kept / "records" / f"{record.key}.json",
+        kept / "forms" / f"{record.gallery_of_queries.keys[3]['forms']}.npz",
+    ):
         path.unlink()
     again = result(queries, gallery, finished, same_names=True)
-    assert (again.per_query, again.against.unsupported) == (record.per_query, record.against.unsupported)
+    assert (again.per_query, again.gallery_of_queries.unsupported) == (
+        record.per_query,
+        record.gallery_of_queries.unsupported,
+    )
     write_off(gallery / "thin0.off", rod(0.06, 0.5))
     (stale,) = jobs(queries, gallery, finished, same_names=True)
     assert (stale.state, stale.before.key) == ("stale", record.key)
@@ -108,10 +114,10 @@ def test_shapes_without_a_result_rank_last_or_find_nothing(rods, finished, tmp_p
 
 
 def test_tables_of_views_against_surfaces_are_made_on_request_alone(tmp_path):
-    assert not [one for one in galleries([], ["animals"]) if one.against]
-    found = [one for one in galleries(["III-cross"]) if one.against]
+    assert not [one for one in galleries([], ["animals"]) if one.gallery_of_queries]
+    found = [one for one in galleries(["III-cross"]) if one.gallery_of_queries]
     assert [one.name for one in found] == [f"{name} against complete surfaces" for name in ("animals", *TURNED)]
-    assert {one.against.source for one in found} == {"animals"}
+    assert {one.gallery_of_queries.source for one in found} == {"animals"}
     assert [table.identifier for table in tables_of("animals", "against rods")] == ["animals against rods"]
     assert [view.table.identifier for view in table_views([made_up(dataset="animals", input_="view")])] == ["III-view"]
     planned = plan_selection(tmp_path, tables=["III-cross"], quick=True, input="view")
@@ -171,7 +177,7 @@ def test_a_gallery_that_four_cameras_see_is_as_near_as_its_nearest_view(rods, tm
     expected = [[min(area.distances([described(entry, 0), each])[0, 1] for each in of) for of in views]
                 for entry in shapes.shapes]  # fmt: skip
     np.testing.assert_allclose(read_distances(tmp_path, record), expected, atol=1e-9)
-    assert (record.gallery, len(record.against.shapes)) == ("rods against 4 cameras", 4)
+    assert (record.gallery, len(record.gallery_of_queries.shapes)) == ("rods against 4 cameras", 4)
     found = open_results(tmp_path).matches(record.key, "thin0", 9)
     assert sorted(found["shape"]) == ["thick0", "thick1", "thin1"], "its own shape is left out"
     others = [jobs(rods, *how, tmp_path, "surface-area", input="view", gallery_views=n)[0].record
@@ -208,10 +214,10 @@ def test_one_constant_form_scores_chance_whatever_views_are_refused(rods, tmp_pa
     for refuses in ((), ("thin0@0", "thick1@0", "thick1@3")):
         record = seen_from_around(rods, tmp_path, Constant(*refuses))
         (view,) = table_views([record])
-        assert record.against.unsupported == []
+        assert record.gallery_of_queries.unsupported == []
         assert {name: record.scores[name] for name in view.chance["view"]} == pytest.approx(view.chance["view"])
     record = seen_from_around(rods, tmp_path, Constant("thick1@"))
-    assert record.against.unsupported == [("thick1", "no; yes")]
+    assert record.gallery_of_queries.unsupported == [("thick1", "no; yes")]
     assert read_distances(tmp_path, record).shape == (4, 3)
 
 
@@ -228,12 +234,14 @@ def test_a_frame_is_retrieved_among_the_views_of_meshes(rods, finished):
 
 def test_tables_of_twelve_cameras_have_a_column_with_their_own(tmp_path):
     found = [one for one in galleries(["III-cameras"]) if one.part.endswith("own")]
-    assert [one.against.source for one in found] == ["animals"] * 3
+    assert [one.gallery_of_queries.source for one in found] == ["animals"] * 3
     (own, *_) = found
-    assert (own.against.n_views, own.against.inputs) == (13, ("view",))
-    last = own.against.seen.entries[12]
-    assert own.against.seen.dataset.camera(last) == own.against.dataset.camera(own.against.entries[0])
+    assert (own.gallery_of_queries.n_views, own.gallery_of_queries.inputs) == (13, ("view",))
+    last = own.gallery_of_queries.seen.entries[12]
+    assert own.gallery_of_queries.seen.dataset.camera(last) == own.gallery_of_queries.dataset.camera(
+        own.gallery_of_queries.entries[0]
+    )
     for one in found:
         rows = [component.base_name for component in one.rows("view", select([], ()))]
         assert {"identity", "mesh-unfolding", "surface-area", "learned", "learned-wide-extra"} <= {*rows} <= {*ROUND}
-    assert not [one for one in galleries() if one.against]
+    assert not [one for one in galleries() if one.gallery_of_queries]

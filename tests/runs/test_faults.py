@@ -212,7 +212,7 @@ def test_arrays_of_a_scorer_may_have_any_name(rods, tmp_path):
     assert (record.status, record.coverage) == ("ok", 1.0)
 
 
-PREPARATION, GEODESICS = "benchmark.pipeline.preparation:prepare_mesh", "benchmark.geometry.geodesics:all_pairs"
+PREPARATION, GEODESICS = "benchmark.pipeline.prepared:prepare_mesh", "benchmark.geometry.geodesics:all_pairs"
 READING, UNREADABLE = "benchmark.geometry.io:_load", OSError(5, "Input/output error")
 
 

@@ -90,12 +90,12 @@ def finished(rods, tmp_path_factory):
 
 
 @pytest.mark.parametrize(
-    ("kind", "damage"),
+    ("stage", "damage"),
     [("prepared", "truncated"), ("forms", "flipped"), ("signatures", "empty"), ("records", "flipped"), ("*", "empty")],
 )
-def test_a_damaged_file_of_any_kind_is_made_again(rods, finished, tmp_path, kind, damage):
+def test_a_damaged_file_of_any_kind_is_made_again(rods, finished, tmp_path, stage, damage):
     results, before = shutil.copytree(finished[0], tmp_path / "results"), finished[1]
-    for path in sorted((results / "runs").glob(f"{kind}/*.npz"))[: None if kind == "*" else 1]:
+    for path in sorted((results / "runs").glob(f"{stage}/*.npz"))[: None if stage == "*" else 1]:
         content = bytearray(path.read_bytes())
         middle = len(content) // 2
         content[middle] ^= 255

@@ -54,7 +54,7 @@ class Incomplete(BenchmarkError):
 
 
 @dataclass(frozen=True, eq=False)
-class Preparation:
+class PreparedShapes:
     """Keys and arrays of the prepared shapes of a data set under one input.
 
     Parameters
@@ -79,7 +79,7 @@ class Preparation:
         if self.input == "mesh":
             return ""
         if self.shapes.framed:
-            return Preparation(self.shapes.framed, self.input).camera_key
+            return PreparedShapes(self.shapes.framed, self.input).camera_key
         shapes = self.shapes
         fitted = shapes.half_width or [(shapes.key(entry), repr(shapes.camera(entry))) for entry in shapes.shapes]
         return digest([fitted, self._code_digest])
@@ -117,7 +117,7 @@ class Preparation:
             If a shape cannot be read now, or a file changes meanwhile.
         """
         if self.shapes.framed:
-            return Preparation(self.shapes.framed, self.input).frame()
+            return PreparedShapes(self.shapes.framed, self.input).frame()
         return self._while_unchanged(self.shapes.shapes, lambda: {"half_width": np.asarray(frame_of(self.shapes))})
 
     def prepare(self, entry: Entry, half_width: float) -> Arrays:
