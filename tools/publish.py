@@ -10,13 +10,23 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import msgspec
+import numpy as np
+from scipy.spatial.distance import squareform
 
+from benchmark.code_digest import digest_of_bytes
 from benchmark.datasets.catalogue import CATALOGUE
-from benchmark.errors import ConfigurationError
+from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.pipeline.cache import storing
 from benchmark.pipeline.environment import has_edits
-from benchmark.pipeline.records import Record, encode, read_files, read_records
+from benchmark.pipeline.records import (
+    Record,
+    encode,
+    published_distances,
+    read_distances,
+    read_files,
+    read_records,
+)
 from benchmark.protocols.tables import PARTS
 from benchmark.reference.paper import MEASURES
 from benchmark.registry import BUILT_IN
@@ -24,6 +34,9 @@ from benchmark.report.drawing import OBLIQUE, shaded, webp
 from benchmark.report.forms import StoredForms, thumbnail
 from benchmark.report.frames import row_of
 from benchmark.text import DATA_VARIABLE, LONGEST_NAME
+
+#: Data set whose distances are published, of surfaces and of views.
+WITH_DISTANCES = "tosca"
 
 #: Pixels of the picture of a form of a row.
 THUMBNAIL = 96
@@ -54,8 +67,11 @@ def publish(results: Path) -> list[Record]:
         problem = f"{lines - len(known)} lines of {results / 'records'} cannot be read"
         raise ConfigurationError(problem, "correct or remove them")
     before = {record.row: portable(record) for record in known}
-    now = before | {record.row: portable(record) for record in here}
+    now = before | {record.row: with_distances(results, portable(record)) for record in here}
     write_published(results, now.values())
+    kept = {published_distances(results, record.distances) for record in now.values()}
+    for file in {*published_distances(results, "").parent.glob("*")} - kept:
+        file.unlink()
     write_thumbnails(results, here)
     return [record for row, record in now.items() if record != before.get(row)]
 
@@ -72,6 +88,19 @@ def portable(record: Record) -> Record:
     per_query = {name: values for name, values in record.per_query.items() if name in MEASURES}
     published = {"per_query": per_query, "parts": {}, "traceback": "", "published": False}
     return msgspec.structs.replace(record.without_files(), **published)
+
+
+def with_distances(results: Path, record: Record) -> Record:
+    """Return a record with the digest of its distances, which are written for the public if they belong to TOSCA."""
+    is_shown = record.data.name == WITH_DISTANCES and not record.gallery_of_queries
+    distances = read_distances(results, record) if is_shown else None
+    if distances is None or not np.array_equal(distances, distances.T):
+        return record
+    content = squareform(distances).astype("<f4").tobytes()
+    digest = digest_of_bytes(content)
+    with storing(results):
+        write_atomically(published_distances(results, digest), lambda file: file.write(content))
+    return msgspec.structs.replace(record, distances=digest)
 
 
 def write_published(results: Path, records: Iterable[Record]) -> None:
@@ -99,4 +128,7 @@ def write_thumbnails(results: Path, records: Iterable[Record]) -> None:
 
 
 if __name__ == "__main__":
-    print(f"{len(publish(Path((*sys.argv[1:], 'results')[0])))} records are new")
+    try:
+        print(f"{len(publish(Path((*sys.argv[1:], 'results')[0])))} records are new")
+    except BenchmarkError as error:
+        sys.exit(f"error: {error}")

@@ -49,7 +49,7 @@ def animals() -> ShapeSet:
     """
     return ShapeSet(
         name="animals",
-        title="animals (stand-in for TOSCA)",
+        title="animals and people (stand-in for TOSCA)",
         stand_in_for="tosca",
         shapes=tuple(
             Entry(f"{name}{number}", name, pose) for name, poses in _classes() for number, pose in enumerate(poses)

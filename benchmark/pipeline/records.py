@@ -160,6 +160,8 @@ class Record(RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True
         of the printed measures only.
     draw_errors
         Standard error of each mean over the draws of the scorer; empty for a single draw.
+    distances
+        Digest of its published distances; "" if there are none.
     tied_queries, lone_queries
         Numbers of queries with ties that matter, and of queries without a relevant shape.
     models, seen
@@ -199,6 +201,7 @@ class Record(RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True
     scores: dict[str, Share] = {}
     per_query: dict[str, list[Share | None]] = {}
     draw_errors: dict[str, Share] = {}
+    distances: Annotated[str, Meta(pattern="^([0-9a-f]{16})?$")] = ""
     tied_queries: int = 0
     lone_queries: int = 0
     models: list[Model] = []
@@ -407,9 +410,30 @@ def _files_of(record: Record) -> Iterator[str]:
 
 
 def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
-    """Return the distances of queries and shapes with a result, means over draws; None if not here."""
+    """Return the distances of queries and shapes with a result, means over draws; None if not here.
+
+    Published ones have single precision.
+    """
+    shape = len(record.answered), len(record.sides[-1].answered)
     distances = (Cache(results).read("records", record.key) or {}).get("distances", np.empty(0))
-    return distances if distances.shape == (len(record.answered), len(record.sides[-1].answered)) else None
+    if distances.shape != shape and record.distances:
+        from scipy.spatial.distance import squareform  # lazy: tables need no distances
+
+        path = published_distances(results, record.distances)
+        try:
+            content = read_file(path)
+            above = np.frombuffer(content, "<f4")
+            if digest_of_bytes(content) != record.distances or not np.isfinite(above).all():
+                raise ValueError("it was changed after it was published")
+            distances = squareform(above.astype(np.float64))
+        except (OSError, ValueError) as error:
+            _skip(f"{path}: {getattr(error, 'strerror', error)}")
+    return distances if distances.shape == shape else None
+
+
+def published_distances(results: Path, digest: str) -> Path:
+    """Return the file of published distances: those above the diagonal, by row, as numbers of four bytes."""
+    return results / "records" / "distances" / f"{digest}.f4"
 
 
 def read_prepared(results: Path, record: RankedShapes, shape: str) -> Mesh | None:

@@ -83,10 +83,12 @@ def blocks(view: TableView) -> Iterator[tuple[str, list[Line]]]:
     """Yield the blocks of a table: their headings with their lines; a random order stands last, without a heading."""
     is_as_printed = {column.input for column in view.columns} == {"as printed"}
     for kind, name in BLOCKS.items():
-        seen = {"network": " (one depth view)", "external": ""}.get(kind, " (complete surfaces)")
-        lines = [_line(view, row) for row in view.printed_rows if row.kind == kind]
-        if lines:
-            yield name + (seen if is_as_printed else ""), lines
+        rows = [row for row in view.printed_rows if row.kind == kind]
+        has_surfaces = any(record.input == "mesh" for row in rows for record in row.records)
+        views = " (one depth view unless named)" if has_surfaces else " (one depth view)"
+        seen = {"network": views, "external": ""}.get(kind, " (complete surfaces)")
+        if rows:
+            yield name + (seen if is_as_printed else ""), [_line(view, row) for row in rows]
     chance = ([(hundredths(score), "") for score in view.chance.get(group, {}).values()] for group in view.groups)
     yield "", [Line(CHANCE, tuple(scores or [("", "")] for scores in chance))]
 

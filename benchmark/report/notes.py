@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from benchmark.protocols.tables import ROUND
+from benchmark.protocols.tables import ROUND, Kind
 from benchmark.reference.paper import MEASURES
 from benchmark.report.frames import seconds_of
 from benchmark.report.statistics import FEWEST_CLASSES
@@ -54,27 +55,45 @@ def table_notes(view: TableView) -> list[str]:
     return [*found, "How a method departs from its source: 'python -m benchmark describe METHOD'."]
 
 
-def leads(view: TableView) -> list[str]:
-    """Say for each column which row leads its block, and before how many it does so certainly."""
-    said: dict[str, list[str]] = {}
+class Lead(NamedTuple):
+    """The best row of a block in a column, its score, before how many others it certainly is, and the classes."""
+
+    column: str
+    kind: Kind
+    row: Row
+    score: float
+    n_behind: int
+    n_others: int
+    n_classes: int
+
+
+def block_leads(view: TableView) -> Iterator[Lead]:
+    """Yield which row leads each block of each column in DCG; with too few classes, none does so certainly."""
     for (title, kind), (rivals, certain) in view.tests.items():
-        n_classes = len({*next(iter(rivals.values())).labels})
-        if n_classes < FEWEST_CLASSES:
-            said[title] = [f"{n_classes} classes decide nothing here"]
-            continue
         scores = [one.means[MEASURES[-1]] for one in rivals.values()]
         best = int(np.argmax(scores))
         row = next(row for row in view.rows if row.method == [*rivals][best])
-        before = f"{certain[best, :, -1].sum() or 'none'} of {len(rivals) - 1}"
-        score = f"{MEASURES[-1]} ({scores[best]:.2f})".replace("0.", ".")
-        said.setdefault(title, []).append(f"{BLOCKS[kind]}: {row.title} leads in {score}, certainly before {before}")
+        counts = int(certain[best, :, -1].sum()), len(rivals) - 1, len({*next(iter(rivals.values())).labels})
+        yield Lead(title, kind, row, scores[best], *counts)
+
+
+def leads(view: TableView) -> list[str]:
+    """Say for each column which row leads its block, and before how many it does so certainly."""
+    said: dict[str, list[str]] = {}
+    for lead in block_leads(view):
+        if lead.n_classes < FEWEST_CLASSES:
+            said[lead.column] = [f"{lead.n_classes} classes decide nothing here"]
+            continue
+        score = f"{MEASURES[-1]} ({lead.score:.2f})".replace("0.", ".")
+        before = f"certainly before {lead.n_behind or 'none'} of {lead.n_others}"
+        said.setdefault(lead.column, []).append(f"{BLOCKS[lead.kind]}: {lead.row.title} leads in {score}, {before}")
     return [f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "." for title, of in said.items()]
 
 
 def _columns(view: TableView) -> Iterator[str]:
     """Say what the columns show."""
     if any(column.input == "as printed" for column in view.columns):
-        yield "Complete surfaces; networks see one depth view."
+        yield "Complete surfaces; networks see one depth view unless named otherwise."
     if view.table.is_cross:
         yield "Queries rank the gallery without themselves; those of a class that it lacks are left out."
     if view.table.names == ROUND:

@@ -27,7 +27,7 @@ from benchmark.report.figures import MEASURE
 from benchmark.report.formats import BLOCKS, blocks, hundredths
 from benchmark.report.forms import Drawn, StoredForms, Watch, thumbnail
 from benchmark.report.frames import changed, file_name
-from benchmark.report.notes import leads, table_notes
+from benchmark.report.notes import block_leads, leads, table_notes
 from benchmark.report.statistics import INTERVALS
 from benchmark.report.tables import Row, Scored, TableView
 from benchmark.text import clean, say
@@ -167,7 +167,18 @@ def _matrix(pages: Pages, views: Iterable[TableView]) -> dict[str, Any]:
             rows[name] = {title: [scores.get(title) for scores in of] for title in titles}
     groups = {name: sum(GROUPS[group] == name for group, _ in places) for name in GROUPS}
     shown = [(label, pages.main(columns[group, label][0]).stem, *columns[group, label]) for group, label in places]
-    return {"columns": shown, "groups": groups, "rows": rows}
+    return {"columns": shown, "groups": groups, "rows": rows, "leads": _leads(columns)}
+
+
+def _leads(columns: Mapping[tuple[int, str], tuple[TableView, Column]]) -> list[str]:
+    """Say for each block and group which row is certainly above all others on which data."""
+    found: dict[str, list[str]] = {}
+    for (group, label), (view, column) in sorted(columns.items()):
+        for lead in block_leads(view):
+            is_shown = lead.column == column.title and (group, lead.kind) != (0, "network")  # which see views
+            if is_shown and lead.n_behind == lead.n_others:
+                found.setdefault(f"{BLOCKS[lead.kind]}, {GROUPS[group].lower()}: {lead.row.title}", []).append(label)
+    return [f"{leader} on {'; '.join(labels)}." for leader, labels in sorted(found.items())]
 
 
 def _place(view: TableView, column: Column) -> tuple[int, str]:
@@ -391,5 +402,5 @@ def _label(view: TableView) -> str:
 def _data_title(view: TableView) -> str:
     """Return a short name of the data of a table."""
     title = next(iter(view.samples.values()))[0].data.title
-    title = re.sub(r" \((stand-in|generated)[^)]*\)|, draw \d+", "", title)
-    return clean(re.sub(r": largest angle in degrees (\d+)$", " \\1\N{DEGREE SIGN}", title))
+    title = re.sub(r" \((stand-in|generated)[^)]*\)", " (generated)", re.sub(r", draw \d+", "", title))
+    return clean(re.sub(r"view angle: largest angle in degrees (\d+)$", r"cameras turned up to \1°", title))

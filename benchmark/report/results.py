@@ -131,7 +131,7 @@ class Results:
         Raises
         ------
         ConfigurationError
-            If there is no such job, or its distances are not stored here, as for published jobs.
+            If there is no such job, or its distances are not stored here, as those of most published jobs.
         """
         record = self._record(job)
         matrix = read_distances(self.folder, record)

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import json
+import runpy
 import shutil
 
 import msgspec
+import numpy as np
 import pytest
 
 from benchmark.code_digest import digest_of_bytes
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline import environment
-from benchmark.pipeline.cache import StorageError
+from benchmark.pipeline.cache import Cache, StorageError
 from benchmark.pipeline.merging import merge
-from benchmark.pipeline.records import Record, read_records, unneeded, write_record
+from benchmark.pipeline.records import (
+    Record,
+    published_distances,
+    read_distances,
+    read_records,
+    unneeded,
+    write_record,
+)
 from benchmark.reference.paper import MEASURES
 from benchmark.runs.planning import describe_change
 from tests.runs.toy import planned, run_toy
@@ -183,6 +192,7 @@ def test_files_that_no_other_record_names_are_unneeded(rods, tmp_path):
 def clean(monkeypatch):
     monkeypatch.setattr(publishing, "has_edits", lambda: False)
     monkeypatch.setattr(publishing, "CATALOGUE", {"pets": None})
+    monkeypatch.setattr(publishing, "WITH_DISTANCES", "pets")
 
 
 def test_publish_replaces_earlier_records_and_leaves_out_private_and_quick_ones(tmp_path, clean):
@@ -193,11 +203,17 @@ def test_publish_replaces_earlier_records_and_leaves_out_private_and_quick_ones(
     write_record(tmp_path, made("identity", key="e", gallery="pets (quick)", data=quick))
     absent = {"status": "unavailable", "reason": "no model", "scores": {}, "per_query": {}, "commit": ""}
     write_record(tmp_path, made("learned", key="f", **absent))
-    added = publish(tmp_path)
+    for far in (1.0, 2.0):
+        Cache(tmp_path).write("records", "a" * 32, {"distances": far * (1 - np.eye(5))})
+        added = publish(tmp_path)
+    (file,) = (tmp_path / "records" / "distances").iterdir()  # earlier ones go
     published = {record.method: record for record in read_records(tmp_path, local=False)}
     assert [record.method for record in added] == ["gps"]
     assert published.keys() == {"gps", "skeleton"}
     assert (published["gps"].scores["NN"], published["gps"].parts, published["gps"].traceback) == (0.5, {}, "")
+    assert published_distances(tmp_path, published["gps"].distances) == file
+    (tmp_path / "runs" / "records" / f"{'a' * 32}.npz").unlink()
+    assert read_distances(tmp_path, published["gps"]).tolist() == (2 * (1 - np.eye(5))).tolist()
 
 
 def test_publish_refuses_edits_and_two_commits_in_a_table(tmp_path, clean, monkeypatch):
@@ -208,6 +224,9 @@ def test_publish_refuses_edits_and_two_commits_in_a_table(tmp_path, clean, monke
     monkeypatch.setattr(publishing, "has_edits", lambda: True)
     with pytest.raises(ConfigurationError, match="the working tree has changes; commit them"):
         publish(tmp_path)
+    monkeypatch.setattr(environment, "has_edits", lambda: True)
+    with pytest.raises(SystemExit, match="error: the working tree has changes"):
+        runpy.run_path(publishing.__file__, run_name="__main__")
     assert not (tmp_path / "records").exists()
 
 

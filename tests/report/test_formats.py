@@ -19,6 +19,7 @@ from benchmark.reference.paper import entry_of
 from benchmark.report.formats import (
     as_json,
     bibliography,
+    blocks,
     duration,
     hundredths,
     latex,
@@ -166,6 +167,13 @@ def test_the_least_and_the_greatest_fold_stand_beside_the_mean():
     assert table.of_folds(table.rows[0], "15 subjects") == []
     (missing,) = table_views(records[:3], ["I-view"])
     assert missing.of_folds(missing.rows[0], "5 subjects")[0] == pytest.approx((0, 0.6))
+
+
+def test_the_heading_of_networks_says_which_of_them_see_views():
+    learned, field = record("learned", dataset="tosca", input_="view"), record("deformation-field", dataset="tosca")
+    for rows, seen in (([learned], "one depth view"), ([learned, field], "one depth view unless named")):
+        (table, *_) = table_views(rows, ["III"])
+        assert [heading for heading, _ in blocks(table)] == [f"Networks ({seen})", ""]
 
 
 def test_json_keeps_its_keys():

@@ -16,6 +16,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.records import RankedShapes
+from benchmark.reference.paper import MEASURES
 from benchmark.report.drawing import shaded
 from benchmark.report.figures import (
     COLOURS,
@@ -36,7 +37,7 @@ from benchmark.report.tables import table_views
 from tests.report.records import by_class, failed, record
 from tests.report.test_formats import HOSTILE
 from tests.toy import rod
-from tools.publish import write_thumbnails
+from tools.publish import portable, with_distances, write_thumbnails
 
 
 def luminance(colour):
@@ -153,7 +154,7 @@ def test_turned_views_are_columns_of_the_table_of_unturned_ones(tmp_path):
     for page in found.values():
         assert re.findall(r'<a href="(.*?)" title="[^"]*">([^<]*)</a></th>', page) == [
             ("table-III-cross-tosca.html", "TOSCA"),
-            ("table-III-cross-tosca.html", "TOSCA, view angle 30°"),
+            ("table-III-cross-tosca.html", "TOSCA, cameras turned up to 30°"),
         ]
 
 
@@ -204,12 +205,52 @@ def test_published_rows_have_a_picture_of_a_form_though_none_is_stored(results, 
     assert 'src="pictures/rods-gps.webp"' in files["index.html"]
 
 
+def test_published_distances_make_the_page_of_queries_and_a_damaged_file_is_named(
+    results, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setattr("tools.publish.WITH_DISTANCES", "rods")
+    copy = shutil.copytree(results.folder, tmp_path / "copy")
+    (view,) = table_views([with_distances(copy, portable(record)) for record in results.records])
+    shutil.rmtree(copy / "runs")
+    name, rows = f"{view.stem}-queries.html", re.compile(r"<tr id.*?</tr>", re.DOTALL)
+    page, own = (report_files(folder, [view])[name] for folder in (copy, results.folder))
+    assert rows.findall(page) == rows.findall(own)
+    assert len({*(copy / "records" / "distances").iterdir()}) == page.count("<button data-column") == 3
+    for path in (copy / "records" / "distances").iterdir():
+        content = path.read_bytes()
+        for damaged in (bytes([content[0] ^ 1, *content[1:]]), content[:-4], content[:-1], b""):
+            path.write_bytes(damaged)
+            assert report_files(copy, [view])[name].count("<button data-column") == 2
+            assert f"skipped {path}: " in capsys.readouterr().err or len(damaged) % 4 == 0
+        path.write_bytes(content)
+    shutil.rmtree(copy / "records" / "distances")
+    assert name not in report_files(copy, [view])
+
+
 def test_a_sentence_above_a_table_says_which_row_leads_and_how_surely(tmp_path):
     values = {"gps": 0.9, "skeleton": 0.5, "classic-mds": 0.9}
     of_labels = lambda count: [f"s{k // 2}" for k in range(2 * count)]  # noqa: E731
     for count, says in ((9, "leads in DCG ("), (3, "3 classes decide nothing here.")):
         rows = [record(name, nn, labels=of_labels(count)) for name, nn in values.items()]
         assert says in pages(tmp_path / str(count), *rows)["index.html"]
+
+
+def test_the_overview_names_rows_above_all_others_of_their_block_and_says_where_data_are_generated(tmp_path):
+    def rows(dataset, scores, count=10):
+        labels, title = [f"s{k // 2}" for k in range(2 * count)], f"{dataset} (generated, {count} classes)"
+        for name, score in scores.items():
+            of_query = {measure: [score] * len(labels) for measure in MEASURES}
+            facts = {"per_query": of_query, "scores": dict.fromkeys(MEASURES, score), "labels": labels}
+            yield record(name, dataset=dataset, data={"name": dataset, "title": title, "source": dataset}, **facts)
+
+    first = [*rows("rods", {"gps": 0.9, "skeleton": 0.5, "classic-mds": 0.5})]
+    others = [*rows("balls", {"gps": 0.9, "skeleton": 0.9}), *rows("few", {"gps": 0.9, "skeleton": 0.0}, 3)]
+    index = pages(tmp_path, *first, *others)
+    found = Facts(index["index.html"]).text
+    assert "Canonical forms, complete surfaces: GPS on rods (generated)." in found
+    assert "On all other data, nothing is decided." in found
+    none = pages(tmp_path / "none", *others)
+    assert "none; so nothing is decided." in Facts(none["index.html"]).text
 
 
 def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch, tmp_path):
