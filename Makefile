@@ -128,7 +128,6 @@ figures: setup
 	$(DRAW)/field-humans.png $(OF_SCANS) $(call methods,$(FIELD))
 	$(BIN)/python results/experiments/predictions.py
 	$(DRAW)/effect.png -t III -d tosca $(call methods,$(SHOWN)) $(BODIES)
-	$(BIN)/python -m tools.scorers
 	mkdir -p build
 	$(BIN)/python -m benchmark canonicalise examples/depth/man-1/kneeling.png -m learned-streamed \
 	    -o build/form.ply --picture docs/images/depth-frame.png

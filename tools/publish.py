@@ -122,7 +122,7 @@ def write_thumbnails(results: Path, records: Iterable[Record]) -> None:
         file = thumbnail(results, record.data.name, row_of(record))
         form = forms.form(record, record.shapes[record.answered[0]]) if record.answered and file not in drawn else None
         if form:
-            data = webp(shaded(form.mesh, OBLIQUE, THUMBNAIL, form.values, is_transparent=True), quality=40)
+            data = webp(shaded(form.mesh, OBLIQUE, THUMBNAIL, form.values), quality=40)
             write_atomically(file, lambda target, data=data: target.write(data))  # type: ignore[misc]
             drawn.add(file)
 

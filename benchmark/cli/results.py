@@ -8,12 +8,11 @@ from pathlib import Path
 
 from benchmark.cli.options import Selection
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.files import write_text
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import SUITE_RESULTS, Record, read_records
 from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.reference.paper import MEASURES
-from benchmark.report.formats import duration, hundredths, latex_figure, markdown
+from benchmark.report.formats import duration, hundredths, markdown
 from benchmark.report.frames import chosen_records, row_of, seconds_of
 from benchmark.report.tables import TableView, table_views
 from benchmark.text import brief, say, say_lines
@@ -104,19 +103,12 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
     from benchmark.report.forms import StoredForms
 
     check_ending(path, figures.ENDINGS)
-    with_latex = what == "forms" and path.suffix.lower() == ".pdf"
-    for file in (path, path.with_suffix(".tex"))[: 1 + with_latex]:
-        if file.exists() and not force:
-            raise ConfigurationError(f"{file} is there already", "choose another file, or pass --force")
+    if path.exists() and not force:
+        raise ConfigurationError(f"{path} is there already", "choose another file, or pass --force")
     views = selected_tables(options, recorded(options))
     if not views:
         raise ConfigurationError("the table of robustness has no figures", "select another one with -t")
     view, forms = views[0], StoredForms(options.results, options.data_root)
-    if what == "map":
-        figure = figures.map_figure(view, forms)
-    else:
-        figure, caption = figures.forms_figure(view, forms, shapes)
-        if with_latex:
-            write_text(path.with_suffix(".tex"), latex_figure(path.name, caption))
+    figure = figures.map_figure(view, forms) if what == "map" else figures.forms_figure(view, forms, shapes)
     figures.save(figure, path)
     say(f"wrote {path}")

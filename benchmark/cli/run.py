@@ -20,8 +20,8 @@ from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.tables import TABLES, own_table
 from benchmark.registry import Component
+from benchmark.report.formats import robustness_markdown
 from benchmark.report.frames import changed, chosen_records, fold_of
-from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
 from benchmark.runs.planning import Planned, estimate, plan_selection
 from benchmark.runs.runner import run as run_jobs

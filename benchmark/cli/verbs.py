@@ -72,10 +72,9 @@ def tables(
     It needs no data.
     """
     from benchmark.cli.results import print_tables, recorded, selected_tables
-    from benchmark.report.formats import latex
+    from benchmark.report.formats import latex, robustness_markdown
     from benchmark.report.frames import scored_by
     from benchmark.report.output import FORMATS, table_files, write_files
-    from benchmark.report.robustness import robustness_markdown
 
     records = recorded(selection, failed=failed)
     views = selected_tables(selection, records, paper=paper)
@@ -105,7 +104,6 @@ def report(
         Option("--figure", help="Draw a .pdf, .png or .svg instead."),
     ] = None,
     shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show.")] = [],
-    spread: Annotated[bool, Option("--spread", help="Also compute how far forms of a subject are apart.")] = False,
     force: shared.Force = False,
     failed: shared.Failed = False,
 ) -> None:
@@ -113,7 +111,6 @@ def report(
 
     Pages show tables, maps, and canonical forms in 3D.
     """
-    from benchmark.cli.progress import counting
     from benchmark.cli.results import draw, recorded, selected_tables
     from benchmark.report.output import write_files
     from benchmark.report.pages import report_files
@@ -123,8 +120,7 @@ def report(
         return
     records, folder = recorded(selection, failed=failed), output or Path("results/report")
     views = selected_tables(selection, records, paper=selection.published)
-    watch = partial(counting, "how far forms of a subject are apart") if spread else None
-    files = report_files(selection.results, views, selection.data_root, watch)
+    files = report_files(selection.results, views, selection.data_root)
     write_files(folder, files, force=force)
     say(f"wrote {folder / 'index.html'} and {len(files) - 1} other files")
 

@@ -57,10 +57,8 @@ def shaded(
     size: int,
     values: NDArray[np.float64] | None = None,
     frame: Points | None = None,
-    *,
-    is_transparent: bool = False,
 ) -> Image.Image:
-    """Draw a mesh on white as a camera sees it.
+    """Draw a mesh as a camera sees it; its surroundings are transparent.
 
     Parameters
     ----------
@@ -88,11 +86,7 @@ def shaded(
         picture[seen, :3] = np.clip(colours * _light(depth, seen)[:, None], 0, 1)
         picture[seen, 3] = 1
     blocks = picture.reshape(size, _FINER, size, _FINER, 4).mean(axis=(1, 3))
-    alpha = blocks[..., 3:]
-    if is_transparent:
-        blocks[..., :3] /= np.maximum(alpha, 1e-9)
-    else:
-        blocks = blocks[..., :3] + 1 - alpha
+    blocks[..., :3] /= np.maximum(blocks[..., 3:], 1e-9)
     return Image.fromarray(np.round(255 * blocks).astype(np.uint8))
 
 

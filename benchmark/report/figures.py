@@ -13,7 +13,6 @@ from typing import TypeVar
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 from pandas import DataFrame
 from scipy.spatial.distance import squareform
 from scipy.stats import rankdata
@@ -26,16 +25,15 @@ from benchmark.geometry.camera import Camera
 from benchmark.pipeline.records import Record, read_distances
 from benchmark.protocols.tables import Kind
 from benchmark.report.drawing import OBLIQUE, shaded
-from benchmark.report.formats import hundredths
-from benchmark.report.forms import Drawn, StoredForms, Watch, spread_of_forms
+from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.frames import file_name
 from benchmark.report.tables import Row, Scored, TableView
 from benchmark.text import clean
 
 T = TypeVar("T")
 
-#: Widths in inches of one column and of the text of a two-column paper.
-COLUMN, WIDTH = 3.5, 7.16
+#: Width in inches of the text of a two-column paper.
+WIDTH = 7.16
 
 #: Pixels per inch that papers ask for.
 DPI = 300
@@ -60,8 +58,6 @@ GREY = "#737373"
 MISSED = "#8c2318"
 
 _SIZE = 7
-_STYLE = {"axes.labelsize": _SIZE, "axes.titlesize": _SIZE, "axes.spines.top": False, "axes.spines.right": False,
-          "xtick.labelsize": _SIZE, "ytick.labelsize": _SIZE}  # fmt: skip
 
 #: Metadata by file extension, without the date and the version of matplotlib.
 _UNDATED: dict[str, dict[str, str | None]] = {
@@ -93,13 +89,6 @@ def class_means(view: TableView) -> DataFrame:
     return means[means.mean().sort_values().index]
 
 
-def _distances(view: TableView, forms: StoredForms) -> list[tuple[Row, list[tuple[Record, NDArray[np.float64]]]]]:
-    """Return rows whose distances are all stored, with their records and distances."""
-    every = [(row, [(of, read_distances(forms.folder, of)) for of in one.all_records]) for row, one in shown_rows(view)]
-    stored = [(row, [(of, matrix) for of, matrix in pairs if matrix is not None], len(pairs)) for row, pairs in every]
-    return [(row, pairs) for row, pairs, count in stored if len(pairs) == count]
-
-
 def map_figure(view: TableView, forms: StoredForms) -> Figure:
     """Draw the shapes as points whose distances have the order of those of each row, and lines to the mean of a class.
 
@@ -110,13 +99,14 @@ def map_figure(view: TableView, forms: StoredForms) -> Figure:
     ConfigurationError
         If no distances of shapes among each other are stored.
     """
-    known = [(row, of, matrix) for row, ((of, matrix), *_) in _distances(view, forms) if len(of.sides) == 1]
+    each = [(row, of, read_distances(forms.folder, of)) for row, of in first_records(view).items()]
+    known = [(row, of, matrix) for row, of, matrix in each if matrix is not None and len(of.sides) == 1]
     if not known:
         raise ConfigurationError("no distances of this table are stored here", "run it here")
     n_columns = min(len(known), _ACROSS)
     n_rows, side = -(-len(known) // n_columns), min(WIDTH / n_columns, 4)
-    figure, _ = subplots(n_columns * side, n_rows * (side + 0.2), n_rows, n_columns)
-    for place in figure.axes:
+    figure = Figure((n_columns * side, n_rows * (side + 0.2)), layout="constrained")
+    for place in figure.subplots(n_rows, n_columns, squeeze=False).flat:
         place.axis("off")
         place.set_aspect("equal", "datalim")
     for place, (row, record, matrix) in zip(figure.axes, known, strict=False):
@@ -140,8 +130,8 @@ def map_figure(view: TableView, forms: StoredForms) -> Figure:
     return figure
 
 
-def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()) -> tuple[Figure, str]:
-    """Draw poses of subjects and their forms, methods across, poses down; return the figure and its caption.
+def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()) -> Figure:
+    """Draw poses of subjects and their forms, methods across, poses down, each turned to the form of the first pose.
 
     Parameters
     ----------
@@ -173,13 +163,7 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
     columns = [(title, drawn) for title, drawn in columns if any(drawn)]
     if {title for title, _ in columns} <= {_ITSELF}:
         raise ConfigurationError("no forms of these shapes are stored here", "run the methods here, then draw again")
-    figure = _pictures(columns, UPRIGHT if first.input == "mesh" else OBLIQUE)
-    caption = (
-        f"Shapes of {view.title} ({', '.join(names)}) and their canonical "
-        "forms, turned to the form of the first pose of the subject, or mirrored where marked. "
-        "The colour shows how far a point is from the centre of the body."
-    )
-    return figure, caption
+    return _pictures(columns, UPRIGHT if first.input == "mesh" else OBLIQUE)
 
 
 def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera) -> Figure:
@@ -214,13 +198,6 @@ def effect_records(view: TableView) -> dict[str, Record]:
     return {row.title: of for row, of in first_records(view).items() if row.kind in ("form", "network")}
 
 
-def spread_rows(view: TableView, forms: StoredForms, watch: Watch | None = None) -> list[tuple[str, ...]]:
-    """Return the head, and a row for each method whose spread is known; see :func:`spread_of_forms`."""
-    kept = [(name, of, spread_of_forms(forms.folder, of, watch)) for name, of in effect_records(view).items()]
-    rows = [(name, *map(hundredths, found), str(len(of.unsupported))) for name, of, found in kept if found is not None]
-    return [("Method", "spread", "or mirrored", "floor", "refused"), *rows]
-
-
 def _some(values: Sequence[T], most: int) -> list[T]:
     """Return at most ``most`` evenly spaced values, including the first and the last."""
     places = np.unique(np.linspace(0, max(len(values) - 1, 0), min(most, len(values))).astype(int))
@@ -245,10 +222,3 @@ def encode(figure: Figure, ending: str, dpi: int = DPI) -> bytes:
     with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42}):
         figure.savefig(file := io.BytesIO(), format=ending[1:], metadata=_UNDATED[ending], dpi=dpi)
     return file.getvalue()
-
-
-def subplots(width: float, height: float, n_rows: int = 1, n_columns: int = 1) -> tuple[Figure, NDArray[np.object_]]:
-    """Return a figure of a size in inches, and its axes, shape (n_rows, n_columns)."""
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        return figure, figure.subplots(n_rows, n_columns, squeeze=False)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import chain, groupby
@@ -11,7 +12,10 @@ from textwrap import wrap
 from typing import Any
 
 from benchmark.errors import ConfigurationError
+from benchmark.pipeline.records import Record
+from benchmark.protocols.tables import ROBUST, TITLES
 from benchmark.reference.paper import MEASURES, entry_of
+from benchmark.report.frames import changed, fold_of, scored_by
 from benchmark.report.notes import table_notes
 from benchmark.report.tables import BLOCKS, PAPER, SECOND, Row, TableView, ranked_classes
 from benchmark.text import clean
@@ -138,18 +142,9 @@ def markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[s
 
 
 def latex(view: TableView) -> str:
-    r"""Return a table for ``\input``, which needs array and booktabs: one column of a paper, or ``table*``."""
+    r"""Return a table for ``\input``, which needs booktabs and tabularx: one column of a paper, or ``table*``."""
     n_groups, n_scores = len(view.groups), len(view.groups) * len(MEASURES)
-    # Beside titles: 1.9 em per score (for DCG), .7 for folds, 1.4 for seconds, 3.4 pt between scores, 6 after a group.
-    has_folds = [any(view.of_folds(row, group) for row in view.printed_rows) for group in view.groups]
-    widths = [2.6 if of else 1.9 for of in has_folds]
-    rest = f"{len(MEASURES) * sum(widths) + 1.4:.1f}em-{16.2 * n_groups + 3.4:.1f}pt"
-    one_column = "table", rf"\dimexpr\linewidth-{rest}\relax"
-    for_folds = rf"-{0.7 * len(MEASURES) * sum(has_folds):.1f}em" * any(has_folds)
-    wide = "table*", rf"\dimexpr.28\linewidth{for_folds}\relax"
-    environment, title_width = one_column if n_scores <= _ONE_COLUMN else wide
-    titles = rf">{{\raggedright\hangindent1em}}p{{{title_width}}}"  # breaks long ones
-    scores = "".join(rf"*{{{len(MEASURES)}}}{{w{{c}}{{{width}em}}}}@{{\hskip6pt}}" for width in widths)
+    environment = "table" if n_scores <= _ONE_COLUMN else "table*"
     rules = "".join(rf"\cmidrule(r){{{4 * k + 2}-{4 * k + 5}}}" for k in range(n_groups))
     styles, body = {"bold": r"\textbf{{{}}}", "italic": r"\textit{{{}}}", "": "{}"}, []
     for heading, lines in blocks(view):
@@ -169,13 +164,13 @@ def latex(view: TableView) -> str:
     texts = (r"\\".join(map(latex_text, wrap(group.capitalize(), 17))) for group in view.groups)
     groups = (paper if text == "Paper" else rf"\shortstack{{{text}}}" if r"\\" in text else text for text in texts)
     head = [latex_row("", *map(_spread, groups), ""), rules, latex_row("", *MEASURES * n_groups, "s")]
-    columns = f"{titles}{scores}w{{r}}{{1.4em}}"
+    columns = r">{\raggedright\hangindent1em}X" + rf"*{{{len(MEASURES)}}}{{c}}@{{\hskip6pt}}" * n_groups + "r"
     notes = " ".join(table_notes(view)[:-1])  # the last one is for those who have the suite
     return "\n".join([
-        "% needs array and booktabs", rf"\begin{{{environment}}}", r"\centering",
+        "% needs booktabs and tabularx", rf"\begin{{{environment}}}", r"\centering",
         rf"\caption{{{latex_text(view.caption)}.}}", rf"\label{{tab:{view.stem.removeprefix('table-')}}}",
-        r"\scriptsize\setlength{\tabcolsep}{1.7pt}", rf"\begin{{tabular}}{{@{{}}{columns}@{{}}}}", r"\toprule",
-        *head, *body, r"\bottomrule", r"\end{tabular}",
+        r"\scriptsize\setlength{\tabcolsep}{1.7pt}", rf"\begin{{tabularx}}{{\linewidth}}{{@{{}}{columns}@{{}}}}",
+        r"\toprule", *head, *body, r"\bottomrule", r"\end{tabularx}",
         rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {latex_text(notes)}}}",
         rf"\end{{{environment}}}",
     ]) + "\n"  # fmt: skip
@@ -191,15 +186,6 @@ def bibliography(views: Sequence[TableView]) -> str:
     return "\n\n".join(filter(None, entries.values())) + "\n"
 
 
-def latex_figure(picture: str, caption: str) -> str:
-    """Return LaTeX that shows a picture across both columns of a paper."""
-    label = "".join(c if c.isalnum() else "-" for c in picture.rpartition(".")[0])
-    return "\n".join([
-        r"\begin{figure*}", r"\centering", rf"\includegraphics[width=\textwidth]{{{picture}}}",
-        rf"\caption{{{latex_text(caption)}}}", rf"\label{{fig:{label}}}", r"\end{figure*}",
-    ]) + "\n"  # fmt: skip
-
-
 def _ends(folds: Sequence[tuple[str, str]]) -> list[str]:
     return [rf"$_{{\mathrm{{{low}}}}}^{{\mathrm{{{high}}}}}$" for low, high in folds] or [""] * len(MEASURES)
 
@@ -211,6 +197,27 @@ def _spread(words: str) -> str:
 def latex_row(*cells: str) -> str:
     """Return a row of a table."""
     return " & ".join(cells) + r" \\"
+
+
+def robustness_markdown(records: Iterable[Record]) -> str:
+    """Return the table of robustness: NN of some methods on each changed set; "" without results on any."""
+    known = [record for record in records if record.input == "mesh" and record.method in ROBUST and not fold_of(record)]
+    scores = defaultdict[tuple[str, str, str], dict[str, float]](dict)
+    for record in known:
+        scores[changed(record.data.name) or (record.data.name, "", "0")][record.method] = record.scores.get("NN", 0.0)
+    titles = {base: base for base, change, _ in sorted(scores) if change}
+    titles |= {record.data.name: record.data.title for record in known if record.data.name in titles}
+    places = [place for place in sorted(scores) if place[0] in titles]
+    methods = [name for name in ROBUST if any(name in scores[place] for place in places)]
+    names = {record.method: TITLES.get(record.method, record.title) for record in known}
+    body = [
+        [change or "unchanged", strength, *(hundredths(scores[base, change, strength].get(name)) for name in methods)]
+        for base, change, strength in places
+    ]
+    sets = ", ".join(map(markdown_text, titles.values()))
+    words = f"**Robustness.** NN of complete surfaces of {sets}; a destroyed shape counts 0. {scored_by(known).note}"
+    table = markdown_table(["Change", "strength", *(names[name] for name in methods)], body)
+    return "\n".join([words, "", *table]) + "\n" if body else ""
 
 
 def as_json(views: Iterable[TableView]) -> list[dict[str, Any]]:

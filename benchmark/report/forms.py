@@ -1,47 +1,32 @@
-"""Shapes and their stored forms as they are drawn: right, up, towards the viewer; and how far forms are apart."""
+"""Shapes and their stored forms as they are drawn: right, up, towards the viewer."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import combinations, permutations, product
+from itertools import permutations, product
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import orthogonal_procrustes
 from scipy.spatial import cKDTree
-from trimesh import Trimesh
-from trimesh.sample import sample_surface
 
 from benchmark.api.datasets import ShapeSet
-from benchmark.code_digest import digest
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import BenchmarkError
-from benchmark.files import file_digest
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.records import RankedShapes, Record, read_form, read_prepared
 from benchmark.report.drawing import outwardness
 from benchmark.report.frames import file_name
 
-Watch = Callable[[list[tuple[int, int]]], Iterable[tuple[int, int]]]
-"""Iterates over pairs of shapes, to show progress."""
-
-#: Points by which forms are compared; pairs of forms of one subject, and of different ones, in a spread.
-SAMPLES, PAIRS = 1000, 200
-
 #: A form is drawn mirrored, or turned more, if it comes nearer by this factor: bodies nearly equal their mirror images.
 NEARER = 0.9
 
-#: Steps of an alignment with all points, and before that with a few; points and starts that are kept for pictures.
-_STEPS, _FEW, _FEW_STEPS, _DRAWN, _KEPT_DRAWN = 10, 200, 6, 600, 8
-
-#: What the code of a spread is, so that none of other code is read.
-_CODE = file_digest(Path(__file__))
+#: Steps of an alignment with all points, and before that with a few; points, and starts that are refined.
+_STEPS, _FEW, _FEW_STEPS, _DRAWN, _KEPT = 10, 200, 6, 600, 8
 
 _SIGNED_AXES = np.array(
     [np.diag(signs)[[*order]] for signs in product((1.0, -1.0), repeat=3) for order in permutations(range(3))]
@@ -63,11 +48,14 @@ class Drawn:
         Its shape, if a form has the same vertices, which says how far each is from the centre.
     is_mirrored
         Whether it is the mirror image of the form that a method made.
+    apart
+        Mean distance of its points from the form of the first pose, both ways, where it was turned to it.
     """
 
     mesh: Mesh
     body: Drawn | None = None
     is_mirrored: bool = False
+    apart: float | None = None
 
     @cached_property
     def values(self) -> NDArray[np.float64]:
@@ -167,31 +155,30 @@ def turned(form: Drawn, target: Drawn) -> Drawn:
     """
     points, others = (np.column_stack([each.mesh.vertices, each.values]) for each in (form, target))
     points, others = (each[np.linspace(0, len(each) - 1, _DRAWN).astype(int)] for each in (points, others))
-    distances, turns = alignments(points, others, _KEPT_DRAWN)
-    mirrored = alignments(points * [-1, -1, -1, 1], others, _KEPT_DRAWN)
+    distances, turns = alignments(points, others)
+    mirrored = alignments(points * [-1, -1, -1, 1], others)
     is_mirrored = bool(mirrored[0].min() < NEARER * distances.min())
     if is_mirrored:
         distances, turns = mirrored[0], -mirrored[1]
     near = turns[NEARER * distances <= distances.min() + _SAME]  # front and back of a body hardly differ
     turn = near[np.trace(near, axis1=1, axis2=2).argmax()]
-    return Drawn(form.mesh.with_vertices(form.mesh.vertices @ turn), form.body, is_mirrored)
+    away, _ = _nearer(form.mesh.vertices, target.mesh.vertices, turn[None], 0)
+    return Drawn(form.mesh.with_vertices(form.mesh.vertices @ turn), form.body, is_mirrored, float(away[0]))
 
 
-def alignments(points: Points, target: Points, kept: int = 3) -> tuple[NDArray[np.float64], Points]:
-    """Return mean distances to the nearest point, both ways, shape (kept,), and rotations that make them small.
+def alignments(points: Points, target: Points) -> tuple[NDArray[np.float64], Points]:
+    """Return mean distances to the nearest point, both ways, and rotations that make them small.
 
     Parameters
     ----------
     points, target
         Centred coordinates and what else near points share, shape (n, 3 or more).
-    kept
-        Number of starts that are refined with all points; the others end after a few steps with some of them.
     """
     axes, others = (np.linalg.svd(each[:, :3].T @ each[:, :3])[0] for each in (points, target))
     turns = axes @ _SIGNED_AXES @ others.T
     few = slice(None, None, max(1, len(points) // _FEW))
     distances, turns = _nearer(points[few], target[few], turns[np.linalg.det(turns) > 0], _FEW_STEPS)
-    return _nearer(points, target, turns[np.argsort(distances, kind="stable")[:kept]], _STEPS)
+    return _nearer(points, target, turns[np.argsort(distances, kind="stable")[:_KEPT]], _STEPS)
 
 
 def _nearer(points: Points, target: Points, turns: Points, steps: int) -> tuple[NDArray[np.float64], Points]:
@@ -211,60 +198,3 @@ def _nearer(points: Points, target: Points, turns: Points, steps: int) -> tuple[
 def _moved(points: Points, turns: Points) -> Points:
     rest = np.broadcast_to(points[:, 3:], (len(turns), len(points), points.shape[1] - 3))
     return np.concatenate([points[:, :3] @ turns, rest], axis=2)
-
-
-def spread_of_forms(folder: Path, record: Record, watch: Watch | None = None) -> NDArray[np.float64] | None:
-    """Return how far forms of one subject are apart, by the median distance of forms of different subjects.
-
-    Forms are centred by area, of unit root mean square radius, and turned; :func:`alignments` of samples gives their
-    distance.
-
-    Parameters
-    ----------
-    folder
-        The results folder, which keeps the result beside distances, under a key of the forms.
-    record
-        The record.
-    watch
-        Shows progress; None to compute nothing.
-
-    Returns
-    -------
-    numpy.ndarray or None
-        The spread, the same where forms may also be mirrored (the scorer admits no mirror images), and the floor, that
-        of two samplings of one form; NaN where all forms are one. None if it is not kept and not computed.
-    """
-    cache, key = Cache(folder), digest([_CODE, record.files.get("forms"), record.labels])
-    arrays = cache.read("records", key)
-    if arrays is None and watch:
-        forms = {number: read_form(folder, record, record.shapes[number]) for number in record.answered}
-        known = {number: form for number, form in forms.items() if form}
-        if len(known) < max(len(forms), 1):
-            return None
-        arrays = {"spread": _spread(known, record.labels, watch)}
-        cache.write("records", key, arrays)
-    return arrays["spread"] if arrays else None
-
-
-def _spread(forms: Mapping[int, Mesh], labels: Sequence[str], watch: Watch) -> NDArray[np.float64]:
-    samples = {number: _samples(form, number) for number, form in forms.items()}
-    again = {number: _samples(form, len(labels) + number) for number, form in forms.items()}
-    floor = [_nearer(samples[number], again[number], np.eye(3)[None], 0)[0] for number in forms]
-    every = np.random.default_rng(0).permutation([*combinations(range(len(labels)), 2)]).tolist()
-    pairs = [(a, b) for a, b in every if a in forms and b in forms]
-    within = [(a, b) for a, b in pairs if labels[a] == labels[b]][:PAIRS]
-    between = [(a, b) for a, b in pairs if labels[a] != labels[b]][:PAIRS]
-    pair_distances = []
-    for a, b in watch(within + between):
-        distance, mirrored = (alignments(sign * samples[a], samples[b])[0].min() for sign in (1, -1))
-        pair_distances.append([distance, min(distance, mirrored)])
-    distances = np.reshape(pair_distances, (-1, 2))
-    near, far = (np.median(of, axis=0) if len(of) else [np.nan] * 2 for of in np.split(distances, [len(within)]))
-    above, below = np.array([*near, np.median(floor)]), np.array([*far, far[0]])
-    return np.where(below > _SAME, above / np.maximum(below, _SAME), np.nan)
-
-
-def _samples(mesh: Mesh, seed: int) -> Points:
-    """Return samples of a centred surface, uniform by area, shape (SAMPLES, 3)."""
-    surface = Trimesh(centred(mesh).vertices, mesh.faces, process=False)
-    return np.asarray(sample_surface(surface, SAMPLES, np.maximum(mesh.face_areas, 1e-12), seed=seed)[0])

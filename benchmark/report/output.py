@@ -12,9 +12,8 @@ import msgspec
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically, write_text
 from benchmark.pipeline.records import Record
-from benchmark.report.formats import as_json, bibliography, latex, markdown
+from benchmark.report.formats import as_json, bibliography, latex, markdown, robustness_markdown
 from benchmark.report.frames import scored_by, scores_frame
-from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import TableView
 from benchmark.report.verdicts import verdicts_markdown
 

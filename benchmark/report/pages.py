@@ -25,7 +25,7 @@ from benchmark.report import figures
 from benchmark.report.drawing import OBLIQUE, PALETTE, shaded, webp
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import BLOCKS, blocks, hundredths
-from benchmark.report.forms import Drawn, StoredForms, Watch, thumbnail
+from benchmark.report.forms import Drawn, StoredForms, thumbnail
 from benchmark.report.frames import changed, file_name
 from benchmark.report.notes import block_leads, leads, table_notes
 from benchmark.report.statistics import INTERVALS
@@ -66,15 +66,12 @@ class Pages:
         Reader of the forms of a results folder.
     views
         The tables.
-    watch
-        Shows how far spreads of forms are computed, in pairs; None to show only those that are kept.
     files
         Contents by name.
     """
 
     forms: StoredForms
     views: Sequence[TableView]
-    watch: Watch | None
     files: dict[str, str | bytes] = field(default_factory=dict)
 
     def add(self, name: str, template: str, title: str, views: Iterable[TableView], **content: Any) -> None:
@@ -95,13 +92,11 @@ class Pages:
         file = f"pictures/{file_name(name)}.webp" if drawn else ""
         if drawn and file not in self.files:
             values = drawn.values if is_coloured else None
-            self.files[file] = webp(shaded(drawn.mesh, OBLIQUE, size, values, is_transparent=True))
+            self.files[file] = webp(shaded(drawn.mesh, OBLIQUE, size, values))
         return file
 
 
-def report_files(
-    results: Path, views: Sequence[TableView], data_root: Path | None = None, watch: Watch | None = None
-) -> dict[str, str | bytes]:
+def report_files(results: Path, views: Sequence[TableView], data_root: Path | None = None) -> dict[str, str | bytes]:
     """Return the files of a report by name.
 
     Parameters
@@ -112,10 +107,8 @@ def report_files(
         The tables.
     data_root
         Folder of the official data sets, whose cameras say which side of a shape is up.
-    watch
-        Shows how far spreads of forms are computed, in pairs; None to show only those that are kept.
     """
-    pages = Pages(StoredForms(results, data_root), views, watch)
+    pages = Pages(StoredForms(results, data_root), views)
     pages.files |= {name: fixed_file(name) for name in ("style.css", "table.css", "report.js")}
     listed = [_add_table(pages, view) for view in views if pages.main(view) is view]
     content = {"kinds": {}, "stem": "index", "matrix": _matrix(pages, views)}
@@ -253,8 +246,7 @@ def _forms(pages: Pages, view: TableView) -> dict[str, Any]:
     if not first or not rows:
         return {}
     rows.insert(0, ("Shape", "shape", [_form(pages, first, shape, "", forms.shape(first, shape)) for shape in shapes]))
-    title, spread = view.columns[0].title, figures.spread_rows(view, forms, pages.watch)
-    return {"title": title, "shapes": shapes, "rows": rows, "spread": spread}
+    return {"title": view.columns[0].title, "shapes": shapes, "rows": rows}
 
 
 def _form(pages: Pages, record: Record, shape: str, by: str, drawn: Drawn | None) -> dict[str, Any]:
@@ -273,7 +265,7 @@ def _form(pages: Pages, record: Record, shape: str, by: str, drawn: Drawn | None
     pages.files[file] = f"show('{file}', {json.dumps(surface, separators=(',', ':'))});"
     picture = pages.picture(name, drawn, SIDE, is_coloured=True)
     says = (f"Form of {shape}{by}" if by else shape) + ", mirrored" * drawn.is_mirrored
-    return {"picture": picture, "mesh": file, "says": says, "is_mirrored": drawn.is_mirrored}
+    return {"picture": picture, "mesh": file, "says": says, "is_mirrored": drawn.is_mirrored, "apart": drawn.apart}
 
 
 def _queries(pages: Pages, view: TableView) -> dict[str, Any]:

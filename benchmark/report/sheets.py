@@ -81,6 +81,6 @@ def _beside(texts: Sequence[str], pictures: Sequence[Image.Image], font_size: in
     pen, font, left = ImageDraw.Draw(sheet), ImageFont.load_default(font_size), _GAP  # bundled with Pillow
     for text, picture in zip(texts, pictures, strict=True):
         pen.multiline_text((left, 3), text, fill="black", font=font, spacing=3)
-        sheet.paste(picture, (left, head))
+        sheet.paste(picture, (left, head), picture if picture.mode == "RGBA" else None)
         left += picture.width + _GAP
     return sheet

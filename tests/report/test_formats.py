@@ -197,7 +197,7 @@ def test_latex_compiles_without_an_overfull_box(tmp_path, name):
     fonts = (
         ["\\DeclareFontFamily{OT1}{ptm}{}", "\\DeclareFontFamily{TS1}{ptm}{}", *shapes] if name == "IEEEtran" else []
     )  # Times is not everywhere
-    preamble = [*fonts, f"\\documentclass{{{name}}}", "\\usepackage{array,booktabs}", "\\begin{document}"]
+    preamble = [*fonts, f"\\documentclass{{{name}}}", "\\usepackage{booktabs,tabularx}", "\\begin{document}"]
     (tmp_path / "paper.tex").write_text("\n".join([*preamble, body, "\\end{document}"]))
     done = subprocess.run(
         ["pdflatex", "-interaction=nonstopmode", "paper.tex"], cwd=tmp_path, capture_output=True, text=True,

@@ -1,17 +1,11 @@
-"""Forms as they are drawn, turned to each other, and how far they are apart."""
+"""Forms as they are drawn, turned to each other, and how far they are apart then."""
 
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 from scipy.stats import special_ortho_group
 
-from benchmark.report import forms
-from benchmark.report.figures import spread_rows
-from benchmark.report.formats import hundredths
-from benchmark.report.forms import Drawn, StoredForms, alignments, centred, spread_of_forms, turned
-from benchmark.report.output import write_files
-from benchmark.report.pages import report_files
-from benchmark.report.tables import table_views
+from benchmark.report.forms import Drawn, StoredForms, alignments, centred, turned
 from tests.toy import rod
 
 
@@ -52,44 +46,13 @@ def test_distances_admit_rotations_but_no_mirror_image():
     assert np.linalg.det(found) == pytest.approx(1)
 
 
-def test_a_spread_is_the_floor_for_copies_and_a_mirror_image_counts_only_in_the_first_ratio(monkeypatch):
-    monkeypatch.setattr(forms, "SAMPLES", 400)
-    near, far = body(), body(0.1)
-    turns = [special_ortho_group(3, seed).rvs() for seed in range(4)]
-    copies = [
-        mesh.with_vertices(3 * mesh.vertices @ turn + 1)
-        for mesh, turn in zip((near, near, far, far), turns, strict=True)
-    ]
-    spread, mirrored, floor = forms._spread(dict(enumerate(copies)), "aabb", iter)
-    assert spread == pytest.approx(mirrored, rel=0.1)
-    assert spread == pytest.approx(floor, rel=0.1)
-    copies[1] = copies[1].with_vertices(-copies[1].vertices)
-    copies[3] = copies[3].with_vertices(-copies[3].vertices)
-    other, mirrored, floor = forms._spread(dict(enumerate(copies)), "aabb", iter)
-    assert mirrored == pytest.approx(floor, rel=0.1)
-    assert other > 1.3 * floor
-
-
-def test_forms_that_are_all_one_point_have_no_spread(monkeypatch):
-    monkeypatch.setattr(forms, "SAMPLES", 20)
-    points = {number: body().with_vertices(np.zeros_like(body().vertices)) for number in range(3)}
-    assert np.isnan(forms._spread(points, "aab", iter)).all()
-
-
-def test_a_spread_is_computed_on_demand_kept_and_shown(results, monkeypatch, tmp_path):
-    record = next(record for record in results.records if record.method == "gps")
-    assert spread_of_forms(results.folder, record) is None
-    monkeypatch.setattr(forms, "SAMPLES", 100)
-    found = spread_of_forms(results.folder, record, iter)
-    monkeypatch.setattr(forms, "_spread", lambda *_: np.array([0.125, 0.25, 0.5]))
-    assert spread_of_forms(results.folder, record, iter).tolist() == found.tolist()
-    assert spread_of_forms(results.folder, next(r for r in results.records if r.method == "surface-area"), iter) is None
-    view = table_views(results.records)[0]
-    (_, row) = spread_rows(view, StoredForms(results.folder))
-    assert row == ("GPS", *map(hundredths, found), "0")
-    write_files(tmp_path, report_files(results.folder, [view], watch=iter))
-    shown = (tmp_path / f"{view.stem}-forms.html").read_text()
-    assert all(f">{cell}</td>" in shown for cell in (*row, ".13", ".25", ".50"))  # identity is computed now
+def test_forms_say_how_far_they_are_from_that_of_the_first_pose_in_any_turn_and_mirrored():
+    mesh, turn = body(), special_ortho_group(3, 0).rvs()
+    same, other, near = (Drawn(each.with_vertices(sign * each.vertices @ turn)) for each, sign in (
+        (mesh, -1), (body(0.1), 1), (body(1.1), 1)
+    ))  # fmt: skip
+    assert turned(same, Drawn(mesh)).apart < 1e-9
+    assert 0.01 < turned(near, Drawn(mesh)).apart < 0.5 * turned(other, Drawn(mesh)).apart
 
 
 def test_forms_of_a_subject_are_turned_to_that_of_its_first_pose(results):

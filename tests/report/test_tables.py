@@ -10,12 +10,11 @@ import pytest
 from benchmark.pipeline.records import write_record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PRINTED
-from benchmark.report.formats import as_json, markdown
+from benchmark.report.formats import as_json, markdown, robustness_markdown
 from benchmark.report.frames import chosen_records
 from benchmark.report.notes import table_notes
 from benchmark.report.output import table_files
 from benchmark.report.results import Results
-from benchmark.report.robustness import robustness_markdown
 from benchmark.report.tables import table_views
 from tests.report.records import LABELS, failed, record
 from tests.verbs import call
