@@ -18,7 +18,7 @@ from typer import Argument, Exit, Option, Typer
 from typer.core import TyperCommand
 
 from benchmark.errors import ConfigurationError
-from benchmark.text import DATA_VARIABLE, EVERY
+from benchmark.text import DATA_VARIABLE, EVERY, say
 
 if TYPE_CHECKING:
     from benchmark.api.datasets import ShapeSet
@@ -117,6 +117,14 @@ class Selection(Struct, frozen=True, kw_only=True):
         from benchmark.pipeline.data_names import records_of
 
         return records_of(records, self.datasets) if self.datasets else [*records]
+
+    def say_folders(self, *names: str) -> None:
+        """Say which names are those of sets of the suite, though folders here have them, too."""
+        from benchmark.datasets.catalogue import is_known, is_path, split_name
+
+        for base in (split_name(name)[0] for name in names if is_known(name) and is_path(name)):
+            if not self.data_root or Path(base).absolute() != (self.data_root / base).absolute():
+                say(f"{base} is the set of the suite; for the folder of this name here, pass ./{base}", err=True)
 
     def open_dataset(self, name: str) -> ShapeSet:
         """Open a data set as it is called on the command line."""

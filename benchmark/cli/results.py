@@ -15,7 +15,7 @@ from benchmark.reference.paper import MEASURES
 from benchmark.report.formats import duration, hundredths, markdown
 from benchmark.report.frames import chosen_records, row_of, seconds_of
 from benchmark.report.tables import TableView, table_views
-from benchmark.text import brief, say, say_lines
+from benchmark.text import brief, counted, say, say_lines
 
 
 def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
@@ -41,6 +41,10 @@ def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
         chosen_records(of_input, quick=is_quick, scorer=options.scorer, seed=options.seed) for is_quick in (False, True)
     )
     records = quick if options.quick else full or quick
+    others = [of for of in of_input if of.scorer not in (options.scorer, "") or of.seed != options.seed]
+    if others:
+        ways = ", or ".join(sorted({f"--scorer {of.scorer or options.scorer} --seed {of.seed}" for of in others}))
+        say(f"not shown: {counted(len(others), 'job')} of another scorer or seed: pass {ways}", err=True)
     newest = max((record.finished for record in full if not record.published), default="")
     newer = [record for record in quick if record.finished > newest]
     if newer and not options.quick:

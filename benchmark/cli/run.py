@@ -39,6 +39,7 @@ def planned_jobs(
     in_this_process: bool = False,
 ) -> list[Planned]:
     """Plan a selection; raise ``ConfigurationError`` if it has no job."""
+    selection.say_folders(*selection.datasets, *[selection.gallery] * bool(selection.gallery))
     return plan_selection(
         selection.results, methods=forms or selection.methods, scorer=selection.scorer, seed=selection.seed,
         rerun=rerun, records=records, plugins=selection.plugins, in_this_process=in_this_process,

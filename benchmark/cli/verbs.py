@@ -399,6 +399,7 @@ def check_data(selection: Selection, name: shared.SetName) -> bool:
     from benchmark.datasets.checking import check_source
 
     root = selection.require_data_root()
+    selection.say_folders(name)
     report = check_source(name, root, partial(counting, f"checking {name}"))
     for line in report.lines():
         say(line)
@@ -418,6 +419,7 @@ def export(
     from benchmark.cli.progress import counting
     from benchmark.datasets.export import export
 
+    selection.say_folders(name)
     watched = partial(counting, f"writing {name}")
     written, problems = export(selection.open_dataset(name), output, watched=watched)
     for problem in problems:

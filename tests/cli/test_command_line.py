@@ -9,6 +9,7 @@ import typer
 from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
+from benchmark.cli.options import Selection
 from benchmark.pipeline.records import write_record
 from benchmark.text import say
 from tests.behaviour.suite import start
@@ -118,6 +119,27 @@ def test_quick_rows_are_shown_where_no_full_ones_are_and_named_where_they_are_ne
     assert "quick jobs" not in call("tables", "--results", tmp_path, "--quick")
     write_record(tmp_path, record("classic-mds", finished="2026-04-01T00:00:00+00:00"))
     assert "quick jobs" not in call("tables", "--results", tmp_path)
+
+
+def test_rows_of_other_scorers_and_seeds_are_counted_with_the_way_to_them(tmp_path):
+    for more in ({}, {"scorer": "bbox"}, {"seed": 3}):
+        write_record(tmp_path, record("gps", **more))
+    found = call("tables", "--results", tmp_path)
+    assert "not shown: 2 jobs of another scorer or seed: pass --scorer bbox --seed 0, or --scorer cm-bof" in found
+    write_record(tmp_path, record("surface-area", scorer=""))
+    assert "2 jobs of" in call("compare", "gps", "--results", tmp_path)
+
+
+def test_a_folder_with_the_name_of_a_set_of_the_suite_is_named(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for name in ("animals", "tosca"):
+        (tmp_path / name).mkdir()
+    says = "animals is the set of the suite; for the folder of this name here, pass ./animals"
+    assert says in call("plan", "-d", "animals", "-m", "surface-area", "--results", tmp_path / "results")
+    Selection(data_root=tmp_path).say_folders("./animals", "people", "tosca")  # that of the data root
+    assert capsys.readouterr().err == ""
+    Selection().say_folders("tosca[noise=1]")
+    assert "pass ./tosca" in capsys.readouterr().err
 
 
 def test_forget_says_what_goes(tmp_path):
