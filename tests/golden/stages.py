@@ -19,11 +19,10 @@ from benchmark.datasets.changes import changed as changed_set
 from benchmark.datasets.people import _SCANNED_POSES
 from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
-from benchmark.pipeline import preparation
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.forms import MACHINE, SharedResults
 from benchmark.pipeline.outputs import compute_distances, compute_output, compute_signature
-from benchmark.pipeline.prepared import REFUSED, SECONDS, require_result
+from benchmark.pipeline.prepared import REFUSED, SECONDS, fit_frame, prepare_mesh, prepare_view, require_result
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Data, Record
 from benchmark.registry import select_one
@@ -111,14 +110,14 @@ def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) 
 
 def completed(name: str) -> Arrays:
     """Return a raw mesh, prepared."""
-    return preparation.prepare_mesh(inputs.mesh("raw", name))
+    return prepare_mesh(inputs.mesh("raw", name))
 
 
 def seen(name: str, half_width: float | None, sensor: DepthSensor | None = None) -> Arrays:
     """Return the view of a raw mesh from the side, in a given frame or in its own."""
     source = inputs.mesh("raw", name)
-    width = preparation.fit_frame(source, SIDE) if half_width is None else half_width
-    rendered = preparation.prepare_view(source, SIDE, width, sensor)
+    width = fit_frame(source, SIDE) if half_width is None else half_width
+    rendered = prepare_view(source, SIDE, width, sensor)
     return {**rendered, "depth": rendered["depth"][::10, ::10], "half_width": width}
 
 
@@ -129,7 +128,7 @@ def observed(given: bool, up: tuple[float, ...] | None, floor: bool = True) -> A
     height, width = depth.shape  # a part of an image, so that its centre is that of no whole one
     camera = intrinsics.Intrinsics(*stored["camera"], size=(width, height))
     seen_object = frame.observe(reading.in_metres(depth), camera, stored["mask"] if given else None, up)
-    prepared = preparation.prepare_view(seen_object.surface, frame.UPRIGHT, frame.HALF_WIDTH)
+    prepared = prepare_view(seen_object.surface, frame.UPRIGHT, frame.HALF_WIDTH)
     notes = {f"seen:{key}": value for key, value in seen_object.notes.items()}
     return {**prepared, "depth": prepared["depth"][::10, ::10], **notes}
 
