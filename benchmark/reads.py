@@ -7,13 +7,13 @@ An audit hook sees what Python opens. It sees no environment variable, and no fi
 from __future__ import annotations
 
 import os
-import shlex
+import re
 import stat
 import sys
 import sysconfig
 import tempfile
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.util import source_from_cache
@@ -32,9 +32,12 @@ _EXEMPT = (
 #: Seconds by which the clock of a file system may be late.
 _LATE = 0.02
 
-#: What the plugin whose code runs has opened, and for each plugin the first file that it should have declared.
-_opened: dict[str, tuple[int, bool]] | None = None
+#: Takes a file that the plugin whose code runs opens; for each plugin, the first one that it should have declared.
+_take: Callable[[Path, int, bool], None] | None = None
 _undeclared: dict[Path, Path] = {}
+
+#: A word within the text of a command.
+_WORD = re.compile(r"[^\s'\"`<>|&;=(),:]+")
 
 
 class UndeclaredFile(ConfigurationError):
@@ -48,36 +51,33 @@ def watch_this_process() -> None:
 
 
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:
-    if _opened is None:
+    if _take is None:
         return
-    with suppress(OSError, ValueError, TypeError):
-        if event == "open":
-            path, mode, flags = arguments
-            is_read = "r" in mode or "a+" in mode.replace("b", "") if mode else not flags & (os.O_WRONLY | os.O_CREAT)
-            if is_read:
-                _note(path)
-        elif event == "import" and arguments[1]:  # a compiled extension
-            _note(arguments[1])
-        elif event == "ctypes.dlopen":
-            _note(arguments[0], is_program=True)
-        elif event in ("subprocess.Popen", "os.posix_spawn", "os.exec"):
-            folder = arguments[2] if event == "subprocess.Popen" else None
-            for word in (arguments[0], *arguments[1]):
-                _note(word, folder or "", is_program=True)
-        elif event == "os.system":
-            for word in shlex.split(os.fsdecode(arguments[0])):
-                _note(word, is_program=True)
+    if event == "open":
+        path, _, flags = arguments
+        if flags & os.O_ACCMODE != os.O_WRONLY and not flags & os.O_TRUNC:
+            _note(path)
+    elif event in ("import", "sqlite3.connect"):  # of a compiled extension, or None
+        _note(arguments[event == "import"])
+    elif event == "ctypes.dlopen":
+        _note(arguments[0], is_program=True)
+    elif event in ("subprocess.Popen", "os.posix_spawn", "os.exec", "os.system"):
+        folder = arguments[2] if event == "subprocess.Popen" else None
+        for word in (arguments[0], *(arguments[1] if arguments[1:] else ())):
+            for name in (word, *_WORD.findall(os.fsdecode(word))):
+                _note(name, folder or "", is_program=True)
 
 
 def _note(path: Any, folder: Any = "", *, is_program: bool = False) -> None:
     """Note when a regular file changed last, and whether it is a program or a library, or a word that may name one."""
-    file = os.path.realpath(Path(os.fsdecode(folder), os.fsdecode(path)))
-    if file.endswith(".pyc"):
-        with suppress(ValueError):
-            file = source_from_cache(file)
-    status = Path(file).stat()
-    if _opened is not None and stat.S_ISREG(status.st_mode):
-        _opened.setdefault(file, (status.st_ctime_ns, is_program))
+    with suppress(OSError, ValueError, TypeError):
+        file = os.path.realpath(Path(os.fsdecode(folder), os.fsdecode(path)))
+        if file.endswith(".pyc"):
+            with suppress(ValueError):
+                file = os.path.realpath(source_from_cache(file))
+        status = Path(file).stat()
+        if _take is not None and stat.S_ISREG(status.st_mode):
+            _take(Path(file), status.st_ctime_ns, is_program)
 
 
 @contextmanager
@@ -94,30 +94,48 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
     Raises
     ------
     UndeclaredFile
-        If it opens, imports or runs another file that was there before, now or earlier in this process.
+        If it opens, imports or runs another file that was there before, now or earlier in this process; in a process
+        that it forked, at once.
     """
-    global _opened
-    declared, begun = [*allowed], (time.time() - _LATE) * 1e9
-    if _opened is not None:
+    global _take
+    declared, begun, process = [*allowed], time.time() - _LATE, os.getpid()
+    if _take is not None:
         yield declared
         return
     plugin = Path(target.rpartition(":")[0] or target)
-    opened: dict[str, tuple[int, bool]] = {}
-    _opened = opened
+    opened: dict[Path, tuple[int, bool]] = {}
+
+    def is_undeclared(file: Path, changed: int, is_program: bool) -> bool:
+        is_made_meanwhile = begun <= changed / 1e9 <= time.time() + _LATE  # clocks may be set back
+        is_of_user = _is_of_user(file, plugin.parent, declared, is_program=is_program)
+        return is_of_user and not is_made_meanwhile and file not in map(Path.resolve, sources_of(target))
+
+    def take(file: Path, changed: int, is_program: bool) -> None:
+        global _take
+        opened.setdefault(file, (changed, is_program))
+        if os.getpid() != process:  # whose notes are lost with it
+            _take = None  # while files of the code are read
+            if is_undeclared(file, changed, is_program):
+                raise _error(plugin, file)
+            _take = take
+
+    _take = take
     try:
         yield declared
     finally:
-        _opened = None
-        known = {*sources_of(target)}
-        for file, (changed, is_program) in opened.items():
-            is_own = changed >= begun or Path(file) in known  # it was made meanwhile, or is of the code
-            if not is_own and _is_of_user(Path(file), plugin.parent, declared, is_program=is_program):
-                _undeclared.setdefault(plugin, Path(file))
+        _take = None
+        for file, facts in opened.items():
+            if is_undeclared(file, *facts):
+                _undeclared.setdefault(plugin, file)
     if found := _undeclared.get(plugin):
-        does, hint = "reads", f"declare it in info: files=({os.path.relpath(found, plugin.parent.resolve())!r},)"
-        if found.suffix == ".py":
-            does, hint = "imports", f"write 'import NAME' or 'from NAME import ...', with the name as it is, or {hint}"
-        raise UndeclaredFile(f"{plugin} {does} {found} in a way that its code does not show", hint)
+        raise _error(plugin, found)
+
+
+def _error(plugin: Path, found: Path) -> UndeclaredFile:
+    does, hint = "reads", f"declare it in info: files=({os.path.relpath(found, plugin.parent.resolve())!r},)"
+    if found.suffix == ".py":
+        does, hint = "imports", f"write 'import NAME' or 'from NAME import ...', with the name as it is, or {hint}"
+    return UndeclaredFile(f"{plugin} {does} {found} in a way that its code does not show", hint)
 
 
 def _is_of_user(file: Path, folder: Path, declared: Iterable[Path], *, is_program: bool) -> bool:

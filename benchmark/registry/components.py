@@ -18,7 +18,7 @@ from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, is_installed, plugin_file
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.reads import watching
-from benchmark.registry.modules import load_module
+from benchmark.registry.modules import load_module, named_files
 from benchmark.registry.names import quoted
 from benchmark.text import brief
 
@@ -124,6 +124,11 @@ class Component:
         return (self.load() if self.given is None else self.given).info
 
     @property
+    def files(self) -> tuple[str, ...]:
+        """Other files of its code: those that any class of a plugin file names, since they share its variables."""
+        return named_files(load_module(self.target)) if self.plugin else self.info.files
+
+    @property
     def summary(self) -> str:
         """Summary in one line."""
         return brief(self.info.summary or (inspect.getdoc(self.load()) or "").partition("\n")[0])
@@ -202,7 +207,7 @@ class Component:
     def code(self) -> dict[str, str]:
         """Return what its code consists of, with ``info.files``; see :func:`benchmark.code_digest.code_of`."""
         of_object = {"its code": self.state} if self.state else {}
-        return of_object | ({} if self.is_unknown else code_of(self.target, self.info.files))
+        return of_object | ({} if self.is_unknown else code_of(self.target, self.files))
 
     def key(self) -> dict[str, Any]:
         """Return what determines its results; the path of a plugin file does not count."""
@@ -210,7 +215,7 @@ class Component:
         return {
             "target": attribute if self.plugin else f"{module}:{attribute}",
             "parameters": dict(self.parameters),
-            "code": "" if self.is_unknown else code_digest(self.target, self.info.files),
+            "code": "" if self.is_unknown else code_digest(self.target, self.files),
             "state": self.state,
         }
 
@@ -219,7 +224,7 @@ def watching_component(component: Component, allowed: Iterable[Path] = ()) -> Ab
     """Return the context in which the code of a plugin is watched; see :func:`benchmark.reads.watching`."""
     if component.is_unknown or not component.plugin:
         return nullcontext()
-    return watching(component.target, [*(component.plugin.parent / name for name in component.info.files), *allowed])
+    return watching(component.target, [*(component.plugin.parent / name for name in component.files), *allowed])
 
 
 def component_of(value: Any) -> Component:

@@ -46,7 +46,7 @@ def load_module(target: str) -> ModuleType:
             return importlib.import_module(name)
         with _importing:
             known = sys.modules.get(name)
-            if known and _imported.get(name) == _contents(target, _named_files(known, path)):
+            if known and _imported.get(name) == _contents(target, named_files(known)):
                 return known
             with redirect_stdout(Printed()):
                 return _import_anew(target, name, path.resolve())
@@ -81,8 +81,8 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     contents = _contents(target)
     with chdir("."), watching(target) as declared:  # which it may change
         module = _execute(name, path)
-        declared += _named_files(module, path)
-    _imported[name] = contents + _contents(target, declared)[len(contents) :]
+        declared += [path.parent / file for file in named_files(module)]
+    _imported[name] = contents + _contents(target, named_files(module))[len(contents) :]
     return module
 
 
@@ -96,15 +96,17 @@ def _unique_name(path: Path) -> str:
     return f"plugin_{path.stem}_{hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:8]}"
 
 
-def _contents(target: str, files: Iterable[Path] = ()) -> list[str]:
-    """Return the digests of the sources of a plugin, and of files that it declares."""
-    return [file_digest(path, None) for path in (*sources_of(target), *files) if path.is_file()]
+def _contents(target: str, files: Iterable[str] = ()) -> list[str]:
+    """Return the digests of the sources of a plugin, itself first, and of files that it declares."""
+    sources = sources_of(target)
+    paths = *sources, *(sources[0].parent / file for file in files)
+    return [file_digest(path, None) for path in paths if path.is_file()]
 
 
-def _named_files(module: ModuleType, path: Path) -> list[Path]:
-    """Return the files on which the methods of a plugin depend."""
-    infos = [getattr(value, "info", None) for value in vars(module).values()]
-    return [path.parent / name for info in infos for name in getattr(info, "files", ())]
+def named_files(module: ModuleType) -> tuple[str, ...]:
+    """Return the files that the methods and scorers of a plugin name, relative to its folder."""
+    own = (value for value in vars(module).values() if getattr(value, "__module__", "") == module.__name__)
+    return tuple({name: None for value in own for name in getattr(getattr(value, "info", None), "files", ())})
 
 
 def _check_helpers(path: Path) -> None:

@@ -30,7 +30,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import code_of_modules, digest
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.pipeline import forms
-from benchmark.pipeline.cache import Arrays, Cache, Stage, StorageError
+from benchmark.pipeline.cache import RUNS, Arrays, Cache, Stage, StorageError
 from benchmark.pipeline.outputs import compute_output, sign
 from benchmark.pipeline.prepared import AGAIN, CHANGED, REFUSED, Incomplete, PreparedShapes, last_change
 from benchmark.pipeline.ranking import DamagedFiles, rank
@@ -334,7 +334,7 @@ class Work:
 
     def _watched(self, step: Step, make: Callable[[Any, Step], T]) -> T:
         """Return what a step makes; raise ``ConfigurationError`` if a plugin reads what it does not declare."""
-        allowed = filter(None, [step.job.results, step.model])
+        allowed = filter(None, [step.job.results / RUNS, step.model])
         with chdir("."), watching_component(step.component, allowed) if step.process else nullcontext():
             return make(self, step)
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from benchmark.code_digest import ROOT
+from benchmark.registry.known import in_file
 from tests.runs.toy import planned, run_toy
 
 PROGRAM = """
@@ -65,6 +66,11 @@ UNDECLARED = {
     "zipped": ("import sys; sys.path.insert(0, __file__[:-6] + 'value.zip')", "__import__('in_zip')"),
     "program": ("import subprocess, sys", "subprocess.run([sys.executable, 'program.py'], check=True)"),
     "shell": ("import os, sys", "os.system(f'{sys.executable} program.py')"),
+    "word": ("import subprocess", "subprocess.run(['wc', 'value.txt'], capture_output=True)"),
+    "words": ("import subprocess", "subprocess.run('true|dd if=\"value.txt\"', shell=True, capture_output=True)"),
+    "updated": ("import os", "os.read(os.open('value.txt', os.O_RDWR | os.O_CREAT), 9)"),
+    "database": ("import sqlite3", "sqlite3.connect('value.txt')"),
+    "forked": ("import multiprocessing", "multiprocessing.get_context('fork').Pool(1).map(np.load, ['value.npy'])"),
     "library": ("import ctypes", "\n    try: ctypes.CDLL('./library.so')\n    except OSError: pass"),
     "of_helper": ("import helper", ""),
     "caught": ("", "\n    try: raise OSError\n    except OSError: open('value.txt').close()"),
@@ -73,6 +79,7 @@ UNDECLARED = {
 FAULTLESS = {
     "declared": ("", "open('declared.txt').read()"),
     "helper": ("import fine_helper", "fine_helper.VALUE"),
+    "linked": ("import linked", "linked.VALUE"),
     "numba": ("from numba import njit\n@njit(cache=True)\ndef f(x): return x + 1", "f(1)"),
     "scipy": ("import scipy.sparse.linalg, scipy.spatial", "scipy.spatial.cKDTree(shape.mesh.vertices)"),
     "sklearn": ("", "import sklearn.manifold; sklearn.manifold.MDS"),
@@ -125,6 +132,8 @@ def write_material(folder: Path) -> None:
         (folder / f"{name}.py").write_text("VALUE = 1\n")
     np.save(folder / "value.npy", np.zeros(2))
     (folder / "library.so").write_bytes(b"\x7fELF")
+    if folder.name == "linked":
+        (folder / "linked.py").symlink_to("program.py")
     if folder.name == "of_helper":
         (folder / "helper.py").write_text("TEXT = open(__file__[:-9] + 'value.txt').read()\n")
     if folder.name == "compiled":
@@ -148,12 +157,23 @@ def test_no_alarm(outcomes, name):
     assert outcomes[name] == "ok"
 
 
-def test_a_job_that_reads_an_undeclared_file_fails_and_leaves_no_form(rods, tmp_path):
+def test_a_job_that_reads_an_undeclared_file_of_its_results_folder_fails_and_leaves_no_form(rods, tmp_path):
     text = PLUGIN.format(name="reading", before="", within="open(__file__[:-3])", files=())
     (tmp_path / "reading.py").write_text(text)
     (tmp_path / "reading").write_text("1")
     plugins = (tmp_path / "reading.py",)
-    (record,) = run_toy(rods, tmp_path / "results", "reading", plugins=plugins, size=1).values()
+    (record,) = run_toy(rods, tmp_path, "reading", plugins=plugins, size=1).values()
     assert (record.status, "declare it in info: files=('reading',)" in record.reason) == ("failed", True)
-    forms = {keys["forms"] for keys in planned(rods, tmp_path / "results", "reading", plugins=plugins)[0].record.keys}
-    assert not any((tmp_path / "results" / "runs" / "forms" / f"{key}.npz").exists() for key in forms)
+    forms = {keys["forms"] for keys in planned(rods, tmp_path, "reading", plugins=plugins)[0].record.keys}
+    assert not any((tmp_path / "runs" / "forms" / f"{key}.npz").exists() for key in forms)
+
+
+def test_a_file_that_one_method_names_is_code_of_all_methods_of_a_plugin(tmp_path):
+    text = PLUGIN.format(name="one", before="VALUE = open(__file__[:-6] + 'value.txt').read()", within="", files=())
+    text += text[text.index("@") :].replace("method", "other").replace('"one"', '"two"').replace("()", "('value.txt',)")
+    (tmp_path / "own.py").write_text(text)
+    keys = set()
+    for value in "12":
+        (tmp_path / "value.txt").write_text(value)
+        keys.add(in_file(tmp_path / "own.py")[0].key()["code"])
+    assert len(keys) == 2
