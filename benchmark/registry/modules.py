@@ -16,7 +16,7 @@ from typing import Any
 from benchmark.code_digest import is_installed, modules_beside, plugin_file, sources_of
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.files import file_digest
-from benchmark.kernels import remove_kernels
+from benchmark.kernels import remove_kernels, suite_sources
 from benchmark.reads import UndeclaredFile, watching
 from benchmark.text import Printed
 
@@ -69,7 +69,7 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     _imported.pop(name, None)  # until this ends well
     _check_helpers(path)
     importlib.invalidate_caches()
-    sources = {*sources_of(target)}
+    sources = {*sources_of(target)}.difference(suite_sources())
     for source in sources:  # compiled code of the same second and size may be of an earlier edit
         with suppress(OSError):
             Path(importlib.util.cache_from_source(source)).unlink(missing_ok=True)

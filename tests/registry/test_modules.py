@@ -54,6 +54,14 @@ def test_a_corrected_file_can_be_imported(tmp_path):
     assert load_module(str(path)) is load_module(f"{path}:Smooth")
 
 
+def test_compiled_code_of_the_suite_outlives_the_import_of_a_plugin(tmp_path, monkeypatch):
+    removed = []
+    monkeypatch.setattr("benchmark.registry.modules.remove_kernels", removed.extend)
+    path = write_plugin(tmp_path / "smooth.py", imports="from benchmark.geometry.geodesics import all_pairs")
+    load_module(str(path))
+    assert removed == [path]
+
+
 def test_a_thread_waits_for_a_module_that_another_one_imports(tmp_path, monkeypatch):
     (tmp_path / "slowly_imported.py").write_text("import time; time.sleep(0.3); Late = 1\n")
     monkeypatch.syspath_prepend(str(tmp_path))
