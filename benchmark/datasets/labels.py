@@ -79,7 +79,7 @@ def cells_of(lines: Sequence[str]) -> list[list[str]]:
     separator = separator_of(lines)
     if separator is None:
         lines = [" ".join(line.split()) for line in lines]
-    read = csv.reader(lines, delimiter=separator or " ", skipinitialspace=True)
+    read = csv.reader(lines, delimiter=separator or " ", skipinitialspace=True, strict=True)
     rows = [[cell.strip() for cell in row] for row in read]
     return [row[:-1] for row in rows] if all(row[-1] == "" for row in rows) else rows
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from benchmark.errors import DepthError
 from benchmark.files import open_file, read_file
-from benchmark.geometry.io import named_errors
+from benchmark.geometry.io import load_arrays, named_errors
 
 if TYPE_CHECKING:
     from PIL import ImageFile
@@ -46,14 +46,16 @@ _FEWEST_VALUES = 16
 
 #: Words in names of files, folders and arrays for what is no depth along the optical axis.
 _OTHER_THAN_DEPTH = {
-    "disparities or inverse depths": r"disp(arity|arities|s)?(?![a-z])|inv(erse)?[-_ ]?depth|idepth|midas",
+    "disparities or inverse depths": r"disp(arit(y|ies)|s)?(?![a-z])|inv(erse)?[-_ ]?depth|depth[-_ ]?inv|idepth|midas",
     "distances along rays": r"(dist(ances?)?(?![-_ ]?to[-_ ]?(image[-_ ]?)?plane)|ranges?|radial|euclid(ean)?|"
     r"ray(s|depths?|lengths?)?)(?![a-z])",
     "values of a z-buffer, or scaled ones": r"(z[-_ ]?buf(fer)?|ndc|log[-_ ]?depth|normali[sz]ed)(?![a-z])",
 }
 
 #: Names of arrays beside depths that say what these mean, or where they are.
-_UNREAD = re.compile("scale|unit|offset|crop|intrinsic|camera|mask|^k$", re.IGNORECASE)
+_UNREAD = re.compile(
+    "scale|unit|offset|factor|crop|intrinsic|camera|mask|^k$|(^|_)(min|max|near|far)(_|$)", re.IGNORECASE
+)
 
 _END_OF_PNG = b"IEND\xaeB`\x82"
 
@@ -262,11 +264,8 @@ def _opened(content: bytes) -> ImageFile.ImageFile:
 
 def _array(content: bytes) -> NDArray[Any]:
     """Return an array, whose size is checked before it is read: a small file can declare any."""
-    stream = io.BytesIO(content)
-    loaded = np.load(stream, allow_pickle=False)
+    loaded = load_arrays(content)
     if isinstance(loaded, np.ndarray):
-        if stream.read(1):
-            raise ValueError("bytes follow the array that its header announces")
         return loaded
     with loaded as archive:
         names = archive.files

@@ -90,7 +90,10 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
 def _matrix(node: Node) -> FloatArray:
     """Return the transform of a node, shape (4, 4), for column vectors."""
     if "matrix" in node:
-        return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+        matrix: FloatArray = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+        if not np.allclose(matrix[3], (0, 0, 0, 1)) or not node.keys().isdisjoint(("rotation", "scale", "translation")):
+            raise ValueError("a node has a matrix that is not affine, or another transform beside it")
+        return matrix
     from scipy.spatial.transform import Rotation
 
     result = np.eye(4)
@@ -112,11 +115,21 @@ def _placed(nodes: list[Node], roots: Iterable[int]) -> dict[int, FloatArray]:
     return placed
 
 
+class _Items(list[Any]):
+    """Objects of one kind by their numbers, of which Python would count negative ones from the end."""
+
+    def __getitem__(self, number: Any) -> Any:
+        if number < 0:
+            raise ValueError(f"it names an object {number}")
+        return super().__getitem__(number)
+
+
 class _File:
     """The arrays of a file and its surfaces."""
 
     def __init__(self, tree: dict[str, Any], binary: bytes | None, path: Path) -> None:
-        self._tree, self._binary, self._path = tree, binary, path
+        self._tree = {name: _Items(of) if isinstance(of, list) else of for name, of in tree.items()}
+        self._binary, self._path = binary, path
         self._read: dict[int, bytes] = {}
 
     def surfaces(self) -> Iterator[Arrays]:

@@ -460,6 +460,15 @@ def read_mat(data: bytes, _: Path) -> Arrays:
     return vertices, _integers(fields["TRIV"].astype(np.float64))
 
 
+def load_arrays(content: bytes) -> Any:
+    """Return the array of a ``.npy`` file, or the archive of an ``.npz`` file; raise ``ValueError`` if more follows."""
+    stream = io.BytesIO(content)
+    loaded = np.load(stream, allow_pickle=False)
+    if isinstance(loaded, np.ndarray) and stream.read(1):
+        raise ValueError("bytes follow the array that its header announces")
+    return loaded
+
+
 def check_expansion(data: bytes) -> None:
     """Raise ``ValueError`` if compressed variables are too large: a few kilobytes can hold terabytes."""
     order, at, left = ">" if data[126:128] == b"MI" else "<", 128, LARGEST_FILE

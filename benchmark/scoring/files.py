@@ -17,7 +17,7 @@ from benchmark.datasets.folder import class_list, folder_set, read_cla
 from benchmark.datasets.labels import cells_of, classes_of, lines_of, read_labels, separator_of
 from benchmark.errors import ConfigurationError, one_line
 from benchmark.files import read_file
-from benchmark.geometry.io import check_expansion, named_errors
+from benchmark.geometry.io import check_expansion, load_arrays, named_errors
 from benchmark.text import nfc
 
 _HINT = "write the matrix as .npy, .npz, .txt, .csv, .mat (-v7), or .matrix of PSB"
@@ -157,9 +157,9 @@ def _read(path: Path, count: int, n_columns: int) -> Any:
         if content.startswith((b"\x89HDF", b"MATLAB 7.3")):
             raise ConfigurationError("it is an HDF5 file, such as MATLAB writes with -v7.3", _HINT)
         if suffix == ".npy":
-            return np.load(io.BytesIO(content), allow_pickle=False)
+            return load_arrays(content)
         if suffix == ".npz":
-            with np.load(io.BytesIO(content), allow_pickle=False) as archive:
+            with load_arrays(content) as archive:
                 if sum(part.file_size for part in archive.zip.infolist()) > _LARGEST:
                     raise ConfigurationError(f"its arrays hold more than {_LARGEST:,} bytes", _HINT)
                 if archive.zip.testzip():
@@ -210,7 +210,8 @@ def _read_text(lines: Sequence[str], size: tuple[int, int]) -> Any:
 
     count, n_columns = size
     try:
-        matrix = np.loadtxt(lines, delimiter=separator_of(lines), ndmin=2)  # the fast way, for most files
+        plain = [line.encode("ascii").replace(b"_", b"?").decode() for line in lines]  # Python takes 1_0 as a number
+        matrix = np.loadtxt(plain, delimiter=separator_of(lines), ndmin=2)  # the fast way, for most files
         if matrix.shape == (size if n_columns else matrix.shape[:1] * 2):
             return matrix
     except ValueError:
@@ -244,7 +245,7 @@ def _is_number(cell: str) -> bool:
 def _number(cell: str) -> Any:
     """Return a cell as a number, in which a comma is decimal; what is none stays, as it may lie on the diagonal."""
     try:
-        return cell if "_" in cell or not cell.isascii() else float(cell.replace(",", "."))
+        return repr(cell) if "_" in cell or not cell.isascii() else float(cell.replace(",", "."))  # 1_0 is none
     except ValueError:
         return cell
 

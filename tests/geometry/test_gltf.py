@@ -186,6 +186,10 @@ REFUSED = {
     "tree['accessors'][0]['sparse'] = {'count': 1}": "accessor 0 is sparse, which is not read; export it in full",
     "del tree['accessors'][0]['bufferView']": "accessor 0 has no data",
     "file.node['scale'] = [float('nan')] * 3": "NaN",
+    "file.node['mesh'] = -1": "it names an object -1",
+    "tree['scene'] = -1": "it names an object -1",
+    "file.node['matrix'] = [1, 0, 0, 0.5, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]": "a matrix that is not affine",
+    "file.node['matrix'], file.node['scale'] = [1, 0, 0, 0] * 4, [1, 1, 1]": "or another transform beside it",
 }  # fmt: skip
 
 

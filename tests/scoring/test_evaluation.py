@@ -279,6 +279,9 @@ def test_damage_is_found(files, tmp_path):
             (tmp_path / name).write_bytes(content[:end])
             with pytest.raises(ConfigurationError):
                 score(tmp_path / name, LABELS)
+    (tmp_path / "m.npy").write_bytes((files / "m.npy").read_bytes() * 2)  # as numpy.save appends
+    with pytest.raises(ConfigurationError, match="bytes follow"):
+        score(tmp_path / "m.npy", LABELS)
     D.astype(">f4").tofile(tmp_path / "m.matrix")
     with pytest.raises(ConfigurationError, match="write it with the lowest byte first"):
         score(tmp_path / "m.matrix", LABELS)
@@ -312,6 +315,8 @@ def test_what_is_no_distance_matrix_is_refused(distances, labels, problem):
         ("m.mat", b"MATLAB 7.3 MAT-file", "m.mat: it is an HDF5 file"),
         ("m.txt", b"1 2\n3\n", "m.txt: row 2 has length 1, not 2"),
         ("m.txt", b"", "m.txt: it is empty"),
+        ("m.txt", b"0 1_0\n1_0 0\n", "not a matrix of numbers.*1_0"),
+        ("m.txt", "0 \u0661\n1 0\n".encode(), "not a matrix of numbers"),
         ("m.csv", b"\xff\xfe", "m.csv: it is empty"),
     ],
 )
@@ -331,7 +336,13 @@ def test_pickles_are_not_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "problem"), [("a\nb c\n", "lines of 1 and 2 words"), ("", "empty"), ("x a\nx b\n", "names a shape twice")]
+    ("text", "problem"),
+    [
+        ("a\nb c\n", "lines of 1 and 2 words"),
+        ("", "empty"),
+        ("x a\nx b\n", "names a shape twice"),
+        ('"x\ny\n', "end of data"),
+    ],
 )
 def test_wrong_labels_are_named(text, problem, tmp_path):
     (tmp_path / "labels.txt").write_text(text)
