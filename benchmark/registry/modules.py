@@ -23,6 +23,9 @@ from benchmark.text import Printed
 #: Contents of the sources of each plugin module when it was imported, and of the files that its methods name.
 _imported: dict[str, list[str]] = {}
 
+#: Environment variables that plugin files changed when they were imported, as they were before; None for new ones.
+_changed: dict[str, str | None] = {}
+
 #: Held while a plugin file is imported: standard output belongs to all threads.
 _importing = threading.RLock()
 
@@ -59,6 +62,11 @@ def load_module(target: str) -> ModuleType:
         raise ConfigurationError(f"{path or name} cannot be imported: {locate(error)}", hint) from error
 
 
+def environment() -> dict[str, str]:
+    """Return the environment of other processes: what a plugin changes in it is for its own, which imports it anew."""
+    return {variable: value for variable, value in (os.environ | _changed).items() if value is not None}
+
+
 def import_plugins_anew() -> None:
     """Let each plugin file be imported again, with its helpers, when it is needed next."""
     _imported.clear()
@@ -78,10 +86,13 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     for known in [known for known, module in sys.modules.items() if _file_of(module, names) in files]:
         if not is_installed(known):
             del sys.modules[known]
-    contents = _contents(target)
+    contents, before = _contents(target), dict(os.environ)
     with chdir("."), watching(target) as declared:  # which it may change
         module = _execute(name, path)
         declared += [path.parent / file for file in named_files(module)]
+    for variable in {*before, *os.environ}:
+        if os.environ.get(variable) != before.get(variable):
+            _changed.setdefault(variable, before.get(variable))
     _imported[name] = contents + _contents(target, named_files(module))[len(contents) :]
     return module
 

@@ -17,10 +17,14 @@ from multiprocessing.connection import Pipe, wait
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.prepared import Incomplete
 from benchmark.registry.components import THIS_PROCESS
+from benchmark.registry.modules import environment
 from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 
 #: Seconds between looks at the workers, and most of them that count between two: a machine may be paused.
 INTERVAL, _LONGEST_INTERVAL = 0.2, 1.0
+
+#: Bytes of a message: in those that a plugin writes into the connection of its worker, a length that is no length.
+_LONGEST_MESSAGE = 2**28
 
 #: Shapes of any data set.
 _MANY = 10**6
@@ -96,6 +100,7 @@ class Worker:
                 self._process = _starter.submit(
                     subprocess.Popen, command,
                     stdin=subprocess.DEVNULL, stdout=2, pass_fds=[theirs.fileno()], start_new_session=True,
+                    env=environment(),
                 ).result()  # fmt: skip
         except OSError as error:
             problem = f"no process can be started: {error.strerror}"
@@ -117,7 +122,7 @@ class Worker:
             return
         try:
             while self.waiting and self.connection.poll():
-                message = self.connection.recv()
+                message = pickle.loads(self.connection.recv_bytes(_LONGEST_MESSAGE))  # noqa: S301
                 if isinstance(message, Outcome):
                     yield self.waiting.popleft(), message
                 elif message is None:
@@ -125,9 +130,11 @@ class Worker:
                 else:
                     self._uncharged.append(message)
                 self._restart_clock()
-        except (EOFError, OSError, pickle.UnpicklingError):
+        except Exception:  # it has ended, or what it runs wrote into the connection
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(1)
+            self._process.kill()
+            self._process.wait()
         before, self._looked = self._looked, time.monotonic()
         self._left -= min(self._looked - before, _LONGEST_INTERVAL)
         if self.waiting and not self.is_alive:

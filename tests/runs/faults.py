@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -151,3 +152,11 @@ def debugged(shape):
 def flat(shape):
     """Halve the height."""
     return shape.mesh.vertices * [1.0, 1.0, 0.5]
+
+
+@canonical_form(name="noisy", title="Writes into everything that is open")
+def noisy(shape):
+    for number in range(3, 30):
+        with suppress(OSError):
+            os.write(number, b"noise")
+    time.sleep(3600)

@@ -17,21 +17,23 @@ import pytest
 
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.records import read_records
+from benchmark.registry.modules import load_module
 from benchmark.runs import runner
 from benchmark.runs.runner import run
+from benchmark.runs.workers import Worker
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 from tests.toy import wait_for
 
 FAULTY = (
     "fine", "bug", "exits", "os-exit", "segfault", "hang", "memory", "nan", "short", "picky",
-    "refuses", "first-three", "last-three", "prints",
+    "refuses", "first-three", "last-three", "prints", "noisy",
 )  # fmt: skip
 
 #: Status and reason of each.
 ENDINGS = {
-    "bug": ("failed", "thick0: faults.py:36: ZeroDivisionError: division by zero"),
-    "exits": ("failed", "thick0: faults.py:41: SystemExit: 3"),
+    "bug": ("failed", "thick0: faults.py:37: ZeroDivisionError: division by zero"),
+    "exits": ("failed", "thick0: faults.py:42: SystemExit: 3"),
     "os-exit": ("crashed", "thick0: the process ended with exit code 3"),
     "segfault": ("crashed", "thick0: the process ended with SIGSEGV"),
     "hang": ("timeout", "thick0: stopped after 4 s; pass a longer --timeout"),
@@ -79,6 +81,12 @@ def test_a_fault_ends_its_job_and_says_where(faulty, name):
     first = {"thick0", "thin0", "thick1", "thin1"}  # which shape is first depends on the workers
     shape, _, rest = record.reason.partition(": ")
     assert (record.status, rest.startswith(reason.partition(": ")[2]), shape in first) == (status, True, True), record
+
+
+@pytest.mark.slow
+def test_a_method_that_writes_into_the_connection_of_its_process_does_not_hang_the_run(faulty):
+    record = faulty[0]["noisy"]
+    assert (record.status, "the process ended with SIGKILL" in record.reason) == ("incomplete", True)
 
 
 @pytest.mark.slow
@@ -302,3 +310,12 @@ def test_a_system_without_the_libraries_of_pymeshlab_ends_the_run_with_the_remed
     with pytest.raises(BenchmarkError, match=r"pymeshlab cannot be imported: .*; on Debian and Ubuntu: apt-get"):
         run_toy(rods, tmp_path / "results", "identity")
     assert not read_records(tmp_path / "results")
+
+
+def test_what_a_plugin_sets_in_the_environment_reaches_no_other_process(tmp_path, monkeypatch):
+    monkeypatch.setenv("OF_USER", "before")
+    load_module(str(write_plugin(tmp_path / "own.py", imports="import os\nos.environ['OF_USER'] = 'after'")))
+    worker = Worker(2**32, 1)
+    worker._start()
+    assert psutil.Process(worker._process.pid).environ()["OF_USER"] == "before"
+    worker.close()
