@@ -7,7 +7,7 @@ RUN pip wheel --no-cache-dir --no-deps --wheel-dir /wheels .
 FROM python:3.11-slim
 # What pymeshlab loads.
 RUN apt-get update \
-    && apt-get install -y --no-install-recommends libgl1=1.* libopengl0=1.* libfontconfig1=2.* \
+    && apt-get install -y --no-install-recommends libgl1=1.* libopengl0=1.* libfontconfig1=2.* libcom-err2=1.* \
     && rm -rf /var/lib/apt/lists/* \
     && useradd --uid 1000 --create-home user \
     && install -d -o 1000 /work

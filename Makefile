@@ -28,9 +28,9 @@ methods = $(addprefix -m ,$(1))
 setup: $(READY)
 
 # What pymeshlab loads, and venv needs, on a bare Linux; named before 2 GB are fetched.
-LIBRARIES := 'libGL.so.1', 'libOpenGL.so.0', 'libfontconfig.so.1'
+LIBRARIES := 'libGL.so.1', 'libOpenGL.so.0', 'libfontconfig.so.1', 'libcom_err.so.2'
 CHECK := import ctypes, ensurepip, sys; sys.platform == 'linux' and [ctypes.CDLL(name) for name in ($(LIBRARIES))]
-MISSING := pymeshlab and venv need libraries: apt-get install python3-venv libgl1 libopengl0 libfontconfig1
+MISSING := pymeshlab and venv need libraries: apt-get install python3-venv libgl1 libopengl0 libfontconfig1 libcom-err2
 
 # Python compiles a module when it is imported first; compiling them all would take longer than the rest.
 $(RUNNABLE): pyproject.toml constraints.txt

@@ -242,7 +242,7 @@ def import_pymeshlab() -> Any:
     try:
         import pymeshlab
     except ImportError as error:
-        hint = "on Debian and Ubuntu: apt-get install libgl1 libopengl0 libfontconfig1"
+        hint = "on Debian and Ubuntu: apt-get install libgl1 libopengl0 libfontconfig1 libcom-err2"
         raise ConfigurationError(f"pymeshlab cannot be imported: {error}", hint) from error
     return pymeshlab
 
