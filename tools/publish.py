@@ -19,14 +19,7 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.pipeline.cache import storing
 from benchmark.pipeline.environment import has_edits
-from benchmark.pipeline.records import (
-    Record,
-    encode,
-    published_distances,
-    read_distances,
-    read_files,
-    read_records,
-)
+from benchmark.pipeline.records import Record, encode, published_distances, read_distances, read_files, read_records
 from benchmark.protocols.tables import PARTS
 from benchmark.reference.paper import MEASURES
 from benchmark.registry import BUILT_IN

@@ -48,9 +48,8 @@ from benchmark.pipeline.prepared import (
 )
 from benchmark.pipeline.search import search
 from benchmark.registry import Component, select_one
-from benchmark.report.drawing import check_ending, save_png
+from benchmark.report.drawing import check_ending
 from benchmark.report.forms import Drawn, StoredForms, seen, upright
-from benchmark.report.sheets import frame_picture, mesh_picture, retrieved_picture
 from benchmark.runs.planning import Planned
 from benchmark.text import say, say_table
 
@@ -78,7 +77,7 @@ def canonicalise(paths: Sequence[Path], method: str, options: Selection, output:
     if options.picture is not None:
         mesh = read_mesh(source)  # the form may have the vertices of the prepared mesh
         drawn = mesh if mesh.n_vertices == len(form.vertices) else prepare(mesh, N_VERTICES).mesh
-        save_png(mesh_picture(drawn, form.mesh), options.picture)
+        _save("mesh_picture", options.picture, drawn, form.mesh)
     facts = _facts(form.notes)
     if form.vertex_map is not None:
         numbers = output.with_suffix(".vertices.txt")
@@ -93,6 +92,13 @@ def _check_targets(path: Path, picture: Path | None) -> None:
     check_ending(picture)
     if path.suffix.lower() not in WRITABLE:
         raise ConfigurationError(f"{path} is not the name of a mesh file", f"use {', '.join(WRITABLE)}")
+
+
+def _save(sheet: str, path: Path, *shown: Any) -> None:
+    """Draw and write a picture."""
+    from benchmark.report import figures, sheets  # matplotlib takes half a second
+
+    figures.save(getattr(sheets, sheet)(*shown), path)
 
 
 def _facts(notes: Mapping[str, float | str]) -> list[str]:
@@ -188,7 +194,7 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
         seconds = time.perf_counter() - start
         write_mesh(target, form.mesh)
         if picture:
-            save_png(frame_picture(observed.depths, observed.mask, observed.surface, form.mesh), picture)
+            _save("frame_picture", picture, observed.depths, observed.mask, observed.surface, form.mesh)
         facts = [fact for fact in _facts(form.notes) if len(frames) == 1 or fact.startswith("doubt")]
         say(", ".join([f"{count}{target}: {len(form.vertices)} vertices, {seconds:.2f} s", *facts]))
     if failures:
@@ -232,7 +238,7 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
         panels: list[tuple[str, Drawn | None]] = [(f"query\n{query.name}\n", drawn)]
         for rank, *texts in rows:
             panels.append((f"{rank}. " + "\n".join(texts), stored.upright(gallery, texts[0])))
-        save_png(retrieved_picture(panels), options.picture)
+        _save("retrieved_picture", options.picture, panels)
     if hits[0].distance == 0:
         say(f"{hits[0].shape} has the distance 0: the gallery holds the query, or its copy", err=True)
     margin = f"a margin of {nearest.margin:.1%} over the second class"

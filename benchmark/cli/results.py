@@ -106,7 +106,7 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
     from benchmark.report.drawing import check_ending
     from benchmark.report.forms import StoredForms
 
-    check_ending(path, figures.ENDINGS)
+    check_ending(path)
     if path.exists() and not force:
         raise ConfigurationError(f"{path} is there already", "choose another file, or pass --force")
     views = selected_tables(options, recorded(options))

@@ -10,13 +10,7 @@ from pandas import DataFrame, Series, concat
 
 from benchmark.errors import ConfigurationError
 from benchmark.reference.paper import MEASURES
-from benchmark.report.statistics import (
-    ALPHA,
-    FEWEST_CLASSES,
-    class_intervals,
-    permutation_test,
-    sign_flip_test,
-)
+from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, class_intervals, permutation_test, sign_flip_test
 from benchmark.report.tables import SAME, Row, TableView, least_difference
 
 ALONE, AMONG = "planned alone", "among the {} rows of the table"

@@ -1,4 +1,4 @@
-"""Draw surfaces and depth images without OpenGL, with the scorer's rasteriser and simple shading.
+"""Draw surfaces without OpenGL, with the scorer's rasteriser and simple shading.
 
 On coloured surfaces, the colour shows how far a point is from the centre of the body.
 """
@@ -6,7 +6,6 @@ On coloured surfaces, the colour shows how far a point is from the centre of the
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from benchmark.errors import ConfigurationError
-from benchmark.files import write_atomically
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
@@ -31,6 +29,9 @@ _PLAIN = np.array([0.60, 0.68, 0.77])
 
 #: View of forms, whose errors in depth do not show from the front.
 OBLIQUE = Camera((-0.9, 0.0, -1.0), (0.0, 1.0, 0.0))
+
+#: File extensions of pictures and figures.
+ENDINGS = (".png", ".pdf", ".svg")
 
 _SOURCES = 48
 _FINER = 2
@@ -109,27 +110,13 @@ def _light(depth: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.fl
     return np.asarray(0.52 + 0.62 * np.clip(normal @ _LAMP, 0, 1) * (0.55 + 0.45 * normal[:, 2]))
 
 
-def depth_picture(depth: NDArray[np.float32], size: int) -> Image.Image:
-    """Return the picture, shape (h, h), of a larger depth image: near points are bright, the background is white."""
-    seen = depth > 0
-    low, high = (float(depth[seen].min()), float(depth[seen].max())) if seen.any() else (0.0, 0.0)
-    grey = np.where(seen, 0.15 + 0.75 * (depth - low) / max(high - low, 1e-9), 1.0)
-    picture = Image.fromarray(np.round(255 * grey).astype(np.uint8)).convert("RGB")
-    return picture.resize((size, size), Image.Resampling.BOX)
-
-
 def webp(image: Image.Image, quality: int = 80) -> bytes:
     """Return a picture as WebP."""
     image.save(stream := io.BytesIO(), format="WEBP", quality=quality, alpha_quality=quality)
     return stream.getvalue()
 
 
-def check_ending(path: Path | None, endings: Sequence[str] = (".png",)) -> None:
+def check_ending(path: Path | None) -> None:
     """Raise ``ConfigurationError`` for a picture that cannot be written, if one is wanted, before all computations."""
-    if path is not None and path.suffix.lower() not in endings:
-        raise ConfigurationError(f"{path} is not the name of a picture", f"use {', '.join(endings)}")
-
-
-def save_png(image: Image.Image, path: Path) -> None:
-    """Write a PNG."""
-    write_atomically(path, lambda file: image.save(file, format="PNG", optimize=True))
+    if path is not None and path.suffix.lower() not in ENDINGS:
+        raise ConfigurationError(f"{path} is not the name of a picture", f"use {', '.join(ENDINGS)}")

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from statistics import mode
 from textwrap import fill
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import matplotlib as mpl
 import numpy as np
@@ -66,9 +66,6 @@ _UNDATED: dict[str, dict[str, str | None]] = {
     ".svg": {"Date": None, "Creator": None},
 }
 
-#: File extensions of figures.
-ENDINGS = tuple(_UNDATED)
-
 
 def shown_rows(view: TableView) -> list[tuple[Row, Scored]]:
     """Return printed rows with their scores in the first column that has some; titles name another than the table's."""
@@ -89,10 +86,10 @@ def class_means(view: TableView) -> DataFrame:
     return means[means.mean().sort_values().index]
 
 
-def map_figure(view: TableView, forms: StoredForms) -> Figure:
+def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
     """Draw the shapes as points whose distances have the order of those of each row, and lines to the mean of a class.
 
-    A ring marks a shape whose nearest match is of another class.
+    A ring marks a shape whose nearest match is of another class. Points lead to the queries of a page, if it is named.
 
     Raises
     ------
@@ -123,8 +120,7 @@ def map_figure(view: TableView, forms: StoredForms) -> Figure:
                 place.annotate(clean(label), centre, fontsize=_SIZE, ha="center", va="center", parse_math=False,
                                zorder=0, bbox={"pad": 0.4, "lw": 0, "fc": "white", "alpha": 0.7})  # fmt: skip
         place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED)
-        # A report makes addresses of queries of these.
-        addresses = [f"#{file_name(name)}" for name in names.tolist()]
+        addresses = [f"{page}-{file_name(name)}" for name in names.tolist()] if page else None
         place.scatter(points[:, 0], points[:, 1], 9, COLOURS[row.kind], urls=addresses)
         place.set_title(fill(row.title, 30), fontsize=_SIZE, parse_math=False)
     return figure
@@ -147,7 +143,7 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
     ConfigurationError
         If there is no such shape, or no form of these shapes is stored.
     """
-    records = effect_records(view)
+    records = {row.title: of for row, of in first_records(view).items() if row.kind in ("form", "network")}
     if not records:
         raise ConfigurationError(f"no selected row of table {view.table.identifier} has forms", "select another method")
     first = next(iter(records.values()))
@@ -168,21 +164,33 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
 
 def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera) -> Figure:
     """Draw columns of pictures, each column at one scale and with one centre."""
-    n_rows = max(len(drawn) for _, drawn in columns)
     side = min(WIDTH / len(columns), _TALLEST)
-    figure = Figure((WIDTH, _HEAD + n_rows * side))
+    panels = []
+    for title, drawn in columns:
+        frame = np.concatenate([each.mesh.vertices for each in drawn if each])
+        pictures = [each and shaded(each.mesh, camera, round(side * DPI), each.values, frame) for each in drawn]
+        panels.append((fill(title, round(18 * side)), pictures))
+    figure = grid(panels, side)
+    for number, (_, drawn) in enumerate(columns):
+        for place, each in zip(figure.axes[number :: len(columns)], drawn, strict=False):
+            place.text(0.5, 0, "mirrored" * (each is not None and each.is_mirrored), ha="center", fontsize=5,
+                       transform=place.transAxes)  # fmt: skip
+    return figure
+
+
+def grid(columns: Sequence[tuple[str, Sequence[Any]]], side: float = 1.0) -> Figure:
+    """Return a figure of columns of pictures, each below its title and of a side in inches; None is no picture."""
+    n_rows = max(len(pictures) for _, pictures in columns)
+    figure = Figure((side * len(columns), _HEAD + n_rows * side))
     axes = figure.subplots(n_rows, len(columns), squeeze=False)
     figure.subplots_adjust(0, 0, 1, n_rows * side / (_HEAD + n_rows * side), 0, 0)
     for place in figure.axes:
         place.axis("off")
-    for places, (title, drawn) in zip(axes.T, columns, strict=True):
-        places[0].set_title(fill(title, round(18 * side)), fontsize=_SIZE, parse_math=False)
-        frame = np.concatenate([each.mesh.vertices for each in drawn if each])
-        pictures = [each and shaded(each.mesh, camera, round(side * DPI), each.values, frame) for each in drawn]
-        for place, picture, each in zip(places, pictures, drawn, strict=False):
-            if picture and each:
-                place.imshow(np.asarray(picture))
-                place.text(0.5, 0, "mirrored" * each.is_mirrored, ha="center", fontsize=5, transform=place.transAxes)
+    for places, (title, pictures) in zip(axes.T, columns, strict=True):
+        places[0].set_title(title, fontsize=_SIZE, parse_math=False)
+        for place, picture in zip(places, pictures, strict=False):
+            if picture is not None:
+                place.imshow(np.asarray(picture), cmap="gray")
     return figure
 
 
@@ -191,11 +199,6 @@ def first_records(view: TableView) -> dict[Row, Record]:
     every = {row: one.all_records[0] for row, one in shown_rows(view)}
     gallery = mode(record.gallery for record in every.values()) if every else ""
     return {row: record for row, record in every.items() if record.gallery == gallery}
-
-
-def effect_records(view: TableView) -> dict[str, Record]:
-    """Return the first records of rows that make forms, by the title of the row."""
-    return {row.title: of for row, of in first_records(view).items() if row.kind in ("form", "network")}
 
 
 def _some(values: Sequence[T], most: int) -> list[T]:
@@ -217,8 +220,8 @@ def save(figure: Figure, path: Path) -> None:
     write_atomically(path, lambda file: file.write(encode(figure, path.suffix.lower())))
 
 
-def encode(figure: Figure, ending: str, dpi: int = DPI) -> bytes:
+def encode(figure: Figure, ending: str) -> bytes:
     """Return a figure as PDF, PNG or SVG, without dates; publishers take the fonts (Type 42)."""
     with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42}):
-        figure.savefig(file := io.BytesIO(), format=ending[1:], metadata=_UNDATED[ending], dpi=dpi)
+        figure.savefig(file := io.BytesIO(), format=ending[1:], metadata=_UNDATED[ending], dpi=DPI)
     return file.getvalue()

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
-from benchmark.protocols.tables import ROUND, Kind
+from benchmark.protocols.tables import ROUND
 from benchmark.reference.paper import MEASURES
 from benchmark.report.frames import seconds_of
 from benchmark.report.statistics import FEWEST_CLASSES
@@ -46,7 +45,6 @@ def table_notes(view: TableView) -> list[str]:
         "Ranks by spherical harmonics: {}.": _moves(view),
         "Published with the suite, not run here: {}.": _published(rows),
         "Trained with one seed, so no spread over seeds: {}.": listed(_trained_once(rows), "; "),
-        "Seconds come from several machines: {}.": _machines(rows),
     }
     tested = [len({*next(iter(rivals.values())).labels}) for rivals, _ in view.tests.values()]
     fewest = min([n for n in tested if n >= FEWEST_CLASSES], default=0)
@@ -55,38 +53,20 @@ def table_notes(view: TableView) -> list[str]:
     return [*found, "How a method departs from its source: 'python -m benchmark describe METHOD'."]
 
 
-class Lead(NamedTuple):
-    """The best row of a block in a column, its score, before how many others it certainly is, and the classes."""
-
-    column: str
-    kind: Kind
-    row: Row
-    score: float
-    n_behind: int
-    n_others: int
-    n_classes: int
-
-
-def block_leads(view: TableView) -> Iterator[Lead]:
-    """Yield which row leads each block of each column in DCG; with too few classes, none does so certainly."""
-    for (title, kind), (rivals, certain) in view.tests.items():
-        scores = [one.means[MEASURES[-1]] for one in rivals.values()]
-        best = int(np.argmax(scores))
-        row = next(row for row in view.rows if row.method == [*rivals][best])
-        counts = int(certain[best, :, -1].sum()), len(rivals) - 1, len({*next(iter(rivals.values())).labels})
-        yield Lead(title, kind, row, scores[best], *counts)
-
-
 def leads(view: TableView) -> list[str]:
     """Say for each column which row leads its block, and before how many it does so certainly."""
     said: dict[str, list[str]] = {}
-    for lead in block_leads(view):
-        if lead.n_classes < FEWEST_CLASSES:
-            said[lead.column] = [f"{lead.n_classes} classes decide nothing here"]
+    for (title, kind), (rivals, certain) in view.tests.items():
+        n_classes = len({*next(iter(rivals.values())).labels})
+        if n_classes < FEWEST_CLASSES:
+            said[title] = [f"{n_classes} classes decide nothing here"]
             continue
-        score = f"{MEASURES[-1]} ({lead.score:.2f})".replace("0.", ".")
-        before = f"certainly before {lead.n_behind or 'none'} of {lead.n_others}"
-        said.setdefault(lead.column, []).append(f"{BLOCKS[lead.kind]}: {lead.row.title} leads in {score}, {before}")
+        scores = [one.means[MEASURES[-1]] for one in rivals.values()]
+        best = int(np.argmax(scores))
+        row = next(row for row in view.rows if row.method == [*rivals][best])
+        before = f"{certain[best, :, -1].sum() or 'none'} of {len(rivals) - 1}"
+        score = f"{MEASURES[-1]} ({scores[best]:.2f})".replace("0.", ".")
+        said.setdefault(title, []).append(f"{BLOCKS[kind]}: {row.title} leads in {score}, certainly before {before}")
     return [f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "." for title, of in said.items()]
 
 
@@ -116,7 +96,9 @@ def _columns(view: TableView) -> Iterator[str]:
         yield "Beside means over folds: the least and the greatest fold."
     if any(row.method in view.seconds for row in view.printed_rows):
         of, why = ("processor", "") if view.has_processor_time else ("wall", "; older records have no processor time")
-        yield f"s: median {of} seconds per shape for form and geodesics{why}."
+        timed = [record for row in view.printed_rows for record in row.records if seconds_of(record) is not None]
+        names = listed(dict.fromkeys(brief(name) for record in timed for name in record.machines or ["unknown"]), "; ")
+        yield f"s: median {of} seconds per shape for form and geodesics{why}; machine: {names}."
 
 
 def _undecided(view: TableView) -> Iterable[str]:
@@ -210,10 +192,3 @@ def _published(rows: Iterable[Row]) -> str:
         return ""
     commits = sorted({row.records[0].commit[:8] for row in published} - {""})
     return listed(row.title for row in published) + (f" ({', '.join(commits)})" if commits else "")
-
-
-def _machines(rows: Iterable[Row]) -> str:
-    """Name the machines that made the forms, if they differ."""
-    timed = [record for row in rows for record in row.records if seconds_of(record) is not None]
-    names = dict.fromkeys(name for record in timed for name in record.machines or ["unknown"])
-    return listed(map(brief, names), "; ") if len(names) > 1 else ""

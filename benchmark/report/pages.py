@@ -27,7 +27,7 @@ from benchmark.report.figures import MEASURE
 from benchmark.report.formats import BLOCKS, blocks, hundredths
 from benchmark.report.forms import Drawn, StoredForms, thumbnail
 from benchmark.report.frames import changed, file_name
-from benchmark.report.notes import block_leads, leads, table_notes
+from benchmark.report.notes import leads, table_notes
 from benchmark.report.statistics import INTERVALS
 from benchmark.report.tables import Row, Scored, TableView
 from benchmark.text import clean, say
@@ -74,10 +74,8 @@ class Pages:
     views: Sequence[TableView]
     files: dict[str, str | bytes] = field(default_factory=dict)
 
-    def add(self, name: str, template: str, title: str, views: Iterable[TableView], **content: Any) -> None:
-        """Add a page about some tables."""
-        records = [record for view in views for row in view.printed_rows for record in row.records]
-        content["machines"] = "; ".join(dict.fromkeys(machine for record in records for machine in record.machines))
+    def add(self, name: str, template: str, title: str, **content: Any) -> None:
+        """Add a page."""
         content["tables"] = {"index": "Overview"} if len(self.views) > 1 else {}
         content["tables"] |= {view.stem: _label(view) for view in self.views if self.main(view) is view}
         self.files[name] = _TEMPLATES.get_template(template).render(title=title, here=name, **content)
@@ -111,8 +109,7 @@ def report_files(results: Path, views: Sequence[TableView], data_root: Path | No
     pages = Pages(StoredForms(results, data_root), views)
     pages.files |= {name: fixed_file(name) for name in ("style.css", "table.css", "report.js")}
     listed = [_add_table(pages, view) for view in views if pages.main(view) is view]
-    content = {"kinds": {}, "stem": "index", "matrix": _matrix(pages, views)}
-    pages.add("index.html", "index.html", "Canonical forms benchmark", views, **content)
+    pages.add("index.html", "index.html", "Canonical forms benchmark", stem="index", matrix=_matrix(pages, views))
     if len(views) == 1:
         pages.files["index.html"] = pages.files[f"{views[0].stem}.html"]
     if any("Forms" in kinds.values() for kinds in listed):
@@ -142,7 +139,7 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     for name, kind in kinds.items():
         ending = name.removeprefix(view.stem).removesuffix(".html")
         title = _title(view) + (ending and f": {kind.lower()}")
-        pages.add(name, f"{kind.lower()}.html", title, [view], kinds=kinds, stem=view.stem, **content[ending])
+        pages.add(name, f"{kind.lower()}.html", title, kinds=kinds, stem=view.stem, **content[ending])
     return kinds
 
 
@@ -167,10 +164,13 @@ def _leads(columns: Mapping[tuple[int, str], tuple[TableView, Column]]) -> list[
     """Say for each block and group which row is certainly above all others on which data."""
     found: dict[str, list[str]] = {}
     for (group, label), (view, column) in sorted(columns.items()):
-        for lead in block_leads(view):
-            is_shown = lead.column == column.title and (group, lead.kind) != (0, "network")  # which see views
-            if is_shown and lead.n_behind == lead.n_others:
-                found.setdefault(f"{BLOCKS[lead.kind]}, {GROUPS[group].lower()}: {lead.row.title}", []).append(label)
+        for kind, name in BLOCKS.items():
+            rivals, certain = view.tests.get((column.title, kind), ({}, np.zeros((0, 0, 1))))
+            best = max(rivals, key=lambda method: rivals[method].means[MEASURE], default="")
+            is_above = best and certain[[*rivals].index(best), :, -1].sum() == len(rivals) - 1
+            if is_above and (group, kind) != (0, "network"):  # which see views
+                title = next(row.title for row in view.rows if row.method == best)
+                found.setdefault(f"{name}, {GROUPS[group].lower()}: {title}", []).append(label)
     return [f"{leader} on {'; '.join(labels)}." for leader, labels in sorted(found.items())]
 
 
@@ -371,11 +371,10 @@ def _map(pages: Pages, view: TableView) -> str:
     """Add the map of a column as a file whose points lead to queries, and return its name; "" without distances."""
     name, title = f"{view.stem}-map-{file_name(view.columns[0].title.replace(' ', '-'))}.svg", view.columns[0].title
     try:
-        svg = figures.encode(figures.map_figure(view, pages.forms), ".svg")
+        page = f"{view.stem}-queries.html#{file_name(title)}"
+        svg = figures.encode(figures.map_figure(view, pages.forms, page), ".svg")
     except ConfigurationError:
         return ""
-    address = f'<a xlink:href="{view.stem}-queries.html#{file_name(title)}-'
-    svg = svg.replace(b'<a xlink:href="#', address.encode())
     pages.files[name] = svg.replace(b'target="_blank"', b'target="_top"')
     return name
 

@@ -20,14 +20,7 @@ from pandas import DataFrame, concat
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.data_names import label_data_sets
-from benchmark.pipeline.records import (
-    DEFAULT_SCORER,
-    Record,
-    read_distances,
-    read_form,
-    read_records,
-    read_vertex_map,
-)
+from benchmark.pipeline.records import DEFAULT_SCORER, Record, read_distances, read_form, read_records, read_vertex_map
 from benchmark.report.frames import fold_of, kind_of, scores_frame, seconds_of
 
 __all__ = ["Results", "open_results"]

@@ -168,7 +168,7 @@ def test_notes_say_what_s_is_why_a_score_is_missing_and_what_was_seen_in_trainin
     seen = record("learned", dataset="tosca", input_="view", models=[], seen=["cat0", "owl8"])
     table, _ = table_views([record("gps", dataset="tosca"), seen], ["III"], paper=True)
     found = "\n".join(table_notes(table))
-    assert "s: median wall seconds per shape for form and geodesics; older records have no processor time." in found
+    assert "geodesics; older records have no processor time; machine: unknown." in found
     assert "Depth network (no model was trained for this data, or it was not run)" in found
     assert "Classic MDS, Fast MDS, Non-metric MDS, 4 more (not run)" in found
     assert "Trained on the classes of: Depth network, 128 px 8 of 12 shapes (ours)" in found
@@ -282,8 +282,8 @@ def test_robustness_has_a_line_for_each_change_and_strength_below_the_unchanged_
 def test_seconds_are_of_the_processor_unless_an_old_record_has_only_those_of_the_wall():
     new, old = record("gps", processor_seconds={"canonicalise": 2.0, "geodesics": 0.25}), record("skeleton")
     for records, seconds, note in (
-        ([new], {"gps": 2.25}, "s: median processor seconds per shape for form and geodesics."),
-        ([new, old], {"gps": 1.5, "skeleton": 1.5}, "older records have no processor time."),
+        ([new], {"gps": 2.25}, "s: median processor seconds per shape for form and geodesics; machine: unknown."),
+        ([new, old], {"gps": 1.5, "skeleton": 1.5}, "older records have no processor time; machine: unknown."),
     ):
         shown = view(*records)
         assert shown.seconds == seconds
@@ -297,9 +297,12 @@ def test_seconds_are_of_the_processor_unless_an_old_record_has_only_those_of_the
 
 def test_seconds_of_several_machines_are_told_apart():
     here, there = record("skeleton", machines=["A, 2 cores"]), record("gps", machines=["B, 4 cores"])
-    assert "Seconds come from several machines: B, 4 cores; A, 2 cores." in table_notes(view(here, there))
-    assert "Seconds come from several machines: unknown; A, 2 cores." in table_notes(view(here, record("gps")))
-    assert not any("machines" in note for note in table_notes(view(here, record("gps", machines=["A, 2 cores"]))))
+    for other, named in (
+        (there, "B, 4 cores; A, 2 cores"),
+        (record("gps"), "unknown; A, 2 cores"),
+        (here, "A, 2 cores"),
+    ):
+        assert any(f"; machine: {named}." in note for note in table_notes(view(here, other)))
 
 
 @pytest.mark.parametrize(
