@@ -9,7 +9,6 @@ import pytest
 
 from benchmark import code_digest, kernels
 from benchmark.kernels import compiled_kernels, drop_stale_kernels
-from tests import conftest
 
 KERNEL = (
     "from numba import njit\nfrom {origin} import {name}\n\n\n@njit(cache=True)\ndef kernel(x):\n    return {name}\n"
@@ -59,13 +58,6 @@ def test_what_was_compiled_from_other_code_goes(sources, edited, kept):
     os.utime(path, (0, 0))  # an older file that was put in its place
     drop_stale_kernels()
     assert {source.stem for source in sources if compiled_kernels(source)} == kept
-
-
-def test_pytest_drops_stale_kernels_before_its_tests(monkeypatch):
-    dropped = []
-    monkeypatch.setattr(conftest, "drop_stale_kernels", lambda: dropped.append(True))
-    conftest.pytest_configure(object())
-    assert dropped
 
 
 @pytest.mark.slow

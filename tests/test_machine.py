@@ -21,7 +21,3 @@ def test_a_container_limits_memory(tmp_path, monkeypatch, groups, files, memory)
     monkeypatch.setattr(machine, "_MOUNTED", tmp_path)
     monkeypatch.setattr(machine, "_GROUPS", tmp_path / "groups")
     assert machine.memory_limit() == memory
-
-
-def test_there_is_a_core():
-    assert machine.available_cores() >= 1

@@ -6,23 +6,9 @@ from scipy.linalg import eigh
 
 from baselines._kernels.few_rows import farthest_points
 from baselines.accelerated_mds import AcceleratedMDS
-from baselines.classic_mds import ClassicMDS
 from baselines.fast_classical_scaling import FastClassicalScaling
 from baselines.fast_mds import FastMDS
 from tests.baselines.embedding import PointShape, RowsOnly, limbed, points_on_ellipsoid, spread
-
-
-@pytest.mark.parametrize(
-    ("method", "tolerance"),
-    [
-        (AcceleratedMDS(samples=120), 1e-5),
-        (FastClassicalScaling(samples=120, fidelity=1e12), 1e-4),
-    ],
-)
-def test_all_vertices_as_samples_give_classic_scaling(method, tolerance):
-    shape = limbed(120)
-    classic = ClassicMDS().canonicalise(shape).vertices
-    np.testing.assert_allclose(method.canonicalise(shape).vertices, classic, atol=tolerance)
 
 
 @pytest.mark.parametrize(("samples", "fidelity"), [(20, 50.0), (30, 1e8), (12, 0.1)])

@@ -14,7 +14,6 @@ from baselines._kernels.curve_skeleton import (
     _bones,
     _mean_displacements,
     _merge_junctions,
-    contraction_skeleton,
 )
 from baselines.skeleton import Skeleton, bones_of_triangles, follow_rotations
 from benchmark.api.contracts import Mesh
@@ -129,19 +128,6 @@ def test_joints_are_centred_and_merged_as_in_the_released_code():
     np.testing.assert_array_equal(np.unique(owners, return_inverse=True)[1], merged)
 
 
-def test_of_a_y_has_three_branches():
-    """Three arms of different length that meet at the origin."""
-    skeleton = contraction_skeleton(y_shape())
-    degrees = np.bincount(skeleton.bones.ravel())
-    assert sorted(degrees[degrees != 2].tolist()) == [1, 1, 1, 3]
-    # The prepared mesh has area 1.
-    factor = np.linalg.norm(y_shape().vertices, axis=1).max() / (np.linalg.norm(TIPS, axis=1).max() + 0.2)
-    leaves = skeleton.joints[degrees == 1]
-    assert np.linalg.norm(leaves[:, None] - TIPS * factor, axis=2).min(axis=0).max() < 0.35 * factor
-    junction = skeleton.joints[degrees == 3][0]
-    assert np.linalg.norm(junction) < 0.2 * factor
-
-
 def test_the_bone_of_a_triangle_does_not_depend_on_the_numbers_of_the_joints():
     mesh = sheet(rows=12, columns=12)
     joints = mesh.vertices.mean(axis=0) + np.array([[0.3, 0.0, 0.1], [-0.2, 0.3, 0.0], [-0.1, -0.3, 0.0]])
@@ -153,13 +139,6 @@ def test_the_bone_of_a_triangle_does_not_depend_on_the_numbers_of_the_joints():
         skeleton = CurveSkeleton(joints[list(order)], number[owners], np.array([[0, 1], [0, 2], [1, 2]]))
         found.append(np.sort(np.array(order)[skeleton.bones[bones_of_triangles(mesh, skeleton)]], axis=1))
     np.testing.assert_array_equal(found, np.broadcast_to(found[0], np.shape(found)))
-
-
-def test_an_open_surface_gets_a_level_set_skeleton():
-    form = Skeleton().canonicalise(shape_of(sheet(bend=2.0)))
-    assert form.notes["skeleton"] == "level-set"
-    assert form.notes["skeleton_reason"] == "open surface"
-    assert form.notes["bones"] == form.notes["joints"] - 1
 
 
 def test_a_pinhole_does_not_make_a_surface_open():

@@ -65,5 +65,5 @@ def ran(material) -> Path:
         for name in ("rods", "frames"):
             assert call("run", "-d", name, "-m", "gps", "-m", "surface-area", *serial).code == 0
         own = ("-m", "flat", "-m", "picky", "-m", "bug", "--plugin", "own.py", "--input", "mesh")
-        assert call("run", "-d", "rods", *own, "--results", "results", "-j", 1).code == 1
+        assert call("run", "-d", "rods", *own, "--results", "results", "-j", 2).code == 1
     return material

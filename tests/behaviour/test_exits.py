@@ -26,11 +26,10 @@ def ended(process, timeout=60):
     return process.returncode, out or "", err or ""
 
 
-@pytest.mark.parametrize("line", ["list datasets", "tables -d rods", "describe gps"])
-def test_nobody_listens(line, scored):
+def test_nobody_listens(scored):
     reads, writes = os.pipe()
     os.close(reads)
-    process = start(*line.split(), cwd=scored, stdout=writes)
+    process = start("tables", "-d", "rods", cwd=scored, stdout=writes)
     os.close(writes)
     assert ended(process) == (1, "", "")
 

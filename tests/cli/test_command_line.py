@@ -12,10 +12,7 @@ from benchmark.cli.main import cli
 from benchmark.cli.options import Selection
 from benchmark.pipeline.records import write_record
 from benchmark.text import say
-from tests.behaviour.suite import start
-from tests.registry.plugin import write_plugin
 from tests.report.records import record
-from tests.runs.toy import LIGHT
 from tests.toy import write_rods
 from tests.verbs import call, refusal
 
@@ -91,15 +88,6 @@ def test_what_reads_no_data_does_not_look_for_it(line):
 
 
 # Files of the user ---------------------------------------------------------------------------------------------------
-
-
-def test_a_plugin_called_like_a_module_of_python_in_the_current_folder_replaces_none(tmp_path):
-    write_plugin(tmp_path / "random.py")
-    (tmp_path / "queue.py").touch()
-    write_rods(tmp_path / "rods", bends=(0.0, 1.0))
-    words = ("run", "-d", "rods", "-m", "smooth", "--plugin", "random.py", "--input", "mesh", "-j", 1, *LIGHT)
-    run = start(*words, cwd=tmp_path)
-    assert (run.wait(120), "Smooth" in run.stdout.read()) == (0, True), run.stderr.read()
 
 
 @pytest.mark.parametrize("words", [("tables",), ("compare", "gps"), ("report", "-o", "report")])

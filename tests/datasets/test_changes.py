@@ -14,7 +14,6 @@ from benchmark.datasets.changes import split_name
 from benchmark.datasets.surface_changes import shortcuts
 from benchmark.errors import ConfigurationError, UnsupportedShape
 from benchmark.geometry.camera import FRONT, SIDE
-from benchmark.geometry.cleaning import extent_of
 from tests.geometry.surfaces import sphere
 from tests.toy import rod, write_rods
 
@@ -28,19 +27,6 @@ def random():
 
 def as_trimesh(mesh):
     return Trimesh(mesh.vertices, mesh.faces, process=False)
-
-
-def test_noise_has_its_deviation_and_keeps_its_direction():
-    moved = [surface.noise(BALL, amount, random()).vertices - BALL.vertices for amount in (0.01, 0.02)]
-    np.testing.assert_allclose(moved[1], 2 * moved[0], atol=1e-12)
-    assert moved[0].std() == pytest.approx(0.01 * extent_of(BALL), rel=0.05)
-
-
-def test_each_hole_is_a_boundary_and_fewer_holes_are_among_more(monkeypatch):
-    monkeypatch.setattr(surface, "HOLE_RADIUS", 0.1)
-    few, more = (surface.holes(BALL, amount, random()) for amount in (2, 6))
-    assert as_trimesh(few).euler_number == 2 - 2
-    assert {*map(tuple, more.vertices)} < {*map(tuple, few.vertices)} < {*map(tuple, BALL.vertices)}
 
 
 def test_a_shortcut_joins_the_ends_of_a_horseshoe_and_adds_a_handle_each():
@@ -66,14 +52,6 @@ def test_names_are_split_once_and_levels_are_checked(tmp_path, monkeypatch):
     write_rods(tmp_path / "scans[jitter=1]")
     assert split_name("scans[jitter=1][noise=2]") == ("scans[jitter=1]", [("noise", 2)])
     assert open_dataset("scans[jitter=1]").name == "scans[jitter=1]"
-
-
-def test_the_numbers_of_a_jitter_move_vertices_by_a_millionth_each_in_its_own_way(rods):
-    clean, *jittered = (open_dataset(f"{rods}{name}") for name in ("", "[jitter=1]", "[jitter=2]"))
-    entry = clean.shapes[0]
-    moves = [each.load(entry).vertices - clean.load(entry).vertices for each in jittered]
-    assert moves[0].std() == pytest.approx(1e-6 * extent_of(clean.load(entry)), rel=0.1)
-    assert abs(np.corrcoef(moves[0].ravel(), moves[1].ravel())[0, 1]) < 0.1
 
 
 def test_changes_add_up_and_a_camera_is_changed_for_views_alone(rods, tmp_path):

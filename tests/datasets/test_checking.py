@@ -221,6 +221,7 @@ def test_units_or_areas_bring_the_shapes_of_a_mixed_folder_to_one_size(tmp_path,
     assert not {after.key(entry) for entry in after.shapes} & {*keys}
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_tosca_is_whole_but_for_one_open_mesh(data_root):
     start = time.process_time()

@@ -7,39 +7,15 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from benchmark.datasets import bodies as body_model
-from benchmark.datasets.bodies import POSES, Subject, body_mesh, bone_rotations, jittered, mirrored
+from benchmark.datasets.bodies import POSES, Subject, bone_rotations, jittered, mirrored
 from benchmark.datasets.bodies import SUBJECTS as SETS
 from benchmark.datasets.catalogue import is_known, open_dataset
 from benchmark.datasets.people import PEOPLE, new_subject
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.camera import FRONT
-from benchmark.geometry.depth import FILL, SAMPLES, depth_surface, fit_half_width
 
 SUBJECTS = PEOPLE[0]
 TAKEN = np.array([astuple(body) for name in SETS if name != "animals" for body in SETS[name].values()])
 OTHERS = np.array([astuple(body) for name in ("humans", "humans-scanlike") for body in SETS[name].values()])
-
-
-def test_poses_fit_the_frame_and_push_no_body_through_itself() -> None:
-    import pymeshlab
-
-    meshes = [body_mesh(SUBJECTS["man-a2"], pose) for pose in POSES.values()]
-    half_width = open_dataset("people").half_width
-    assert half_width
-    filled = FILL * fit_half_width(meshes, FRONT) / half_width
-    assert 0.35 < filled <= FILL
-    for mesh in meshes:
-        layers = pymeshlab.MeshSet()
-        layers.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-        layers.compute_selection_by_self_intersections_per_face()
-        # Creases of knees and groin; an arm through the chest takes more than three per cent.
-        assert layers.current_mesh().face_selection_array().mean() < 0.015
-        view = depth_surface(mesh, FRONT, half_width)
-        stride = max(1, round(np.sqrt(view.report["foreground"] / SAMPLES)))
-        assert view.surface.n_vertices == pytest.approx(view.report["foreground"] / stride**2, rel=0.08)
-        assert 1000 < view.surface.n_vertices < 3200
-        assert view.report["lost_samples"] < 0.05 * view.surface.n_vertices
 
 
 def test_sets_have_the_same_poses_and_names_of_their_own() -> None:
@@ -123,19 +99,3 @@ def test_a_mirrored_pose_turns_the_bones_of_the_other_side_and_a_jittered_one_st
     moved = np.array([jittered(pose, 30.0, np.random.default_rng(0)) for pose in POSES.values()])
     assert (moved >= ends.min(axis=0)).all() and (moved <= ends.max(axis=0)).all()
     assert np.abs(moved - [*POSES.values()]).max() > 10
-
-
-def test_posed_bodies_are_those_of_the_dense_kernel_of_their_package() -> None:
-    from anny.skinning.skinning import dense_linear_blend_skinning
-    from torch import from_numpy
-
-    model = body_model._template().model
-    random = np.random.default_rng(0)
-    vertices = random.normal(size=(2, len(model.template_vertices), 3))
-    transforms = np.tile(np.eye(4), (2, model.bone_count, 1, 1))
-    transforms[:, :, :3] = random.normal(size=(2, model.bone_count, 3, 4))
-    skinned = model.get_skinned_vertices(from_numpy(vertices), from_numpy(transforms))
-    expected = dense_linear_blend_skinning(
-        from_numpy(vertices), model.dense_vertex_bone_weights, from_numpy(transforms)
-    )
-    np.testing.assert_allclose(skinned.numpy(), expected.numpy(), rtol=0, atol=1e-12)

@@ -142,11 +142,11 @@ def stretched(rows: int, columns: int, height: float, *, rolled: bool) -> Mesh:
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize(("rows", "columns"), [(4, 200), (4, 100), (5, 100)])
+@pytest.mark.parametrize(("rows", "columns"), [(4, 200), (5, 100)])
 @pytest.mark.parametrize("rolled", [False, True])
 def test_distances_on_thin_triangles_are_as_good_as_on_others(rows: int, columns: int, rolled: bool) -> None:
     mesh = prepare(stretched(rows, columns, 6.0 if rolled else 1.0, rolled=rolled)).mesh
-    sources = np.arange(0, mesh.n_vertices, 20)
+    sources = np.arange(0, mesh.n_vertices, 60)
     exact, found = exact_distances(mesh, sources), geodesics.from_sources(mesh, sources)
     errors = np.abs(found - exact)[exact > 0] / exact[exact > 0]
     assert errors.mean() < 0.005

@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from learned.models import CONFIGURATIONS, _in_stripes
+from learned.models import CONFIGURATIONS
 from learned.paper_network import MASK_LOGIT, PaperNetwork, window_around
 
 IMAGE_NETWORKS = [name for name, each in CONFIGURATIONS.items() if each.architecture != "field"]
@@ -46,16 +46,6 @@ def test_weights_depend_on_the_seed_alone() -> None:
     assert not torch.equal(first["short_range.0.0.weight"], other["short_range.0.0.weight"])
 
 
-def test_a_pixel_of_the_features_sees_what_their_kernels_cover() -> None:
-    network, image = PaperNetwork(4), images(1, 64, 64).requires_grad_()
-    assert network.short_range is not None
-    network.short_range(image)[0, :, 32, 32].sum().backward()
-    assert image.grad is not None
-    # Nine kernels of three pixels.
-    assert (image.grad[0, 0] != 0).any(dim=0).sum() == 1 + 2 * 9
-    assert sum(parameter.numel() for parameter in PaperNetwork().parameters()) == 1_128_804
-
-
 def test_a_pixel_of_the_output_sees_160_to_176_pixels_across(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("torch.nn.functional.max_pool2d", torch.nn.functional.avg_pool2d)  # all pixels of a block count
     network = PaperNetwork(4).double()
@@ -66,15 +56,6 @@ def test_a_pixel_of_the_output_sees_160_to_176_pixels_across(monkeypatch: pytest
         network(image)[0, 0, row, 128].backward()
         assert image.grad is not None
         assert (image.grad[0, 0] != 0).any(dim=1).sum() == across
-
-
-@pytest.mark.parametrize("dilation", [1, 4])
-def test_stripes_of_a_convolution_are_the_whole(dilation: int) -> None:
-    module = torch.nn.Conv2d(3, 5, 3, padding=dilation, dilation=dilation).double()
-    x = torch.rand(2, 3, 18, 13, dtype=torch.float64)
-    with torch.no_grad():
-        striped = _in_stripes(module, x, module.weight, module.bias)
-        torch.testing.assert_close(striped, module(x), rtol=0, atol=1e-12)
 
 
 def test_a_window_determines_its_part(monkeypatch: pytest.MonkeyPatch) -> None:

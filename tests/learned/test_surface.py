@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmark.errors import UnsupportedShape
 from benchmark.geometry.mesh import Mesh, edges_of
 from learned.surface import closed_surface, open_surface
 from tests.learned.toy import Image, ellipsoid
@@ -59,10 +58,3 @@ def test_noise_does_not_tear_a_predicted_surface() -> None:
     flat, _ = open_surface(np.where(ellipsoid() > 0, np.float32(0.5), np.float32(0)))
     assert (whole.n_vertices, whole.n_faces) == (flat.n_vertices, flat.n_faces)
     assert np.count_nonzero(edges_of(whole.faces).counts == 1) == np.count_nonzero(edges_of(flat.faces).counts == 1)
-
-
-def test_an_empty_mask_is_refused() -> None:
-    nothing = np.zeros((500, 500), dtype=np.float32)
-    for surface in (open_surface, lambda image: closed_surface(image, image)):
-        with pytest.raises(UnsupportedShape, match="empty mask"):
-            surface(nothing)

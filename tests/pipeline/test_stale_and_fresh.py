@@ -165,13 +165,6 @@ def test_an_edit_of_a_check_a_ranking_step_or_a_measure_makes_no_form_anew_and_o
         assert {path.parent.name for path in after - before} == kinds | {"records"}, name
 
 
-def test_keys_of_shapes_and_forms_hold_no_check():
-    for module in ("prepared", "forms"):
-        assert not {"outputs.py", "ranking.py", "measures.py"} & {
-            path.name for path in code_digest.sources_of(f"benchmark.pipeline.{module}")
-        }
-
-
 def test_other_data_run_everything_on_the_shapes_that_changed_alone(world):
     edit(world.rods / "thin0.off", "OFF\n", "OFF\n# moved\n")
     assert world.stale() == dict.fromkeys(world.names, "the data changed")

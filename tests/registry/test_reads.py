@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import py_compile
+import re
 import subprocess
 import sys
 import zipfile
@@ -52,59 +53,11 @@ def method(shape):
     return shape.mesh.vertices
 """
 
-#: What a plugin does when it is imported, and at a shape; what it reads lies beside it.
-UNDECLARED = {
-    "opened": ("", "open('value.txt').read()"),
-    "by_path": ("from pathlib import Path", "Path(__file__).with_name('value.txt').read_text()"),
-    "at_import": ("TABLE = np.load('value.npy')", ""),
-    "mapped": ("", "np.load('value.npy', mmap_mode='r')"),
-    "descriptor": ("import os", "os.read(os.open('value.txt', os.O_RDONLY), 9)"),
-    "executed": ("", "exec(open('text.py').read())"),
-    "run": ("import runpy", "runpy.run_path('text.py')"),
-    "unseen": ("", "__import__('value')"),
-    "compiled": ("import importlib", "importlib.import_module('only_' + 'compiled')"),
-    "zipped": ("import sys; sys.path.insert(0, __file__[:-6] + 'value.zip')", "__import__('in_zip')"),
-    "program": ("import subprocess, sys", "subprocess.run([sys.executable, 'program.py'], check=True)"),
-    "shell": ("import os, sys", "os.system(f'{sys.executable} program.py')"),
-    "word": ("import subprocess", "subprocess.run(['wc', 'value.txt'], capture_output=True)"),
-    "words": ("import subprocess", "subprocess.run('true|dd if=\"value.txt\"', shell=True, capture_output=True)"),
-    "updated": ("import os", "os.read(os.open('value.txt', os.O_RDWR | os.O_CREAT), 9)"),
-    "database": ("import sqlite3", "sqlite3.connect('value.txt')"),
-    "forked": ("import multiprocessing", "multiprocessing.get_context('fork').Pool(1).map(np.load, ['value.npy'])"),
-    "library": ("import ctypes", "\n    try: ctypes.CDLL('./library.so')\n    except OSError: pass"),
-    "of_helper": ("import helper", ""),
-    "caught": ("", "\n    try: raise OSError\n    except OSError: open('value.txt').close()"),
-}
-
-FAULTLESS = {
-    "declared": ("", "open('declared.txt').read()"),
-    "helper": ("import fine_helper", "fine_helper.VALUE"),
-    "linked": ("import linked", "linked.VALUE"),
-    "numba": ("from numba import njit\n@njit(cache=True)\ndef f(x): return x + 1", "f(1)"),
-    "scipy": ("import scipy.sparse.linalg, scipy.spatial", "scipy.spatial.cKDTree(shape.mesh.vertices)"),
-    "sklearn": ("", "import sklearn.manifold; sklearn.manifold.MDS"),
-    "torch": ("", "import torch; torch.nn.Linear(2, 2)(torch.zeros(2))"),
-    "matplotlib": ("", "import matplotlib.pyplot as plt; plt.figure().text(0, 0, 'a')"),
-    "trimesh": ("", "import trimesh; trimesh.creation.box().export(file_type='off')"),
-    "potpourri": ("", "import potpourri3d"),
-    "pymeshlab": ("", "import pymeshlab; pymeshlab.MeshSet()"),
-    "igl": ("", "import igl; igl.cotmatrix(shape.mesh.vertices, shape.mesh.faces)"),
-    "pandas": ("", "import pandas, io; pandas.read_csv(io.StringIO('a'))"),
-    "logger": ("import logging", "logging.basicConfig(filename='log.txt'); logging.warning('a')"),
-    "temporary": ("import tempfile", "f = tempfile.TemporaryFile(); f.write(b'a'); f.seek(0); f.read()"),
-    "named": ("import tempfile", "n = tempfile.NamedTemporaryFile(suffix='.off'); open(n.name).read()"),
-    "built": ("import os, sys", "open('mine.py', 'w').close(); os.system(f'{sys.executable} mine.py')"),
-    "written": ("", "np.save('mine.npy', shape.mesh.vertices); np.load('mine.npy')"),
-    "appended": ("", "open('value.txt', 'a').close()"),
-    "processor": ("import platform", "platform.processor(), platform.platform()"),
-    "find_library": ("import ctypes.util", "ctypes.util.find_library('m')"),
-    "of_system": ("import ctypes", "ctypes.CDLL('libm.so.6')"),
-    "a_program": ("import subprocess", "subprocess.run(['true'], check=True)"),
-    "time_zone": ("import datetime, zoneinfo", "datetime.datetime.now(zoneinfo.ZoneInfo('UTC'))"),
-    "resources": ("import importlib.metadata", "importlib.metadata.version('numpy')"),
-    "suite": ("from baselines.gps import GPS", "GPS().canonicalise(shape)"),
-    "fork": ("import multiprocessing", "multiprocessing.get_context('fork').Pool(1).map(abs, [1])"),
-}
+#: By name, what a plugin does when it is imported, and at a shape; what it reads lies beside it.
+UNDECLARED, FAULTLESS = (
+    {name: cell for name, *cell in (re.split(r" \| ?", line.replace("\\n", "\n")) for line in part.splitlines()[1:])}
+    for part in Path(__file__).with_name("reads.txt").read_text().split("## ")[1:]
+)
 
 
 @pytest.fixture(scope="module")

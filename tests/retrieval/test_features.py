@@ -12,29 +12,6 @@ from retrieval.scale_space import BASE_SCALE
 pytestmark = pytest.mark.kernels
 
 
-@pytest.mark.parametrize("peak_threshold", [1e-3, 0.0])
-def test_leaving_out_the_background_changes_nothing(peak_threshold):
-    rng = np.random.default_rng(5)
-    image = np.ones((1, 256, 256), np.float32)
-    image[0, 70:171, 93:150] = 0.3 + 0.4 * gaussian_filter(rng.uniform(size=(101, 57)), 3)
-    cropped, whole = (
-        detect_views(image, peak_threshold=peak_threshold, background=background).descriptors
-        for background in (1.0, np.nan)
-    )
-    assert len(cropped) == len(whole) > 20
-    assert np.abs(cropped.astype(int) - whole).max() <= 1
-
-
-def test_images_without_keypoints_are_fine():
-    images = np.ones((3, 64, 64), np.float32)
-    images[2, 20:40, 25:35] = 0.5
-    features = detect_views(images, peak_threshold=0.0, background=1.0)
-    assert features.view_offsets[:3].tolist() == [0, 0, 0]
-    assert features.view_offsets[3] == len(features.descriptors) > 0
-    small = detect_views(np.zeros((1, 8, 8), np.float32), peak_threshold=0.0, background=1.0)
-    assert small.descriptors.shape == (0, 128)
-
-
 def test_the_mirror_image_of_a_view_has_mirrored_descriptors():
     rng = np.random.default_rng(1)
     image = gaussian_filter(rng.uniform(size=(2, 129, 129)), (0, 3, 3)).astype(np.float32)

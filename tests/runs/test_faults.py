@@ -100,6 +100,7 @@ def test_the_others_are_scored_and_a_refused_shape_counts_as_zero(faulty):
         records["picky"].scores, 0.0
     )
     assert {record.method for record in read_records(faulty[1] / "results")} == set(FAULTY)
+    assert "in bug\n    return 1 / 0" in records["bug"].traceback
 
 
 @pytest.mark.slow
@@ -108,11 +109,6 @@ def test_a_method_that_refuses_all_shapes_has_no_scores_and_one_that_refuses_mos
     assert faulty[0]["refuses"].reason == "none of 4 shapes could be processed; thick0: not today"
     assert faulty[0]["first-three"].scores == faulty[0]["last-three"].scores
     assert faulty[0]["first-three"].coverage == faulty[0]["last-three"].coverage == 0.25
-
-
-@pytest.mark.slow
-def test_the_traceback_is_kept(faulty):
-    assert "in bug\n    return 1 / 0" in faulty[0]["bug"].traceback
 
 
 @pytest.mark.slow
@@ -283,7 +279,10 @@ def undisturbed(pair, tmp_path_factory):
 @pytest.mark.parametrize(
     ("function", "how", "reason"),
     [
-        (PREPARATION, "kill", "thick0 has no result: its preparation: the process ended with SIGKILL"),
+        pytest.param(
+            *(PREPARATION, "kill", "thick0 has no result: its preparation: the process ended with SIGKILL"),
+            marks=pytest.mark.slow,
+        ),
         (GEODESICS, MemoryError(), "thick0 has no geodesics: out of memory"),
         (READING, UNREADABLE, "Input/output error"),
     ],

@@ -146,7 +146,7 @@ def test_meshes_that_are_written_again_or_added_in_a_session_are_seen(own, tmp_p
     assert not second.loc[first.index, first.index].equals(first)
 
 
-@pytest.mark.parametrize("size", [0, 1])
+@pytest.mark.parametrize("size", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_shape_that_is_not_the_planned_one_leaves_nothing(own, tmp_path, size):
     results, mesh = tmp_path / "results", own / "thin1.off"
     jobs, original = planned(own, results, "gps", input=None), mesh.read_bytes()

@@ -17,13 +17,11 @@ from tests.scoring.line import LABELS, NAMES, D, X
 from tests.toy import rod, write_off
 from tests.verbs import call, refusal
 
-#: Measures of queries by hand. Ranks of what is relevant: a0 1 2 8; b5 1 2 9; c3 10; a2 half of 1 and 2, half of 3 and
+#: Measures of queries by hand. Ranks of what is relevant: a0 1 2 8; a2 half of 1 and 2, half of 3 and
 #: 4, and 8.
 LOG = math.log2
 BY_HAND = {
     "a0": {"NN": 1, "FT": 2 / 3, "ST": 2 / 3, "DCG": (2 + 1 / 3) / (2 + 1 / LOG(3)), "mAP": (2 + 3 / 8) / 3},
-    "b5": {"NN": 1, "FT": 2 / 3, "ST": 2 / 3, "DCG": (2 + 1 / LOG(9)) / (2 + 1 / LOG(3)), "mAP": (2 + 3 / 9) / 3},
-    "c3": {"NN": 0, "FT": 0, "ST": 0, "DCG": 1 / LOG(10), "E": 2 / 12, "mAP": 1 / 10},
     "a2": {"NN": 0.5, "FT": 0.5, "ST": 2 / 3, "DCG": (1 + 0.5 / LOG(3) + 0.25 + 1 / 3) / (2 + 1 / LOG(3)), "E": 3 / 7},
 }
 
