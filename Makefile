@@ -18,6 +18,7 @@ unexport PYTHONDONTWRITEBYTECODE
 # What the figures show: shapes of quick runs, which make the forms.
 POSES := $(addprefix --shape woman-a3_,standing waving t-pose)
 BODIES := $(addprefix --shape ,cat0 cat4 cat8 michael0 michael3 michael10)
+MEN := $(addprefix --shape ,david0 david10 michael0 michael3)
 OF_PEOPLE := -d people[draw=0] --input mesh --quick
 OF_SCANS := -d humans-scanlike --input mesh --quick
 DRAW := $(BIN)/python -m benchmark report --force --figure forms -o results/figures
@@ -128,6 +129,7 @@ figures: setup
 	$(DRAW)/field-humans.png $(OF_SCANS) $(call methods,$(FIELD))
 	$(BIN)/python results/experiments/predictions.py
 	$(DRAW)/effect.png -t III -d tosca $(call methods,$(SHOWN)) $(BODIES)
+	$(DRAW)/david.png -t III -d tosca -m mesh-unfolding $(MEN)
 	mkdir -p build
 	$(BIN)/python -m benchmark canonicalise examples/depth/man-1/kneeling.png -m learned-streamed \
 	    -o build/form.ply --picture docs/images/depth-frame.png

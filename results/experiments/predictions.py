@@ -125,6 +125,9 @@ def picture(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
             place.set_ylim(0.86 * len(panel), 0.13 * len(panel))
             if first:
                 place.set_title(title, fontsize=7)
+    bar = figure.colorbar(places[0, 1].images[0], ax=places, shrink=0.4, aspect=30, pad=0.01)
+    bar.set_label("depth about its mean, by the depth of the frame (not of inputs)", fontsize=7)
+    bar.ax.tick_params(labelsize=7)
     return figure
 
 
