@@ -81,10 +81,10 @@ class Component:
 
     @property
     def process(self) -> str:
-        """Whose process it runs in: "" for the suite, the plugin file or package, or that of the program itself."""
+        """Whose process it runs in: "" for the suite, the class of a plugin, or that of the program itself."""
         if self.is_unknown:
             return THIS_PROCESS
-        return "" if self.of_suite else str(self.plugin or self.target.partition(":")[0])
+        return "" if self.of_suite else self.target
 
     @property
     def name(self) -> str:

@@ -12,11 +12,12 @@ from itertools import chain, repeat
 from pkgutil import resolve_name
 from unittest.mock import DEFAULT, Mock
 
+import numpy as np
 import psutil
 import pytest
 
 from benchmark.errors import BenchmarkError
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.records import read_distances, read_records
 from benchmark.registry.modules import load_module
 from benchmark.runs import runner
 from benchmark.runs.runner import run
@@ -60,6 +61,21 @@ class Named:
     def compare(self, signatures, draw):
         areas = np.array([one["refused"][0] * one["seconds"][0] for one in signatures])
         return abs(areas[:, None] - areas)
+"""
+
+
+SHARING = """
+from benchmark.api import canonical_form
+SCALE = [1, 1, 1]
+
+@canonical_form(name="first", title="First")
+def first(shape):
+    SCALE[2] = 9
+    return shape.mesh.vertices
+
+@canonical_form(name="second", title="Second")
+def second(shape):
+    return shape.mesh.vertices * SCALE
 """
 
 
@@ -207,6 +223,14 @@ def test_no_key_of_a_method_is_that_of_a_solver_and_no_fault_of_a_method_takes_a
     replaces = records["alters"]
     assert replaces.processor_seconds["canonicalise"] < 0.1 < replaces.seconds["canonicalise"] < 0.5
     assert "geodesics" not in replaces.seconds
+
+
+def test_a_method_changes_nothing_of_another_one_of_its_file(rods, tmp_path):
+    (tmp_path / "own.py").write_text(SHARING)
+    for name, methods in (("alone", ["second"]), ("both", ["first", "second"])):
+        records = run_toy(rods, tmp_path / name, *methods, plugins=(tmp_path / "own.py",), size=1)
+    distances = [read_distances(tmp_path / name, records["second"]) for name in ("alone", "both")]
+    np.testing.assert_array_equal(*distances)
 
 
 def test_arrays_of_a_scorer_may_have_any_name(rods, tmp_path):
