@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.util import source_from_cache
+from multiprocessing import spawn
 from pathlib import Path
 from typing import Any
 
@@ -119,16 +120,22 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
                 raise _error(plugin, file)
             _take = take
 
+    describing, spawn.get_preparation_data = spawn.get_preparation_data, _refuse_spawn
     _take = take
     try:
         yield declared
     finally:
-        _take = None
+        _take, spawn.get_preparation_data = None, describing
         for file, facts in opened.items():
             if is_undeclared(file, *facts):
                 _undeclared.setdefault(plugin, file)
     if found := _undeclared.get(plugin):
         raise _error(plugin, found)
+
+
+def _refuse_spawn(name: str) -> dict[str, Any]:
+    """Refuse processes that nothing watches, and that cannot import a plugin file."""
+    raise ConfigurationError("it starts processes by 'spawn'", "use multiprocessing.get_context('fork')")
 
 
 def _error(plugin: Path, found: Path) -> UndeclaredFile:

@@ -78,15 +78,10 @@ def failures(value: Any) -> list[str]:
 
 
 def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Finding:
-    from unittest.mock import patch
-
-    # Processes that import the code of a method by its name would start for ever in a run.
-    spawned = Failed("starts processes by 'spawn', which cannot import a plugin file; use get_context('fork')")
-    refusing_spawn = patch("multiprocessing.spawn.get_preparation_data", side_effect=spawned)
     faulthandler.dump_traceback_later(limit, exit=True, file=2)
     try:
         # What a plugin prints must not stand among the findings.
-        with redirect_stdout(Printed()), refusing_spawn, watching_component(case.component, [case.folder]):
+        with redirect_stdout(Printed()), watching_component(case.component, [case.folder]):
             return Finding(name, "ok", run(case))
     except Skipped as reason:
         return Finding(name, "skipped", str(reason))
