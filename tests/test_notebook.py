@@ -62,11 +62,6 @@ def test_jobs_run_in_this_process_once_with_a_line_of_progress(rods, tmp_path, c
     np.testing.assert_allclose(form.vertices, prepared.vertices * [1, 1, 0.5], atol=1e-6)
 
 
-def test_what_is_unknown_is_raised():
-    with pytest.raises(ConfigurationError, match="unknown method 'gsp'; did you mean gps"):
-        benchmark.run("animals", ["gsp"])
-
-
 def test_a_surface_is_prepared_as_in_a_run():
     mesh = rod(0.1, 1.0)
     form = benchmark.canonicalise(mesh.vertices, mesh.faces, "gps")

@@ -155,10 +155,6 @@ def test_only_the_default_scene_is_shown(tmp_path: Path) -> None:
     assert file.read(tmp_path).n_faces == 4
 
 
-def edit(file: File, change: str) -> None:
-    exec(change, {"file": file, "tree": file.tree})  # noqa: S102
-
-
 #: Edits of a file that is refused then, and what the error says.
 REFUSED = dict(line.split("  ", 1) for line in (INPUTS / "refused-gltf.txt").read_text().splitlines())
 
@@ -166,7 +162,7 @@ REFUSED = dict(line.split("  ", 1) for line in (INPUTS / "refused-gltf.txt").rea
 @pytest.mark.parametrize("change", REFUSED)
 def test_what_is_not_read_is_refused_by_its_name(tmp_path: Path, change: str) -> None:
     file = File()
-    edit(file, change)
+    exec(change, {"file": file, "tree": file.tree})  # noqa: S102
     with pytest.raises((UnreadableMesh, InvalidMesh), match=REFUSED[change]) as caught:
         file.read(tmp_path)
     assert "\n" not in str(caught.value)

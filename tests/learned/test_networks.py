@@ -8,10 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from learned.models import CONFIGURATIONS
 from learned.paper_network import MASK_LOGIT, PaperNetwork, window_around
-
-IMAGE_NETWORKS = [name for name, each in CONFIGURATIONS.items() if each.architecture != "field"]
 
 
 def images(count: int, height: int, width: int) -> Tensor:
@@ -27,13 +24,6 @@ def test_any_size_comes_out_as_it_went_in(parts: tuple[bool, bool], height: int,
     # At first, the mask is about the share of the frame that a shape covers; the depth is no probability.
     assert float(output[:, 1].mean()) == pytest.approx(1 / (1 + math.exp(-MASK_LOGIT)), abs=0.05)
     assert output[:, 0].min() < 0
-
-
-@pytest.mark.parametrize("name", IMAGE_NETWORKS)
-def test_an_image_does_not_depend_on_its_batch(name: str) -> None:
-    network, batch = CONFIGURATIONS[name].build().eval(), images(3, 128, 128)
-    with torch.no_grad():
-        torch.testing.assert_close(network(batch)[1:2], network(batch[1:2]), atol=1e-5, rtol=1e-5)
 
 
 def test_weights_depend_on_the_seed_alone() -> None:

@@ -14,7 +14,6 @@ from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import trainings_by_shape
 from learned.methods import Learned
-from tests.verbs import call
 
 GENERATED = "people[n=4]"
 CHANGED = [
@@ -81,20 +80,6 @@ def test_a_changed_set_is_treated_by_models_that_have_not_seen_its_subjects(name
     assert len(of_shape) == len(dataset.shapes)
     # The paper tests on animals that it trained on, too.
     assert seen == (["dog0", "dog2", "dog4"] if name == "animals-few" else [])
-
-
-@pytest.mark.parametrize(
-    ("dataset", "method", "said"),
-    [
-        ("people", "learned-streamed", "may have bodies within 0.25 of the subjects of people"),
-        ("people[draw=1][jitter=1]", "learned", "has bodies within 0.25 of the subjects of people"),
-        (GENERATED, "deformation-field", "'humans-varied' may have bodies within 0.25 of the subjects of"),
-    ],
-)
-def test_a_plan_says_why_a_model_is_refused(tmp_path: Path, dataset: str, method: str, said: str) -> None:
-    told = call("plan", "-d", dataset, "-m", method, "--results", tmp_path)
-    rows = [line for line in told.splitlines() if said in line]
-    assert rows and all(line.startswith("unsupported") for line in rows), told
 
 
 def model_with(training: str, **card: object) -> Model:

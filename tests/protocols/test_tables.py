@@ -66,16 +66,6 @@ def test_a_folder_gets_its_own_table_with_both_inputs(rods, tmp_path):
     assert {name for name, *_ in names([], [str(tmp_path / "III")])} == {"III-folder"}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [((["V"],), "unknown table 'V'"), ((["II"], ["animals"]), "no selected table uses animals"),
-     (([], ["nowhere"]), "unknown data set 'nowhere'")],
-)  # fmt: skip
-def test_selections_without_a_gallery_are_refused(arguments, message):
-    with pytest.raises(ConfigurationError, match=message):
-        galleries(*arguments)
-
-
 # Rows ----------------------------------------------------------------------------------------------------------------
 
 

@@ -45,15 +45,6 @@ def test_an_error_of_an_import_names_file_and_line(tmp_path, imports, message):
         load_module(str(write_plugin(tmp_path / "smooth.py", imports=imports)))
 
 
-def test_a_corrected_file_can_be_imported(tmp_path):
-    path = write_plugin(tmp_path / "smooth.py", imports="1 / 0")
-    with pytest.raises(ConfigurationError):
-        load_module(str(path))
-    write_plugin(path)
-    assert load_module(str(path)).Smooth
-    assert load_module(str(path)) is load_module(f"{path}:Smooth")
-
-
 def test_compiled_code_of_the_suite_outlives_the_import_of_a_plugin(tmp_path, monkeypatch):
     removed = []
     monkeypatch.setattr("benchmark.registry.modules.remove_kernels", removed.extend)

@@ -41,11 +41,8 @@ def test_each_choice_of_values_is_listed_once(text, expected):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("a=1||2", "'a' has an empty value; write VALUE.VALUE"),
         ("a='1|2", "has a quote without its other half; close what is opened"),
         ("a=(1|2", "a parenthesis without its other half"),
-        ("a=1,a=2", "'a' is given twice"),
-        ("a", "'a' has no value"),
     ],
 )
 def test_what_cannot_be_read_is_named(text, message):

@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmark.errors import ConfigurationError, DatasetError, InvalidMesh
+from benchmark.errors import DatasetError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.outputs import compute_distances
-from benchmark.registry import select_one
 from retrieval import codebook
 from retrieval.clock import count_words, match
 from retrieval.cmbof import CMBOF
 from retrieval.codebook import nearest_words, sample_codebook
-from retrieval.views import CUBE_ROTATIONS, view_sphere
+from retrieval.views import view_sphere
 from tests.retrieval.figures import figure, turned
 
 MIRROR = np.diag([1.0, -1.0, 1.0])
@@ -74,29 +73,12 @@ def test_queries_depend_on_the_gallery_alone(figures, mirrored):
     assert (scorer.compare([*gallery, first], 1)[-1, :-1] != both[0]).any(), "its features are among the words"
 
 
-@pytest.mark.parametrize(("subdivisions", "n_views"), [(0, 6), (1, 18)])
-def test_views_of_each_subdivision_are_described(figures, subdivisions, n_views):
-    scorer = CMBOF(n_words=300, image_size=64, subdivisions=subdivisions)
-    assert len(signature(scorer, figures[0])["view_offsets"]) == n_views + 1
-    assert 0 < distances(scorer, figures[:2])[0, 1] <= n_views
-
-
 def test_noise_in_the_last_digits_of_a_form_changes_no_bit_of_its_signature(figures):
     random = np.random.default_rng(0)
     for form in figures:
         noise = 5e-13 * np.ptp(form.vertices, axis=0).max() * random.uniform(-1, 1, form.vertices.shape)
         clean, noisy = signature(SMALL, form), signature(SMALL, form.with_vertices(form.vertices + noise))
         assert all(np.array_equal(clean[name], noisy[name]) for name in clean)
-
-
-@pytest.mark.parametrize(
-    "wrong", ["subdivisions=4", "subdivisions=-1", "n_words=0", "n_words=-5", "image_size=0", "pose=up",
-              "peak_threshold=-1", "codebook_seed=7"]
-)  # fmt: skip
-def test_parameters_are_checked(wrong):
-    assert select_one("cm-bof[subdivisions=2,peak_threshold=0]", kind="scorer").name == "cm-bof"
-    with pytest.raises(ConfigurationError, match=wrong.partition("=")[0]):
-        select_one(f"cm-bof[{wrong}]", kind="scorer").create()
 
 
 @pytest.mark.parametrize(
@@ -192,12 +174,3 @@ assert (nearest == (2.0 * rows @ words.T.astype(float) - squares).argmax(axis=1)
 @pytest.mark.slow
 def test_processors_whose_sums_of_bytes_overflow_find_the_same_words():
     subprocess.run([sys.executable, "-c", EXTREMES], check=True, env=os.environ | {"ONEDNN_MAX_CPU_ISA": "AVX2"})
-
-
-def test_permutations_form_the_rotation_group_of_the_cube():
-    table = {tuple(p) for p in VIEWS.permutations}
-    assert len(table) == 24
-    for rotation, p in zip(CUBE_ROTATIONS, VIEWS.permutations, strict=True):
-        assert {tuple(p[q]) for q in VIEWS.permutations} == table
-        np.testing.assert_allclose(VIEWS.directions @ rotation.T, VIEWS.directions[p], atol=1e-12)
-    assert len({(i, j) for p in VIEWS.permutations for i, j in enumerate(p)}) == 1332
