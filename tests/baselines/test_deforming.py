@@ -41,6 +41,19 @@ def test_the_elastic_step_agrees_with_libigl(steps=25):
     np.testing.assert_allclose(positions, expected, atol=1e-5 * np.ptp(mesh.vertices))
 
 
+def test_the_step_solves_for_the_slope_of_the_energy():
+    mesh = tube(1.0, rings=8, sides=6)
+    surface, random = AsRigidAsPossible.of(shape_of(mesh)), np.random.default_rng(0)
+    positions, direction = mesh.vertices + 0.05 * random.standard_normal((2, mesh.n_vertices, 3))
+
+    def energy(moved):
+        return surface.energy(moved, surface.rotations(moved))
+
+    slope = (energy(positions + 1e-5 * direction) - energy(positions - 1e-5 * direction)) / 2e-5
+    product = surface.weights.sum(axis=1)[:, None] * positions - surface.weights @ positions
+    assert slope == pytest.approx(2 * np.vdot(product - surface.load(surface.rotations(positions)), direction))
+
+
 def test_rotations_are_proper_and_the_best():
     covariances = np.random.default_rng(0).standard_normal((50, 3, 3))
     covariances[1, 2], covariances[2, 1:], covariances[3], covariances[4] = 0.0, 0.0, -np.eye(3), 0.0
