@@ -30,8 +30,8 @@ _EXEMPT = (
     *("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys", "/dev", "~/.cache", "~/.config"),
 )
 
-#: Seconds by which the clock of a file system may be late.
-_LATE = 0.02
+#: Seconds by which the clock of a file system may be late, and when this process began.
+_LATE, _STARTED = 0.02, time.time() - 0.02
 
 #: Takes a file that the plugin whose code runs opens; for each plugin, the first one that it should have declared.
 _take: Callable[[Path, int, bool], None] | None = None
@@ -107,7 +107,9 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
     opened: dict[Path, tuple[int, bool]] = {}
 
     def is_undeclared(file: Path, changed: int, is_program: bool) -> bool:
-        is_made_meanwhile = begun <= changed / 1e9 <= time.time() + _LATE  # clocks may be set back
+        is_temporary = _lies_in(file, [tempfile.gettempdir()])  # which code may make in one step for the next
+        since = _STARTED if is_temporary else begun
+        is_made_meanwhile = since <= changed / 1e9 <= time.time() + _LATE  # clocks may be set back
         is_of_user = _is_of_user(file, plugin.parent, declared, is_program=is_program)
         return is_of_user and not is_made_meanwhile and file not in map(Path.resolve, sources_of(target))
 
@@ -153,7 +155,7 @@ def _is_of_user(file: Path, folder: Path, declared: Iterable[Path], *, is_progra
         return False
     temporary = Path(tempfile.gettempdir()).resolve()
     near = [path for path in (folder.resolve(), Path.cwd()) if path not in (Path("/"), temporary)]
-    return _lies_in(file, near) or not (is_program or _lies_in(file, [temporary]))
+    return _lies_in(file, near) or not is_program
 
 
 def _lies_in(file: Path, folders: Iterable[Path | str]) -> bool:

@@ -14,6 +14,7 @@ from msgspec import structs
 
 from benchmark.api.contracts import CanonicalForm, Input
 from benchmark.api.datasets import ShapeSet
+from benchmark.api.learning import MeasuresFit
 from benchmark.cli.names import trained_on_people
 from benchmark.cli.options import Selection
 from benchmark.cli.run import planned_jobs
@@ -225,7 +226,8 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
     shape = shape_of(arrays, query.stem, options.seed)
     maker = _with_model(component, job, [entry.identifier for entry in itself])
     gallery = (job.before or job.record).sides[-1]
-    if is_depth_file(query) and (doubt := small_for_person(shape, maker)):
+    fit = maker.measure_fit(shape) if isinstance(maker, MeasuresFit) else {}
+    for doubt in filter(None, (small_for_person(shape, maker) if is_depth_file(query) else "", fit.get("doubt"))):
         say(f"{query}: {doubt}", err=True)
     nearest = search(options.results, gallery, shape, maker, scorer.create(), [entry.identifier for entry in itself])
     hits = nearest.hits[:k]

@@ -194,7 +194,7 @@ def retrieve(
     selection: Selection,
     method: shared.Method,
     dataset: Annotated[str, Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set or folder.")],
-    query: Annotated[Path, Argument(metavar="QUERY")],
+    query: Annotated[Path, Argument(metavar="QUERY", exists=True, dir_okay=False)],
     k: Annotated[int, Option("-k", min=1, metavar="N", help="Number of shapes to show.")] = 5,
     input: Annotated[Literal["mesh", "view"] | None, Option("--input", help="Of the gallery. [the query's]")] = None,
 ) -> None:
@@ -344,7 +344,10 @@ def merge(selection: Selection, folders: Annotated[list[Path], Argument(metavar=
         say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
         words = ["forget", "-m", existing.method, "-d", existing.data.path or existing.data.name]
         words += ["--results", str(results)] if results != Selection().results else []
-        say(f"the one here stays; to take the other, run 'python -m benchmark {shlex.join(words)}', and merge again")
+        say(
+            f"the one here stays; to take the other, run 'python -m benchmark {shlex.join(words)}', "
+            "which deletes all rows of the method there, and merge again"
+        )
     say(f"records: {len(merged.added)} added, {merged.known} known, {len(merged.conflicts)} in conflict")
     return not merged.conflicts
 

@@ -249,7 +249,7 @@ def component_of(value: Any) -> Component:
     info_type, contract, lacking = _CONTRACTS[kind]
     if not (isinstance(value, contract) and isinstance(info, info_type)):
         problem = f"an object of type {cls.__name__} is no method or scorer: it has {lacking}, or no info"
-        raise ConfigurationError(problem, "pass a function or a dataclass: see docs/reference/plugins.md")
+        raise ConfigurationError(problem, "pass a function with a name or a dataclass: see docs/reference/plugins.md")
     parameters, attributes = parameter_values(value), getattr(value, "__dict__", None)
     chosen, target = non_default_values(cls, parameters), f"{cls.__module__}:{cls.__qualname__}"
     is_plain = attributes == parameters

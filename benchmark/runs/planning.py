@@ -352,7 +352,8 @@ def _obstacle(
     if missing := method.missing_packages():
         return "unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}", none
     if input_ not in method.info.inputs:
-        return "unsupported", f"does not take the {input_} input", none
+        hint = "; pass --gallery-views 12 to see meshes as views" if gallery.gallery_of_queries else ""
+        return "unsupported", f"does not take the {input_} input{hint}", none
     try:
         model_of = gallery.models(method, trained_here)
     except MissingModel as error:
