@@ -15,9 +15,9 @@ def fail(real, how, times):
     """Let a function that methods share fail in one way, as often as that, and work from then on."""
 
     def failing(*arguments):
-        if len((NOTES / "failed").read_text().split() if (NOTES / "failed").exists() else ()) >= times:
+        if len([*NOTES.glob("failed-*")]) >= times:  # a file that a plugin does not declare must not be read
             return real(*arguments)
-        note("failed", os.getpid())
+        note(f"failed-{os.getpid()}")
         if how == "sleep":
             time.sleep(3600)
         os.kill(os.getpid(), signal.SIGKILL)
