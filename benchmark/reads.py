@@ -30,8 +30,11 @@ _EXEMPT = (
     *("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys", "/dev", "~/.cache", "~/.config"),
 )
 
-#: Seconds by which the clock of a file system may be late, and when this process began.
-_LATE, _STARTED = 0.02, time.time() - 0.02
+#: Seconds by which the clock of a file system may be late.
+_LATE = 0.02
+
+#: When this process began.
+_STARTED = time.time() - _LATE
 
 #: Takes a file that the plugin whose code runs opens; for each plugin, the first one that it should have declared.
 _take: Callable[[Path, int, bool], None] | None = None

@@ -76,9 +76,11 @@ def canonicalise(paths: Sequence[Path], method: str, options: Selection, output:
         raise ShapeError(problem, error.hint) from error
     write_mesh(output, form.mesh)
     if options.picture is not None:
+        from benchmark.report import figures, sheets  # matplotlib takes half a second
+
         mesh = read_mesh(source)  # the form may have the vertices of the prepared mesh
         drawn = mesh if mesh.n_vertices == len(form.vertices) else prepare(mesh, N_VERTICES).mesh
-        _save("mesh_picture", options.picture, drawn, form.mesh)
+        figures.save(sheets.mesh_picture(drawn, form.mesh), options.picture)
     facts = _facts(form.notes)
     if form.vertex_map is not None:
         numbers = output.with_suffix(".vertices.txt")
@@ -93,13 +95,6 @@ def _check_targets(path: Path, picture: Path | None) -> None:
     check_ending(picture)
     if path.suffix.lower() not in WRITABLE:
         raise ConfigurationError(f"{path} is not the name of a mesh file", f"use {', '.join(WRITABLE)}")
-
-
-def _save(sheet: str, path: Path, *shown: Any) -> None:
-    """Draw and write a picture."""
-    from benchmark.report import figures, sheets  # matplotlib takes half a second
-
-    figures.save(getattr(sheets, sheet)(*shown), path)
 
 
 def _facts(notes: Mapping[str, float | str]) -> list[str]:
@@ -195,7 +190,10 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
         seconds = time.perf_counter() - start
         write_mesh(target, form.mesh)
         if picture:
-            _save("frame_picture", picture, observed.depths, observed.mask, observed.surface, form.mesh)
+            from benchmark.report import figures, sheets
+
+            sheet = sheets.frame_picture(observed.depths, observed.mask, observed.surface, form.mesh)
+            figures.save(sheet, picture)
         facts = [fact for fact in _facts(form.notes) if len(frames) == 1 or fact.startswith("doubt")]
         say(", ".join([f"{count}{target}: {len(form.vertices)} vertices, {seconds:.2f} s", *facts]))
     if failures:
@@ -234,13 +232,15 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
     rows = [(str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}") for rank, hit in enumerate(hits, 1)]
     say_table([("rank", "name", "class", "distance"), *rows])
     if options.picture:
+        from benchmark.report import figures, sheets
+
         stored, mesh = StoredForms(options.results, options.data_root), shape.mesh
         camera = UPRIGHT if input_ == "view" else shapes.camera(itself[0]) if itself else FRONT
         drawn = upright(nearest.form, seen(mesh, camera)) if nearest.form else seen(mesh, camera)
         panels: list[tuple[str, Drawn | None]] = [(f"query\n{query.name}\n", drawn)]
         for rank, *texts in rows:
             panels.append((f"{rank}. " + "\n".join(texts), stored.upright(gallery, texts[0])))
-        _save("retrieved_picture", options.picture, panels)
+        figures.save(sheets.retrieved_picture(panels), options.picture)
     if hits[0].distance == 0:
         say(f"{hits[0].shape} has the distance 0: the gallery holds the query, or its copy", err=True)
     margin = f"a margin of {nearest.margin:.1%} over the second class"

@@ -23,7 +23,7 @@ from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 #: Seconds between looks at the workers, and most of them that count between two: a machine may be paused.
 INTERVAL, _LONGEST_INTERVAL = 0.2, 1.0
 
-#: Bytes of a message: in those that a plugin writes into the connection of its worker, a length that is no length.
+#: Most bytes of a message: what a plugin writes into the connection of its worker may announce any number of them.
 _LONGEST_MESSAGE = 2**28
 
 #: Shapes of any data set.
