@@ -6,7 +6,7 @@ from collections.abc import Container, Iterable, Iterator, Sequence
 
 import numpy as np
 
-from benchmark.protocols.tables import ROUND
+from benchmark.protocols.tables import ROUND, Kind
 from benchmark.reference.paper import MEASURES
 from benchmark.report.frames import seconds_of
 from benchmark.report.statistics import FEWEST_CLASSES
@@ -56,18 +56,23 @@ def table_notes(view: TableView) -> list[str]:
 def leads(view: TableView) -> list[str]:
     """Say for each column which row leads its block, and before how many it does so certainly."""
     said: dict[str, list[str]] = {}
-    for (title, kind), (rivals, certain) in view.tests.items():
+    for (title, kind), (rivals, _) in view.tests.items():
         n_classes = len({*next(iter(rivals.values())).labels})
         if n_classes < FEWEST_CLASSES:
             said[title] = [f"{n_classes} classes decide nothing here"]
             continue
-        scores = [one.means[MEASURES[-1]] for one in rivals.values()]
-        best = int(np.argmax(scores))
-        row = next(row for row in view.rows if row.method == [*rivals][best])
-        before = f"{certain[best, :, -1].sum() or 'none'} of {len(rivals) - 1}"
-        score = f"{MEASURES[-1]} ({scores[best]:.2f})".replace("0.", ".")
+        row, n_behind = block_lead(view, title, kind)
+        before = f"{n_behind or 'none'} of {len(rivals) - 1}"
+        score = f"{MEASURES[-1]} ({rivals[row.method].means[MEASURES[-1]]:.2f})".replace("0.", ".")
         said.setdefault(title, []).append(f"{BLOCKS[kind]}: {row.title} leads in {score}, certainly before {before}")
     return [f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "." for title, of in said.items()]
+
+
+def block_lead(view: TableView, title: str, kind: Kind) -> tuple[Row, int]:
+    """Return the best row of a tested block in a column, and before how many others it certainly is."""
+    rivals, certain = view.tests[title, kind]
+    best = max(rivals, key=lambda method: rivals[method].means[MEASURES[-1]])
+    return next(row for row in view.rows if row.method == best), int(certain[[*rivals].index(best), :, -1].sum())
 
 
 def _columns(view: TableView) -> Iterator[str]:

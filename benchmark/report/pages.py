@@ -27,7 +27,7 @@ from benchmark.report.figures import MEASURE
 from benchmark.report.formats import BLOCKS, blocks, hundredths
 from benchmark.report.forms import Drawn, StoredForms, thumbnail
 from benchmark.report.frames import changed, file_name
-from benchmark.report.notes import leads, table_notes
+from benchmark.report.notes import block_lead, leads, table_notes
 from benchmark.report.statistics import INTERVALS
 from benchmark.report.tables import Row, Scored, TableView
 from benchmark.text import clean, say
@@ -164,13 +164,11 @@ def _leads(columns: Mapping[tuple[int, str], tuple[TableView, Column]]) -> list[
     """Say for each block and group which row is certainly above all others on which data."""
     found: dict[str, list[str]] = {}
     for (group, label), (view, column) in sorted(columns.items()):
-        for kind, name in BLOCKS.items():
-            rivals, certain = view.tests.get((column.title, kind), ({}, np.zeros((0, 0, 1))))
-            best = max(rivals, key=lambda method: rivals[method].means[MEASURE], default="")
-            is_above = best and certain[[*rivals].index(best), :, -1].sum() == len(rivals) - 1
+        for (title, kind), (rivals, _) in view.tests.items():
+            row, n_behind = block_lead(view, title, kind)
+            is_above = title == column.title and n_behind == len(rivals) - 1
             if is_above and (group, kind) != (0, "network"):  # which see views
-                title = next(row.title for row in view.rows if row.method == best)
-                found.setdefault(f"{name}, {GROUPS[group].lower()}: {title}", []).append(label)
+                found.setdefault(f"{BLOCKS[kind]}, {GROUPS[group].lower()}: {row.title}", []).append(label)
     return [f"{leader} on {'; '.join(labels)}." for leader, labels in sorted(found.items())]
 
 
