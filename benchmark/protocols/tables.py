@@ -58,7 +58,7 @@ TITLES: Mapping[str, str] = {
     "gps": "GPS",
     "mesh-unfolding": "Mesh Unfolding",
     "skeleton": "Skeleton-based",
-    paper.AS_PRINTED: "Depth network",
+    paper.AS_PRINTED: "Depth network (depth range of the frame)",
     "learned": "Depth network, 128 px",
     "learned-size-free": "Depth network, size unknown",
     "learned-wide-extra": "Depth network, extra data",

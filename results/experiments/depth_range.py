@@ -1,9 +1,10 @@
-"""Does the depth of a network say anything? ``python results/experiments/depth_range.py evaluate FOLD SEED RESULTS``.
+"""Does the depth of a network say anything? ``depth_range.py evaluate FOLD SEED RESULTS EARLIER``.
 
 The rules are in README.md beside this file, under "Targets that fill the range". RESULTS has the models that were
-trained with ``stretch_depth``; today's are those of the suite. ``lengthen RESULTS`` trains for 250 epochs and evaluates
-on the way, ``take-apart FOLD`` looks at the network as printed, and ``judge`` prints the table. Scores go to
-depth-range.csv; what it holds is not computed again. ``average-bodies`` writes those of the rows of tables.
+trained with ``stretch_depth``; EARLIER is ``learned/models`` of commit 37a963d1, whose models scores call "today's".
+``lengthen RESULTS EARLIER`` trains for 250 epochs and evaluates on the way, ``take-apart FOLD`` looks at the network as
+printed, and ``judge`` prints the table. Scores go to depth-range.csv; what it holds is not computed again.
+``average-bodies`` writes those of the rows of tables.
 """
 
 from __future__ import annotations
@@ -128,15 +129,15 @@ def predictions(method: Learned) -> list[Tensor]:
     return [method.predict(image) for image in judges()[1]]
 
 
-def evaluate(fold: int, seed: int, folder: Path, epochs: int) -> None:
-    """Append the scores of a model, of today's and of the controls."""
+def evaluate(fold: int, seed: int, folder: Path, earlier: Path, epochs: int) -> None:
+    """Append the scores of a model, of the earlier one and of the controls."""
     known = pandas.read_csv(SCORES) if SCORES.is_file() else pandas.DataFrame(columns=["fold", "seed", "epochs"])
     if len(known.query(f"fold == {fold} and seed == {seed} and epochs == {epochs}")):
         return
     card = json.loads((folder / CARD).read_text())
     truth = true_images(RESOLUTION)
-    shipped = Learned.shipped_models / f"people-fold-{fold}" / f"literal-seed{seed}"
-    today, new = predictions(Learned().load(shipped)), predictions(Learned().load(folder))
+    before = earlier / f"people-fold-{fold}" / f"literal-seed{seed}"
+    today, new = predictions(Learned().load(before)), predictions(Learned().load(folder))
     facts, found = {"fold": fold, "seed": seed, "epochs": epochs}, []
     for setting, given in settings(today, new, truth, fold, card["depth_scale"]["factor"]):
         found.append(scored({**facts, "setting": setting}, ranked(given), given, truth))
@@ -184,7 +185,7 @@ def scored(
     return means.assign(**facts)[[*facts, *means]].round({**dict.fromkeys(MEASURES, 4), "error": 5})
 
 
-def lengthen(results: Path) -> None:
+def lengthen(results: Path, earlier: Path) -> None:
     """Train fold 0 with seed 0 for :data:`LONG` epochs, and evaluate the weights at each of :data:`AT`."""
     folder = results / "models" / "people-fold-0" / "literal-seed0"
     finished = training._State.finished_epoch
@@ -208,7 +209,7 @@ def lengthen(results: Path) -> None:
         digest = hashlib.sha256((place / WEIGHTS).read_bytes()).hexdigest()
         (place / CARD).write_text(json.dumps({**card, "digest": digest}))
         load(place)
-        evaluate(0, 0, place, -epoch)  # negative: of the long training
+        evaluate(0, 0, place, earlier, -epoch)  # negative: of the long training
 
 
 def judge() -> None:
@@ -243,13 +244,13 @@ if __name__ == "__main__":
     what, *rest = sys.argv[1:]
     if what == "evaluate":
         place = Path(rest[2]) / "models" / f"people-fold-{rest[0]}" / f"literal-seed{rest[1]}"
-        evaluate(int(rest[0]), int(rest[1]), place, EPOCHS)
+        evaluate(int(rest[0]), int(rest[1]), place, Path(rest[3]), EPOCHS)
     elif what == "average-bodies":
         bodies = {f"people-fold-{fold}": (average_body(fold) - 0.5).half() for fold in range(3)}
         (Learned.shipped_models / "average-bodies.safetensors").write_bytes(save(bodies))
     elif what == "take-apart":
         take_apart(int(rest[0]))
     elif what == "lengthen":
-        lengthen(Path(rest[0]))
+        lengthen(Path(rest[0]), Path(rest[1]))
     else:
         judge()

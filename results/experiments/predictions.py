@@ -1,4 +1,4 @@
-"""What networks predict: ``python results/experiments/predictions.py [RESULTS]``, where RESULTS has other models.
+"""What networks predict: ``python results/experiments/predictions.py``.
 
 Draws three unseen subjects in two poses (results/figures/predictions.png), and writes hidden.csv: of the canonical
 pixels whose surface point is hidden in the input, the share that lies in the predicted mask, and the error of the depth
@@ -7,7 +7,6 @@ there in units of relief (the standard deviation of the true depth inside the tr
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -66,16 +65,13 @@ def figures(prediction: Tensor, true: Tensor, unseen: Tensor) -> tuple[float, fl
     return float(there.sum() / unseen.sum()), float(wrong[there].square().mean().sqrt() / relief)
 
 
-def main(results: Path | None) -> None:
+def main() -> None:
     """Draw the picture and write the figures."""
     torch.set_num_threads(1)
-    models = {"128 px": Learned.shipped_models / f"people-fold-{FOLD}" / "literal-seed0"}
-    if results:
-        models["128 px, stretched"] = results / "models" / f"people-fold-{FOLD}" / "literal-seed0"
-    models["as printed"] = Learned.shipped_models / f"people-fold-{FOLD}" / "as_printed-seed0"
+    models = Learned.shipped_models / f"people-fold-{FOLD}"
     networks = {
-        name: (Learned(configuration="as_printed" if name == "as printed" else "literal").load(folder), size)
-        for (name, folder), size in zip(models.items(), [*[128] * (len(models) - 1), 500], strict=True)
+        "128 px": (Learned().load(models / "literal-seed0"), 128),
+        "as printed": (Learned(configuration="as_printed").load(models / "as_printed-seed0"), 500),
     }
     shapes, half_width = open_dataset(JUDGES), frame_of(open_dataset(TRAINED))
     canonical = canonical_shapes(shapes)
@@ -132,4 +128,4 @@ def picture(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if sys.argv[1:] else None)
+    main()

@@ -169,7 +169,7 @@ def test_notes_say_what_s_is_why_a_score_is_missing_and_what_was_seen_in_trainin
     table, _ = table_views([record("gps", dataset="tosca"), seen], ["III"], paper=True)
     found = "\n".join(table_notes(table))
     assert "geodesics; older records have no processor time; machine: unknown." in found
-    assert "Depth network (no model was trained for this data, or it was not run)" in found
+    assert "Depth network (depth range of the frame) (no model was trained for this data, or it was not run)" in found
     assert "Classic MDS, Fast MDS, Non-metric MDS, 4 more (not run)" in found
     assert "Trained on the classes of: Depth network, 128 px 8 of 12 shapes (ours)" in found
 
