@@ -154,7 +154,7 @@ def verdicts_markdown(views: Sequence[TableView]) -> str:
     """Return verdicts and claims as Markdown; "" without a table of the suite."""
     if not any(view.table in TABLES for view in views):
         return ""
-    lines = [f"**What of the paper holds up.** {views[0].by.note}", ""]
+    lines = [f"**What holds up in the paper.** {views[0].by.note}", ""]
     if figures := classical_figures(views):
         printed, ours = figures
         near = is_near(printed.to_numpy(), ours.to_numpy())
