@@ -20,6 +20,7 @@ def test_another_size_and_a_value_that_is_no_depth_are_refused(value: float) -> 
         image[100, 100] = value
         with pytest.raises(InvalidMesh, match=said):
             checked_image(image)
+    assert checked_image(np.ones((500, 500), np.float32)).max() == 1
 
 
 @pytest.mark.parametrize("resolution", [125, 128, 333])
