@@ -62,9 +62,9 @@ def leads(view: TableView) -> list[str]:
             said[title] = [f"{n_classes} classes decide nothing here"]
             continue
         row, n_behind = block_lead(view, title, kind)
-        before = f"{n_behind or 'none'} of {len(rivals) - 1}"
+        before = f"certainly before {n_behind} of" if n_behind else "but certainly before none of"
         score = f"{MEASURES[-1]} ({rivals[row.method].means[MEASURES[-1]]:.2f})".replace("0.", ".")
-        said.setdefault(title, []).append(f"{BLOCKS[kind]}: {row.title} leads in {score}, certainly before {before}")
+        said.setdefault(title, []).append(f"{BLOCKS[kind]}: {row.title} leads in {score}, {before} {len(rivals) - 1}")
     return [f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "." for title, of in said.items()]
 
 

@@ -404,14 +404,13 @@ def table_views(
 def _marks(rivals: Sequence[Scored], certain: NDArray[np.bool_]) -> NDArray[np.str_]:
     """Return the marks of the rows of a block in one column, shape (rows, measures).
 
-    ``"bold"`` for the best; ``"italic"`` where it is not certainly better than a row, if any difference is certain.
+    ``"bold"`` for the best; ``"italic"`` where it is not certainly better than a row.
     """
     means = np.array([[one.means[name] for name in MEASURES] for one in rivals])
     is_best = means >= means.max(axis=0) - SAME
     marks = np.where(is_best, "bold", "").astype("U6")
-    if certain.any():
-        to_best = np.take_along_axis(certain, is_best.argmax(axis=0)[None, None], axis=0)[0]
-        marks[~is_best & ~to_best] = "italic"
+    to_best = np.take_along_axis(certain, is_best.argmax(axis=0)[None, None], axis=0)[0]
+    marks[~is_best & ~to_best] = "italic"
     return marks
 
 

@@ -6,6 +6,7 @@ import re
 import shutil
 from collections import Counter
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -328,6 +329,9 @@ def test_text_has_a_contrast_of_four_and_a_half_in_both_schemes(tmp_path):
                 assert (brightness[1] + 0.05) / (brightness[0] + 0.05) >= 4.5, rule
                 checked += 1
     assert checked >= 16
+    site = (Path(__file__).parents[2] / "docs/images/site.css").read_text()  # where the style of tables stands, too
+    table = (tmp_path / "report" / "table.css").read_text()
+    assert {name for name in re.findall(r"var\(--(\w+)\)", table) if f"--{name}:" not in site} == set()
 
 
 def test_pages_of_400_shapes_are_small(tmp_path):

@@ -120,7 +120,7 @@ def test_the_best_of_each_block_is_bold_and_rows_that_it_does_not_certainly_beat
         eight("area", *[0.5] * 4, *[0.2] * 4, **descriptor),
     ]
     table = view(*rows)
-    expected = {"top": "bold", "near": "italic", "close": "italic", "far": "", "dna": "bold", "area": ""}
+    expected = {"top": "bold", "near": "italic", "close": "italic", "far": "", "dna": "bold", "area": "italic"}
     assert marks(table) == expected
     assert "No difference is certain: Descriptors (mesh)." in table_notes(table)
     assert "bold" in table.marks["area", "mesh"]
