@@ -96,7 +96,8 @@ def _columns(view: TableView) -> Iterator[str]:
             ]
             apart, where = max(ranges)
             score = f"{apart:.2f}".removeprefix("0")
-            yield f"{column.title}: mean of {draws} draws, which differ by at most {score} ({where})."
+            alone = "; networks: one draw" * (min(map(len, of_rows.values())) == 1)
+            yield f"{column.title}: mean of {draws} draws, which differ by at most {score} ({where}){alone}."
     if any(view.of_folds(row, column.title) for row in view.printed_rows for column in view.columns):
         yield "Beside means over folds: the least and the greatest fold."
     if any(row.method in view.seconds for row in view.printed_rows):
