@@ -53,7 +53,8 @@ def test_the_wheel_has_types_templates_and_examples_and_no_tests(packed):
     assert "benchmark/check/shapes.npz" in packed
     assert {f"benchmark/examples/{name}" for name in ("ray_stretch.py", "graph_stress.cpp")} <= packed.keys()
     assert {"benchmark/reference/references.bib", "benchmark/report/templates/table.html"} <= packed.keys()
-    assert {f"benchmark/results/records/{path.name}" for path in ROOT.glob("results/records/*")} <= packed.keys()
+    records = [path for path in (ROOT / "results/records").rglob("*") if path.is_file()]
+    assert {f"benchmark/{path.relative_to(ROOT)}" for path in records} <= packed.keys()
     assert not any(name.startswith(("tests/", "tools/", "results/")) for name in packed)
 
 
