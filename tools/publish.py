@@ -22,7 +22,7 @@ from benchmark.pipeline.environment import has_edits
 from benchmark.pipeline.records import Record, encode, published_distances, read_distances, read_files, read_records
 from benchmark.protocols.tables import PARTS
 from benchmark.reference.paper import MEASURES
-from benchmark.registry import BUILT_IN
+from benchmark.registry import BUILT_IN, SCORERS
 from benchmark.report.drawing import OBLIQUE, shaded, webp
 from benchmark.report.forms import StoredForms, thumbnail
 from benchmark.report.frames import row_of
@@ -70,9 +70,10 @@ def publish(results: Path) -> list[Record]:
 
 
 def is_public(record: Record) -> bool:
-    """Return whether a record means something elsewhere: a full run of a set and a method of the suite."""
+    """Return whether a record means something elsewhere: a full run of a set, a method and a scorer of the suite."""
     is_whole = record.gallery.removeprefix(record.data.name).strip() in PARTS
     is_known = record.data.name.partition("[")[0] in CATALOGUE and record.method.partition("[")[0] in BUILT_IN
+    is_known &= record.scorer in ("", *SCORERS)
     return is_whole and is_known and record.status != "unavailable"
 
 
