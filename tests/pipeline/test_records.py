@@ -199,7 +199,7 @@ def test_publish_replaces_earlier_records_and_leaves_out_private_and_quick_ones(
     write_published(tmp_path, [made("gps", key="b", nn=0.25), made("skeleton", key="c")])
     write_record(tmp_path, made("gps", parts={"gps.py": "1"}, traceback="x"))
     write_record(tmp_path, made("own", key="d"))
-    write_record(tmp_path, made("mesh-unfolding", key="g", scorer="spherical-harmonics"))
+    write_record(tmp_path, made("mesh-unfolding", key="0", scorer="spherical-harmonics"))
     quick = {"name": "pets", "title": "Pets", "source": "pets", "quick": True}
     write_record(tmp_path, made("identity", key="e", gallery="pets (quick)", data=quick))
     absent = {"status": "unavailable", "reason": "no model", "scores": {}, "per_query": {}, "commit": ""}
