@@ -165,9 +165,10 @@ def _leads(columns: Mapping[tuple[int, str], tuple[TableView, Column]]) -> list[
     found: dict[str, list[str]] = {}
     for (group, label), (view, column) in sorted(columns.items()):
         for (title, kind), (rivals, _) in view.tests.items():
+            if title != column.title or (group, kind) == (0, "network"):  # which see views
+                continue
             row, n_behind = block_lead(view, title, kind)
-            is_above = title == column.title and n_behind == len(rivals) - 1
-            if is_above and (group, kind) != (0, "network"):  # which see views
+            if n_behind == len(rivals) - 1:
                 found.setdefault(f"{BLOCKS[kind]}, {GROUPS[group].lower()}: {row.title}", []).append(label)
     return [f"{leader} on {'; '.join(labels)}." for leader, labels in sorted(found.items())]
 

@@ -57,7 +57,8 @@ def test_a_row_is_the_mean_of_all_draws_of_people_and_networks_see_the_first():
     assert cell(table, "learned", "15 subjects") == 0.8
     assert marks(table, "15 subjects")["gps"] == "bold"  # nine classes; the network's three are too few
     assert marks(table, "15 subjects")["learned"] == ""
-    apart = f"15 subjects: mean of {len(draws)} draws, which differ by at most .{len(draws) - 1}0 (NN of GPS); net"
+    apart = f"which differ by at most .{len(draws) - 1}0 (NN of GPS); networks: one draw."
+    apart = f"15 subjects: mean of {len(draws)} draws, {apart}"
     assert any(apart in note for note in table_notes(table)) == (len(draws) > 1)
 
 
@@ -169,6 +170,7 @@ def test_notes_say_what_s_is_why_a_score_is_missing_and_what_was_seen_in_trainin
     table, _ = table_views([record("gps", dataset="tosca"), seen], ["III"], paper=True)
     found = "\n".join(table_notes(table))
     assert "geodesics; older records have no processor time; machine: unknown." in found
+    assert "Ranks by spherical harmonics: no record yet." in found
     assert "Depth network (depth range of the frame) (no model was trained for this data, or it was not run)" in found
     assert "Classic MDS, Fast MDS, Non-metric MDS, 4 more (not run)" in found
     assert "Trained on the classes of: Depth network, 128 px 8 of 12 shapes (ours)" in found
