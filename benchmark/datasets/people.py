@@ -90,27 +90,30 @@ def humans_scanlike() -> ShapeSet:
     similar, nobody is symmetric or takes a pose exactly, fingers and toes are fused, and all tessellations differ.
     """
     adults = SUBJECTS["humans-scanlike"]
-
-    def angles(entry: Entry) -> FloatArray:
-        return jittered(POSES[entry.pose], _POSE_DEVIATION, named_random(entry.identifier, "pose"))
-
-    def load(entry: Entry) -> Mesh:
-        from benchmark.datasets.scanning import scanned  # imports numba
-
-        return scanned(body_mesh(adults[entry.subject], angles(entry)), entry.subject, entry.identifier)
-
     return ShapeSet(
         name="humans-scanlike",
         title="humans, scan-like (stand-in for SHREC'14 real)",
         shapes=tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in adults for pose in _SCANNED_POSES),
-        load=load,
+        load=_scan,
         key=lambda entry: (
-            f"scan of {entry.identifier}: {describe(adults[entry.subject], angles(entry))} {file_digest(CAVITIES)}"
+            f"scan of {entry.identifier}: {describe(adults[entry.subject], _angles(entry))} {file_digest(CAVITIES)}"
         ),
         half_width=_OF_SCANS,
         stand_in_for="shrec14-real",
         code=("benchmark.datasets.bodies", "benchmark.datasets.scanning"),
     )
+
+
+@functools.lru_cache(maxsize=1)  # it takes seconds, and cameras around a shape ask for it again
+def _scan(entry: Entry) -> Mesh:
+    from benchmark.datasets.scanning import scanned  # imports numba
+
+    body = body_mesh(SUBJECTS["humans-scanlike"][entry.subject], _angles(entry))
+    return scanned(body, entry.subject, entry.identifier)
+
+
+def _angles(entry: Entry) -> FloatArray:
+    return jittered(POSES[entry.pose], _POSE_DEVIATION, named_random(entry.identifier, "pose"))
 
 
 @functools.cache

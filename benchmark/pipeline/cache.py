@@ -83,14 +83,17 @@ class Cache:
         """Return whether there is a file under a key, damaged or not."""
         return self._path(stage, key).is_file()
 
-    def read(self, stage: Stage, key: str, without: Collection[str] = ()) -> dict[str, NDArray[Any]] | None:
-        """Return the read-only arrays under a key, except some; None if there are none, or their file is damaged."""
+    def read(
+        self, stage: Stage, key: str, *, without: Collection[str] = (), only: Collection[str] = ()
+    ) -> dict[str, NDArray[Any]] | None:
+        """Return read-only arrays under a key, by default all; None if there are none, or their file is damaged."""
         try:
             with zipfile.ZipFile(self._path(stage, key)) as archive:
                 names = {name.removesuffix(".npy") for name in archive.namelist()}
                 if archive.comment != str(len(names)).encode():  # the list, which has no checksum, is not complete
                     return None
-                files = {name: io.BytesIO(archive.read(f"{name}.npy")) for name in names.difference(without)}
+                wanted = names.intersection(only or names).difference(without)
+                files = {name: io.BytesIO(archive.read(f"{name}.npy")) for name in wanted}
             return {name: read_only(np.lib.format.read_array(file, allow_pickle=False)) for name, file in files.items()}
         except Exception:  # zip, zlib and numpy raise many types
             return None

@@ -118,7 +118,7 @@ def _read(side: RankedShapes, cache: Cache) -> tuple[dict[int, dict[Stage, Array
     for index, keys in enumerate(side.keys):
         stages: dict[Stage, Arrays] = {}
         for stage, key in keys.items():  # up to the one that refuses the shape
-            arrays = cache.read(stage, key, () if stage == "signatures" else _SURFACES)
+            arrays = cache.read(stage, key, without=() if stage == "signatures" else _SURFACES)
             if arrays is None:
                 damaged.append((stage, key))
                 continue

@@ -409,6 +409,10 @@ def _files_of(record: Record) -> Iterator[str]:
 # Files of a record ---------------------------------------------------------------------------------------------------
 
 
+#: Arrays of prepared shapes and forms that pages and figures read.
+_READ = ("vertices", "faces", "vertex_map", "note:vertices_before")
+
+
 def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
     """Return the distances of queries and shapes with a result, means over draws; None if not here.
 
@@ -463,4 +467,4 @@ def read_vertex_map(results: Path, record: Record, shape: str) -> tuple[NDArray[
 
 def _read_arrays(results: Path, record: RankedShapes, stage: Stage, shape: str) -> dict[str, NDArray[Any]]:
     keys = dict(zip(record.shapes, record.files.get(stage, [])[:: record.views], strict=False))
-    return Cache(results).read(stage, keys.get(shape, "")) or {}
+    return Cache(results).read(stage, keys.get(shape, ""), only=_READ) or {}

@@ -26,7 +26,7 @@ from benchmark.report.frames import file_name
 NEARER = 0.9
 
 #: Steps of an alignment with all points, and before that with a few; points, and starts that are refined.
-_STEPS, _FEW, _FEW_STEPS, _DRAWN, _KEPT = 10, 200, 6, 600, 8
+_STEPS, _FEW, _FEW_STEPS, _DRAWN, _KEPT = 10, 100, 6, 600, 4
 
 _SIGNED_AXES = np.array(
     [np.diag(signs)[[*order]] for signs in product((1.0, -1.0), repeat=3) for order in permutations(range(3))]

@@ -10,7 +10,7 @@ import pytest
 from benchmark.datasets.bodies import POSES, Subject, bone_rotations, jittered, mirrored
 from benchmark.datasets.bodies import SUBJECTS as SETS
 from benchmark.datasets.catalogue import is_known, open_dataset
-from benchmark.datasets.people import PEOPLE, new_subject
+from benchmark.datasets.people import PEOPLE, _scan, new_subject
 
 SUBJECTS = PEOPLE[0]
 TAKEN = np.array([astuple(body) for name in SETS if name != "animals" for body in SETS[name].values()])
@@ -85,3 +85,14 @@ def test_a_mirrored_pose_turns_the_bones_of_the_other_side_and_a_jittered_one_st
     moved = np.array([jittered(pose, 30.0, np.random.default_rng(0)) for pose in POSES.values()])
     assert (moved >= ends.min(axis=0)).all() and (moved <= ends.max(axis=0)).all()
     assert np.abs(moved - [*POSES.values()]).max() > 10
+
+
+def test_cameras_around_a_scan_see_one_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
+    _scan.cache_clear()
+    simulated: list[str] = []
+    monkeypatch.setattr("benchmark.datasets.scanning.scanned", lambda body, subject, name: simulated.append(name) or body)
+    shapes = open_dataset("humans-scanlike[cameras=12]")
+    for entry in shapes.shapes[:24]:
+        shapes.load(entry)
+    _scan.cache_clear()
+    assert simulated == ["man-1_standing", "man-1_walking"]
