@@ -90,7 +90,7 @@ def test_a_mirrored_pose_turns_the_bones_of_the_other_side_and_a_jittered_one_st
 def test_cameras_around_a_scan_see_one_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     _scan.cache_clear()
     simulated: list[str] = []
-    monkeypatch.setattr("benchmark.datasets.scanning.scanned", lambda body, subject, name: simulated.append(name) or body)
+    monkeypatch.setattr("benchmark.datasets.scanning.scanned", lambda _, __, name: simulated.append(name))
     shapes = open_dataset("humans-scanlike[cameras=12]")
     for entry in shapes.shapes[:24]:
         shapes.load(entry)
