@@ -40,6 +40,9 @@ TABLES = {
 #: The report of these tables, and what links to it: in the repository, the folder of the tables.
 REPORT, REPORTED = "report/index.html", "results/tables"
 
+#: Where pages of the report name each other, and here also the documentation.
+NAVIGATION = '<nav aria-label="Tables">'
+
 #: Files outside ``docs/`` that are pages or pictures of the site.
 BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/experiments/*.*", "results/*/*.png")
 
@@ -79,6 +82,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for name in OF_REPORT:
         files.append(File.generated(config, f"images/{name}", content=fixed_file(name)))
     for name, content in report_files(ROOT / "results", list(TABLES.values())).items():
+        if isinstance(content, str):
+            content = content.replace(NAVIGATION, f'{NAVIGATION}<a href="../index.html">Documentation</a>')
         files.append(File.generated(config, f"{posixpath.dirname(REPORT)}/{name}", content=content))
     for module in _modules():
         files.append(File.generated(config, f"api/{module}.md", content=f"# {module}\n\n::: {module}\n"))

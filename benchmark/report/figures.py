@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from statistics import mode
@@ -23,7 +23,6 @@ from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.files import write_atomically
 from benchmark.geometry.camera import Camera
 from benchmark.pipeline.records import Record, read_distances
-from benchmark.protocols.tables import Kind
 from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.frames import file_name
@@ -50,8 +49,8 @@ _NAMED = 15
 #: Measure of pages and figures that show one.
 MEASURE = "DCG"
 
-#: Colours of blocks, and of lines beside them: contrast with white of at least 3, as WCAG asks of graphics.
-COLOURS: Mapping[Kind, str] = {"form": "#3a6ea5", "network": "#c8553d", "descriptor": "#3d8a5f", "external": "#777777"}
+#: Colours of classes, in turn, and of lines: contrast with white of at least 3, as WCAG asks of graphics.
+COLOURS = ("#3a6ea5", "#c8553d", "#3d8a5f", "#8a5fa8", "#9c6b14", "#128391", "#b0457f", "#66751c", "#5b5b5b", "#222222")
 GREY = "#737373"
 
 #: Colour of a shape whose nearest match is wrong.
@@ -121,7 +120,8 @@ def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
                                zorder=0, bbox={"pad": 0.4, "lw": 0, "fc": "white", "alpha": 0.7})  # fmt: skip
         place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED)
         addresses = [f"{page}-{file_name(name)}" for name in names.tolist()] if page else None
-        place.scatter(points[:, 0], points[:, 1], 9, COLOURS[row.kind], urls=addresses)
+        colours = np.resize(COLOURS, len(record.labels))[np.searchsorted(np.unique(record.labels), labels)]
+        place.scatter(points[:, 0], points[:, 1], 9, colours, urls=addresses)
         place.set_title(fill(row.title, 30), fontsize=_SIZE, parse_math=False)
     return figure
 

@@ -19,7 +19,7 @@ from scipy.spatial import cKDTree
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.preparation import decimate
 from benchmark.pipeline.records import RankedShapes, Record, read_distances
-from benchmark.protocols.tables import AGAINST, Column, Kind
+from benchmark.protocols.tables import AGAINST, SURFACES, Column, Kind
 from benchmark.reference.paper import MEASURES
 from benchmark.report import figures
 from benchmark.report.drawing import OBLIQUE, PALETTE, shaded, webp
@@ -43,6 +43,9 @@ CLASSES, POSES, VERTICES, SIDE = 3, 2, 2000, 240
 
 #: Matches of a query, and failed queries whose forms are drawn, the hardest ones; pixels of the picture of a shape.
 MATCHES, HARDEST, _SMALL = 5, 20, 96
+
+#: Matches of queries by number: number, rank, and distance over that of the first of the class, unless it is 0.
+Nearest = Mapping[int, Sequence[tuple[int, int, float | None]]]
 
 #: What follows the class in the name of a shape whose pose has a name.
 _POSE = re.compile(r"[_/-]([^\W\d_][^\d]*)")
@@ -176,8 +179,9 @@ def _leads(columns: Mapping[tuple[int, str], tuple[TableView, Column]]) -> list[
 def _place(view: TableView, column: Column) -> tuple[int, str]:
     """Return the number of the group of a column in the overview, and its label."""
     is_against = any(part.startswith(AGAINST) for part in column.parts)
-    has_parts = column.parts != ("",) and not is_against and not view.table.is_ablation
-    label = _data_title(view) + ", ablation" * view.table.is_ablation + f", {column.title}" * has_parts
+    has_parts = column.parts not in [("",), (SURFACES,)] and not view.table.is_ablation
+    title = f", {column.title.removeprefix(AGAINST)}" * has_parts
+    label = _data_title(view) + ", ablation" * view.table.is_ablation + title
     return 2 if is_against else int(column.input == "view"), label
 
 
@@ -301,12 +305,8 @@ def _shapes(pages: Pages, side: RankedShapes) -> list[tuple[str, str, str]]:
     return [*zip(map(clean, side.shapes), map(clean, side.labels), pictures, strict=True)]
 
 
-def _nearest(record: Record, matrix: NDArray[np.float64]) -> dict[int, list[tuple[int, int, float | None]]]:
-    """Return the nearest shapes of each query with a result, and the first of its class if it comes later.
-
-    Each is its number, its rank, and its distance over that of the first of the class if that is not 0. The query
-    itself is left out.
-    """
+def _nearest(record: Record, matrix: NDArray[np.float64]) -> Nearest:
+    """Return the nearest shapes of each query with a result but itself, and the first of its class if it is later."""
     last, found = record.sides[-1], {}
     numbers, shapes, labels = np.array(last.answered), np.array(last.shapes), np.array(last.labels)
     for query, distances in zip(record.answered, matrix, strict=True):
@@ -320,7 +320,7 @@ def _nearest(record: Record, matrix: NDArray[np.float64]) -> dict[int, list[tupl
     return found
 
 
-def _kept_pose(record: Record, nearest: Mapping[int, Sequence[tuple[int, int, float | None]]]) -> list[float]:
+def _kept_pose(record: Record, nearest: Nearest) -> list[float]:
     """Return how often the match of a failed query has its pose, and how often a random shape of another class has it.
 
     Empty if poses have no names, as in ``man-1_kneeling``, or no query fails.
@@ -342,9 +342,7 @@ def _kept_pose(record: Record, nearest: Mapping[int, Sequence[tuple[int, int, fl
     return [float(np.mean(of)) for of in shares]
 
 
-def _drawn(
-    pages: Pages, record: Record, nearest: Mapping[int, Sequence[tuple[int, int, float | None]]], missed: Sequence[int]
-) -> dict[int, str]:
+def _drawn(pages: Pages, record: Record, nearest: Nearest, missed: Sequence[int]) -> dict[int, str]:
     """Return the pictures of the forms of missed queries, and of their matches, by number; empty without forms."""
     shown = {of for of in missed if of in nearest}
     if len(record.sides) == 1:
@@ -357,9 +355,7 @@ def _drawn(
     return {of: file for of, file in files.items() if file}
 
 
-def _outcome(
-    record: Record, nearest: Mapping[int, Sequence[tuple[int, int, float | None]]], number: int
-) -> tuple[int, float]:
+def _outcome(record: Record, nearest: Nearest, number: int) -> tuple[int, float]:
     """Return 0 for a refused query, 1 where the nearest match is of another class, otherwise 2; and its score."""
     first = nearest.get(number, ())[:1]
     is_hit = any(record.sides[-1].labels[match] == record.labels[number] for match, *_ in first)

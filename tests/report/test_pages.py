@@ -154,6 +154,9 @@ def test_turned_views_are_columns_of_the_table_of_unturned_ones(tmp_path):
             ("table-III-cross-tosca.html", "TOSCA"),
             ("table-III-cross-tosca.html", "TOSCA, cameras turned up to 30°"),
         ]
+    around = record("identity", dataset="tosca", data=rows[0].data, **(common | {"fold": "against 12 cameras"}))
+    index = pages(tmp_path, *rows, around)["index.html"]
+    assert re.search(r'<a href="table-III-cameras-tosca.html" title="[^"]*">TOSCA, 12 cameras</a></th>', index)
 
 
 def test_hostile_names_are_text_on_pages_and_in_names_of_files(tmp_path):
@@ -359,7 +362,7 @@ def test_figures_have_fonts_that_publishers_take(results, tmp_path):
 
 
 def test_colours_of_marks_have_a_contrast_of_three_with_white():
-    for colour in (*COLOURS.values(), GREY):
+    for colour in (*COLOURS, GREY):
         assert 1.05 / (luminance(colour) + 0.05) >= 3, colour
 
 
