@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import sys
 import time
+import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -247,6 +248,9 @@ class _State:
         if not self.path.is_file():
             return
         try:
+            with zipfile.ZipFile(self.path) as archive:  # torch does not compare its checksums
+                if damaged := archive.testzip():
+                    raise ValueError(damaged)
             state = torch.load(self.path, map_location="cpu", weights_only=True)
             if changed := differences(state["recipe"], recipe):
                 problem = f"{self.path} was made with another {changed}"

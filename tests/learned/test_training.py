@@ -206,6 +206,18 @@ def test_a_damaged_checkpoint_is_named(pairs: Pairs, tmp_path: Path, content: by
         run(pairs, tmp_path)
 
 
+def test_a_checkpoint_with_a_flipped_bit_is_refused_or_the_same(pairs: Pairs, tmp_path: Path) -> None:
+    expected, _ = run(pairs, tmp_path)
+    content, refused = (tmp_path / CHECKPOINT).read_bytes(), 0
+    for place in range(0, len(content), len(content) // 16):
+        (tmp_path / CHECKPOINT).write_bytes(content[:place] + bytes([content[place] ^ 64]) + content[place + 1 :])
+        try:
+            assert equal(run(pairs, tmp_path)[0], expected)
+        except TrainingError:
+            refused += 1
+    assert refused > 8
+
+
 def test_a_checkpoint_that_cannot_be_written_is_named(pairs: Pairs, tmp_path: Path) -> None:
     (tmp_path / CHECKPOINT).with_suffix(".tmp").mkdir()
     with pytest.raises(TrainingError, match="cannot write .*; free some space and train again"):
