@@ -40,8 +40,8 @@ DPI = 300
 #: Side in inches of a picture in a figure of forms, at most, and height of the titles above them.
 _TALLEST, _HEAD = 0.85, 0.44
 
-#: Maps side by side in a figure, and title of the shapes beside forms.
-_ACROSS, _ITSELF = 3, "Shape"
+#: Maps side by side in a figure.
+_ACROSS = 3
 
 #: Classes that are named on a map: those with most wrong matches.
 _NAMED = 15
@@ -136,7 +136,7 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
     forms
         Reader of the forms.
     shapes
-        Names of the shapes; by default three poses of the first class. Subjects stand side by side.
+        Names of the shapes; by default three poses of the first class. Several subjects are named, side by side.
 
     Raises
     ------
@@ -152,12 +152,14 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
     if unknown := [name for name in names if name not in labels]:
         raise did_you_mean("shape", unknown[0], labels)
     columns: list[tuple[str, list[Drawn | None]]] = []
-    for subject in dict.fromkeys(labels[name] for name in names):
+    subjects = [*dict.fromkeys(labels[name] for name in names)]
+    heads = [*map(clean, subjects)] if len(subjects) > 1 else ["Shape"]
+    for subject, head in zip(subjects, heads, strict=True):
         poses = [name for name in names if labels[name] == subject]
-        columns.append((_ITSELF, [forms.shape(first, name) for name in poses]))
+        columns.append((head, [forms.shape(first, name) for name in poses]))
         columns += [(title, [forms.form(record, name) for name in poses]) for title, record in records.items()]
     columns = [(title, drawn) for title, drawn in columns if any(drawn)]
-    if {title for title, _ in columns} <= {_ITSELF}:
+    if {title for title, _ in columns} <= {*heads}:
         raise ConfigurationError("no forms of these shapes are stored here", "run the methods here, then draw again")
     return _pictures(columns, UPRIGHT if first.input == "mesh" else OBLIQUE)
 

@@ -397,7 +397,8 @@ def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_p
     view, forms = table_views(results.records)[0], StoredForms(results.folder)
     figure = forms_figure(view, forms, ["thin0", "thin1", "thick0"])
     assert figure.get_size_inches().tolist() == pytest.approx([5.1, 2.14])  # so three poses take less than 3
-    assert [place.get_title() for place in figure.axes[:6]] == ["Shape", "GPS", "Identity (no\ncanonical form)"] * 2
+    heads = [place.get_title() for place in figure.axes[:6]]
+    assert heads == [name for shape in ("thin", "thick") for name in (shape, "GPS", "Identity (no\ncanonical form)")]
     assert len(figure.axes) == 2 * 6
     assert [len(place.images) for place in figure.axes[6:]] == [1, 1, 1, 0, 0, 0]
     save(figure, tmp_path / "forms.png")
