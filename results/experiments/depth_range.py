@@ -3,8 +3,8 @@
 The rules are in README.md beside this file, under "Targets that fill the range". RESULTS has the models that were
 trained with ``stretch_depth``; EARLIER is ``learned/models`` of commit 37a963d1, whose models scores call "today's".
 ``lengthen RESULTS EARLIER`` trains for 250 epochs and evaluates on the way, ``take-apart FOLD`` looks at the network as
-printed, and ``judge`` prints the table. Scores go to depth-range.csv; what it holds is not computed again.
-``average-bodies`` writes those of the rows of tables.
+printed, ``go-on RESULTS as-they-are|stretched`` trains it further, and ``judge`` prints the table. Scores go to
+depth-range.csv; what it holds is not computed again. ``average-bodies`` writes those of the rows of tables.
 """
 
 from __future__ import annotations
@@ -21,21 +21,23 @@ import numpy as np
 import pandas
 import torch
 from numpy.typing import NDArray
-from safetensors.torch import save
+from safetensors.torch import load as tensors_in
+from safetensors.torch import save as saved
 from scipy.ndimage import distance_transform_edt
 from scipy.stats import t as student
 from torch import Tensor
 
-from benchmark.api.learning import CARD, WEIGHTS
+from benchmark.api.learning import CARD, WEIGHTS, checked_weights
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.pipeline.prepared import frame_of, prepare_view
 from benchmark.protocols.pairs import training_data
 from benchmark.protocols.trainings import TRAININGS
 from learned import fitting, training
-from learned.images import COVERED, checked_image, enlarged, resampled
+from learned.images import COVERED, DepthScale, checked_image, enlarged, resampled
 from learned.methods import Learned
-from learned.models import load
+from learned.models import CONFIGURATIONS, load, save
+from learned.pairs import gather
 from learned.surface import open_surface
 from retrieval.cmbof import CMBOF
 from retrieval.measures import score_draws
@@ -54,6 +56,7 @@ TODAY, DIVIDED, NEW, AVERAGE, FLAT, TRUE = (
     "true depth",
 )
 CONTROLS = (DIVIDED, AVERAGE)
+FURTHER, FURTHER_SEED, AS_PRINTED = 50, 1, Learned.shipped_models / "people-fold-0" / "as_printed-seed0"
 
 
 @cache
@@ -92,7 +95,7 @@ def settings(
     today: Sequence[Tensor], new: Sequence[Tensor], truth: Sequence[Tensor], fold: int, factor: float
 ) -> Iterator[tuple[str, list[Tensor]]]:
     """Yield what is judged: depth and mask of each view."""
-    average = average_body(fold)
+    average = average_body(fold, len(new[0][0]))
     yield TODAY, [*today]
     yield DIVIDED, [torch.stack([0.5 + (depth - 0.5) / factor, mask]) for depth, mask in today]
     yield NEW, [*new]
@@ -169,6 +172,37 @@ def take_apart(fold: int) -> None:
     pandas.concat([*known, *found]).to_csv(SCORES, index=False, lineterminator="\n")
 
 
+def go_on(results: Path, targets: str) -> None:
+    """Train the network as printed of fold 0 further, on targets of either range, and append its scores."""
+    name, data = "as_printed", training_data(TRAININGS["people-fold-0"], None, print)
+    configuration, device = CONFIGURATIONS[name], torch.device("cpu")
+    schedule = training.resolved(training.Schedule(epochs=FURTHER, early_epochs=0), device)
+    pairs = gather(data.pairs(), data.n_pairs, schedule.resolution, configuration.crop)
+    scale = DepthScale.of(pairs.targets) if targets == NEW else DepthScale()
+    folder = results / "models" / "people-fold-0" / f"{name}-{targets}"
+    folder.mkdir(parents=True, exist_ok=True)
+    if not (folder / CARD).is_file():
+        network = configuration.build()
+        network.load_state_dict({key: each.float() for key, each in tensors_in(checked_weights(AS_PRINTED)).items()})
+        head = network.reconstruction.head
+        with torch.no_grad():  # the same function in the units of the targets
+            head.weight[0] *= scale.factor
+            head.bias[0] = 0.5 + scale.factor * (head.bias[0] - scale.mean)
+        history = training.fit(
+            network, pairs.scaled(scale), None, schedule, folder, seed=FURTHER_SEED, device=device, log=print
+        )
+        facts = {"seed": FURTHER_SEED, "depth_scale": {"mean": scale.mean, "factor": scale.factor}}
+        save(network.eval(), configuration, data, schedule, history, folder, facts)
+    truth, factor = true_images(schedule.resolution), DepthScale.of(pairs.targets).factor
+    before, new = (predictions(Learned(configuration="as_printed").load(each)) for each in (AS_PRINTED, folder))
+    facts = {"fold": 0, "seed": FURTHER_SEED, "epochs": FURTHER}
+    found = [
+        scored({**facts, "setting": f"as printed, then {targets}: {setting}"}, ranked(given), given, truth)
+        for setting, given in settings(before, new, truth, 0, factor)
+    ]
+    pandas.concat([pandas.read_csv(SCORES), *found]).to_csv(SCORES, index=False, lineterminator="\n")
+
+
 def true_images(resolution: int) -> list[Tensor]:
     """Return depth and mask of the true canonical image of each view."""
     return [torch.from_numpy(resampled(image, resolution)).double() for image in judges()[2]]
@@ -196,7 +230,7 @@ def lengthen(results: Path, earlier: Path) -> None:
             halves = {name: each.detach().half().contiguous() for name, each in state.network.state_dict().items()}
             place = results / f"epoch-{state.epoch}"
             place.mkdir(parents=True, exist_ok=True)
-            (place / WEIGHTS).write_bytes(save(halves))
+            (place / WEIGHTS).write_bytes(saved(halves))
         return row
 
     training._State.finished_epoch = keeping  # type: ignore[method-assign]
@@ -233,6 +267,13 @@ def judge() -> None:
     print("lands:", exceeds[TODAY])
     is_below = errors[NEW] < errors[AVERAGE]
     print("sees the relief:", exceeds[TODAY] and all(exceeds[name] for name in CONTROLS) and is_below)
+    further = scores[scores["epochs"] == FURTHER].groupby(["setting", "body"])["FT"].mean().unstack("setting")
+    mine = f"as printed, then {NEW}: {NEW}"
+    others = [f"as printed, then as-they-are: {NEW}", *(f"as printed, then {NEW}: {each}" for each in CONTROLS)]
+    for other in others if {mine, *others} <= {*further} else ():
+        each = further[mine] - further[other]
+        reach = student.ppf(0.975, len(each) - 1) * each.sem()
+        print(f"{mine} - {other}: FT over bodies {each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}")
     long = scores[(scores["epochs"] < 0) & (scores["setting"] == NEW)].groupby("epochs")["FT"].agg(["mean", "sem"])
     if len(long) == len(AT):
         best = long.loc[long["mean"].idxmax()]
@@ -247,9 +288,11 @@ if __name__ == "__main__":
         evaluate(int(rest[0]), int(rest[1]), place, Path(rest[3]), EPOCHS)
     elif what == "average-bodies":
         bodies = {f"people-fold-{fold}": (average_body(fold) - 0.5).half() for fold in range(3)}
-        (Learned.shipped_models / "average-bodies.safetensors").write_bytes(save(bodies))
+        (Learned.shipped_models / "average-bodies.safetensors").write_bytes(saved(bodies))
     elif what == "take-apart":
         take_apart(int(rest[0]))
+    elif what == "go-on":
+        go_on(Path(rest[0]), rest[1])
     elif what == "lengthen":
         lengthen(Path(rest[0]), Path(rest[1]))
     else:
