@@ -12,8 +12,8 @@ from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import SUITE_RESULTS, Record, read_records
 from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.reference.paper import MEASURES
-from benchmark.report.formats import duration, hundredths, markdown
-from benchmark.report.frames import chosen_records, row_of, seconds_of
+from benchmark.report.formats import duration, markdown
+from benchmark.report.frames import chosen_records, hundredths, row_of, seconds_of
 from benchmark.report.tables import TableView, table_views
 from benchmark.text import brief, counted, say, say_lines
 

@@ -252,7 +252,8 @@ def score(
         say_lines(json.dumps(content, indent=1))
     elif format == "latex":
         from benchmark.reference.paper import MEASURES
-        from benchmark.report.formats import hundredths, latex_row, latex_title
+        from benchmark.report.formats import latex_row, latex_title
+        from benchmark.report.frames import hundredths
 
         say_lines(f"% {' '.join(MEASURES)}")
         say_lines(latex_row(latex_title(title), *map(hundredths, scores.score[[*MEASURES]])))

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from pandas import DataFrame
+from pandas import DataFrame, Series, concat
 from scipy.spatial.distance import squareform
 from scipy.stats import rankdata
 from sklearn.manifold import MDS
@@ -77,10 +77,11 @@ def shown_rows(view: TableView) -> list[tuple[Row, Scored]]:
 
 
 def class_means(view: TableView) -> DataFrame:
-    """Return the mean of each class, from the hardest class to the easiest, by row."""
-    each = {
-        row.title: DataFrame(of.per_query).groupby(of.labels)[MEASURE].mean() for row, of in first_records(view).items()
-    }
+    """Return the mean of each class that all rows rank, from the hardest class to the easiest, by row."""
+    each = dict[str, Series]()
+    for row, one in shown_rows(view):
+        queries = [Series(of.per_query[MEASURE], of.labels, float) for of in one.all_records]
+        each[row.title] = concat(queries).groupby(level=0).mean()
     means = DataFrame(each).T.rename_axis("method").dropna(axis=1)
     return means[means.mean().sort_values().index]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,12 +14,10 @@ from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import ROBUST, TITLES
 from benchmark.reference.paper import MEASURES, entry_of
-from benchmark.report.frames import changed, fold_of, scored_by
+from benchmark.report.frames import BLANK, changed, fold_of, hundredths, scored_by
 from benchmark.report.notes import table_notes
 from benchmark.report.tables import BLOCKS, PAPER, SECOND, Row, TableView, ranked_classes
 from benchmark.text import clean
-
-BLANK = "--"
 
 CHANCE = "Random order"
 
@@ -37,13 +34,6 @@ _MARKDOWN = {character: f"\\{character}" for character in "\\|*_`[]#$~"} | {"<":
 _LATEX = {"\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{", "}": r"\}",
           "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "<": r"\textless{}", ">": r"\textgreater{}", '"': "''",
           "|": r"\textbar{}", "`": r"\textasciigrave{}", "[": "{[}"}  # fmt: skip
-
-
-def hundredths(value: float | None) -> str:
-    """Return a score with two decimals and no leading zero; halves, up to the six decimals of records, round up."""
-    if value is None or math.isnan(value):
-        return BLANK
-    return f"{math.floor(round(value * 1e6) / 1e4 + 0.5) / 100:.2f}".removeprefix("0")
 
 
 def duration(seconds: float | None) -> str:

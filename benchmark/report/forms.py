@@ -32,9 +32,6 @@ _SIGNED_AXES = np.array(
     [np.diag(signs)[[*order]] for signs in product((1.0, -1.0), repeat=3) for order in permutations(range(3))]
 )
 
-#: Forms that are nearer than this are one.
-_SAME = 1e-6
-
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
@@ -160,7 +157,7 @@ def turned(form: Drawn, target: Drawn) -> Drawn:
     is_mirrored = bool(mirrored[0].min() < NEARER * distances.min())
     if is_mirrored:
         distances, turns = mirrored[0], -mirrored[1]
-    near = turns[NEARER * distances <= distances.min() + _SAME]  # front and back of a body hardly differ
+    near = turns[NEARER * distances <= distances.min() + 1e-6]  # front and back of a body hardly differ
     turn = near[np.trace(near, axis1=1, axis2=2).argmax()]
     away, _ = _nearer(form.mesh.vertices, target.mesh.vertices, turn[None], 0)
     return Drawn(form.mesh.with_vertices(form.mesh.vertices @ turn), form.body, is_mirrored, float(away[0]))

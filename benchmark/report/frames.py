@@ -6,6 +6,7 @@ All tables are pure functions of records, so they need neither data nor methods.
 from __future__ import annotations
 
 import csv
+import math
 import re
 from collections.abc import Iterable
 from functools import cache
@@ -19,6 +20,16 @@ from benchmark.reference.paper import PRINTED
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+
+BLANK = "--"
+
+
+def hundredths(value: float | None) -> str:
+    """Return a score with two decimals and no leading zero; halves, up to the six decimals of records, round up."""
+    if value is None or math.isnan(value):
+        return BLANK
+    return f"{math.floor(round(value * 1e6) / 1e4 + 0.5) / 100:.2f}".removeprefix("0")
 
 
 def changed(dataset: str) -> tuple[str, str, str] | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmark.protocols.tables import ROUND, Kind
 from benchmark.reference.paper import MEASURES
-from benchmark.report.frames import seconds_of
+from benchmark.report.frames import hundredths, seconds_of
 from benchmark.report.statistics import FEWEST_CLASSES
 from benchmark.report.tables import BLOCKS, Row, TableView, least_difference
 from benchmark.text import brief, listed
@@ -62,9 +62,9 @@ def leads(view: TableView) -> list[str]:
             said[title] = [f"{n_classes} classes decide nothing here"]
             continue
         row, n_behind = block_lead(view, title, kind)
-        before = f"certainly before {n_behind} of" if n_behind else "but certainly before none of"
-        score = f"{MEASURES[-1]} ({rivals[row.method].means[MEASURES[-1]]:.2f})".replace("0.", ".")
-        said.setdefault(title, []).append(f"{BLOCKS[kind]}: {row.title} leads in {score}, {before} {len(rivals) - 1}")
+        score = f"{MEASURES[-1]} ({hundredths(rivals[row.method].means[MEASURES[-1]])}"
+        worse = f"{n_behind or 'none'} of {len(rivals) - 1}"
+        said.setdefault(title, []).append(f"{BLOCKS[kind]}: {row.title} leads in {score}; certainly worse: {worse})")
     return [f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "." for title, of in said.items()]
 
 
@@ -82,7 +82,8 @@ def _columns(view: TableView) -> Iterator[str]:
     if view.table.is_cross:
         yield "Queries rank the gallery without themselves; those of a class that it lacks are left out."
     if view.table.names == ROUND:
-        yield "The networks of 128 px and of extra data saw frontal views alone in training."
+        yield "Cameras stand around each shape of the gallery, 30 degrees apart; its own camera is between two of them."
+        yield "The nearest view counts. Networks of 128 px and of extra data were trained on views by the own one alone."
     if view.table.is_ablation:
         yield "The paper's row stands beside the network whose parts were left out, at 128 x 128 pixels."
     for column in view.columns:
@@ -95,9 +96,8 @@ def _columns(view: TableView) -> Iterator[str]:
                 for name in MEASURES
             ]
             apart, where = max(ranges)
-            score = f"{apart:.2f}".removeprefix("0")
             alone = "; networks: one draw" * (min(map(len, of_rows.values())) == 1)
-            yield f"{column.title}: mean of {draws} draws, which differ by at most {score} ({where}){alone}."
+            yield f"{column.title}: mean of {draws} draws, at most {hundredths(apart)} apart ({where}){alone}."
     if any(view.of_folds(row, column.title) for row in view.printed_rows for column in view.columns):
         yield "Beside means over folds: the least and the greatest fold."
     if any(row.method in view.seconds for row in view.printed_rows):

@@ -24,9 +24,9 @@ from benchmark.reference.paper import MEASURES
 from benchmark.report import figures
 from benchmark.report.drawing import OBLIQUE, PALETTE, shaded, webp
 from benchmark.report.figures import MEASURE
-from benchmark.report.formats import BLOCKS, blocks, hundredths
+from benchmark.report.formats import BLOCKS, blocks
 from benchmark.report.forms import Drawn, StoredForms, thumbnail
-from benchmark.report.frames import changed, file_name
+from benchmark.report.frames import changed, file_name, hundredths
 from benchmark.report.notes import block_lead, leads, table_notes
 from benchmark.report.statistics import INTERVALS
 from benchmark.report.tables import Row, Scored, TableView
@@ -218,7 +218,8 @@ def _scores(view: TableView, forms: Sequence[Any] = (), queries: Sequence[Any] =
     pictures = {anchor: next(filter(None, shown))["picture"] for anchor, shown in made.items()}
     linked = {"-forms": made, "-queries": {anchor for facet in queries for _, anchor in facet["rows"]}}
     rows = {clean(row.title): row for row in view.printed_rows}
-    ranges = [one.intervals[MEASURE][0] for row in rows.values() for one in row.scored.values()]
+    every = [one for row in rows.values() for one in row.scored.values()]
+    ranges = [end for one in every for end in (one.means[MEASURE], *one.intervals.get(MEASURE, ()))]
     papers = [scores[MEASURE] for scores in view.paper.values()]
     least = min([1.0, *ranges, *papers, *(chance[MEASURE] for chance in view.chance.values())]) // 0.1 / 10
     return {
@@ -315,7 +316,7 @@ def _nearest(record: Record, matrix: NDArray[np.float64]) -> Nearest:
         own = np.flatnonzero(labels[numbers[order]] == record.labels[query])[:1].tolist()
         unit = float(distances[order[own[0]]]) if own else 0.0
         ranks = [*range(min(MATCHES, len(order))), *(rank for rank in own if rank >= MATCHES)]
-        ratios = [round(float(distances[order[k]]) / unit, 2) if unit else None for k in ranks]
+        ratios = [round(float(distances[order[k]]) / unit, 3) if unit else None for k in ranks]
         found[query] = [(int(numbers[order[k]]), k + 1, ratio) for k, ratio in zip(ranks, ratios, strict=True)]
     return found
 

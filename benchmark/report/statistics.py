@@ -33,7 +33,7 @@ ALPHA = 0.05
 FEWEST_CLASSES = 8
 
 #: What intervals of scores cover: simulated for 9 to 40 classes, equal, unequal and with skewed means.
-INTERVALS = "nominal 95 % over classes, which covers 90 to 97 %"
+INTERVALS = "nominal 95 %, from eight classes on; it covers 90 to 97 % of simulated scores"
 
 #: Values have six decimals. Sums of whole millionths do not depend on their order.
 _MILLION = 1e6

@@ -101,14 +101,9 @@ class Scored:
 
     @cached_property
     def intervals(self) -> dict[str, tuple[float, float]]:
-        """Interval of each mean; see :data:`benchmark.report.statistics.INTERVALS`."""
-        ends = class_intervals(self.values, self.labels)
-        return {name: (low, high) for name, (low, high) in zip(MEASURES, ends.tolist(), strict=True)}
-
-    @property
-    def is_complete(self) -> bool:
-        """Whether every gallery and every shape has a result."""
-        return not self.missing and all(record.coverage >= 1 for record in self.all_records)
+        """Interval of each mean of enough classes; see :data:`benchmark.report.statistics.INTERVALS`."""
+        ends = class_intervals(self.values, self.labels) if len({*self.labels}) >= FEWEST_CLASSES else np.empty(0)
+        return {name: (low, high) for name, (low, high) in zip(MEASURES, ends.tolist(), strict=False)}
 
     @cached_property
     def refused(self) -> frozenset[str]:

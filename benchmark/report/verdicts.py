@@ -17,8 +17,8 @@ from pandas import DataFrame
 
 from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.reference.paper import CLAIMS, CLASSICAL, MEASURES, PRINTED, Claim
-from benchmark.report.formats import hundredths, markdown_table
-from benchmark.report.frames import kind_of
+from benchmark.report.formats import markdown_table
+from benchmark.report.frames import hundredths, kind_of
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, permutation_test
 from benchmark.report.tables import SAME, Scored, TableView, least_difference, query_measures
 
@@ -34,7 +34,10 @@ def classical_figures(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame]
     """
     for view in views:
         if (view.table.identifier, view.dataset) == ("III", "tosca"):
-            complete = {row.method: one.means for row in view.rows for one in row.scored.values() if one.is_complete}
+            complete = {
+                row.method: one.means for row in view.rows for one in row.scored.values()
+                if not one.missing and all(record.coverage >= 1 for record in one.all_records)
+            }  # fmt: skip
             printed = DataFrame({name: PRINTED["III"][name] for name in CLASSICAL}).T
             return printed, DataFrame(complete, index=MEASURES).T.reindex(index=printed.index)
     return None

@@ -15,7 +15,8 @@ from benchmark.check import check
 from benchmark.pipeline.records import read_records
 from benchmark.reference.paper import AS_PRINTED, CLASSICAL, MEASURES, PRINTED
 from benchmark.registry import find
-from benchmark.report.formats import hundredths, markdown
+from benchmark.report.formats import markdown
+from benchmark.report.frames import hundredths
 from benchmark.report.notes import table_notes
 from benchmark.report.statistics import ALPHA, permutation_test
 from benchmark.report.tables import table_views

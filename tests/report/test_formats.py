@@ -21,13 +21,13 @@ from benchmark.report.formats import (
     bibliography,
     blocks,
     duration,
-    hundredths,
     latex,
     latex_text,
     latex_title,
     markdown,
     markdown_text,
 )
+from benchmark.report.frames import hundredths
 from benchmark.report.tables import table_views
 from tests.report.records import failed, record
 

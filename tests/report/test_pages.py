@@ -284,7 +284,7 @@ def test_matches_are_shapes_of_the_gallery_without_the_name_of_the_query():
     gallery = record(labels=["a", "a", "b", "b"])
     ranked = RankedShapes(**{name: getattr(gallery, name) for name in RankedShapes.__struct_fields__})
     matrix = np.array([[0.0, 3, 2, 1], [5, 4, 0, 6]])
-    for keeps, expected in ((False, [(3, 1, 0.33), (2, 2, 0.67), (1, 3, 1.0)]), (True, [(0, 1, None), (3, 2, None)])):
+    for keeps, expected in ((False, [(3, 1, 0.333), (2, 2, 0.667), (1, 3, 1.0)]), (True, [(0, 1, None), (3, 2, None)])):
         found = _nearest(record(labels=["a", "b"], against=ranked, keeps_same_names=keeps), matrix)
         assert found[0][: len(expected)] == expected
         assert found[1] == [(2, 1, None), (1, 2, None), (0, 3, None), (3, 4, None)]
@@ -315,7 +315,7 @@ def test_points_of_a_map_lead_to_their_queries(results, tmp_path):
 def test_the_first_of_the_class_of_a_query_is_listed_with_its_rank_where_it_is_late():
     matrix = np.array([[0.0, *range(9, 1, -1)], *np.zeros((8, 9))])
     found = _nearest(record(labels=["a", "a", *"bbbbbbb"]), matrix)
-    assert found[0] == [(8, 1, 0.22), (7, 2, 0.33), (6, 3, 0.44), (5, 4, 0.56), (4, 5, 0.67), (1, 8, 1.0)]
+    assert found[0] == [(8, 1, 0.222), (7, 2, 0.333), (6, 3, 0.444), (5, 4, 0.556), (4, 5, 0.667), (1, 8, 1.0)]
 
 
 def test_text_has_a_contrast_of_four_and_a_half_in_both_schemes(tmp_path):

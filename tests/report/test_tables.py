@@ -57,7 +57,7 @@ def test_a_row_is_the_mean_of_all_draws_of_people_and_networks_see_the_first():
     assert cell(table, "learned", "15 subjects") == 0.8
     assert marks(table, "15 subjects")["gps"] == "bold"  # nine classes; the network's three are too few
     assert marks(table, "15 subjects")["learned"] == ""
-    apart = f"which differ by at most .{len(draws) - 1}0 (NN of GPS); networks: one draw."
+    apart = f"at most .{len(draws) - 1}0 apart (NN of GPS); networks: one draw."
     apart = f"15 subjects: mean of {len(draws)} draws, {apart}"
     assert any(apart in note for note in table_notes(table)) == (len(draws) > 1)
 
