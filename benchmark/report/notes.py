@@ -17,7 +17,7 @@ from benchmark.text import brief, listed
 FEW_CLASSES = 10
 
 #: Note on what few classes can decide, and on bold and italic.
-FEW = "{} classes decide only large differences: one of .2 in every class is found in at most a quarter of cases. "
+FEW = "{} classes decide little: a difference of .2 in every class is found in at most a quarter of cases, on average. "
 MARKS = (
     "Bold: the best of its block. Italic: not certainly worse (studentised permutation test over whole classes, of all "
     "rows and measures of the block, 5 %; above the scatter of codebooks and, for networks, of trainings). Rows that "
@@ -83,7 +83,7 @@ def _columns(view: TableView) -> Iterator[str]:
         yield "Queries rank the gallery without themselves; those of a class that it lacks are left out."
     if view.table.names == ROUND:
         yield "Cameras stand around each shape of the gallery, 30 degrees apart; its own camera is between two of them."
-        yield "The nearest view counts. Networks of 128 px and of extra data were trained on views by the own one alone."
+        yield "The nearest view counts. Networks of 128 px and extra data were trained on views by the own one alone."
     if view.table.is_ablation:
         yield "The paper's row stands beside the network whose parts were left out, at 128 x 128 pixels."
     for column in view.columns:
