@@ -96,7 +96,9 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     if address.startswith("api/"):
         return markdown
     if view := TABLES.get(address.removeprefix("repository/")):
-        return f"# Table {view.table.identifier}: {view.dataset}\n\n{table_html(view)}"
+        report = posixpath.relpath(REPORT, posixpath.dirname(address))
+        lead = f"[Classes, maps and queries]({report})"
+        return f"# Table {view.table.identifier}: {view.dataset}\n\n{lead}\n\n{table_html(view)}"
     source = next((path for path, uri in URIS.items() if uri == address), None)
     source = source or (address.removeprefix("repository/") if address.startswith("repository/") else f"docs/{address}")
 
