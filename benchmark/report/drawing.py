@@ -33,7 +33,6 @@ OBLIQUE = Camera((-0.9, 0.0, -1.0), (0.0, 1.0, 0.0))
 #: File extensions of pictures and figures.
 ENDINGS = (".png", ".pdf", ".svg")
 
-_SOURCES = 48
 _FINER = 2
 
 
@@ -43,7 +42,7 @@ def outwardness(mesh: Mesh) -> NDArray[np.float64]:
     This averages the mean distance along edges to samples all over the surface, scaled to [0, 1], and its rank. Both
     hardly change when a limb bends, so each part of a body has the same colour in every pose.
     """
-    sources = np.unique(np.linspace(0, mesh.n_vertices - 1, _SOURCES).astype(int))
+    sources = np.unique(np.linspace(0, mesh.n_vertices - 1, 48).astype(int))
     along = dijkstra(mesh.edge_graph(), indices=sources)
     along[~np.isfinite(along)] = np.nan
     far = np.nan_to_num(np.nanmean(along, axis=0))
@@ -86,7 +85,7 @@ def shaded(
         colours = _PLAIN if values is None else _surface_colours(scaled, depth, seen, values)
         picture[seen, :3] = np.clip(colours * _light(depth, seen)[:, None], 0, 1)
         picture[seen, 3] = 1
-    blocks = picture.reshape(size, _FINER, size, _FINER, 4).mean(axis=(1, 3))
+    blocks = np.mean([picture[k::_FINER, j::_FINER] for k in range(_FINER) for j in range(_FINER)], axis=0)
     blocks[..., :3] /= np.maximum(blocks[..., 3:], 1e-9)
     return Image.fromarray(np.round(255 * blocks).astype(np.uint8))
 
@@ -95,9 +94,11 @@ def _surface_colours(
     scaled: Points, depth: NDArray[np.float64], seen: NDArray[np.bool_], values: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     rows, columns = np.nonzero(seen)
+    # Pixels that become one have one colour.
+    _, first, block = np.unique(rows // _FINER * len(depth) + columns // _FINER, return_index=True, return_inverse=True)
     places = np.column_stack([(columns + 0.5) * 2 / len(depth) - 1, 1 - (rows + 0.5) * 2 / len(depth), -depth[seen]])
-    away, nearest = cKDTree(scaled).query(places, k=range(1, min(3, len(scaled)) + 1))
-    shown = np.average(values[nearest], axis=1, weights=1 / np.maximum(away, 1e-6))
+    away, nearest = cKDTree(scaled).query(places[first], k=range(1, min(3, len(scaled)) + 1))
+    shown = np.average(values[nearest], axis=1, weights=1 / np.maximum(away, 1e-6))[block]
     return np.stack([np.interp(shown, np.linspace(0, 1, len(_RAMP)), channel) for channel in _RAMP.T], axis=-1)
 
 

@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from pandas import DataFrame, Series, concat
 from scipy.spatial.distance import squareform
@@ -39,12 +40,6 @@ DPI = 300
 
 #: Side in inches of a picture in a figure of forms, at most, and height of the titles above them.
 _TALLEST, _HEAD = 0.85, 0.44
-
-#: Maps side by side in a figure.
-_ACROSS = 3
-
-#: Classes that are named on a map: those with most wrong matches.
-_NAMED = 15
 
 #: Measure of pages and figures that show one.
 MEASURE = "DCG"
@@ -100,7 +95,7 @@ def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
     known = [(row, of, matrix) for row, of, matrix in each if matrix is not None and len(of.sides) == 1]
     if not known:
         raise ConfigurationError("no distances of this table are stored here", "run it here")
-    n_columns = min(len(known), _ACROSS)
+    n_columns = min(len(known), 3)
     n_rows, side = -(-len(known) // n_columns), min(WIDTH / n_columns, 4)
     figure = Figure((n_columns * side, n_rows * (side + 0.2)), layout="constrained")
     for place in figure.subplots(n_rows, n_columns, squeeze=False).flat:
@@ -115,8 +110,9 @@ def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
         for count, label in enumerate(sorted(np.unique(labels), key=lambda label: -is_missed[labels == label].sum())):
             mine = points[labels == label]
             centre = mine.mean(axis=0)
-            place.plot(*np.stack([np.broadcast_to(centre, mine.shape), mine], axis=1).T, color=GREY, lw=0.5, zorder=0)
-            if count < _NAMED:
+            lines = np.stack([np.broadcast_to(centre, mine.shape), mine], axis=1)
+            place.add_collection(LineCollection([*lines], colors=GREY, lw=0.5, zorder=0))
+            if count < 15:  # most wrong matches are of these
                 place.annotate(clean(label), centre, fontsize=_SIZE, ha="center", va="center", parse_math=False,
                                zorder=0, bbox={"pad": 0.4, "lw": 0, "fc": "white", "alpha": 0.7})  # fmt: skip
         place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED)

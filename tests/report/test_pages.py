@@ -387,7 +387,7 @@ def test_a_map_has_shapes_apart_as_their_distances_say_and_a_ring_at_those_whose
     apart = np.abs(places[:, None] - places)
     monkeypatch.setattr("benchmark.report.figures.read_distances", lambda folder, record: apart)
     (place,) = map_figure(table_views([record(labels=labels)])[0], StoredForms(None)).axes
-    points, rings = place.collections[0].get_offsets().data, place.lines[-1].get_xydata()
+    points, rings = place.collections[-1].get_offsets().data, place.lines[-1].get_xydata()
     assert rings.tolist() == points[[3]].tolist()
     between = np.linalg.norm(points[:, None] - points, axis=-1)
     assert between[0, 2] < between[2, 3] < between[0, 3] < between[3, 1] < between[0, 1]
