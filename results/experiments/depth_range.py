@@ -17,6 +17,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pandas
 import torch
@@ -174,11 +175,15 @@ def take_apart(fold: int) -> None:
 
 def go_on(results: Path, targets: str) -> None:
     """Train the network as printed of fold 0 further, on targets of either range, and append its scores."""
+    known = pandas.read_csv(SCORES)
+    if known["setting"].str.startswith(f"as printed, then {targets}:").any():
+        return
     name, data = "as_printed", training_data(TRAININGS["people-fold-0"], None, print)
     configuration, device = CONFIGURATIONS[name], torch.device("cpu")
     schedule = training.resolved(training.Schedule(epochs=FURTHER, early_epochs=0), device)
     pairs = gather(data.pairs(), data.n_pairs, schedule.resolution, configuration.crop)
-    scale = DepthScale.of(pairs.targets) if targets == NEW else DepthScale()
+    stretched = DepthScale.of(pairs.targets)
+    scale = {"as-they-are": DepthScale(), NEW: stretched}[targets]
     folder = results / "models" / "people-fold-0" / f"{name}-{targets}"
     folder.mkdir(parents=True, exist_ok=True)
     if not (folder / CARD).is_file():
@@ -191,16 +196,16 @@ def go_on(results: Path, targets: str) -> None:
         history = training.fit(
             network, pairs.scaled(scale), None, schedule, folder, seed=FURTHER_SEED, device=device, log=print
         )
-        facts = {"seed": FURTHER_SEED, "depth_scale": {"mean": scale.mean, "factor": scale.factor}}
+        facts = {"seed": FURTHER_SEED, "depth_scale": msgspec.to_builtins(scale)}
         save(network.eval(), configuration, data, schedule, history, folder, facts)
-    truth, factor = true_images(schedule.resolution), DepthScale.of(pairs.targets).factor
+    truth = true_images(schedule.resolution)
     before, new = (predictions(Learned(configuration="as_printed").load(each)) for each in (AS_PRINTED, folder))
     facts = {"fold": 0, "seed": FURTHER_SEED, "epochs": FURTHER}
     found = [
         scored({**facts, "setting": f"as printed, then {targets}: {setting}"}, ranked(given), given, truth)
-        for setting, given in settings(before, new, truth, 0, factor)
+        for setting, given in settings(before, new, truth, 0, stretched.factor)
     ]
-    pandas.concat([pandas.read_csv(SCORES), *found]).to_csv(SCORES, index=False, lineterminator="\n")
+    pandas.concat([known, *found]).to_csv(SCORES, index=False, lineterminator="\n")
 
 
 def true_images(resolution: int) -> list[Tensor]:
