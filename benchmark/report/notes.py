@@ -83,7 +83,7 @@ def _columns(view: TableView) -> Iterator[str]:
         yield "Queries rank the gallery without themselves; those of a class that it lacks are left out."
     if view.table.names == ROUND:
         yield "Cameras stand around each shape of the gallery, 30 degrees apart; its own camera is between two of them."
-        yield "The nearest view counts. Networks of 128 px and extra data were trained on views by the own one alone."
+        yield "The nearest view counts. In training, networks of 128 px and extra data saw views of own cameras alone."
     if view.table.is_ablation:
         yield "The paper's row stands beside the network whose parts were left out, at 128 x 128 pixels."
     for column in view.columns:

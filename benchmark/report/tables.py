@@ -105,6 +105,11 @@ class Scored:
         ends = class_intervals(self.values, self.labels) if len({*self.labels}) >= FEWEST_CLASSES else np.empty(0)
         return {name: (low, high) for name, (low, high) in zip(MEASURES, ends.tolist(), strict=False)}
 
+    @property
+    def is_complete(self) -> bool:
+        """Whether every gallery and every shape has a result."""
+        return not self.missing and all(record.coverage >= 1 for record in self.all_records)
+
     @cached_property
     def refused(self) -> frozenset[str]:
         """Shapes without a result, with their gallery."""

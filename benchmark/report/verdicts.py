@@ -34,10 +34,7 @@ def classical_figures(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame]
     """
     for view in views:
         if (view.table.identifier, view.dataset) == ("III", "tosca"):
-            complete = {
-                row.method: one.means for row in view.rows for one in row.scored.values()
-                if not one.missing and all(record.coverage >= 1 for record in one.all_records)
-            }  # fmt: skip
+            complete = {row.method: one.means for row in view.rows for one in row.scored.values() if one.is_complete}
             printed = DataFrame({name: PRINTED["III"][name] for name in CLASSICAL}).T
             return printed, DataFrame(complete, index=MEASURES).T.reindex(index=printed.index)
     return None

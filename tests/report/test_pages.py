@@ -16,6 +16,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.records import RankedShapes
+from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import MEASURES
 from benchmark.report.drawing import shaded
 from benchmark.report.figures import (
@@ -380,6 +381,30 @@ def test_classes_stand_from_the_hardest_to_the_easiest(monkeypatch):
     means = class_means(table_views(rows)[0])
     assert list(means) == ["owl", "cat", "dog"]
     assert means.to_numpy().tolist() == [[0.25, 0.5, 1.0]]
+
+
+def test_classes_are_those_of_all_folds_that_every_row_ranks_averaged_over_trainings():
+    folds = {"fold 0": ["ann", "bob"] * 2, "fold 1": ["cat", "dog"] * 2}
+    common = {"dataset": SYNTHETIC_HUMANS[0], "input_": "view"}
+    rows = [record("gps", 0.5, fold=fold, labels=labels, **common) for fold, labels in folds.items()]
+    for name, score in (("learned", 0.5), ("learned[training_seed=1]", 0.7)):
+        of_queries = rows[0].per_query | {"DCG": [score] * 4}
+        rows.append(record(name, fold="fold 0", labels=folds["fold 0"], models=[], per_query=of_queries, **common))
+    (view,) = table_views(rows, ["I-view"])
+    means = class_means(view)
+    assert sorted(means) == ["ann", "bob"]
+    assert means.loc["Depth network, 128 px"].to_numpy() == pytest.approx([0.6, 0.6])
+    assert sorted(class_means(table_views(rows[:2], ["I-view"])[0])) == ["ann", "bob", "cat", "dog"]
+
+
+def test_below_eight_classes_a_score_has_no_interval_and_a_row_that_lacks_shapes_is_dim(tmp_path):
+    few, many = ([f"s{k // 2}" for k in range(2 * n)] for n in (7, 8))
+    assert "nominal 95 %:" not in pages(tmp_path, record(labels=few))["index.html"]
+    lacks = record("identity", labels=many, unsupported=[("s00", "too thin")])
+    text = pages(tmp_path, record(labels=many), lacks)["index.html"]
+    assert "nominal 95 %:" in text
+    rows = [re.search(rf"<tr>(?:(?!<tr).)*>{name}.*?</tr>", text, re.DOTALL)[0] for name in ("GPS", "Identity")]
+    assert [row.count(' other"') for row in rows] == [0, 4]
 
 
 def test_a_map_has_shapes_apart_as_their_distances_say_and_a_ring_at_those_whose_match_is_wrong(monkeypatch):
