@@ -1,7 +1,7 @@
 """Does the depth of a network say anything? ``depth_range.py evaluate FOLD SEED RESULTS EARLIER``.
 
 The rules are in README.md beside this file, under "Targets that fill the range". RESULTS has the models that were
-trained with ``stretch_depth``; EARLIER is ``learned/models`` of commit 37a963d1, whose models scores call "today's".
+trained with ``stretch_depth``; EARLIER is ``learned/models`` of commit 37a963d1.
 ``lengthen RESULTS EARLIER`` trains for 250 epochs and evaluates on the way, ``take-apart FOLD`` looks at the network as
 printed, ``go-on RESULTS as-they-are|stretched`` trains it further, and ``judge`` prints the table. Scores go to
 depth-range.csv; what it holds is not computed again. ``average-bodies`` writes those of the rows of tables.
@@ -48,9 +48,9 @@ RESOLUTION, EPOCHS, EARLY = 128, 60, 12
 SCORES = Path(__file__).with_name("depth-range.csv")
 MEASURES = ("NN", "FT", "ST", "DCG")
 LONG, AT = 250, (60, 120, 180, 250)
-TODAY, DIVIDED, NEW, AVERAGE, FLAT, TRUE = (
-    "today",
-    "today's depth / f",
+EARLIER, DIVIDED, NEW, AVERAGE, FLAT, TRUE = (
+    "earlier",
+    "earlier depth / f",
     "stretched",
     "average body",
     "flat",
@@ -93,12 +93,12 @@ def spread(depth: Tensor, mask: Tensor) -> Tensor:
 
 
 def settings(
-    today: Sequence[Tensor], new: Sequence[Tensor], truth: Sequence[Tensor], fold: int, factor: float
+    earlier: Sequence[Tensor], new: Sequence[Tensor], truth: Sequence[Tensor], fold: int, factor: float
 ) -> Iterator[tuple[str, list[Tensor]]]:
     """Yield what is judged: depth and mask of each view."""
     average = average_body(fold, len(new[0][0]))
-    yield TODAY, [*today]
-    yield DIVIDED, [torch.stack([0.5 + (depth - 0.5) / factor, mask]) for depth, mask in today]
+    yield EARLIER, [*earlier]
+    yield DIVIDED, [torch.stack([0.5 + (depth - 0.5) / factor, mask]) for depth, mask in earlier]
     yield NEW, [*new]
     yield AVERAGE, [torch.stack([average, mask]) for _, mask in new]
     yield FLAT, [torch.stack([torch.full_like(mask, 0.5), mask]) for _, mask in new]
@@ -141,11 +141,11 @@ def evaluate(fold: int, seed: int, folder: Path, earlier: Path, epochs: int) -> 
     card = json.loads((folder / CARD).read_text())
     truth = true_images(RESOLUTION)
     before = earlier / f"people-fold-{fold}" / f"literal-seed{seed}"
-    today, new = predictions(Learned().load(before)), predictions(Learned().load(folder))
+    of_earlier, new = predictions(Learned().load(before)), predictions(Learned().load(folder))
     facts, found = {"fold": fold, "seed": seed, "epochs": epochs}, []
-    for setting, given in settings(today, new, truth, fold, card["depth_scale"]["factor"]):
+    for setting, given in settings(of_earlier, new, truth, fold, card["depth_scale"]["factor"]):
         found.append(scored({**facts, "setting": setting}, ranked(given), given, truth))
-    for setting, given in ((TODAY, today), (NEW, new)):
+    for setting, given in ((EARLIER, of_earlier), (NEW, new)):
         found.append(scored({**facts, "setting": f"{setting}, L2"}, by_pixels(given), given, truth))
     pandas.concat([known, *found]).to_csv(SCORES, index=False, lineterminator="\n")
 
@@ -258,7 +258,7 @@ def judge() -> None:
     means = short.groupby(["fold", "seed", "setting"], sort=False)[[*MEASURES, "error"]].mean()
     print(means.round(4).to_string(), means.groupby("setting", sort=False).mean().round(4).to_string(), sep="\n\n")
     exceeds = {}
-    for other in (TODAY, *CONTROLS, FLAT, TRUE):
+    for other in (EARLIER, *CONTROLS, FLAT, TRUE):
         pairs = means["FT"].unstack("setting")[[NEW, other]]
         gain = (pairs[NEW] - pairs[other]).to_numpy()
         bodies = short.groupby(["setting", "body"])["FT"].mean().unstack("setting")
@@ -269,9 +269,9 @@ def judge() -> None:
         print(f"{NEW} - {other}: FT {gain.mean():+.4f}, {gain.mean() / unit:.2f} standard errors of {len(gain)} pairs, "
               f"over bodies {each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}")  # fmt: skip
     errors = means["error"].groupby("setting").mean()
-    print("lands:", exceeds[TODAY])
+    print("is kept:", exceeds[EARLIER])
     is_below = errors[NEW] < errors[AVERAGE]
-    print("sees the relief:", exceeds[TODAY] and all(exceeds[name] for name in CONTROLS) and is_below)
+    print("sees the relief:", exceeds[EARLIER] and all(exceeds[name] for name in CONTROLS) and is_below)
     further = scores[scores["epochs"] == FURTHER].groupby(["setting", "body"])["FT"].mean().unstack("setting")
     mine = f"as printed, then {NEW}: {NEW}"
     others = [f"as printed, then as-they-are: {NEW}", *(f"as printed, then {NEW}: {each}" for each in CONTROLS)]
