@@ -17,7 +17,7 @@ from benchmark.text import brief, listed
 FEW_CLASSES = 10
 
 #: Note on what few classes can decide, and on bold and italic.
-FEW = "{} classes decide little: a difference of .2 in every class is found in at most a quarter of cases, on average. "
+FEW = "{} classes decide little: a difference of .2 in every class is found in about a quarter of cases at most. "
 MARKS = (
     "Bold: the best of its block. Italic: not certainly worse (studentised permutation test over whole classes, of all "
     "rows and measures of the block, 5 %; above the scatter of codebooks and, for networks, of trainings). Rows that "
