@@ -20,10 +20,6 @@ from benchmark.geometry.io import read_mesh
 from benchmark.pipeline.records import read_files
 
 
-def pipe(path):
-    os.mkfifo(path)
-
-
 def device(path):
     path.symlink_to("/dev/zero")
 
@@ -37,12 +33,8 @@ def by_system(path):
     path.symlink_to("/proc/self/mem")
 
 
-KINDS = (pipe, device, endless, by_system, Path.mkdir)
+KINDS = (os.mkfifo, device, endless, by_system, Path.mkdir)
 TRIANGLE = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
-
-
-def score(distances, labels):
-    return benchmark.score(distances, labels)
 
 
 def in_settings(path):
@@ -75,8 +67,8 @@ DOORS = {
     "x.bin": of_scene,
     "dataset.toml": in_settings,
     "x.cla": in_settings,
-    **dict.fromkeys(("d.txt", "d.npy", "d.npz", "d.mat", "d.matrix"), lambda path: score(path, ["a", "a", "b"])),
-    **dict.fromkeys(("l.txt", "l.cla"), lambda path: score(np.ones((3, 3)), path)),
+    **dict.fromkeys(("d.txt", "d.npy", "d.npz", "d.mat", "d.matrix"), lambda path: benchmark.score(path, [*"aab"])),
+    **dict.fromkeys(("l.txt", "l.cla"), lambda path: benchmark.score(np.ones((3, 3)), path)),
     **dict.fromkeys(("x.png", "x.pfm", "x.npy", "x.npz"), read_values),
     "x_mask.png": read_mask,
     "0_mask.png": beside_image,

@@ -1,4 +1,4 @@
-"""Shapes with known distances, and what every embedding owes to relabelling, motion and bad input."""
+"""Shapes with known distances, and measures of embeddings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import numpy as np
 import trimesh
 from scipy.spatial import ConvexHull
 from scipy.spatial.distance import cdist, pdist, squareform
-from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import Shape
 from benchmark.geometry.mesh import Mesh
@@ -63,15 +62,6 @@ def points_on_ellipsoid(n: int = 200) -> np.ndarray:
     """Points in general position without any symmetry, all on their convex hull."""
     vertices = sphere(n).vertices
     return np.exp(0.3 * vertices) * [3.0, 2.0, 1.0] + 0.1 * np.sin(3 * vertices[:, ::-1])
-
-
-def moved(shape: Shape, *, scale: float = 1.0) -> Shape:
-    """Return the shape turned, shifted and scaled."""
-    turn = Rotation.from_euler("xyz", [0.3, -1.1, 2.0]).as_matrix()
-    return Shape(
-        identifier=shape.identifier,
-        mesh=shape.mesh.with_vertices(scale * shape.mesh.vertices @ turn.T + [1.0, -2.0, 0.5]),
-    )
 
 
 def spread(points: np.ndarray) -> np.ndarray:

@@ -1,4 +1,3 @@
-from functools import cache
 from itertools import permutations
 
 import numpy as np
@@ -6,7 +5,6 @@ import pytest
 from scipy.sparse import eye_array
 from scipy.spatial.transform import Rotation
 
-from baselines._kernels import curve_skeleton
 from baselines._kernels.arap import factorise_definite
 from baselines._kernels.connectivity_surgery import collapse
 from baselines._kernels.curve_skeleton import (
@@ -22,11 +20,6 @@ from tests.baselines.deformable import capsule, centre_line, implicit_surface, s
 from tests.baselines.embedding import limbed
 
 TIPS = np.array([[-1.1, 0.0, 0.0], [0.9, 0.8, 0.0], [0.8, -0.9, 0.3]])
-
-
-@cache
-def y_shape():
-    return implicit_surface(lambda p: np.min([capsule(p, [0, 0, 0], tip, 0.2) for tip in TIPS], axis=0))
 
 
 def test_it_agrees_with_the_simplices_of_sumner_and_popovic():
@@ -93,7 +86,8 @@ def test_surgery_is_that_of_the_released_code_with_summed_quadrics():
 
 def test_joints_are_centred_and_merged_as_in_the_released_code():
     """AuEmbeddingRefinementMex.cpp, for displacements, and AuMergeJunctionsMex.cpp, loop by loop."""
-    mesh, k = y_shape(), 11
+    mesh = implicit_surface(lambda p: np.min([capsule(p, [0, 0, 0], tip, 0.2) for tip in TIPS], axis=0))
+    k = 11
     points, around = mesh.vertices, neighbours_of(edges_of(mesh.faces).ends, mesh.n_vertices)
     steps = np.array([[0.0, 0.1, 0.35, 0.9], [0.2, 0.5, 0.8, 1.1], [0.3, 0.6, 1.0, 1.05]])
     joints = 0.4 * (steps[:, :, None] * TIPS[:, None]).reshape(-1, 3)[:k]
@@ -155,7 +149,7 @@ def test_a_pinhole_does_not_make_a_surface_open():
     ],
 )
 def test_a_failed_contraction_falls_back_and_says_so(step, monkeypatch):
-    monkeypatch.setattr(curve_skeleton, "_contraction_step", step)
+    monkeypatch.setattr("baselines._kernels.curve_skeleton._contraction_step", step)
     form = Skeleton().canonicalise(shape_of(tube(2.4)))
     assert form.notes["skeleton"] == "level-set"
     assert str(form.notes["skeleton_reason"]).startswith("contraction failed: 100%")

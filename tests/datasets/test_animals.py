@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from benchmark.datasets import animals as module
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.official import SETS
 from benchmark.geometry.camera import FRONT, SIDE
@@ -23,6 +22,6 @@ def test_another_file_makes_other_animals_and_the_same_people(tmp_path, monkeypa
     dataset = open_dataset("animals")
     before = [dataset.key(entry) for entry in dataset.shapes]
     (tmp_path / "animals.npz").write_bytes(b"")
-    monkeypatch.setattr(module, "_FILE", tmp_path / "animals.npz")
+    monkeypatch.setattr("benchmark.datasets.animals._FILE", tmp_path / "animals.npz")
     changed = {e.subject for e, key in zip(dataset.shapes, before, strict=True) if dataset.key(e) != key}
     assert changed == {"cat", "centaur", "dog", "gorilla", "horse", "wolf"}

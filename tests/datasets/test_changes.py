@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from trimesh import Trimesh
 
-from benchmark.datasets import surface_changes as surface
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.changes import split_name
-from benchmark.datasets.surface_changes import shortcuts
+from benchmark.datasets.surface_changes import holes, seen_from_near, shortcuts
 from benchmark.errors import ConfigurationError, UnsupportedShape
 from benchmark.geometry.camera import FRONT, SIDE
 from tests.geometry.surfaces import sphere
@@ -74,7 +73,7 @@ def test_a_perspective_camera_sees_less_the_nearer_it_is_and_what_it_sees_lies_o
     moved = BALL.with_vertices(3 * BALL.vertices + [5, 6, 7])
     areas = []
     for distance in (3.0, 1.0):
-        seen = surface.seen_from_near(moved, camera, distance)
+        seen = seen_from_near(moved, camera, distance)
         radii = np.linalg.norm(seen.vertices - [5, 6, 7], axis=1)
         assert radii.min() > 2.9 and radii.max() < 3.001
         heights = (seen.vertices - [5, 6, 7]) @ -np.asarray(camera.direction) / 3
@@ -87,7 +86,7 @@ def test_a_perspective_camera_sees_less_the_nearer_it_is_and_what_it_sees_lies_o
 
 def test_changes_of_large_meshes_take_little_memory():
     ball = sphere(6)
-    for change in (surface.holes, shortcuts):
+    for change in (holes, shortcuts):
         tracemalloc.start()
         with contextlib.suppress(UnsupportedShape):  # a ball does not come near itself
             change(ball, 5, random())

@@ -14,8 +14,6 @@ from benchmark.pipeline.prepared import PreparedShapes, require_result
 from tests.depth.scenes import frame, in_millimetres
 from tests.toy import rod, write_off
 
-INTRINSICS = "525 0 319.5\n0 525 239.5\n0 0 1\n"
-
 
 def write_frames(folder, classes=("one", "two"), count=2):
     for number, subject in enumerate(classes):
@@ -30,7 +28,7 @@ def write_frames(folder, classes=("one", "two"), count=2):
             )
             for image, ending in images:
                 image.save(folder / subject / f"{pose}{ending}.png", compress_level=1)
-    (folder / "intrinsics.txt").write_text(INTRINSICS)
+    (folder / "intrinsics.txt").write_text("525 0 319.5\n0 525 239.5\n0 0 1\n")
     return folder
 
 

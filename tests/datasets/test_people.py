@@ -12,7 +12,6 @@ from benchmark.datasets.bodies import SUBJECTS as SETS
 from benchmark.datasets.catalogue import is_known, open_dataset
 from benchmark.datasets.people import PEOPLE, _scan, new_subject
 
-SUBJECTS = PEOPLE[0]
 TAKEN = np.array([astuple(body) for name in SETS if name != "animals" for body in SETS[name].values()])
 OTHERS = np.array([astuple(body) for name in ("humans", "humans-scanlike") for body in SETS[name].values()])
 

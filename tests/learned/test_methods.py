@@ -16,8 +16,7 @@ from benchmark.api.contracts import CanonicalForm, Shape, UnsupportedShape
 from benchmark.api.learning import WEIGHTS
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import back_project
-from learned import methods
-from learned.methods import Average, Flat, Learned, Streamed, WideExtra
+from learned.methods import Average, ConfigurationName, Flat, Learned, Streamed, WideExtra
 from learned.models import CONFIGURATIONS, average_body
 from tests.learned.toy import TINY, Image, ellipsoid, person, replace_weights
 
@@ -83,6 +82,6 @@ def test_controls_have_the_predicted_mask_and_a_depth_that_no_image_moves(method
 
 
 def test_the_rows_differ_in_what_their_names_say() -> None:
-    assert {*get_args(methods.ConfigurationName)} == {name for name in CONFIGURATIONS if name != TINY.name}
+    assert {*get_args(ConfigurationName)} == {name for name in CONFIGURATIONS if name != TINY.name}
     assert WideExtra(training="animals-sampled").model_folder.parts[-2:] == ("animals-sampled", "wide-extra-seed0")
     assert Streamed().model_folder.parts[-2:] == ("humans-varied", "streamed-people-seed0")

@@ -19,7 +19,6 @@ from safetensors.torch import save
 
 from benchmark.api.learning import CARD, WEIGHTS, TrainingPair, digest_of
 from benchmark.errors import ConfigurationError, TrainingError
-from learned import models
 from learned.fitting import train
 from learned.images import resampled
 from learned.models import HISTORY, load, predict
@@ -84,7 +83,7 @@ def test_pixels_that_rounding_may_decide_are_predicted_in_double_precision(
     with torch.no_grad():
         expected = load(trained)[0](image)[0]
     for rounding, is_exact in ((1.0, True), (0.0, False)):
-        monkeypatch.setattr(models, "ROUNDING", rounding)
+        monkeypatch.setattr("learned.models.ROUNDING", rounding)
         error = float((predict(trained, depth) - expected).abs().max())
         assert error < 1e-5
         assert (error < 1e-12) == is_exact

@@ -18,6 +18,7 @@ from benchmark.registry.known import BUILT_IN, SCORERS
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
+#: All pages but the published tables, which are compared byte for byte.
 PAGES = [
     *sorted(ROOT.glob("*.md")), *DOCS, ROOT / "learned/models/README.md", ROOT / "results/experiments/README.md",
 ]  # fmt: skip

@@ -21,6 +21,7 @@ from benchmark.report.notes import table_notes
 from benchmark.report.statistics import ALPHA, permutation_test
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import claims, classical_figures, is_near, verdicts_markdown
+from tests.pages.test_docs import PAGES
 from tests.verbs import call
 
 ROOT = Path(__file__).parents[2]
@@ -183,12 +184,6 @@ def test_pages_say_what_the_records_say(page, scores, judged, measured):
     lacking = "\n".join(sentence for sentence in said if sentence not in text)
     assert not lacking, f"{page} must say:\n{lacking}"
 
-
-#: All pages but the published tables, which are compared byte for byte.
-PAGES = [
-    *sorted(ROOT.glob("*.md")), *sorted((ROOT / "docs").rglob("*.md")), ROOT / "learned/models/README.md",
-    ROOT / "results/experiments/README.md",
-]  # fmt: skip
 
 #: Commands and code, which show no results.
 CODE = re.compile(r"```.*?```|^    [^\n]*(?:python|=)[^\n]*$", re.DOTALL | re.MULTILINE)

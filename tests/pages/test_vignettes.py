@@ -19,32 +19,21 @@ DOCS = ROOT / "docs"
 pytestmark = pytest.mark.timeout(900)
 
 
-def blocks(page: str) -> list[str]:
-    """Lines of the indented blocks of a page."""
-    return re.findall(r"^    (.*)$", (DOCS / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE)
-
-
-def commands(page: str) -> list[str]:
-    return [line for line in blocks(page) if line.startswith(("python ", "cd ", "(cd "))]
-
-
-def shown(page: str) -> list[str]:
-    """Lines of output, each with a run of blanks as one."""
-    return [" ".join(line.split()) for line in blocks(page) if not line.startswith(("python ", "cd ", "(cd "))]
-
-
 def walked(folder: Path, page: str) -> None:
-    """Run the commands of a page in a folder, and look for what it shows."""
+    """Run the commands of a page in a folder, and look for what its other indented lines show."""
+    blocks = re.findall(r"^    (.*)$", (DOCS / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE)
+    commands = [line for line in blocks if line.startswith(("python ", "cd ", "(cd "))]
+    shown = [" ".join(line.split()) for line in blocks if line not in commands]
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     given = os.environ | {"PATH": path, "CANONICAL_FORMS_DATA": str(folder / "data")}
-    lines = [line for line in commands(page) if shutil.which("pdflatex") or "make" not in line]
+    lines = [line for line in commands if shutil.which("pdflatex") or "make" not in line]
     script = "\n".join(["set -e", *lines])
     done = subprocess.run(
         ["bash", "-c", script], cwd=folder, env=given, capture_output=True, text=True, timeout=850, check=False
     )
     assert done.returncode == 0, (page, done.stdout[-1500:], done.stderr[-1500:])
     said = " ".join(done.stdout.split())
-    assert [line for line in shown(page) if line not in said] == []
+    assert [line for line in shown if line not in said] == []
 
 
 @pytest.fixture

@@ -44,7 +44,6 @@ def test_numbers_of_pairs(name, pairs, subjects, unseen):
 def test_what_is_tested_is_never_trained_on(name):
     inputs, targets = shown(name)
     assert not {e.subject for e in (*inputs, *targets)} & {e.subject for e in unseen_of(name)}
-    assert not {e.identifier for e in (*inputs, *targets)} & {e.identifier for e in unseen_of(name)}
 
 
 @pytest.mark.parametrize("name", STRICT)

@@ -12,10 +12,9 @@ from scipy.spatial.transform import Rotation
 from benchmark.errors import DatasetError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.outputs import compute_distances
-from retrieval import codebook
 from retrieval.clock import count_words, match
 from retrieval.cmbof import CMBOF
-from retrieval.codebook import nearest_words, sample_codebook
+from retrieval.codebook import integers_pay, nearest_words, sample_codebook
 from retrieval.views import view_sphere
 from tests.retrieval.figures import figure, turned
 
@@ -142,7 +141,7 @@ def test_the_draw_of_words_depends_on_the_seed_but_not_on_the_order_of_shapes():
     assert len(sample_codebook(parts[:1], 1000, seed=1)) == 300
 
 
-@pytest.mark.parametrize("way", [codebook.integers_pay, bool])
+@pytest.mark.parametrize("way", [integers_pay, bool])
 @pytest.mark.parametrize("largest", [2, 60, 255])
 def test_nearest_words_are_exact_and_ties_go_to_the_lower_index(largest, way):
     descriptors, words = random_descriptors(0, 1500, largest), random_descriptors(1, 70, largest)
@@ -156,7 +155,7 @@ def test_a_large_gallery_is_compared_by_the_faster_way(monkeypatch):
     few = CMBOF(n_words=20).compare(signatures, 0)
     ways = []
     monkeypatch.setattr("retrieval.cmbof.MANY", 120)
-    monkeypatch.setattr("retrieval.cmbof.integers_pay", lambda: ways.append("asked") or codebook.integers_pay())
+    monkeypatch.setattr("retrieval.cmbof.integers_pay", lambda: ways.append("asked") or integers_pay())
     np.testing.assert_array_equal(CMBOF(n_words=20).compare(signatures, 0), few)
     assert ways
 

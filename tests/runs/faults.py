@@ -86,7 +86,6 @@ def picky(shape):
 
 @canonical_form(name="refuses", title="Refuses")
 def refuses(shape):
-    note("refuses", shape.identifier)
     raise UnsupportedShape("not today")
 
 

@@ -19,7 +19,6 @@ import pytest
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.records import read_distances, read_records
 from benchmark.registry.modules import load_module
-from benchmark.runs import runner
 from benchmark.runs.runner import run
 from benchmark.runs.workers import Worker
 from tests.registry.plugin import write_plugin
@@ -85,7 +84,7 @@ def faulty(rods, tmp_path_factory):
     folder = tmp_path_factory.mktemp("faults")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("FAULTS", str(folder))
-        patch.setattr(runner, "memory_per_process", lambda processes=1: 3 * 2**29)
+        patch.setattr("benchmark.runs.runner.memory_per_process", lambda processes=1: 3 * 2**29)
         records = run_toy(rods, folder / "results", *FAULTY, size=2, timeout=4.0, plugins=(FAULTS,))
     return records, folder
 

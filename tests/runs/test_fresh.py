@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import benchmark
-from benchmark import notebook
 from benchmark.errors import ConfigurationError
 from benchmark.geometry import io
 from benchmark.pipeline.data_names import label_data_sets
@@ -29,7 +28,7 @@ STRETCHED = "def canonicalise(self, shape):\n        return shape.form(shape.mes
 @pytest.fixture
 def own(tmp_path, monkeypatch):
     """A folder of rods of one's own, and the current folder; runs from Python start no workers."""
-    monkeypatch.setattr(notebook, "available_cores", lambda: 0)
+    monkeypatch.setattr("benchmark.notebook.available_cores", lambda: 0)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     return write_rods(tmp_path / "rods", bends=(0.0, 1.0))
