@@ -130,10 +130,3 @@ def test_a_file_that_one_method_names_is_code_of_all_methods_of_a_plugin(tmp_pat
         (tmp_path / "value.txt").write_text(value)
         keys.add(in_file(tmp_path / "own.py")[0].key()["code"])
     assert len(keys) == 2
-
-
-def test_a_process_that_nothing_watches_is_refused(rods, tmp_path):
-    within = "__import__('multiprocessing').get_context('spawn').Pool(1).map(np.load, ['value.npy'])"
-    (tmp_path / "own.py").write_text(PLUGIN.format(name="own", before="", within=within, files=()))
-    (record,) = run_toy(rods, tmp_path, "own", plugins=(tmp_path / "own.py",), size=1).values()
-    assert "it starts processes by 'spawn'; use multiprocessing.get_context('fork')" in record.reason

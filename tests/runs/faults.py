@@ -26,12 +26,6 @@ def fine(shape):
     return shape.mesh.vertices
 
 
-@canonical_form(name="prints", title="Prints")
-def prints(shape):
-    print("looking at it")
-    return shape.mesh.vertices
-
-
 @canonical_form(name="bug", title="Bug")
 def bug(shape):
     return 1 / 0
@@ -70,11 +64,6 @@ def memory(shape):
 @canonical_form(name="nan", title="NaN")
 def nan(shape):
     return shape.mesh.vertices * np.nan
-
-
-@canonical_form(name="short", title="Short")
-def short(shape):
-    return shape.mesh.vertices[1:]
 
 
 @canonical_form(name="picky", title="Picky")
