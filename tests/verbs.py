@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import typer
 from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.errors import BenchmarkError
+
+VERBS = typer.main.get_command(cli).commands
 
 
 def call(*arguments: object, code: int = 0) -> str:

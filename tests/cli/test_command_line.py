@@ -5,7 +5,6 @@ import subprocess
 import sys
 
 import pytest
-import typer
 from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
@@ -14,9 +13,8 @@ from benchmark.pipeline.records import write_record
 from benchmark.text import say
 from tests.report.records import record
 from tests.toy import write_rods
-from tests.verbs import call, refusal
+from tests.verbs import VERBS, call, refusal
 
-VERBS = typer.main.get_command(cli).commands
 ALL = {**VERBS, **{f"data {name}": verb for name, verb in VERBS["data"].commands.items()}}
 
 
@@ -55,7 +53,6 @@ def test_published_tables_are_printed_in_any_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "results" / "runs").mkdir(parents=True)
     assert "|Classic MDS|.74 .54 .80 .80|" in call("tables", "--published", "-t", "III")
-    assert "pass --results" in refusal("tables", "--published", "--results", tmp_path)
 
 
 @pytest.mark.parametrize("what", ["methods", "scorers", "tables", "models", "datasets"])
@@ -136,7 +133,6 @@ def test_forget_says_what_goes(tmp_path):
     call("run", *selection, "-j", 0)
     words = ("forget", "-m", "shape-dna", "--results", results)
     assert re.match(r"this deletes 2 records, 12 forms, 0\.\d MB; pass --yes", refusal(*words))
-    assert "nothing is selected" in refusal("forget", "--results", results)
     assert call("forget", "--unused", "--yes", "--results", results) == "deleted 0 records, 0 forms, 0.0 MB\n"
     assert "finished  rods mesh shape-dna" in call("plan", *selection)
     lines = call(*words, "--yes").splitlines()

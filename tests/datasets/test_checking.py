@@ -4,9 +4,7 @@ import time
 import igl
 import numpy as np
 import pytest
-from typer.testing import CliRunner
 
-from benchmark.cli.main import data
 from benchmark.datasets.checking import check, check_source
 from benchmark.datasets.folder import folder_set
 from benchmark.geometry.cleaning import count_holes
@@ -169,8 +167,7 @@ def test_a_shape_in_another_unit_is_named(rods, factor):
 
 def test_warnings_alone_are_no_failure_of_the_verb(rods):
     (rods / "thin1.obj").write_text("")
-    warned = CliRunner().invoke(data, ["check", str(rods)])
-    assert (warned.exit_code, warned.output.splitlines()[-1]) == (0, "0 errors, 1 warning")
+    assert call("data", "check", rods).splitlines()[-1] == "0 errors, 1 warning"
 
 
 def write_mixed(folder):
@@ -225,11 +222,9 @@ def test_units_or_areas_bring_the_shapes_of_a_mixed_folder_to_one_size(tmp_path,
 @pytest.mark.data
 def test_tosca_is_whole_but_for_one_open_mesh(data_root):
     start = time.process_time()
-    done = CliRunner().invoke(data, ["check", "tosca", "--data-root", str(data_root)])
+    lines = call("data", "check", "tosca", "--data-root", data_root).splitlines()
     assert time.process_time() - start < 10
-    assert done.exit_code == 0
-    lines = done.stdout.splitlines()
-    assert lines[0] == "tosca: 80 shapes, 9 classes, not a stand-in"
+    assert "tosca: 80 shapes, 9 classes, not a stand-in" in lines
     assert [line for line in lines if line.startswith(("error", "warning"))] == [
         "warning  victoria10.off  20 boundary edges; close the surface for methods that need it closed"
     ]

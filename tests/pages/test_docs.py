@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 import typer
 
-from benchmark.cli.main import cli
 from benchmark.registry import select, select_one
 from benchmark.registry.known import BUILT_IN, SCORERS
+from tests.verbs import VERBS
 
 ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
@@ -23,9 +23,6 @@ PAGES = [
     *sorted(ROOT.glob("*.md")), *DOCS, ROOT / "learned/models/README.md", ROOT / "results/experiments/README.md",
 ]  # fmt: skip
 TEXTS = {page: page.read_text(encoding="utf-8") for page in PAGES}
-
-
-VERBS = typer.main.get_command(cli).commands
 
 
 def name(page: Path) -> str:

@@ -1,13 +1,12 @@
 """Official sets that are not as they were given out: what is wrong is named, and costs no more than it must."""
 
 import pytest
-from typer.testing import CliRunner
 
-from benchmark.cli.main import data
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.errors import DatasetError
 from benchmark.protocols.galleries import galleries
 from tests.datasets.official.layouts import cla, class_of, write_tetrahedron
+from tests.verbs import call
 
 
 def relist(folder, change, name="test.cla"):
@@ -97,8 +96,7 @@ def test_folders_of_classes_take_the_place_of_the_list(sets, damaged, tmp_path):
 
 
 def test_a_set_of_one_subject_says_what_it_is_for(sets):
-    done = CliRunner().invoke(data, ["check", "scape", "--data-root", str(sets)])
-    assert done.exit_code == 0, done.output
-    assert "data set 'scape' shows one subject, so nothing can be retrieved; use it with canonicalise" in done.output
+    said = call("data", "check", "scape", "--data-root", sets)
+    assert "data set 'scape' shows one subject, so nothing can be retrieved; use it with canonicalise" in said
     with pytest.raises(DatasetError, match="'topkids' shows one subject, so nothing can be retrieved; use it with"):
         galleries([], ["topkids"], sets)
