@@ -82,12 +82,14 @@ def test_the_triangles_beside_packed_vertices_count_as_theirs(tmp_path: Path) ->
             (tmp_path / other).unlink()
 
 
-def test_a_pair_counts_from_1_or_0_and_an_unclear_one_is_refused(tmp_path: Path) -> None:
+def test_a_pair_counts_from_1_or_0_and_an_unclear_or_incomplete_one_is_refused(tmp_path: Path) -> None:
     np.testing.assert_array_equal(read(tmp_path, "a.vert", POINTS.encode(), "0 1 2\n0 2 3\n").faces, FAN)
     with pytest.raises(UnreadableMesh, match=r"vertices 1 to 3 of 4, so they may count from 0 or from 1"):
         read(tmp_path, "a.vert", POINTS.encode(), "1 2 3\n")
     with pytest.raises(UnreadableMesh, match=r"holds triangles alone; name a\.vert"):
         read_mesh(tmp_path / "a.tri")
+    with pytest.raises(UnreadableMesh, match=r"alone\.tri: No such file"):
+        read(tmp_path, "alone.vert", POINTS.encode())
 
 
 def test_each_bad_file_has_its_reason() -> None:
@@ -162,9 +164,3 @@ def test_on_a_full_disk_the_old_file_stays(tmp_path: Path) -> None:
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("rod.off", "old")]
     write_mesh(target, rod(0.1, 0.5))
     assert target.read_text().startswith("OFF")
-
-
-def test_a_pair_that_is_not_whole_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "alone.vert").write_text(POINTS)
-    with pytest.raises(UnreadableMesh, match=r"alone\.tri: No such file"):
-        read_mesh(tmp_path / "alone.vert")

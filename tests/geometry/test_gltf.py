@@ -17,10 +17,8 @@ from benchmark.errors import InvalidMesh, UnreadableMesh
 from benchmark.geometry.gltf import buffer_files
 from benchmark.geometry.io import read_mesh
 from benchmark.geometry.mesh import Mesh
+from tests.geometry.test_files import FAN, INPUTS, SQUARE
 
-INPUTS = Path(__file__).with_name("inputs")
-SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-FACES = np.array([[0, 1, 2], [0, 2, 3]])
 KINDS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
 TYPES = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
 
@@ -35,7 +33,7 @@ class File:
         position = self.add(
             (SQUARE * (1 if kind == "f4" else np.iinfo(kind).max)).astype(kind), normalized=kind != "f4"
         )
-        indices = self.add(FACES.astype("u2").reshape(-1, 1))
+        indices = self.add(FAN.astype("u2").reshape(-1, 1))
         self.primitive = {"attributes": {"POSITION": position}, "indices": indices} | primitive
         self.mesh: dict[str, Any] = {"primitives": [self.primitive]}
         self.tree["meshes"] = [self.mesh]
@@ -83,7 +81,7 @@ def test_a_file_of_another_program() -> None:
 def test_normalised_integers_are_divided_by_their_largest(tmp_path: Path, kind: str, suffix: str) -> None:
     mesh = File(kind).read(tmp_path, suffix)
     np.testing.assert_allclose(mesh.vertices, SQUARE)
-    np.testing.assert_array_equal(mesh.faces, FACES)
+    np.testing.assert_array_equal(mesh.faces, FAN)
 
 
 def test_the_lowest_normalised_integer_is_minus_one_and_others_keep_their_unit(tmp_path: Path) -> None:
@@ -100,7 +98,7 @@ def test_the_lowest_normalised_integer_is_minus_one_and_others_keep_their_unit(t
 def test_points_and_lines_have_no_surface(tmp_path: Path, beside: int) -> None:
     file = File()
     file.mesh["primitives"].append({**file.primitive, "mode": beside})
-    np.testing.assert_array_equal(file.read(tmp_path).faces, FACES)
+    np.testing.assert_array_equal(file.read(tmp_path).faces, FAN)
     file.mesh["primitives"].pop(0)
     with pytest.raises(InvalidMesh, match="there are no faces"):
         file.read(tmp_path)
@@ -109,11 +107,11 @@ def test_points_and_lines_have_no_surface(tmp_path: Path, beside: int) -> None:
 def test_without_indices_and_with_a_stride(tmp_path: Path) -> None:
     file = File()
     file.primitive.pop("indices")
-    rows = np.hstack([SQUARE[FACES.ravel()], np.full((6, 1), 9.0)]).astype("f4")
+    rows = np.hstack([SQUARE[FAN.ravel()], np.full((6, 1), 9.0)]).astype("f4")
     file.primitive["attributes"]["POSITION"] = file.add(rows, type="VEC3")
     file.tree["bufferViews"][-1]["byteStride"] = 16
     mesh = file.read(tmp_path)
-    np.testing.assert_array_equal(mesh.vertices[mesh.faces], SQUARE[FACES])
+    np.testing.assert_array_equal(mesh.vertices[mesh.faces], SQUARE[FAN])
 
 
 def test_morph_targets_without_weight_are_left_out(tmp_path: Path) -> None:

@@ -18,8 +18,6 @@ from retrieval.views import BACKGROUND, render, view_sphere
 from tests.golden import inputs
 from tests.retrieval.figures import figure
 
-Keypoints = Mapping[str, NDArray[Any]]
-
 #: Position and scale of each keypoint of vl_sift of VLFeat 0.9.21 under Octave, counted from 0, without repetitions, by
 #: name of the image and place of the threshold.
 GOLDEN = Path(__file__).with_name("vl_sift.npz")
@@ -44,12 +42,6 @@ def images() -> Mapping[str, tuple[NDArray[np.float32], float]]:
     }
 
 
-@pytest.fixture(scope="module")
-def theirs() -> Keypoints:
-    with np.load(GOLDEN, allow_pickle=False) as archive:
-        return dict(archive)
-
-
 def n_same(first: NDArray[Any], second: NDArray[Any]) -> int:
     """Number of keypoints that are among others: within .05 of their scale, which is the same to 2 %."""
     places = cKDTree(second[:, :2]).query_ball_point(first[:, :2], 0.05 * first[:, 2])
@@ -59,13 +51,14 @@ def n_same(first: NDArray[Any], second: NDArray[Any]) -> int:
 
 @pytest.mark.parametrize("kind", ["form", "depth", "noise"])
 @pytest.mark.parametrize("threshold", THRESHOLDS)
-def test_keypoints_are_those_of_vl_sift(theirs: Keypoints, threshold: float, kind: str) -> None:
+def test_keypoints_are_those_of_vl_sift(threshold: float, kind: str) -> None:
     n_ours = n_theirs = same = 0
-    for name, (image, background) in images().items():
-        if name.startswith(kind):
-            frames = _detect_all(image[None], np.float32(background), threshold, EDGE_RATIO)[0]
-            ours, expected = np.unique(frames[:, :3], axis=0), theirs[f"{name}_{THRESHOLDS.index(threshold)}"]
-            n_ours, n_theirs, same = n_ours + len(ours), n_theirs + len(expected), same + n_same(expected, ours)
+    with np.load(GOLDEN, allow_pickle=False) as theirs:
+        for name, (image, background) in images().items():
+            if name.startswith(kind):
+                frames = _detect_all(image[None], np.float32(background), threshold, EDGE_RATIO)[0]
+                ours, expected = np.unique(frames[:, :3], axis=0), theirs[f"{name}_{THRESHOLDS.index(threshold)}"]
+                n_ours, n_theirs, same = n_ours + len(ours), n_theirs + len(expected), same + n_same(expected, ours)
     assert n_theirs > 90
     assert n_ours == pytest.approx(n_theirs, rel=0.01)
     assert same >= 0.99 * n_theirs

@@ -81,21 +81,14 @@ def test_the_name_of_a_row_is_that_of_the_page():
         method_name("論文")
 
 
-@pytest.fixture(scope="module")
-def forms(tmp_path_factory):
-    """Rods, and the same in another folder with a form that is missing, a damaged one, and one of other vertices."""
-    folder = tmp_path_factory.mktemp("forms")
-    rods = write_rods(folder / "rods")
-    made = shutil.copytree(rods, folder / "made")
+def test_forms_are_a_row_that_is_scored_once(tmp_path):
+    """One form is missing, one is damaged, and one has other vertices."""
+    rods, results = write_rods(tmp_path / "rods"), tmp_path / "results"
+    made = shutil.copytree(rods, tmp_path / "made")
     write_off(made / "thin1.off", rod(0.06, 1.2, rings=12, sides=6))
     (made / "thin0.off").unlink()
     (made / "thick2.off").write_text("OFF\n1 0 0\n0 0 0\n")
-    return rods, made
-
-
-def test_forms_are_a_row_that_is_scored_once(forms, tmp_path):
-    made, results = shutil.copytree(forms[1], tmp_path / "made"), tmp_path / "results"
-    words = ("-d", forms[0], "--input", "mesh", "--scorer", SMALL_SCORER, "--results", results, "--forms")
+    words = ("-d", rods, "--input", "mesh", "--scorer", SMALL_SCORER, "--results", results, "--forms")
     assert pickle.dumps(forms_of(made, "Mine"))  # a worker gets them
     assert "Mine" in call("run", *words, f"Mine={made}", "-j", 0)
     (record,) = read_records(results)
