@@ -61,6 +61,11 @@ def assert_ready(prepared: Prepared) -> None:
     assert all(isinstance(value, float) for value in prepared.report.values())
 
 
+def assert_same(one: Mesh, other: Mesh) -> None:
+    np.testing.assert_array_equal(one.faces, other.faces)
+    np.testing.assert_allclose(one.vertices, other.vertices, rtol=0, atol=1e-9)
+
+
 # --- the shape alone ---------------------------------------------------------------------------------------------
 
 
@@ -80,8 +85,7 @@ def test_a_decimated_mesh_does_not_depend_on_unit_place_and_numbering(
     shape: Mesh, change: Callable[[Mesh], Mesh]
 ) -> None:
     first, other = prepared_once(shape, 500), prepare(change(shape), 500)
-    np.testing.assert_array_equal(other.mesh.faces, first.mesh.faces)
-    np.testing.assert_allclose(other.mesh.vertices, first.mesh.vertices, rtol=0, atol=1e-9)
+    assert_same(other.mesh, first.mesh)
     assert other.report == pytest.approx(first.report, abs=1e-9)
     factor = np.sqrt(change(shape).area / shape.area)
     assert other.scale == pytest.approx(factor * first.scale)
@@ -325,11 +329,6 @@ def test_an_open_piece_is_joined_at_its_rim_and_vertices_without_faces_go() -> N
 # --- one surface from copies, without triangles that have no area, oriented alike --------------------------------
 
 
-def assert_same(first: Mesh, other: Mesh, atol: float) -> None:
-    np.testing.assert_array_equal(first.faces, other.faces)
-    np.testing.assert_allclose(first.vertices, other.vertices, rtol=0, atol=atol)
-
-
 @pytest.mark.parametrize("noise", [0, 1e-8, 1e-7, 1e-6])
 @pytest.mark.parametrize("shape", [limbed_body(3), flat_grid(20), Mesh(TORUS.vertices, TORUS.faces)])
 def test_copies_that_rounding_moved_apart_are_one_vertex(shape: Mesh, noise: float) -> None:
@@ -426,7 +425,7 @@ def test_a_mesh_with_turned_faces_is_prepared_as_the_oriented_one(shape: Mesh, m
     assert whole.report["turned_faces"] == 0
     for share in (0.1 * most, 0.7 * most, most):
         other = prepare(flipped(renumbered(shape, 1), share, seed=2), n_vertices)
-        assert_same(other.mesh, whole.mesh, 1e-9)
+        assert_same(other.mesh, whole.mesh)
         assert other.report["turned_faces"] > 0
     assert most < 0.5 or trimesh.Trimesh(whole.mesh.vertices, whole.mesh.faces, process=False).volume >= 0
 

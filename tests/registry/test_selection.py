@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass
-from typing import Annotated, ClassVar, Literal
 
 import pytest
 
 from baselines.gps import GPS
 from baselines.identity import Identity
-from benchmark.api import CheckedParameters, Interval, MethodInfo
 from benchmark.errors import ConfigurationError
 from benchmark.registry import BUILT_IN, Component, by_name, component_of, select, select_one
 from benchmark.registry.names import combinations
 from benchmark.registry.selection import variants
 from tests.registry.plugin import write_plugin
+from tests.registry.test_objects import Power
 
 FIELDS = 'power: float = 1.0\n    kind: str = "a"\n    sizes: tuple[int, ...] = (1, 2)'
 
@@ -96,29 +94,17 @@ def test_two_components_of_one_name_are_refused(tmp_path):
         by_name("method", [write_plugin(tmp_path / "all.py", name="all")])
 
 
-@dataclass(frozen=True, kw_only=True)
-class Scaled(CheckedParameters):
-    """Scaled shape."""
-
-    info: ClassVar[MethodInfo] = MethodInfo(name="scaled", title="Scaled")
-    factor: Annotated[float, Interval(0)] = 1.0
-    mode: Literal["a", "b"] = "a"
-
-    def canonicalise(self, shape):
-        return shape.form(self.factor * shape.mesh.vertices)
-
-
 def flat_shape(shape):
     return shape.mesh.vertices * [1, 1, 0]
 
 
 def test_objects_classes_and_functions_are_methods():
-    chosen = select(["gps", Scaled(factor=2), GPS, flat_shape])
-    assert [component.name for component in chosen] == ["gps", "scaled[factor=2.0]", "flat-shape"]
-    scaled, flat = chosen[1:]
-    assert scaled.title == "Scaled (factor=2.0)"
-    assert scaled.create().factor == 2
-    assert scaled.key()["parameters"] == {"factor": 2.0}
+    chosen = select(["gps", Power(k=2), GPS, flat_shape])
+    assert [component.name for component in chosen] == ["gps", "power[k=2]", "flat-shape"]
+    power, flat = chosen[1:]
+    assert power.title == "Power (k=2)"
+    assert power.create().k == 2
+    assert power.key()["parameters"] == {"k": 2}
     assert flat.title == "Flat shape"
     assert component_of(Identity()).key() == select_one("identity").key()
 

@@ -20,15 +20,6 @@ def test_frames_say_what_ran(results):
     assert area["value"].item() == pytest.approx(jobs.loc[results.job("surface-area", "rods"), "NN"], abs=1e-6)
 
 
-def test_matches_are_sorted_and_without_the_query(results):
-    key = results.job("surface-area", "rods")
-    query = results.distances(key).index[0]
-    matches = results.matches(key, query, 3)
-    assert list(matches["rank"]) == [1, 2, 3]
-    assert query not in set(matches["shape"])
-    assert matches["distance"].is_monotonic_increasing
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [

@@ -10,12 +10,9 @@ from benchmark.report.verdicts import _exchanged, assess, classical_figures, is_
 from tests.report.records import by_class, record
 
 
-def on_tosca(nn, **more):
-    return [record(name, nn.get(name, PRINTED["III"][name]["NN"]), dataset="tosca", **more) for name in CLASSICAL]
-
-
 def test_a_figure_is_reproduced_up_to_five_hundredths_and_a_row_that_is_incomplete_has_none():
-    rows = on_tosca({"gps": 0.76, "skeleton": 0.8301})
+    nn = {name: PRINTED["III"][name]["NN"] for name in CLASSICAL} | {"gps": 0.76, "skeleton": 0.8301}
+    rows = [record(name, nn[name], dataset="tosca") for name in CLASSICAL]
     rows[0] = record(CLASSICAL[0], 0.74, dataset="tosca", unsupported=[("cat0", "too thin")])
     printed, ours = classical_figures(table_views(rows))
     assert list(is_near(printed, ours).NN) == [False, *[True] * 6, False]

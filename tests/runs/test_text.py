@@ -27,10 +27,10 @@ class Silent(Exception):
         raise ValueError
 
 
-@pytest.fixture(scope="module")
-def odd(tmp_path_factory):
+@pytest.mark.slow
+def test_text_from_outside_ends_no_run(tmp_path):
     """A run in a folder whose path is no UTF-8, with a dangling link, and of methods that say odd things."""
-    folder = tmp_path_factory.mktemp("odd") / "caf\udce9\x07"
+    folder = tmp_path / "caf\udce9\x07"
     rods = write_rods(folder / "rods", bends=(0.0, 1.0), rings=12, sides=6)
     (rods / "thin\udcff7.off").symlink_to("nowhere")
     (rods / "thick7.off").write_bytes(b"OFF\n\xff")
@@ -48,12 +48,7 @@ def odd(tmp_path_factory):
     command = [sys.executable, "-m", "benchmark", *map(os.fspath, words)]
     limit = (2**31, 2**31)  # less than a worker may take, as by ulimit -d
     lowered = lambda: resource.setrlimit(resource.RLIMIT_DATA, limit)  # noqa: E731
-    return folder, subprocess.run(command, capture_output=True, check=False, preexec_fn=lowered)
-
-
-@pytest.mark.slow
-def test_text_from_outside_ends_no_run(odd):
-    folder, done = odd
+    done = subprocess.run(command, capture_output=True, check=False, preexec_fn=lowered)
     assert b"Traceback" not in done.stderr
     assert done.returncode == 1
     assert max(map(len, (done.stdout + done.stderr).splitlines())) < 3000
