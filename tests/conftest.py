@@ -69,6 +69,14 @@ def rods(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="session")
+def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder of depth images of two classes; none may write to it."""
+    from tests.datasets.test_frames import write_frames
+
+    return write_frames(tmp_path_factory.mktemp("data") / "frames")
+
+
+@pytest.fixture(scope="session")
 def data_root() -> Path:
     """The folder that holds the official data sets; tests that need it are skipped where there is none."""
     named = os.environ.get("CANONICAL_FORMS_DATA", "")

@@ -22,8 +22,16 @@ FILES = {
 }
 
 
-@pytest.fixture
-def sources(tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    ("edited", "kept"),
+    [
+        ("constants.py", {"alone"}),
+        ("inner.py", {"alone"}),
+        ("outer.py", {"alone", "inner"}),
+        ("alone.py", {"inner", "outer"}),
+    ],
+)
+def test_what_was_compiled_from_other_code_goes(tmp_path, monkeypatch, edited, kept):
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
@@ -39,20 +47,7 @@ def sources(tmp_path, monkeypatch):
             (tmp_path / "__pycache__" / f"{source.stem}.kernel-6.py311.{ending}").write_text("")
     drop_stale_kernels()
     assert all(len(compiled_kernels(source)) == 2 for source in sources[1:])
-    return sources
-
-
-@pytest.mark.parametrize(
-    ("edited", "kept"),
-    [
-        ("constants.py", {"alone"}),
-        ("inner.py", {"alone"}),
-        ("outer.py", {"alone", "inner"}),
-        ("alone.py", {"inner", "outer"}),
-    ],
-)
-def test_what_was_compiled_from_other_code_goes(sources, edited, kept):
-    path = sources[0].with_name(edited)
+    path = tmp_path / edited
     time.sleep(0.02)  # the clock of a file system may be late
     path.write_text(path.read_text() + "MORE = 1\n")
     os.utime(path, (0, 0))  # an older file that was put in its place

@@ -18,11 +18,6 @@ from tests.toy import SMALL_SCORER
 from tests.verbs import call, refusal
 
 
-@pytest.fixture(scope="module")
-def frames(tmp_path_factory):
-    return write_frames(tmp_path_factory.mktemp("data") / "frames")
-
-
 def test_a_folder_and_a_pattern_give_a_form_of_each_image_and_one_bad_image_costs_one(tmp_path):
     folder = write_frames(tmp_path / "frames")
     (folder / "one" / "1.png").write_bytes(b"")

@@ -32,11 +32,6 @@ def write_frames(folder, classes=("one", "two"), count=2):
     return folder
 
 
-@pytest.fixture(scope="module")
-def frames(tmp_path_factory):
-    return write_frames(tmp_path_factory.mktemp("data") / "frames")
-
-
 def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
     dataset = open_dataset(str(frames), None)
     assert dataset.observe is not None and dataset.inputs == ("view",)
