@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from benchmark.cli.options import Selection
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.errors import ConfigurationError, check_known
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import SUITE_RESULTS, Record, read_records
 from benchmark.protocols.tables import TABLES, TITLES
@@ -32,9 +32,7 @@ def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
     folder = options.results if has_published or not options.published else SUITE_RESULTS
     every = label_data_sets(read_records(folder, local=not options.published))
     known = {table.identifier for table in TABLES} | {record.data.name for record in every} | {"extended"}
-    for name in options.tables:
-        if name not in known:
-            raise did_you_mean("table", name, known)
+    check_known("table", options.tables, known)
     of_data = options.records_of_data(every)
     of_input = [record for record in of_data if options.input in (None, record.input)]
     full, quick = (

@@ -18,7 +18,7 @@ from benchmark.datasets.catalogue import (
     table_name,
 )
 from benchmark.datasets.changes import CHANGES, LEVELS, changed_name, split_name
-from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
+from benchmark.errors import ConfigurationError, DatasetError, check_known
 from benchmark.protocols.models import MissingModel, Model, TooNear, UnusableModel, find_models
 from benchmark.protocols.tables import AGAINST, CAMERAS, INPUTS, PARTS, TABLES, Table, gallery_name, own_table
 from benchmark.protocols.trainings import NoFolds
@@ -102,9 +102,7 @@ class Gallery:
 
     def of_subjects(self, subjects: Sequence[str]) -> Gallery:
         """Return the gallery of some subjects; raise ``ConfigurationError`` if there is no such subject."""
-        known = dict.fromkeys(entry.subject for entry in self.entries)
-        if unknown := [name for name in subjects if name not in known]:
-            raise did_you_mean("subject", unknown[0], list(known))
+        check_known("subject", subjects, {entry.subject for entry in self.entries})
         entries = tuple(entry for entry in self.entries if entry.subject in subjects)
         if self.gallery_of_queries is None:
             check_retrievable(self.dataset, entries)
@@ -247,10 +245,8 @@ def galleries(
 
 def _of_tables(wanted: Sequence[str], sets: Sequence[str], data_root: Path | None, *, quick: bool) -> list[Gallery]:
     """Return the galleries of tables, by their names or by those of data sets."""
-    known = [table.identifier for table in TABLES] + ["extended"]
+    check_known("table", wanted, [table.identifier for table in TABLES] + ["extended"])
     for name in wanted:
-        if name not in known:
-            raise did_you_mean("table", name, known)
         if quick and any(table.identifier == name and table.is_ablation for table in TABLES):
             raise ConfigurationError(f"table {name} is a mean over all folds, and --quick has one", "drop --quick")
     selected = [table for table in TABLES if _is_selected(table, wanted, sets, quick)]

@@ -16,7 +16,7 @@ from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.bodies import SUBJECTS
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.people import PEOPLE, clearances
-from benchmark.errors import ConfigurationError, ShapeError, did_you_mean
+from benchmark.errors import ConfigurationError, ShapeError, check_known
 from benchmark.pipeline.environment import commit
 from benchmark.pipeline.prepared import frame_of, prepare_view
 from benchmark.protocols.galleries import galleries
@@ -36,8 +36,7 @@ def trainings_of(learner: Learner, target: str, data_root: Path | None) -> list[
     """Return the trainings that a learner needs for a table of the paper, or the training with this name."""
     if target in TRAININGS:
         return [TRAININGS[target]]
-    if target not in NUMERALS:
-        raise did_you_mean("table or training", target, [*NUMERALS, *TRAININGS])
+    check_known("table or training", [target], [*NUMERALS, *TRAININGS])
     tested = galleries([target], data_root=data_root)
     of_shapes = [trainings_by_shape(learner, gallery.dataset, gallery.entries, data_root) for gallery in tested]
     return list(dict.fromkeys(training for of_shape in of_shapes for training in of_shape.values()))

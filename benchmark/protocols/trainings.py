@@ -11,7 +11,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.learning import Learner
 from benchmark.datasets.base import Part
 from benchmark.datasets.catalogue import catalogued, is_present, open_dataset
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.errors import ConfigurationError, check_known
 
 
 class NoFolds(ConfigurationError):
@@ -128,9 +128,7 @@ def own_training(folder: Path, hold_out: Sequence[str]) -> Training:
         If the folder has no shapes.
     """
     subjects = list(dict.fromkeys(entry.subject for entry in open_dataset(str(folder), None).shapes))
-    for name in hold_out:
-        if name not in subjects:
-            raise did_you_mean(f"subject of {folder}", name, subjects)
+    check_known(f"subject of {folder}", hold_out, subjects)
     rest = tuple(name for name in subjects if name not in hold_out)
     if not (rest and hold_out):
         problem = f"{folder} has no subject left to {'train on' if hold_out else 'test'}"
@@ -143,8 +141,7 @@ def find_training(name: str) -> Training:
     """Return a training by name; raise ``ConfigurationError`` for an unknown one."""
     if name.startswith(_OWN):
         return Training(name, "")
-    if name not in TRAININGS:
-        raise did_you_mean("training", name, TRAININGS)
+    check_known("training", [name], TRAININGS)
     return TRAININGS[name]
 
 

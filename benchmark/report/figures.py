@@ -20,7 +20,7 @@ from scipy.stats import rankdata
 from sklearn.manifold import MDS
 
 from benchmark.depth.frame import UPRIGHT
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.errors import ConfigurationError, check_known
 from benchmark.files import write_atomically
 from benchmark.geometry.camera import Camera
 from benchmark.pipeline.records import Record, read_distances
@@ -146,8 +146,7 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
     first = next(iter(records.values()))
     labels = dict(zip(first.shapes, first.labels, strict=True))
     names = list(shapes) or some_shapes(first)
-    if unknown := [name for name in names if name not in labels]:
-        raise did_you_mean("shape", unknown[0], labels)
+    check_known("shape", names, labels)
     columns: list[tuple[str, list[Drawn | None]]] = []
     subjects = [*dict.fromkeys(labels[name] for name in names)]
     heads = [*map(clean, subjects)] if len(subjects) > 1 else ["Shape"]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pandas import DataFrame, concat
 
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.errors import ConfigurationError, check_known
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import DEFAULT_SCORER, Record, read_distances, read_form, read_records, read_vertex_map
@@ -144,8 +144,7 @@ class Results:
             If there is no such job or shape, or its form is not stored here.
         """
         record = self._record(job)
-        if shape not in record.shapes:
-            raise did_you_mean("shape", shape, record.shapes)
+        check_known("shape", [shape], record.shapes)
         form = read_form(self.folder, record, shape)
         if form is None:
             raise ConfigurationError(f"the form of {shape} by {record.method} is not in {self.folder}", "run it here")
@@ -169,8 +168,7 @@ class Results:
     def matches(self, job: str, query: str, count: int = 5) -> DataFrame:
         """Return the nearest shapes, but the query itself: ``rank``, ``shape``, ``class``, ``distance``."""
         record, matrix = self._record(job), self.distances(job)
-        if query not in matrix.index:
-            raise did_you_mean("shape", query, matrix.index)
+        check_known("shape", [query], matrix.index)
         row = matrix.loc[query].drop([] if record.keeps_same_names else query, errors="ignore")
         order = np.argsort(row.to_numpy(), kind="stable")[:count]
         labels = dict(zip(record.sides[-1].shapes, record.sides[-1].labels, strict=True))
