@@ -39,11 +39,11 @@ class Planned:
 
     Parameters
     ----------
-    job, gallery_of_queries
-        The job; what it is at the shapes of the gallery, if these are not the queries.
+    job, sides
+        The job; what it is at its queries, and at the shapes of the gallery if these are others.
     frames, codes
-        Keys of the frames of the camera that are fitted to both, "" where none is; digest of the code that makes files
-        of a stage.
+        Keys of the frames of the camera that are fitted to the sides, "" where none is; digest of the code that makes
+        files of a stage.
     galleries
         The shapes, once for each table that shows them.
     record
@@ -62,7 +62,7 @@ class Planned:
     """
 
     job: Job
-    gallery_of_queries: Job | None
+    sides: tuple[Job, ...]
     frames: tuple[str, ...]
     codes: Mapping[Stage, str] = field(repr=False)
     galleries: tuple[Gallery, ...]
@@ -75,17 +75,13 @@ class Planned:
 
     def steps(self) -> list[tuple[Step, ...]]:
         """Return the steps at each shape, in order, those at the gallery behind those at the queries."""
-        jobs, models = (self.job, self.gallery_of_queries), iter(self.models)
-        chains = list[tuple[Step, ...]]()
-        for side, job, frame in zip(self.record.sides, jobs, self.frames, strict=False):
-            first = (Step(job, "prepared", frame),) if job and frame else ()
+        models, chains = iter(self.models), list[tuple[Step, ...]]()
+        for side, job, frame in zip(self.record.sides, self.sides, self.frames, strict=True):
+            first = (Step(job, "prepared", frame),) if frame else ()
             for shape, keys in zip(side.file_names, side.keys, strict=True):
                 model = next(models)
-                if job:
-                    steps = [
-                        Step(job, stage, keys[stage], shape, keys, model, self.codes.get(stage, "")) for stage in keys
-                    ]
-                    chains.append((*first, *steps))
+                steps = (Step(job, stage, keys[stage], shape, keys, model, self.codes.get(stage, "")) for stage in keys)
+                chains.append((*first, *steps))
         return chains
 
     def ranking(self) -> Step:
@@ -235,7 +231,7 @@ class _Planning:
         job = Job(content["key"], row, sides[0].source, data_root, method, self.scorer, self.results)
         return Planned(
             job,
-            replace(job, source=sides[1].source, row=row._replace(input=sides[1].input)) if sides[1:] else None,
+            tuple(replace(job, source=side.source, row=row._replace(input=side.input)) for side in sides),
             tuple(side.prepared_shapes.frame_key for side in sides),
             codes,
             (gallery,),
