@@ -71,16 +71,6 @@ def files_of(entry: Entry) -> list[Path]:
     return [entry.path, *companions(entry.path)] if entry.path else []
 
 
-def front(entry: Entry) -> Camera:
-    """Return the front view, for shapes that stand along z and face -y."""
-    return FRONT
-
-
-def no_sensor(entry: Entry) -> DepthSensor | None:
-    """Return None: depth images are exact."""
-    return None
-
-
 @dataclass(frozen=True, kw_only=True)
 class ShapeSet:
     """A data set.
@@ -100,7 +90,8 @@ class ShapeSet:
     title
         Name in tables; by default the name.
     camera
-        Function that returns the depth camera of a shape; by default :data:`FRONT`.
+        Function that returns the depth camera of a shape; by default :data:`FRONT`, for shapes that stand along z and
+        face -y.
     sensor
         Function that returns the errors of the depth sensor for a shape, or None for exact depth images.
     observe
@@ -131,8 +122,8 @@ class ShapeSet:
     load: Callable[[Entry], Mesh] = read_entry
     key: Callable[[Entry], str] = digest_of_entry
     title: str = ""
-    camera: Callable[[Entry], Camera] = front
-    sensor: Callable[[Entry], DepthSensor | None] = no_sensor
+    camera: Callable[[Entry], Camera] = lambda _: FRONT
+    sensor: Callable[[Entry], DepthSensor | None] = lambda _: None
     observe: Callable[[Entry], Any] | None = None
     half_width: float | None = None
     canonical_poses: Mapping[str, str] = field(default_factory=dict)
