@@ -46,7 +46,7 @@ def merge(folders: Iterable[Path], results: Path) -> Merged:
                 known[record.row] = record
                 write_record(results, record, existing.key if existing else "")
                 added.append(record)
-            elif existing and record.status == existing.status == "ok" and not _is_same(record, existing):
+            elif record.status == "ok" and (record.key, record.scores) != (existing.key, existing.scores):
                 conflicts.append((existing, record))
             else:
                 n_known += 1
@@ -73,7 +73,3 @@ def _of_data_here(record: Record, known: Collection[Record]) -> Record:
 
 def _facts(side: RankedShapes) -> tuple[str, ...]:
     return side.gallery, side.gallery_digest, side.input, side.data.name
-
-
-def _is_same(record: Record, other: Record) -> bool:
-    return (record.key, record.scores) == (other.key, other.scores)
