@@ -242,16 +242,13 @@ class _Run:
         """Rank the gallery of a job that lacks no file, or say what it lacks."""
         if self.left[key]:
             return
+        planned = self.jobs[key]
         reason, *others = dict.fromkeys(self.incomplete[key]) or [""]
         if reason:
             more = f" (and {len(others)} more)" if others else ""
-            yield self.jobs[key], self._end(self.jobs[key], "", Outcome("incomplete", reason + more))
+            yield planned, self._end(planned, "", Outcome("incomplete", reason + more))
         else:
-            self.queue.add(self._ranking(key))
-
-    def _ranking(self, key: str) -> Task:
-        planned = self.jobs[key]
-        return Task((planned.ranking(),), planned.record)
+            self.queue.add(Task((planned.ranking(),), planned.record))
 
     def _leave(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
         """Leave jobs incomplete for a file, or for all files of its shape."""
