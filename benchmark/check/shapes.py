@@ -49,7 +49,6 @@ def view(bend: float = BENDS[0]) -> Shape:
     mesh = figure(bend)
     half_width = fit_half_width([mesh], _CAMERA)
     depth = render_depth(mesh, _CAMERA, half_width)
-    depth.flags.writeable = False
     surface, _ = back_project(depth, half_width, _PIXEL_STRIDE)
     unit = surface.with_vertices(surface.vertices / np.sqrt(surface.area))
     return Shape(identifier=f"view {bend}", mesh=unit, depth=depth, source_area=surface.area)
