@@ -6,7 +6,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_array
 
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.cleaning import connected_components
@@ -14,14 +13,8 @@ from benchmark.geometry.geodesic_graph import geodesic_graph
 from benchmark.geometry.mesh import FloatArray, Mesh
 from benchmark.geometry.shortest_paths import shortest_paths
 
-
-@lru_cache(maxsize=1)
-def _graph_of(mesh: Mesh) -> csr_array:
-    """Return the cached graph of the latest mesh, for methods that request a few rows at a time."""
-    return geodesic_graph(mesh)
-
-
-SOLVERS = (DEFAULT_SOLVER,) = ("geodesic-graph",)
+#: The graph of the latest mesh, for methods that request a few rows at a time.
+_graph_of = lru_cache(maxsize=1)(geodesic_graph)
 
 
 def all_pairs(mesh: Mesh) -> FloatArray:
