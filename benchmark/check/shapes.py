@@ -47,7 +47,7 @@ def figure(bend: float = BENDS[0]) -> Mesh:
 def view(bend: float = BENDS[0]) -> Shape:
     """Return the figure as seen by one depth camera: open, in bridged pieces, with its depth image."""
     mesh = figure(bend)
-    half_width = fit_half_width([mesh], _CAMERA)
+    half_width = fit_half_width(mesh, _CAMERA)
     depth = render_depth(mesh, _CAMERA, half_width)
     surface, _ = back_project(depth, half_width, _PIXEL_STRIDE)
     unit = surface.with_vertices(surface.vertices / np.sqrt(surface.area))

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -98,32 +98,31 @@ def camera_coordinates(mesh: Mesh, camera: Camera) -> Points:
     return np.asarray(points - centre)
 
 
-def fit_half_width(meshes: Iterable[Mesh], camera: Camera) -> float:
-    """Return the half width of the frame in which the largest bounding box of a data set fills :data:`FILL`.
+def fit_half_width(mesh: Mesh, camera: Camera) -> float:
+    """Return the half width of the frame in which the bounding box of a shape fills :data:`FILL`.
 
     Depth counts in the same way as width and height, so that no shape reaches the near or far plane.
 
     Parameters
     ----------
-    meshes
-        The shapes that share the frame; consumed one at a time.
+    mesh
+        The shape; needs at least one vertex.
     camera
         The viewing direction.
 
     Returns
     -------
     float
-        Half width in units of the meshes.
+        Half width in units of the mesh.
 
     Raises
     ------
     DatasetError
-        If there is no mesh, or no mesh has an extent.
+        If the shape has no extent.
     """
-    extents = (np.abs(camera_coordinates(mesh, camera)).max() for mesh in meshes if mesh.n_vertices)
-    extent = float(max(extents, default=0.0))
+    extent = float(np.abs(camera_coordinates(mesh, camera)).max())
     if extent == 0:
-        raise DatasetError("no shape has an extent, so no frame fits", "check that the meshes are not empty")
+        raise DatasetError("the shape has no extent, so no frame fits", "check that the mesh is not empty")
     return extent / FILL
 
 

@@ -281,7 +281,7 @@ def fit_frame(source: Mesh, camera: Camera) -> float:
     """Return half the width of the frame that a mesh fills, in file units; raise ``ShapeError`` without a surface."""
     from benchmark.geometry.depth import fit_half_width
 
-    return fit_half_width([_surface(source)], camera)
+    return fit_half_width(_surface(source), camera)
 
 
 def _surface(source: Mesh) -> Mesh:

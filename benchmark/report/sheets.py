@@ -38,7 +38,7 @@ def frame_picture(depths: Depths, mask: Mask, surface: Mesh, form: Mesh) -> Figu
     shade = 0.9 - 0.75 * np.clip((depths - near) / max(far - near, 1e-9), 0, 1)
     grey = np.repeat(np.where(known, shade, 1.0)[..., None], 3, axis=2)  # near points are bright, missing values white
     marked = np.where(mask[..., None], 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey)
-    canonical = render_depth(form, UPRIGHT, fit_half_width([form], UPRIGHT), DPI)
+    canonical = render_depth(form, UPRIGHT, fit_half_width(form, UPRIGHT), DPI)
     depth, drawn = np.where(canonical > 0, canonical, np.nan), upright(form, seen(surface, UPRIGHT))
     picture = shaded(drawn.mesh, OBLIQUE, DPI, drawn.values)
     pictures = {"depth": grey, "object": marked, "canonical depth": depth, "canonical form": picture}
