@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
 from benchmark.errors import ConfigurationError
 from benchmark.files import read_file
+from benchmark.geometry.io import named_errors
 
 __all__ = [
     "CARD",
@@ -226,13 +227,9 @@ def read_card(folder: Path, kind: type[Any] = Card) -> Any:
         If it is missing, is not JSON, or lacks a field or has one of another type; the message names the field.
     """
     path = folder / CARD
-    try:
+    with named_errors(path, "card of a model", ConfigurationError, "train the model again"):
         status = path.stat()
         return _decoded(path, status.st_mtime_ns, status.st_size, kind)  # type: ignore[arg-type]
-    except OSError as error:
-        raise ConfigurationError(f"{path} cannot be read: {error.strerror}", "train the model again") from error
-    except (msgspec.MsgspecError, ValueError, RecursionError) as error:
-        raise ConfigurationError(f"{path} is no card of a model: {error}", "train the model again") from error
 
 
 @lru_cache(maxsize=256)
@@ -249,10 +246,8 @@ def checked_weights(folder: Path) -> bytes:
         If the file is missing, or its digest is not that on the card.
     """
     expected, path = read_card(folder).digest, folder / WEIGHTS
-    try:
+    with named_errors(path, "file of weights", ConfigurationError, "train the model again"):
         content = read_file(path)
-    except OSError as error:
-        raise ConfigurationError(f"{path} cannot be read: {error.strerror}", "train the model again") from error
     if (actual := hashlib.sha256(content).hexdigest()) != expected:
         problem = f"{path} has digest {actual[:12]}..., its card says {expected[:12]}..."
         raise ConfigurationError(problem, "fetch the file again or train the model again")

@@ -136,11 +136,11 @@ def flip_last_bit(file: Path) -> None:
         ),
         (lambda folder: replace_weights(folder, b"PK\x03\x04 a pickle in a zip"), "is damaged: .*; train it"),
         *(
-            (lambda folder, name=name: (folder / name).unlink(), f"{name} cannot be read.*; train the model again")
+            (lambda folder, name=name: (folder / name).unlink(), f"{name}: No such file.*; check the path")
             for name in (WEIGHTS, CARD)
         ),
         *(
-            (lambda folder, text=text: (folder / CARD).write_bytes(text), f"{CARD} .*; train the model again")
+            (lambda folder, text=text: (folder / CARD).write_bytes(text), f"{CARD}: .*; train the model again")
             for text in (b"{", b"", b"[]", b"{}", b'{"digest": 3}', b"\xe9")
         ),
     ],
