@@ -14,7 +14,7 @@ from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
 from retrieval.clock import Histograms, count_words, match
 from retrieval.codebook import MANY, Descriptors, integers_pay, nearest_words, sample_codebook
-from retrieval.features import Features, detect_views
+from retrieval.features import detect_views, mirrored
 from retrieval.pose import normalise
 from retrieval.views import BACKGROUND, ViewSphere, render, view_sphere
 
@@ -83,13 +83,7 @@ class CMBOF(CheckedParameters):
         return view_sphere(self.subdivisions)
 
     def signature(self, form: Mesh) -> SignatureArrays:
-        """Return the SIFT features of all views of a form in its normalised pose.
-
-        Returns
-        -------
-        dict
-            ``descriptors``, shape (k, 128), uint8, and ``view_offsets``, shape (number of views + 1,), int32: those of
-            view v are the rows ``view_offsets[v]`` to ``view_offsets[v + 1]``.
+        """Return the SIFT features of all views of a form in its normalised pose; see :func:`detect_views`.
 
         Raises
         ------
@@ -98,8 +92,7 @@ class CMBOF(CheckedParameters):
         """
         upright = normalise(form, self.pose, self.image_size)
         images = render(upright, self.image_size, self.views)
-        features = detect_views(images, peak_threshold=self.peak_threshold, background=BACKGROUND)
-        return {"descriptors": features.descriptors, "view_offsets": features.view_offsets}
+        return detect_views(images, peak_threshold=self.peak_threshold, background=BACKGROUND)
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
         """Return the dissimilarities of all pairs of forms with the codebook of seed ``draw``, shape (N, N).
@@ -115,32 +108,26 @@ class CMBOF(CheckedParameters):
         self, queries: Sequence[SignatureArrays], gallery: Sequence[SignatureArrays], draw: int
     ) -> NDArray[np.float64]:
         """Return the dissimilarities of M queries to N forms, from which alone the codebook is drawn, shape (M, N)."""
-        columns = _features(gallery)
-        rows = columns if queries is gallery else _features(queries)
-        codebook = sample_codebook((form.descriptors for form in columns), self.n_words, draw)
-        of_columns = _histograms(columns, codebook)
-        of_rows = of_columns if rows is columns else _histograms(rows, codebook)
+        codebook = sample_codebook((form["descriptors"] for form in gallery), self.n_words, draw)
+        of_columns = _histograms(gallery, codebook)
+        of_rows = of_columns if queries is gallery else _histograms(queries, codebook)
         turns = self.views.permutations
         distances = match(of_rows, of_columns, turns, len(codebook))
         if self.allow_mirror:
             reflected = self.views.permutation_of(REFLECTION)
-            to_mirrored = match(of_rows, _histograms(columns, codebook, reflected), turns, len(codebook))
+            to_mirrored = match(of_rows, _histograms(gallery, codebook, reflected), turns, len(codebook))
             of_mirrored = to_mirrored.T
-            if rows is not columns:
-                of_mirrored = match(_histograms(rows, codebook, reflected), of_columns, turns, len(codebook))
+            if queries is not gallery:
+                of_mirrored = match(_histograms(queries, codebook, reflected), of_columns, turns, len(codebook))
             distances = np.minimum(distances, np.minimum(to_mirrored, of_mirrored))
         return distances
 
 
-def _features(signatures: Sequence[SignatureArrays]) -> list[Features]:
-    return [Features(arrays["descriptors"], arrays["view_offsets"]) for arrays in signatures]
-
-
 def _histograms(
-    forms: Sequence[Features], codebook: Descriptors, reflected: NDArray[np.int32] | None = None
+    forms: Sequence[SignatureArrays], codebook: Descriptors, reflected: NDArray[np.int32] | None = None
 ) -> list[Histograms]:
     """Return the words of forms, or of their mirror images."""
-    seen = forms if reflected is None else [form.mirrored(reflected) for form in forms]
-    by_integers = sum(len(form.descriptors) for form in seen) >= MANY and integers_pay()
-    words = (nearest_words(form.descriptors, codebook, by_integers=by_integers) for form in seen)
-    return [count_words(of, form.view_offsets, len(codebook)) for of, form in zip(words, seen, strict=True)]
+    seen = forms if reflected is None else [mirrored(form, reflected) for form in forms]
+    by_integers = sum(len(form["descriptors"]) for form in seen) >= MANY and integers_pay()
+    words = (nearest_words(form["descriptors"], codebook, by_integers=by_integers) for form in seen)
+    return [count_words(of, form["view_offsets"], len(codebook)) for of, form in zip(words, seen, strict=True)]

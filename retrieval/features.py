@@ -12,7 +12,8 @@ Vedaldi & Fulkerson, "VLFeat: an open and portable library of computer vision al
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -35,42 +36,28 @@ from retrieval.scale_space import (
 EDGE_RATIO = 10.0
 
 
-@dataclass(frozen=True, eq=False)
-class Features:
-    """Descriptors of all views of one form.
+def mirrored(features: Mapping[str, NDArray[Any]], view_permutation: NDArray[np.int32]) -> dict[str, NDArray[Any]]:
+    """Return the features of the mirror image of a form.
+
+    The mirror image of a view has the same keypoints with descriptors flipped along their own axes, so no rendering is
+    needed.
 
     Parameters
     ----------
-    descriptors
-        Shape (k, 128), uint8.
-    view_offsets
-        Shape (number of views + 1,), int32: the descriptors of view v are the rows ``view_offsets[v]`` to
-        ``view_offsets[v + 1]``.
+    features
+        From :func:`detect_views`.
+    view_permutation
+        Shape (number of views,): the view that shows the mirror image of view v.
     """
-
-    descriptors: NDArray[np.uint8]
-    view_offsets: NDArray[np.int32]
-
-    def mirrored(self, view_permutation: NDArray[np.int32]) -> Features:
-        """Return the features of the mirror image of the form.
-
-        The mirror image of a view has the same keypoints with descriptors flipped along their own axes, so no rendering
-        is needed.
-
-        Parameters
-        ----------
-        view_permutation
-            Shape (number of views,): the view that shows the mirror image of view v.
-        """
-        cells = self.descriptors.reshape(-1, 4, 4, 8)
-        flipped = cells[:, ::-1, :, (-np.arange(8)) % 8].reshape(-1, DESCRIPTOR_SIZE)
-        per_view = np.split(flipped, self.view_offsets[1:-1])
-        source = np.argsort(view_permutation)
-        offsets = np.concatenate([[0], np.cumsum(np.diff(self.view_offsets)[source])]).astype(np.int32)
-        return Features(np.concatenate([per_view[v] for v in source]), offsets)
+    cells = features["descriptors"].reshape(-1, 4, 4, 8)
+    flipped = cells[:, ::-1, :, (-np.arange(8)) % 8].reshape(-1, DESCRIPTOR_SIZE)
+    per_view = np.split(flipped, features["view_offsets"][1:-1])
+    source = np.argsort(view_permutation)
+    offsets = np.concatenate([[0], np.cumsum(np.diff(features["view_offsets"])[source])]).astype(np.int32)
+    return {"descriptors": np.concatenate([per_view[v] for v in source]), "view_offsets": offsets}
 
 
-def detect_views(images: NDArray[np.float32], *, peak_threshold: float, background: float) -> Features:
+def detect_views(images: NDArray[np.float32], *, peak_threshold: float, background: float) -> dict[str, NDArray[Any]]:
     """Detect and describe the keypoints of every view of a form.
 
     Parameters
@@ -81,9 +68,15 @@ def detect_views(images: NDArray[np.float32], *, peak_threshold: float, backgrou
         Minimum absolute difference of Gaussians at a keypoint, in units of the images, which lie in [0, 1].
     background
         Value of pixels that show no surface; the search skips regions far from all other pixels.
+
+    Returns
+    -------
+    dict
+        ``descriptors``, shape (k, 128), uint8, and ``view_offsets``, shape (number of views + 1,), int32: those of
+        view v are the rows ``view_offsets[v]`` to ``view_offsets[v + 1]``.
     """
     _, descriptors, offsets = _detect_all(images, np.float32(background), peak_threshold, EDGE_RATIO)
-    return Features(descriptors, offsets)
+    return {"descriptors": descriptors, "view_offsets": offsets}
 
 
 @njit(cache=True, nogil=True)

@@ -6,7 +6,7 @@ import pytest
 from scipy.ndimage import gaussian_filter
 from scipy.spatial import cKDTree
 
-from retrieval.features import EDGE_RATIO, _detect_all, detect_views
+from retrieval.features import EDGE_RATIO, _detect_all, detect_views, mirrored
 from retrieval.scale_space import BASE_SCALE
 
 pytestmark = pytest.mark.kernels
@@ -19,9 +19,9 @@ def test_the_mirror_image_of_a_view_has_mirrored_descriptors():
         detect_views(np.ascontiguousarray(one), peak_threshold=1e-3, background=np.nan)
         for one in (image, image[::-1, ::-1])  # the two views change places, and each is turned upside down
     )
-    mirrored = features.mirrored(np.array([1, 0], dtype=np.int32))
-    np.testing.assert_allclose(mirrored.view_offsets, flipped.view_offsets, atol=3)
-    near = np.abs(mirrored.descriptors[:, None].astype(int) - flipped.descriptors).max(axis=2).min(axis=1)
+    found = mirrored(features, np.array([1, 0], dtype=np.int32))
+    np.testing.assert_allclose(found["view_offsets"], flipped["view_offsets"], atol=3)
+    near = np.abs(found["descriptors"][:, None].astype(int) - flipped["descriptors"]).max(axis=2).min(axis=1)
     assert (near <= 4).mean() > 0.9
 
 
