@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.api.parameters import CheckedParameters, Interval, Matches
-from benchmark.errors import InvalidMesh, UnsupportedShape, check_known
+from benchmark.errors import InvalidMesh, UnsupportedShape
 from benchmark.geometry.mesh import Mesh, read_only
 from benchmark.text import NAME
 
@@ -166,13 +166,9 @@ class CanonicalForm:
 
 
 @dataclass(frozen=True)
-class Solver:
-    """Key of the geodesic distances by a solver in a :data:`ResultCache`, which equals no key that a method chooses."""
+class AllPairs:
+    """Key of the geodesic distances in a :data:`ResultCache`, which equals no key that a method chooses."""
 
-    name: str
-
-
-SOLVER = "geodesic-graph"
 
 ResultCache = Callable[[Hashable, Callable[[], Any]], Any]
 """Returns the result under a key; calls the function, which computes it, if it is missing."""
@@ -196,8 +192,8 @@ class Shape:
     seed
         Seed of all random choices for this shape.
     cache
-        Cache for results that methods share, by key: geodesic distances by their :class:`Solver`, a form by its
-        method; None caches them in this object.
+        Cache for results that methods share, by key: geodesic distances by :class:`AllPairs`, a form by its method;
+        None caches them in this object.
     """
 
     identifier: str
@@ -241,13 +237,8 @@ class Shape:
     def __repr__(self) -> str:
         return f"Shape({self.identifier!r}, {self.mesh.n_vertices} vertices, {self.mesh.n_faces} faces)"
 
-    def geodesics(self, solver: str = SOLVER) -> FloatArray:
-        """Return geodesic distances between all pairs of vertices.
-
-        Parameters
-        ----------
-        solver
-            Has one value: shortest paths over straight geodesics between nearby vertices.
+    def geodesics(self) -> FloatArray:
+        """Return geodesic distances between all pairs of vertices: shortest paths over straight ones between near ones.
 
         Returns
         -------
@@ -261,10 +252,9 @@ class Shape:
         """
         from benchmark.geometry import geodesics
 
-        check_known("geodesic solver", [solver], [SOLVER])
         # A view of an array that is read-only cannot be made writable.
         compute = lambda: read_only(geodesics.rounded(geodesics.all_pairs(self.mesh))).view()  # noqa: E731
-        matrix: FloatArray = self.compute_once(Solver(solver), compute)
+        matrix: FloatArray = self.compute_once(AllPairs(), compute)
         return matrix
 
     def compute_once(self, key: Hashable, compute: Callable[[], Any]) -> Any:
@@ -283,15 +273,13 @@ class Shape:
             self._results[key] = compute()
         return self._results[key]
 
-    def geodesics_from(self, sources: ArrayLike, solver: str = SOLVER) -> FloatArray:
+    def geodesics_from(self, sources: ArrayLike) -> FloatArray:
         """Return geodesic distances from a few vertices to all vertices, without computing all pairs.
 
         Parameters
         ----------
         sources
             Vertex indices, shape (k,).
-        solver
-            As in :meth:`geodesics`.
 
         Returns
         -------
@@ -305,7 +293,6 @@ class Shape:
         """
         from benchmark.geometry.geodesics import from_sources
 
-        check_known("geodesic solver", [solver], [SOLVER])
         return read_only(from_sources(self.mesh, np.asarray(sources, dtype=np.int64)))
 
     def laplacian(self) -> Laplacian:

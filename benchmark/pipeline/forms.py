@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.api.contracts import CanonicalForm, FloatArray, Mesh, Shape, Solver
+from benchmark.api.contracts import AllPairs, CanonicalForm, FloatArray, Mesh, Shape
 from benchmark.machine import describe_machine
 from benchmark.pipeline.cache import Arrays
 from benchmark.pipeline.prepared import NOTE, SECONDS, Incomplete, clock, timed
@@ -28,7 +28,7 @@ class NoGeodesics(Incomplete):
 
 
 class SharedResults:
-    """Geodesic distances of a shape, by solver, and forms that other methods deform, by method; each computed once.
+    """Geodesic distances of a shape, and forms that other methods deform, by method; each computed once.
 
     Parameters
     ----------
@@ -44,25 +44,25 @@ class SharedResults:
         self.waited = np.zeros(2)
 
     def get_or_compute(self, key: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return the distances of a solver, or the form of a method; compute them if they are missing.
+        """Return the distances of a shape, or the form of a method; compute them if they are missing.
 
         Raises
         ------
         NoGeodesics
             If there is no memory for distances.
         """
-        known, is_solver, start = key in self._results, isinstance(key, Solver), clock()
+        known, is_geodesics, start = key in self._results, isinstance(key, AllPairs), clock()
         if not known:
             try:
-                with self._uncharged("geodesics") if is_solver else nullcontext():
+                with self._uncharged("geodesics") if is_geodesics else nullcontext():
                     result = compute()
             except MemoryError as error:
-                if is_solver:
+                if is_geodesics:
                     raise NoGeodesics("has no geodesics: out of memory") from error
                 raise
             self._results[key] = result, clock() - start
         result, seconds = self._results[key]
-        if is_solver:
+        if is_geodesics:
             self.used = seconds
             self.waited = self.waited + (0.0 if known else seconds)
         elif known:

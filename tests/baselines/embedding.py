@@ -43,10 +43,10 @@ class PointShape(Shape):
         self.matrix = cdist(points, points) if distances is None else distances
         self.asked: list[int] = []
 
-    def geodesics(self, solver: str = "default") -> np.ndarray:
+    def geodesics(self) -> np.ndarray:
         return self.matrix
 
-    def geodesics_from(self, sources: Any, solver: str = "default") -> np.ndarray:
+    def geodesics_from(self, sources: Any) -> np.ndarray:
         self.asked += [int(source) for source in sources]
         return self.matrix[np.asarray(sources)]
 
@@ -54,7 +54,7 @@ class PointShape(Shape):
 class RowsOnly(Shape):
     """A shape that has no all pairs of distances to give."""
 
-    def geodesics(self, solver: str = "default") -> np.ndarray:
+    def geodesics(self) -> np.ndarray:
         raise AssertionError("all pairs were asked for")
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import igl
@@ -16,8 +15,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
 from trimesh import creation
 
-from benchmark.api.contracts import Shape
-from benchmark.errors import ConfigurationError, UnsupportedShape
+from benchmark.errors import UnsupportedShape
 from benchmark.geometry import geodesic_graph as kernels
 from benchmark.geometry import geodesics
 from benchmark.geometry.cleaning import compact
@@ -88,10 +86,6 @@ def test_what_has_no_distances_is_refused() -> None:
     for sources in ([4], [-1], [0, 99]):
         with pytest.raises(UnsupportedShape, match="source"):
             geodesics.from_sources(TETRAHEDRON, sources)
-    shape = Shape(identifier="tetrahedron", mesh=TETRAHEDRON)
-    for use in (shape.geodesics, partial(shape.geodesics_from, [0])):
-        with pytest.raises(ConfigurationError, match="did you mean geodesic-graph"):
-            use(solver="geodesic-grap")
 
 
 def test_degenerate_triangles_are_harmless() -> None:
