@@ -10,13 +10,7 @@ from pathlib import Path
 from benchmark.api.contracts import Input
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Part, check_retrievable, thinned
-from benchmark.datasets.catalogue import (
-    check_ranked,
-    is_present,
-    open_dataset,
-    require_known,
-    table_name,
-)
+from benchmark.datasets.catalogue import check_ranked, is_present, open_dataset, require_known, table_name
 from benchmark.datasets.changes import CHANGES, LEVELS, changed_name, split_name
 from benchmark.errors import ConfigurationError, DatasetError, check_known
 from benchmark.protocols.models import MissingModel, Model, TooNear, UnusableModel, find_models
