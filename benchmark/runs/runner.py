@@ -252,13 +252,13 @@ class _Run:
 
     def _leave(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
         """Leave jobs incomplete for a file, or for all files of its shape."""
-        if step.stage == "prepared" or outcome.scope == "shape":
+        if step.stage == "prepared" or outcome.of_shape:
             self._announce(step, outcome.reason)
         if step.stage == "records":
             self.incomplete[step.job.key].append(outcome.reason)
             yield from self._finish(step.job.key)
             return
-        file: File = ("prepared", step.keys["prepared"]) if outcome.scope == "shape" else step.file
+        file: File = ("prepared", step.keys["prepared"]) if outcome.of_shape else step.file
         yield from self._settle(file, is_made=False, reason=outcome.reason)
 
     def _announce(self, step: Step, reason: str) -> None:

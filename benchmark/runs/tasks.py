@@ -23,7 +23,7 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, ClassVar, Literal, NamedTuple, TypeVar
+from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from benchmark.api.contracts import Shape
 from benchmark.api.datasets import Entry, ShapeSet
@@ -150,8 +150,8 @@ class Outcome(NamedTuple):
         failed.
     reason, traceback
         Why there is no result.
-    scope
-        What an outcome without a result holds for: this file, or all files of this shape.
+    of_shape
+        Whether an outcome without a result holds for all files of this shape.
     content
         Of a ranking: what its record says.
     """
@@ -159,7 +159,7 @@ class Outcome(NamedTuple):
     status: str
     reason: str = ""
     traceback: str = ""
-    scope: Literal["file", "shape"] = "file"
+    of_shape: bool = False
     content: Mapping[str, Any] = {}
 
 
@@ -309,8 +309,7 @@ class Work:
                 Cache(step.job.results).remove(*file)
             return Outcome("incomplete", str(Incomplete(f"a file of {step.shape or 'the gallery'} was damaged")))
         except Incomplete as error:
-            scope: Literal["shape", "file"] = "shape" if isinstance(error, forms.NoGeodesics) else "file"
-            return Outcome("incomplete", f"{step.shape} {error}".strip(), scope=scope)
+            return Outcome("incomplete", f"{step.shape} {error}".strip(), of_shape=isinstance(error, forms.NoGeodesics))
         except BaseException as error:  # SystemExit included: a method must not end its worker
             out_of_memory = "out of memory" if isinstance(error, MemoryError) else ""
             if step.stage == "prepared":  # of the suite, so that no method is to blame

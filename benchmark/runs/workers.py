@@ -153,7 +153,7 @@ class Worker:
             work = "its geodesics: " if in_geodesics else "its preparation: " if step.stage == "prepared" else ""
             what = "the ranking" if self.task.record else step.shape or "the camera"
             problem = Incomplete(f"{what} has no result: {work}{reason}")
-            return step, Outcome("incomplete", str(problem), scope="shape" if in_geodesics else "file")
+            return step, Outcome("incomplete", str(problem), of_shape=in_geodesics)
         return step, Outcome(status, reason)
 
     def close(self) -> None:
