@@ -9,7 +9,7 @@ from itertools import permutations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.geometry.mesh import Mesh, edges_of
+from benchmark.geometry.mesh import Mesh, halved
 from benchmark.geometry.rasterise import draw_triangles
 
 BACKGROUND = 1.0
@@ -64,27 +64,22 @@ def view_sphere(subdivisions: int) -> ViewSphere:
 
     The 66 of two subdivisions are 6 corners, 12 and 48 edge midpoints.
     """
-    corners = [np.eye(3)[axis] * sign for axis in range(3) for sign in (1.0, -1.0)]
-    points = np.array(corners)
-    faces = np.array([[a, b, c] for a, b, c in product((0, 1), (2, 3), (4, 5))])
+    corners = np.array([np.eye(3)[axis] * sign for axis in range(3) for sign in (1.0, -1.0)])
+    sphere = Mesh(corners, np.array([*product((0, 1), (2, 3), (4, 5))]))
     for _ in range(subdivisions):
-        ends = edges_of(faces).ends
-        midpoint = {(int(a), int(b)): len(points) + row for row, (a, b) in enumerate(ends)}
-        middles = points[ends].sum(axis=1)
-        split = []
-        for a, b, c in faces.tolist():
-            ab, bc, ca = (midpoint[min(u, v), max(u, v)] for u, v in ((a, b), (b, c), (c, a)))
-            split += [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
-        points = np.concatenate([points, middles / np.linalg.norm(middles, axis=1, keepdims=True)])
-        faces = np.array(split)
-    return ViewSphere(points)
+        finer = halved(sphere)
+        middles = finer.vertices[sphere.n_vertices :]
+        outwards = middles / np.linalg.norm(middles, axis=1, keepdims=True)
+        sphere = finer.with_vertices(np.concatenate([sphere.vertices, outwards]))
+    return ViewSphere(sphere.vertices)
 
 
-_SIGNED = np.array(
+#: The symmetries of the cube, shape (48, 3, 3): signed permutation matrices.
+CUBE_SYMMETRIES = np.array(
     [np.eye(3)[list(order)] * signs for order in permutations(range(3)) for signs in product((1, -1), repeat=3)]
 )
-#: The 24 rotations of the cube, shape (24, 3, 3): signed permutation matrices of determinant 1.
-CUBE_ROTATIONS = _SIGNED[np.linalg.det(_SIGNED) > 0]
+#: Its rotations, shape (24, 3, 3).
+CUBE_ROTATIONS = CUBE_SYMMETRIES[np.linalg.det(CUBE_SYMMETRIES) > 0]
 
 
 def render(mesh: Mesh, size: int, sphere: ViewSphere) -> NDArray[np.float32]:

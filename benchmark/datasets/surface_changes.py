@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.cleaning import compact, extent_of, largest_component
-from benchmark.geometry.mesh import FloatArray, IntArray, Mesh
+from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, halved
 
 Random = np.random.Generator
 
@@ -60,7 +60,7 @@ def missing_parts(mesh: Mesh, amount: float, random: Random) -> Mesh:
 def resolution(mesh: Mesh, amount: float, _: Random) -> Mesh:
     """Change the number of vertices: halve all edges until there are enough, then collapse edges."""
     while mesh.n_vertices < amount:
-        mesh = _halved(mesh)
+        mesh = halved(mesh)
     from benchmark.geometry.preparation import decimate  # which, as others here, takes half a second
 
     return decimate(mesh, int(amount))
@@ -194,13 +194,3 @@ def _rest(mesh: Mesh, kept: NDArray[np.bool_]) -> Mesh:
         problem = f"the change leaves {rest.n_vertices} vertices of the shape"
         raise UnsupportedShape(problem, "choose a smaller strength")
     return rest
-
-
-def _halved(mesh: Mesh) -> Mesh:
-    """Split each triangle into four at the edge midpoints."""
-    edges = mesh.edges
-    of_sides = edges.of_sides.reshape(-1, 3) + mesh.n_vertices
-    middles = (mesh.vertices[edges.ends[:, 0]] + mesh.vertices[edges.ends[:, 1]]) / 2
-    (a, b, c), (ab, bc, ca) = mesh.faces.T.astype(np.int64), of_sides.T
-    faces = np.concatenate([np.stack(f, axis=1) for f in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
-    return Mesh(np.concatenate([mesh.vertices, middles]), faces)

@@ -200,6 +200,16 @@ def edges_of(faces: NDArray[np.integer]) -> Edges:
     return Edges(np.stack(np.divmod(edges, base), axis=1), counts, of_sides, np.argsort(keys, kind="stable"))
 
 
+def halved(mesh: Mesh) -> Mesh:
+    """Split each triangle into four at the edge midpoints, which follow the vertices in the order of the edges."""
+    edges = mesh.edges
+    of_sides = edges.of_sides.reshape(-1, 3) + mesh.n_vertices
+    middles = (mesh.vertices[edges.ends[:, 0]] + mesh.vertices[edges.ends[:, 1]]) / 2
+    (a, b, c), (ab, bc, ca) = mesh.faces.T.astype(np.int64), of_sides.T
+    faces = np.concatenate([np.stack(f, axis=1) for f in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    return Mesh(np.concatenate([mesh.vertices, middles]), faces)
+
+
 #: Side of the grid cells for sorting vertices, far below the edge length of a prepared mesh.
 CELL = 1 / 256
 #: Offset of the grid in cells, which keeps coordinates of mirrored and regular shapes off the cell borders.
