@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import permutations, product
 from pathlib import Path
 
 import numpy as np
@@ -21,16 +20,13 @@ from benchmark.geometry.mesh import Mesh, Points
 from benchmark.pipeline.records import RankedShapes, Record, read_form, read_prepared
 from benchmark.report.drawing import outwardness
 from benchmark.report.frames import file_name
+from retrieval.views import CUBE_SYMMETRIES
 
 #: A form is drawn mirrored, or turned more, if it comes nearer by this factor: bodies nearly equal their mirror images.
 NEARER = 0.9
 
 #: Steps of an alignment with all points, and before that with a few; points, and starts that are refined.
 _STEPS, _FEW, _FEW_STEPS, _DRAWN, _KEPT = 10, 100, 6, 600, 4
-
-_SIGNED_AXES = np.array(
-    [np.diag(signs)[[*order]] for signs in product((1.0, -1.0), repeat=3) for order in permutations(range(3))]
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +168,7 @@ def alignments(points: Points, target: Points) -> tuple[NDArray[np.float64], Poi
         Centred coordinates and what else near points share, shape (n, 3 or more).
     """
     axes, others = (np.linalg.svd(each[:, :3].T @ each[:, :3])[0] for each in (points, target))
-    turns = axes @ _SIGNED_AXES @ others.T
+    turns = axes @ CUBE_SYMMETRIES @ others.T
     few = slice(None, None, max(1, len(points) // _FEW))
     distances, turns = _nearer(points[few], target[few], turns[np.linalg.det(turns) > 0], _FEW_STEPS)
     return _nearer(points, target, turns[np.argsort(distances, kind="stable")[:_KEPT]], _STEPS)
