@@ -381,7 +381,6 @@ def canonical_form(**info: Any) -> Callable[[Callable[[Shape], Any]], type]:
         namespace = {
             "info": MethodInfo(**info),
             "canonicalise": canonicalise,
-            "function": staticmethod(function),
             "__doc__": function.__doc__,
             "__module__": function.__module__,
             "__qualname__": function.__qualname__,
