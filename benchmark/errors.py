@@ -112,7 +112,8 @@ def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationErr
 
     names = sorted(known)
     near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-    hint = f"did you mean {' or '.join(near)}?" if near else f"choose one of {', '.join(names)}"
+    every = f"choose one of {', '.join(names)}" if names else "leave it out: there is none"
+    hint = f"did you mean {' or '.join(near)}?" if near else every
     return ConfigurationError(f"unknown {kind} '{name}'", hint)
 
 

@@ -23,7 +23,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from benchmark.errors import ConfigurationError, did_you_mean
+from benchmark.errors import ConfigurationError, check_known, did_you_mean
 
 _QUOTES = "'\""
 
@@ -92,12 +92,9 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
     """
     owner = owner or getattr(getattr(cls, "info", None), "name", cls.__name__)
     fields = declared_parameters(cls)
+    check_known(f"parameter of {owner}", given, fields)
     values = {}
     for name, value in given.items():
-        if name not in fields:
-            if fields:
-                raise did_you_mean(f"parameter of {owner}", name, fields)
-            raise ConfigurationError(f"unknown parameter of {owner} '{name}'", f"leave it out: {owner} has none")
         annotation, _ = fields[name]
         try:
             values[name] = _fit(annotation, value)
