@@ -102,7 +102,7 @@ def _open(name: str, data_root: Path | None) -> ShapeSet:
         if not folder.is_dir():
             raise _no_folder(folder)
         return folder_set(folder, folder_name(folder))
-    if source.folder and not _is_there(source, data_root):
+    if not _is_there(source, data_root):
         where = data_root / source.folder if data_root else f"DATA_ROOT/{source.folder}"
         hint = f"put it there and pass --data-root; it comes from {source.url}"
         raise DatasetError(f"data set '{name}' is not at {where}", hint)
@@ -135,13 +135,11 @@ def is_present(name: str, data_root: Path | None) -> bool:
     """Return whether a data set is available: generated sets always, official sets if their folder exists."""
     base = split_name(name)[0]
     source = _source(base)
-    if source is None:
-        return is_path(base)
-    return not source.folder or _is_there(source, data_root)
+    return is_path(base) if source is None else _is_there(source, data_root)
 
 
 def _is_there(source: OfficialSet | GeneratedSet, data_root: Path | None) -> bool:
-    return data_root is not None and (data_root / source.folder).is_dir()
+    return not source.folder or (data_root is not None and (data_root / source.folder).is_dir())
 
 
 def is_path(name: str) -> bool:
