@@ -420,13 +420,9 @@ def _seconds_a_shape(method: str, side: RankedShapes, finished: Sequence[Record]
         record for record in finished if record.seconds and record.input == side.input and not record.gallery_of_queries
     ]
     alike = [record for record in timed if record.method == method]
-    alike = alike or [record for record in timed if _base(record.method) == _base(method)]
+    alike = alike or [record for record in timed if record.method.partition("[")[0] == method.partition("[")[0]]
     of_gallery = [record for record in alike if record.gallery == side.gallery]
     of_data = of_gallery or [record for record in alike if record.data.name == side.data.name]
     seconds = [record.seconds for record in of_data[-1:] or alike]
     stages = set[str]().union(*seconds)
     return {stage: statistics.median(of_job.get(stage, 0.0) for of_job in seconds) for stage in stages}
-
-
-def _base(method: str) -> str:
-    return method.partition("[")[0]
