@@ -58,7 +58,6 @@ Format = Annotated[Literal["text", "json"], Option("--format")]
 Failed = Annotated[bool, Option("--failed", help="Also show methods that fail in every job.")]
 Timeout = Annotated[float, Option("--timeout", parser=duration, metavar="TIME", help="Limit: 90s, 10m, 2h.")]
 Traceback = Annotated[bool, Option("--traceback", help="Print errors in full.")]
-MethodName = Annotated[str, Argument(metavar="METHOD")]
 SetName = Annotated[str, Argument(metavar="NAME|FOLDER")]
 
 

@@ -296,7 +296,7 @@ def check(
 @verb("plugins", "results", "data_root")
 def train(
     selection: Selection,
-    method: shared.MethodName,
+    method: Annotated[str, Argument(metavar="METHOD")],
     target: Annotated[str, Option("-t", "--table", metavar="TABLE", help="Table of the model, or a training.")] = "I",
     assigned: Annotated[list[str], Option("-o", "--option", metavar="NAME=VALUE", help="Option of the training.")] = [],
     data: Annotated[Path | None, Option("--data", metavar="FOLDER", help="Train on your own data.")] = None,
