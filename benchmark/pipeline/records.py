@@ -259,8 +259,7 @@ class Record(RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True
     @property
     def refusals(self) -> str:
         """How many shapes were refused, and why the first one; "" if none was."""
-        told = [f"{len(self.unsupported)} refused, {shape}: {reason}" for shape, reason in self.unsupported[:1]]
-        return "".join(told)
+        return "".join(f"{len(self.unsupported)} refused, {shape}: {why}" for shape, why in self.unsupported[:1])
 
 
 class Row(NamedTuple):

@@ -76,8 +76,7 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
     order = evaluation.queries.index.get_indexer(list(known))
     matrix = evaluation.distances[np.ix_(order, order)]
     ranking = code_of_modules([CODE["records"]])
-    parts = [facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), ranking]
-    key = digest(parts)
+    key = digest([facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), ranking])
     content = {
         **facts,
         **score_draws([matrix], facts["labels"]),
