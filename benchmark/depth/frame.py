@@ -30,6 +30,9 @@ UPRIGHT = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 IMAGE_UP = np.array([0.0, -1.0, 0.0])
 """Default up direction in the camera's frame (right, down, forward)."""
 
+FLOOR = np.cos(np.radians(50))
+"""Minimum cosine of the angle between the normal of a floor and the up direction of the image."""
+
 MOST_TILTED = np.cos(np.radians(75))
 """Minimum cosine of the angle between a given up direction and the image plane."""
 
@@ -144,7 +147,7 @@ def scale_of(values: NDArray[Any], intrinsics: Intrinsics, scale: float | None =
 
 def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[FloatArray, str]:
     """Return the up direction in the camera's frame and its source."""
-    floors = [plane for plane in planes if plane.is_floor]
+    floors = [plane for plane in planes if -plane.normal[1] >= FLOOR]
     if floors:
         return min(floors, key=lambda plane: plane.offset).normal, "floor"
     return (IMAGE_UP, "image") if recorded is None else (checked_up(recorded), "sidecar")

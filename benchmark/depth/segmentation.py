@@ -27,9 +27,6 @@ MOST_PLANES = 5
 UNEVEN = 0.01
 """Unevenness of walls and floors, in metres."""
 
-FLOOR = np.cos(np.radians(50))
-"""Minimum cosine of the angle between the normal of a floor and the up direction of the image."""
-
 _POINTS, _SCORED = 5000, 1000
 """Approximate number of points for fitting planes, and of those used to score random samples."""
 
@@ -102,11 +99,6 @@ class Plane:
     def holds(self, points: Points) -> Mask:
         """Return whether points, shape (..., 3), lie on the plane within the measurement error."""
         return np.asarray(np.abs(self.heights(points)) <= self.slack(points))
-
-    @property
-    def is_floor(self) -> bool:
-        """Whether the normal points up steeply enough for a floor."""
-        return bool(-self.normal[1] >= FLOOR)
 
 
 def background_planes(points: Points, seen: Mask) -> list[Plane]:
