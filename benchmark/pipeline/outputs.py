@@ -122,7 +122,7 @@ def compute_distances(
         shape = len(queries), len(outputs)
         return _check_numbers(compare_to(queries, outputs, draw), comparing, shape, _MATRIX_HINT)
     each = (compute_distances(comparing, [*outputs, query], draw) for query in queries)
-    return np.stack([matrix[-1, :-1] for matrix in each])
+    return np.stack([matrix[-1, :-1].copy() for matrix in each])  # a view would keep its matrix
 
 
 def _check_numbers(output: object, component: object, shape: tuple[int, ...], hint: str) -> FloatArray:

@@ -1,5 +1,7 @@
 """Descriptors on shapes whose values follow by hand, or from another decomposition."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.sparse.linalg import eigsh
@@ -92,6 +94,17 @@ def test_si_hks_takes_the_words_of_the_gallery_alone_for_any_queries():
     (row,) = compute_distances(method, of[:3], queries=of[3:4])
     np.testing.assert_array_equal(row, together[3])
     assert not np.allclose(method.distances(of[:4])[3, :3], row)
+
+
+def test_each_query_of_another_gallery_frees_its_matrix():
+    areas = [np.array([area]) for area in np.linspace(1, 2, 300)]
+    tracemalloc.start()
+    try:
+        found = compute_distances(SurfaceArea(), areas, queries=areas[:40])
+        assert tracemalloc.get_traced_memory()[1] < 10 * 8 * 301**2
+    finally:
+        tracemalloc.stop()
+    np.testing.assert_array_equal(found, SurfaceArea().distances(areas)[:40])
 
 
 def test_descriptors_are_equal_whatever_the_last_digits_of_a_processor(monkeypatch):
