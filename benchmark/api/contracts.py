@@ -238,7 +238,9 @@ class Shape:
         return f"Shape({self.identifier!r}, {self.mesh.n_vertices} vertices, {self.mesh.n_faces} faces)"
 
     def geodesics(self) -> FloatArray:
-        """Return geodesic distances between all pairs of vertices: shortest paths over straight ones between near ones.
+        """Return geodesic distances between all pairs of vertices.
+
+        They are shortest paths along straight geodesics between nearby vertices.
 
         Returns
         -------

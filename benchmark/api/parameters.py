@@ -210,10 +210,8 @@ def _fit(annotation: Any, value: Any) -> Any:
             raise msgspec.ValidationError("printable text")
         if NoneType in typing.get_args(annotation) and given.strip().lower() == "none":
             return None
-        if typing.get_origin(annotation) is tuple:  # values with commas between them, with or without parentheses
-            text = given.strip()
-            inner = text[1:-1] if text.startswith("(") and text.endswith(")") else text
-            given = [part.strip() for part in split(inner.removesuffix(","))]
+        if typing.get_origin(annotation) is tuple:
+            given = _parts(given)
     try:
         fitted = _convert(annotation, given)
     except msgspec.ValidationError:
@@ -222,6 +220,13 @@ def _fit(annotation: Any, value: Any) -> Any:
         if isinstance(part, float) and not math.isfinite(part):
             raise msgspec.ValidationError("a finite number")
     return fitted + 0.0 if isinstance(fitted, float) else fitted  # so that -0.0 is 0.0
+
+
+def _parts(text: str) -> list[str]:
+    """Return the values of a tuple: with commas between them, with or without parentheses."""
+    text = text.strip()
+    inner = text[1:-1] if text.startswith("(") and text.endswith(")") else text
+    return [part.strip() for part in split(inner.removesuffix(","))]
 
 
 def _convert(annotation: Any, given: Any) -> Any:

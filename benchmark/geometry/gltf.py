@@ -185,12 +185,15 @@ class _File:
             elif self._path.suffix.lower() == ".gz":
                 raise UnreadableMesh(f"its buffer {uri} is not packed with it", "unpack it")
             else:
-                try:
-                    found = read_file(self._path.parent / unquote(uri))
-                except OSError as error:
-                    hint = "put that file beside it, or export a .glb"
-                    raise UnreadableMesh(f"its buffer {unquote(uri)}: {error.strerror}", hint) from error
+                found = self._beside(unquote(uri))
             if found is None or len(found) < buffer["byteLength"]:
                 raise ValueError(f"buffer {number} holds {len(found or b'')} of {buffer['byteLength']} bytes")
             self._read[number] = found
         return self._read[number]
+
+    def _beside(self, name: str) -> bytes:
+        try:
+            return read_file(self._path.parent / name)
+        except OSError as error:
+            hint = "put that file beside it, or export a .glb"
+            raise UnreadableMesh(f"its buffer {name}: {error.strerror}", hint) from error

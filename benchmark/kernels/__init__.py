@@ -27,10 +27,7 @@ def drop_stale_kernels() -> None:
     for source in suite_sources():
         if b"numba" in source.read_bytes():
             with suppress(OSError):  # a folder that is read-only
-                target = ".".join(source.relative_to(ROOT).with_suffix("").parts)
-                newest = max(path.stat().st_ctime_ns for path in sources_of(target))  # a move to its place counts
-                if any(path.stat().st_ctime_ns < newest for path in compiled_kernels(source)):
-                    remove_kernels([source])
+                _drop_if_stale(source)
 
 
 def remove_kernels(sources: Iterable[Path]) -> None:
@@ -53,6 +50,14 @@ def compiled_kernels(source: Path) -> list[Path]:
         for ending in ("nbi", "nbc")
         for path in kernel_folder(source).glob(f"{glob.escape(source.stem)}.*.{ending}")
     ]
+
+
+def _drop_if_stale(source: Path) -> None:
+    """Remove kernels that are older than a source that they are compiled from, or its move to its place."""
+    target = ".".join(source.relative_to(ROOT).with_suffix("").parts)
+    newest = max(path.stat().st_ctime_ns for path in sources_of(target))
+    if any(path.stat().st_ctime_ns < newest for path in compiled_kernels(source)):
+        remove_kernels([source])
 
 
 def kernel_folder(source: Path) -> Path:
