@@ -42,5 +42,8 @@ class SurfaceArea:
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the absolute differences of the areas, shape (N, N)."""
-        areas = np.concatenate(descriptors) if len(descriptors) else np.empty(0)
-        return np.abs(areas[:, None] - areas[None, :])
+        return self.compare_to(descriptors, descriptors)
+
+    def compare_to(self, queries: Sequence[FloatArray], gallery: Sequence[FloatArray], draw: int = 0) -> FloatArray:
+        """Return those of M queries to N shapes, shape (M, N)."""
+        return np.abs(np.reshape(queries, (-1, 1)) - np.reshape(gallery, (1, -1)))

@@ -97,14 +97,14 @@ def test_si_hks_takes_the_words_of_the_gallery_alone_for_any_queries():
 
 
 def test_each_query_of_another_gallery_frees_its_matrix():
-    areas = [np.array([area]) for area in np.linspace(1, 2, 300)]
+    spectra = [np.array([value]) for value in np.linspace(1, 2, 300)]
     tracemalloc.start()
     try:
-        found = compute_distances(SurfaceArea(), areas, queries=areas[:40])
+        found = compute_distances(ShapeDNA(), spectra, queries=spectra[:40])
         assert tracemalloc.get_traced_memory()[1] < 10 * 8 * 301**2
     finally:
         tracemalloc.stop()
-    np.testing.assert_array_equal(found, SurfaceArea().distances(areas)[:40])
+    np.testing.assert_array_equal(found, ShapeDNA().distances(spectra)[:40])
 
 
 def test_descriptors_are_equal_whatever_the_last_digits_of_a_processor(monkeypatch):

@@ -23,6 +23,7 @@ from benchmark.report.results import open_results
 from benchmark.report.tables import table_views
 from benchmark.runs.planning import plan_selection
 from benchmark.runs.runner import run
+from benchmark.runs.tasks import Work
 from tests.report.records import record as made_up
 from tests.toy import SMALL_SCORER, rod, write_off, write_rods
 from tests.verbs import call, refusal
@@ -185,6 +186,15 @@ def test_a_gallery_that_four_cameras_see_is_as_near_as_its_nearest_view(rods, tm
               for how, n in ((("",), 6), ((rods,), 4))]  # fmt: skip
     assert {record.key} & {other.key for other in others} == set()
     assert others[1].gallery == "rods against 4 cameras around rods"
+
+
+def test_the_views_of_a_shape_are_prepared_together(rods, tmp_path, monkeypatch):
+    tasks = []
+    monkeypatch.setattr("tests.runs.toy.Work", lambda task, context: tasks.append(task) or Work(task, context))
+    seen_from_around(rods, tmp_path, "identity")
+    around = {shape: [f"{shape}@{k}" for k in range(4)] for shape in ("thick0", "thick1", "thin0", "thin1")}
+    prepared = [[step.shape for step in task.steps] for task in tasks if task.steps[0].stage == "prepared"]
+    assert sorted(prepared) == sorted([[""], *([shape] for shape in around), *around.values()])
 
 
 @pytest.mark.parametrize("input_", ["mesh", "view"])
