@@ -1,10 +1,7 @@
 """What authors of methods, descriptors, learners and scorers import."""
 
-from typing import NoReturn
-
 from benchmark.api.contracts import *  # noqa: F403
 from benchmark.api.contracts import __all__ as _of_methods
-from benchmark.api.datasets import no_plugin
 from benchmark.api.learning import *  # noqa: F403
 from benchmark.api.learning import __all__ as _of_learners
 from benchmark.api.scoring import *  # noqa: F403
@@ -16,9 +13,3 @@ __all__ = sorted({*_of_methods, *_of_learners, *_of_scorers, "oriented"})
 
 def __dir__() -> list[str]:
     return __all__
-
-
-def __getattr__(name: str) -> NoReturn:
-    if name in ("FRONT", "SIDE", "Camera", "Entry", "ShapeSet"):
-        raise no_plugin(f"benchmark.api has no {name}: it")
-    raise AttributeError(f"module 'benchmark.api' has no attribute '{name}'")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.api.contracts import Input
-from benchmark.errors import ConfigurationError, UnreadableMesh
+from benchmark.errors import UnreadableMesh
 from benchmark.files import file_digest
 from benchmark.geometry.camera import FRONT, Camera, DepthSensor
 from benchmark.geometry.io import companions, read_mesh
@@ -36,14 +36,6 @@ class Entry:
     subject: str
     pose: str
     path: Path | None = None
-
-
-def no_plugin(what: str) -> ConfigurationError:
-    """Return the error for a data set in a plugin file."""
-    problem = f"{what} makes a data set, which is a folder of meshes and no plugin"
-    return ConfigurationError(
-        problem, "write a folder, as examples/bent_ellipsoids.py does: python bent_ellipsoids.py DIR"
-    )
 
 
 def name_view(identifier: str, number: int) -> str:

@@ -95,7 +95,7 @@ def outcome(record: Record) -> str:
         return brief(record.reason)
     scores = " ".join(f"{name} {hundredths(record.scores[name])}" for name in MEASURES)
     refused = f"; {brief(record.refusals)}" if record.unsupported else ""
-    return f"{scores}  ({duration(seconds_of(record, of_processor=bool(record.processor_seconds)))} s a shape{refused})"
+    return f"{scores}  ({duration(seconds_of(record))} s a shape{refused})"
 
 
 def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, force: bool) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from benchmark.api.contracts import MethodInfo
-from benchmark.api.datasets import ShapeSet, no_plugin
+from benchmark.api.datasets import ShapeSet
 from benchmark.api.scoring import ScorerInfo
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.registry.components import Component, Kind
@@ -99,7 +99,9 @@ def in_file(path: Path) -> list[Component]:
     module, components = load_module(target), []
     for attribute, value in vars(module).items():
         if isinstance(value, ShapeSet):
-            raise no_plugin(str(path))
+            problem = f"{path} makes a data set, which is a folder of meshes and no plugin"
+            hint = "write a folder, as examples/bent_ellipsoids.py does: python bent_ellipsoids.py DIR"
+            raise ConfigurationError(problem, hint)
         info = getattr(value, "info", None)
         is_own = isinstance(value, type) and value.__module__ == module.__name__
         if is_own and isinstance(info, MethodInfo | ScorerInfo):

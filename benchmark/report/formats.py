@@ -227,5 +227,5 @@ def _json(view: TableView, row: Row, title: str) -> dict[str, Any]:
         "paper": view.paper.get(row.method), "chance": view.chance.get(title), "status": status,
         "n_shapes": sum(map(len, galleries)), "n_classes": sum(len(set(of)) for of in galleries),
         "coverage": min((record.coverage for record in records), default=None),
-        **{name: row.seconds(of_processor="_" in name) for name in ("seconds", "processor_seconds")},
+        "seconds": row.seconds(of_wall=True), "processor_seconds": row.seconds(),
     }  # fmt: skip

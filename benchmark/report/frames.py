@@ -126,9 +126,9 @@ def tables_of(dataset: str, fold: str) -> tuple[Table, ...]:
     return (*shown, own_table(dataset, fold)) if has_own else shown
 
 
-def seconds_of(record: Record, *, of_processor: bool = False) -> float | None:
-    """Return the seconds a shape for form and geodesics, of wall or processor; None if they were not measured."""
-    seconds = record.processor_seconds if of_processor else record.seconds
+def seconds_of(record: Record, *, of_wall: bool = False) -> float | None:
+    """Return the seconds a shape for form and geodesics, of processor or wall; None if they were not measured."""
+    seconds = record.seconds if of_wall else record.processor_seconds
     if "canonicalise" not in seconds or record.family == EXTERNAL:
         return None
     return seconds["canonicalise"] + seconds.get("geodesics", 0.0)

@@ -101,10 +101,9 @@ def _columns(view: TableView) -> Iterator[str]:
     if any(view.of_folds(row, column.title) for row in view.printed_rows for column in view.columns):
         yield "Beside means over folds: the least and the greatest fold."
     if any(row.method in view.seconds for row in view.printed_rows):
-        of, why = ("processor", "") if view.has_processor_time else ("wall", "; older records have no processor time")
         timed = [record for row in view.printed_rows for record in row.records if seconds_of(record) is not None]
         names = listed(dict.fromkeys(brief(name) for record in timed for name in record.machines or ["unknown"]), "; ")
-        yield f"s: median {of} seconds per shape for form and geodesics{why}; machine: {names}."
+        yield f"s: median processor seconds per shape for form and geodesics; machine: {names}."
 
 
 def _undecided(view: TableView) -> Iterable[str]:

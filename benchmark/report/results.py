@@ -72,8 +72,8 @@ class Results:
                 **record.scores,
                 "n_shapes": len(record.shapes),
                 "n_classes": len(set(record.labels)),
-                "seconds": seconds_of(record),
-                "processor_seconds": seconds_of(record, of_processor=True),
+                "seconds": seconds_of(record, of_wall=True),
+                "processor_seconds": seconds_of(record),
                 "machine": "; ".join(record.machines) or "unknown",
             }
             for record in self.records

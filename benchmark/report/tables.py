@@ -161,9 +161,9 @@ class Row:
             return str(Component("method", self.base, BUILT_IN[self.base]).info.cite)
         return next((record.cite for record in self.records if record.cite), "")
 
-    def seconds(self, *, of_processor: bool) -> float | None:
-        """Return the seconds a shape for form and geodesics, of wall or processor: the median over its jobs."""
-        each = [seconds_of(record, of_processor=of_processor) for record in self.records]
+    def seconds(self, *, of_wall: bool = False) -> float | None:
+        """Return the seconds a shape for form and geodesics, of processor or wall: the median over its jobs."""
+        each = [seconds_of(record, of_wall=of_wall) for record in self.records]
         measured = [seconds for seconds in each if seconds is not None]
         return round(statistics.median(measured), 4) if measured else None
 
@@ -261,15 +261,8 @@ class TableView:
 
     @cached_property
     def seconds(self) -> dict[str, float]:
-        """Seconds a shape of rows by method; see :attr:`has_processor_time`."""
-        each = {row.method: row.seconds(of_processor=self.has_processor_time) for row in self.rows}
-        return {method: seconds for method, seconds in each.items() if seconds is not None}
-
-    @cached_property
-    def has_processor_time(self) -> bool:
-        """Whether seconds are of the processor: all records with a time have this one, which old ones lack."""
-        timed = [record for row in self.rows for record in row.records if seconds_of(record) is not None]
-        return all(record.processor_seconds for record in timed)
+        """Processor seconds a shape of rows by method."""
+        return {row.method: seconds for row in self.rows if (seconds := row.seconds()) is not None}
 
     @property
     def groups(self) -> list[str]:

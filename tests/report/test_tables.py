@@ -169,7 +169,7 @@ def test_notes_say_what_s_is_why_a_score_is_missing_and_what_was_seen_in_trainin
     seen = record("learned", dataset="tosca", input_="view", models=[], seen=["cat0", "owl8"])
     table, _ = table_views([record("gps", dataset="tosca"), seen], ["III"], paper=True)
     found = "\n".join(table_notes(table))
-    assert "geodesics; older records have no processor time; machine: unknown." in found
+    assert "processor seconds per shape for form and geodesics; machine: unknown." in found
     assert "Ranks by spherical harmonics: no record yet." in found
     assert "Depth network (depth range of the frame) (no model was trained for this data, or it was not run)" in found
     assert "Classic MDS, Fast MDS, Non-metric MDS, 4 more (not run)" in found
@@ -281,15 +281,12 @@ def test_robustness_has_a_line_for_each_change_and_strength_below_the_unchanged_
     assert robustness_markdown([record("gps", dataset="rods")]) == ""
 
 
-def test_seconds_are_of_the_processor_unless_an_old_record_has_only_those_of_the_wall():
-    new, old = record("gps", processor_seconds={"canonicalise": 2.0, "geodesics": 0.25}), record("skeleton")
-    for records, seconds, note in (
-        ([new], {"gps": 2.25}, "s: median processor seconds per shape for form and geodesics; machine: unknown."),
-        ([new, old], {"gps": 1.5, "skeleton": 1.5}, "older records have no processor time; machine: unknown."),
-    ):
-        shown = view(*records)
-        assert shown.seconds == seconds
-        assert table_notes(shown)[0].endswith(note)
+def test_seconds_are_of_the_processor_and_an_old_record_without_them_has_none():
+    new, old = record("gps", processor_seconds={"canonicalise": 2.0, "geodesics": 0.25}), record("skeleton", processor_seconds={})
+    shown = view(new, old)
+    assert shown.seconds == {"gps": 2.25}
+    note = "s: median processor seconds per shape for form and geodesics; machine: unknown."
+    assert table_notes(shown)[0].endswith(note)
     each = [(of["seconds"], of["processor_seconds"]) for of in as_json([view(new, old)])]
     assert each == [(1.5, 2.25), (1.5, None)]
     jobs = Results(Path(), (new, old)).jobs
