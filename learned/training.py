@@ -182,19 +182,18 @@ def fit(
     if state.epoch or state.step:
         log(f"going on after epoch {state.epoch} of {schedule.epochs}")
     pairs, validation = pairs.to(device), validation.to(device) if validation else None
-    began = time.perf_counter() - state.seconds
     progress = _Progress(schedule.epochs, state.epoch, log)
     for epoch in range(state.epoch, schedule.epochs):
-        _train_epoch(state, pairs, schedule, seed, epoch, began)
+        _train_epoch(state, pairs, schedule, seed, epoch)
         row = state.finished_epoch(len(pairs))
         if validation and ((epoch + 1) % max(1, schedule.epochs // VALIDATIONS) == 0 or epoch + 1 == schedule.epochs):
             row |= {f"validation {name}": value for name, value in _evaluated(network, validation, schedule).items()}
-        state.save_if_due(began, at_once=epoch + 1 == schedule.epochs)
+        state.save_if_due(at_once=epoch + 1 == schedule.epochs)
         progress.show(epoch + 1, row)
     return state.history
 
 
-def _train_epoch(state: _State, pairs: Pairs, schedule: Schedule, seed: int, epoch: int, began: float) -> None:
+def _train_epoch(state: _State, pairs: Pairs, schedule: Schedule, seed: int, epoch: int) -> None:
     network, optimizer = state.network.train(), state.optimizer
     device = pairs.images.device
     order = torch.from_numpy(np.random.default_rng([seed, epoch]).permutation(len(pairs)))
@@ -207,7 +206,7 @@ def _train_epoch(state: _State, pairs: Pairs, schedule: Schedule, seed: int, epo
         # Reading a number would make the host wait for the device, so the sums stay there.
         state.sums = state.sums.to(device) + len(rows) * torch.stack([depth, mask]).detach()
         state.step += 1
-        state.save_if_due(began)
+        state.save_if_due()
 
 
 def _predicted(network: nn.Module, image: Tensor, schedule: Schedule) -> Tensor:
@@ -239,7 +238,7 @@ class _State:
         self.recipe: Mapping[str, Any] = {}
         self.epoch = self.step = 0
         self.sums = torch.zeros(2)
-        self.seconds, self.saved = 0.0, time.perf_counter()
+        self.saved = time.perf_counter()
         self.history: History = []
 
     def resume(self, recipe: Mapping[str, Any]) -> None:
@@ -257,8 +256,8 @@ class _State:
                 raise TrainingError(problem, "train with the same options, or delete the folder to begin anew")
             self.network.load_state_dict(state["network"])
             self.optimizer.load_state_dict(state["optimizer"])
-            self.epoch, self.step, self.sums = state["epoch"], state["step"], state["sums"]
-            self.history, self.seconds = state["history"], state["seconds"]
+            self.epoch, self.step = state["epoch"], state["step"]
+            self.sums, self.history = state["sums"], state["history"]
         except TrainingError:
             raise
         except Exception as error:  # torch raises errors of many types for a damaged file
@@ -272,15 +271,15 @@ class _State:
         self.history.append({"epoch": self.epoch, "depth loss": depth, "mask loss": mask})
         return self.history[-1]
 
-    def save_if_due(self, began: float, at_once: bool = False) -> None:
+    def save_if_due(self, at_once: bool = False) -> None:
         """Write the checkpoint if a minute has passed since the last one."""
         now = time.perf_counter()
         if now - self.saved < CHECKPOINT_SECONDS and not at_once:
             return
         self._check_sums()
-        self.saved, self.seconds = now, now - began
+        self.saved = now
         state = {"network": self.network.state_dict(), "optimizer": self.optimizer.state_dict()}
-        state |= {name: getattr(self, name) for name in ("recipe", "epoch", "step", "sums", "history", "seconds")}
+        state |= {name: getattr(self, name) for name in ("recipe", "epoch", "step", "sums", "history")}
         partial = self.path.with_suffix(".tmp")
         try:
             torch.save(state, partial)
