@@ -17,8 +17,8 @@ from torch.nn import functional
 SLOPE = 0.2
 """Slope of LeakyReLU below zero."""
 
-SHORT_RANGE_BLOCKS = 9
-DILATIONS = (2, 2, 3, 3, 4, 4, 5, 5, 6, 6)
+SHORT_RANGE = (1,) * 9
+LONG_RANGE = (2, 2, 3, 3, 4, 4, 5, 5, 6, 6)
 """Dilations of LRF: each of its five blocks has a convolution and, by the caption of the figure, a transposed one."""
 
 RESOLUTIONS = range(32, 2049)
@@ -58,16 +58,10 @@ def _block(before: int, after: int, dilation: int = 1) -> nn.Sequential:
     return nn.Sequential(convolution, nn.LeakyReLU(SLOPE, inplace=True))
 
 
-def short_range_features(width: int) -> nn.Sequential:
-    """Return SRF: nine convolutions at full size, with one output channel."""
-    channels = [1, *[width] * (SHORT_RANGE_BLOCKS - 1), 1]
-    return nn.Sequential(*map(_block, channels[:-1], channels[1:]))
-
-
-def long_range_features(channels_in: int, width: int) -> nn.Sequential:
-    """Return LRF: ten dilated convolutions at full size, with one output channel."""
-    channels = [channels_in, *[width] * (len(DILATIONS) - 1), 1]
-    return nn.Sequential(*map(_block, channels[:-1], channels[1:], DILATIONS))
+def convolutions(channels_in: int, width: int, dilations: tuple[int, ...]) -> nn.Sequential:
+    """Return SRF or LRF: convolutions at full size with these dilations, the last with one output channel."""
+    channels = [channels_in, *[width] * (len(dilations) - 1), 1]
+    return nn.Sequential(*map(_block, channels[:-1], channels[1:], dilations))
 
 
 class EncoderDecoder(nn.Module):
@@ -126,8 +120,8 @@ class PaperNetwork(nn.Module):
         super().__init__()
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
-            self.short_range = short_range_features(width) if short_range else None
-            self.long_range = long_range_features(1 + short_range, width) if long_range else None
+            self.short_range = convolutions(1, width, SHORT_RANGE) if short_range else None
+            self.long_range = convolutions(1 + short_range, width, LONG_RANGE) if long_range else None
             self.reconstruction = EncoderDecoder(1 + short_range + long_range, 2 * width)
             initialise(self, self.reconstruction.head)
 
