@@ -81,8 +81,7 @@ def rectilinearity_rotation(mesh: Mesh) -> Matrix:
     ----------
     Lian, Rosin, Sun, "Rectilinearity of 3D meshes", IJCV 89, 2010.
     """
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    area_vectors = 0.5 * np.cross(b - a, c - a)
+    area_vectors = 0.5 * mesh.face_normals
     ticks = np.linspace(-1.0, 1.0, GRID) * (np.sqrt(2.0) - 1.0)
     grid = np.array([_turned(np.eye(3), np.array([x, y, z])) for x in ticks for y in ticks for z in ticks])
     areas = _projected_areas(area_vectors, grid)
