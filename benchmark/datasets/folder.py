@@ -12,11 +12,12 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import natural_key
 from benchmark.datasets.frames import depth_frames
 from benchmark.datasets.labels import class_name, read_labels
-from benchmark.datasets.settings import SETTINGS_FILE, text_of, with_settings
+from benchmark.datasets.settings import SETTINGS_FILE, with_settings
 from benchmark.depth.intrinsics import CAMERA_FILES
 from benchmark.depth.reading import EXTENSIONS, MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
-from benchmark.geometry.io import READABLE, mesh_suffix
+from benchmark.files import LARGEST_LIST, decode, read_file
+from benchmark.geometry.io import READABLE, mesh_suffix, named_errors
 from benchmark.text import listed, printable
 
 #: Extensions of meshes that cannot be read: they are shapes that count as 0; and of point clouds, which are skipped.
@@ -206,36 +207,34 @@ def read_cla(path: Path) -> dict[int, str]:
     DatasetError
         If the header, a count or a number is wrong; the message names the file.
     """
-    words = text_of(path).split()
-    if words[:2] != ["PSB", "1"]:
-        problem = f"{path} does not start with 'PSB 1'"
-        raise DatasetError(problem, "use the classification format of the Princeton Shape Benchmark")
     subjects: dict[int, str] = {}
     names: set[str] = set()
-    try:
+    hint = "expected '<name> <parent> <count>' followed by that many model numbers"
+    with named_errors(path, "classification", DatasetError, hint):
+        words = decode(read_file(path, LARGEST_LIST)).split()
+        if words[:2] != ["PSB", "1"]:
+            problem = "it does not start with 'PSB 1'"
+            raise DatasetError(problem, "use the classification format of the Princeton Shape Benchmark")
         n_classes, n_models = _whole(words[2]), _whole(words[3])
         position = 4
         while position < len(words):
             name, count = words[position], _whole(words[position + 2])
             if name in names:
-                raise DatasetError(f"{path}: class '{name}' stands there twice", "give each class a name of its own")
+                raise DatasetError(f"class '{name}' stands there twice", "give each class a name of its own")
             numbers = [_whole(word) for word in words[position + 3 : position + 3 + count]]
             if len(numbers) != count:
-                problem = f"{path}: class '{name}' announces {count} models but lists {len(numbers)}"
+                problem = f"class '{name}' announces {count} models but lists {len(numbers)}"
                 raise DatasetError(problem, "complete the file")
             for number in numbers:
                 if number in subjects:
-                    raise DatasetError(f"{path}: model {number} stands in two classes", "list each model once")
+                    raise DatasetError(f"model {number} stands in two classes", "list each model once")
                 subjects[number] = class_name(name, number)
             names.add(name)
             position += 3 + count
-    except (IndexError, ValueError) as error:
-        hint = "expected '<name> <parent> <count>' followed by that many model numbers"
-        raise DatasetError(f"{path}: {error}", hint) from error
-    if (len(names), len(subjects)) != (n_classes, n_models):
-        announced = f"{path} announces {n_classes} classes and {n_models} models"
-        problem = f"{announced} but lists {len(names)} and {len(subjects)}"
-        raise DatasetError(problem, "correct the second line or complete the lists")
+        if (len(names), len(subjects)) != (n_classes, n_models):
+            announced = f"it announces {n_classes} classes and {n_models} models"
+            problem = f"{announced} but lists {len(names)} and {len(subjects)}"
+            raise DatasetError(problem, "correct the second line or complete the lists")
     return subjects
 
 

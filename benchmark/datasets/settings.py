@@ -104,19 +104,13 @@ def read_settings(path: Path, keys: Iterable[str], where: str = "") -> dict[str,
     """
     if not (path.is_symlink() or path.exists()):
         return {}
-    text = text_of(path)
     with named_errors(path, "settings file", DatasetError, "correct the file or remove it"):
+        text = decode(read_file(path, LARGEST_LIST))
         if max(part.count(".") for part in re.split("[,=\n]", text)) > _MOST_DOTS:
             raise ValueError("a key has too many dots")
         values = tomllib.loads(text)
     check_known(f"key of {path}{where}", values, keys)
     return values
-
-
-def text_of(path: Path) -> str:
-    """Return the text of a list of shapes or a settings file; raise ``DatasetError`` if it is unreadable."""
-    with named_errors(path, "text", DatasetError, "correct the file or remove it"):
-        return decode(read_file(path, LARGEST_LIST))
 
 
 def positive(value: Any, key: str, path: Path) -> float:
