@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +46,7 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
         except ShapeError as error:  # it is refused when it is prepared
             return f"{entry.identifier}: {error}"
 
-    shapes = ShapeSet(
+    return ShapeSet(
         name=name,
         shapes=entries,
         load=lambda entry: files[entry.identifier].observe().surface,
@@ -57,11 +56,9 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
         half_width=settings["half_width"],
         inputs=("view",),
         folder=folder,
+        canonical_poses=canonical_poses(values.get("canonical_pose", {}), entries, path),
         code=(__name__,),
     )
-    if "canonical_pose" not in values:
-        return shapes
-    return replace(shapes, canonical_poses=canonical_poses(values["canonical_pose"], shapes, path))
 
 
 def frame_settings(folder: Path) -> dict[str, Any]:

@@ -61,14 +61,12 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
     up = values.get("up", "z")
     if up not in ("y", "z"):
         raise DatasetError(f"{path}: up is {up!r}", 'write up = "z" or up = "y"')
-    changes: dict[str, Any] = {}
+    chosen = canonical_poses(values.get("canonical_pose", {}), shapes.shapes, path)
+    changes: dict[str, Any] = {"canonical_poses": {**shapes.canonical_poses, **chosen}}
     if "half_width" in values:
         changes["half_width"] = positive(values["half_width"], "half_width", path)
     if "stand_in_for" in values:
         changes["stand_in_for"] = str(values["stand_in_for"])
-    if "canonical_pose" in values:
-        chosen = canonical_poses(values["canonical_pose"], shapes, path)
-        changes["canonical_poses"] = {**shapes.canonical_poses, **chosen}
     if values.get("normalise", "area") != "area":
         raise DatasetError(f"{path}: normalise is {values['normalise']!r}", 'write normalise = "area", or remove it')
     if "unit" in values or "normalise" in values:
@@ -120,9 +118,9 @@ def positive(value: Any, key: str, path: Path) -> float:
     return float(value)
 
 
-def canonical_poses(value: Any, shapes: ShapeSet, path: Path) -> dict[str, str]:
-    """Return the canonical pose of each class that a settings file names."""
-    poses = {subject: [entry.pose for entry in members] for subject, members in by_subject(shapes.shapes).items()}
+def canonical_poses(value: Any, entries: Iterable[Entry], path: Path) -> dict[str, str]:
+    """Return the canonical pose of each class that a settings file names, one for all or a table."""
+    poses = {subject: [entry.pose for entry in members] for subject, members in by_subject(entries).items()}
     chosen = {}
     for subject, pose in (value if isinstance(value, dict) else dict.fromkeys(poses, value)).items():
         check_known(f"class under canonical_pose in {path}", [subject], poses)
