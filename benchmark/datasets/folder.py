@@ -62,18 +62,19 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
     else:
         entries = [entry for sub in sub_folders(folder) for entry in _from_sub_folder(sub, mesh_files(sub))]
     frames = [] if entries else _from_depth_images(folder)
-    if given and given.suffix.lower() != ".cla":
-        entries, frames = _labelled(given, entries), _labelled(given, frames)
-    if not entries and not frames:
+    shapes = entries or frames
+    if not shapes:
         unread = ", ".join(sorted({path.suffix for path in skipped_files(folder)}))
         hint = f"expected files ending in {', '.join(READABLE)}, depth images of 16 bits, or sub-folders of such files"
         raise DatasetError(f"no meshes in {folder}{f' that can be read: {unread} cannot' if unread else ''}", hint)
-    counts = Counter(entry.identifier for entry in entries or frames)
+    if given and given.suffix.lower() != ".cla":
+        shapes = _labelled(given, shapes)
+    counts = Counter(entry.identifier for entry in shapes)
     if twice := [identifier for identifier, count in counts.items() if count > 1]:
         raise DatasetError(f"{folder} holds two shapes that are both written '{twice[0]}'", "rename one of them")
     if frames:
-        return depth_frames(name, folder, tuple(frames))
-    return with_settings(ShapeSet(name=name, shapes=tuple(entries), folder=folder, code=("benchmark.geometry.io",)))
+        return depth_frames(name, folder, tuple(shapes))
+    return with_settings(ShapeSet(name=name, shapes=tuple(shapes), folder=folder, code=("benchmark.geometry.io",)))
 
 
 def depth_files(folder: Path) -> list[Path]:
@@ -140,8 +141,6 @@ def is_hidden(path: Path) -> bool:
 
 def _labelled(source: Path, entries: Sequence[Entry]) -> list[Entry]:
     """Return shapes with the labels of a list, which has each of them."""
-    if not entries:
-        return []
     labels = read_labels(source)
     if not isinstance(labels, dict):
         raise DatasetError(f"{source} does not name the shapes", "write 'name label' on each line")
