@@ -19,7 +19,7 @@ from benchmark.text import printable
 
 @dataclass(frozen=True)
 class GeneratedSet:
-    """A generated data set: what a module of this package makes with a function and its arguments."""
+    """A generated data set: what a module of this package makes with a function and its arguments, without a folder."""
 
     summary: str
     module: str
@@ -27,11 +27,7 @@ class GeneratedSet:
     n_shapes: int
     n_classes: int
     arguments: tuple[int, ...] = ()
-    folder: str = ""
-    origin: str = ""
-    url: str = ""
-    terms: str = ""
-    other_use: str = ""
+    folder = origin = url = terms = other_use = ""
 
     def open(self, _name: str, _folder: Path) -> ShapeSet:
         """Return the data set."""
