@@ -129,9 +129,8 @@ def is_known(name: str) -> bool:
 
 def is_present(name: str, data_root: Path | None) -> bool:
     """Return whether a data set is available: generated sets always, official sets if their folder exists."""
-    base = split_name(name)[0]
-    source = _source(base)
-    return is_path(base) if source is None else _is_there(source, data_root)
+    source = _source(split_name(name)[0])
+    return is_path(name) if source is None else _is_there(source, data_root)
 
 
 def _is_there(source: OfficialSet | GeneratedSet, data_root: Path | None) -> bool:
