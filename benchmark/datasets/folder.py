@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -56,9 +56,9 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
     name = name or printable(folder.resolve().name)
     files, given = mesh_files(folder), class_list([folder], _LISTS)
     if given and given.suffix.lower() == ".cla":
-        entries = _from_cla(given, files)
+        entries = [*_from_cla(given, files)]
     elif files:
-        entries = _from_names(files)
+        entries = [*_from_names(files)]
     else:
         entries = [entry for sub in sub_folders(folder) for entry in _from_sub_folder(sub, mesh_files(sub))]
     frames = [] if entries else _from_depth_images(folder)
@@ -153,7 +153,7 @@ def _labelled(source: Path, entries: Sequence[Entry]) -> list[Entry]:
 
 def _from_depth_images(folder: Path) -> list[Entry]:
     if flat := depth_files(folder):
-        return _from_names(flat)
+        return [*_from_names(flat)]
     entries: list[Entry] = []
     for sub in sub_folders(folder):
         if sub.name.lower() not in MASK_FOLDERS:
@@ -162,14 +162,12 @@ def _from_depth_images(folder: Path) -> list[Entry]:
     return entries
 
 
-def _from_names(files: Iterable[Path]) -> list[Entry]:
-    entries = []
+def _from_names(files: Iterable[Path]) -> Iterator[Entry]:
     for path in files:
         stem = mesh_stem(path)
         subject = re.sub(r"[-_ \xa0]*[0-9]+\Z", "", stem) or stem
         pose = printable(stem[len(subject) :].lstrip("-_ \xa0"))
-        entries.append(Entry(printable(stem), printable(subject), pose, path))
-    return entries
+        yield Entry(printable(stem), printable(subject), pose, path)
 
 
 def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
@@ -243,7 +241,7 @@ def _whole(word: str) -> int:
     return int(word)
 
 
-def _from_cla(cla: Path, files: Iterable[Path]) -> list[Entry]:
+def _from_cla(cla: Path, files: Iterable[Path]) -> Iterator[Entry]:
     by_number: dict[int, list[Path]] = {}
     for path in files:
         if match := re.search(r"[0-9]+\Z", mesh_stem(path)):
@@ -254,7 +252,6 @@ def _from_cla(cla: Path, files: Iterable[Path]) -> list[Entry]:
         if {number - 1 for number in subjects} == set(by_number):
             hint = "the list counts from 1, the meshes from 0: subtract 1 from each number"
         raise DatasetError(f"{cla} lists model {missing[0]}, but {cla.parent} has no mesh with that number", hint)
-    entries = []
     for number, subject in sorted(subjects.items()):
         path, *others = by_number[number]
         if others:
@@ -264,5 +261,4 @@ def _from_cla(cla: Path, files: Iterable[Path]) -> list[Entry]:
             problem = f"{cla} names '{path.name}', which lies outside its folder"
             raise DatasetError(problem, "copy the mesh into the folder")
         stem = printable(mesh_stem(path))
-        entries.append(Entry(stem, subject, stem, path))
-    return entries
+        yield Entry(stem, subject, stem, path)

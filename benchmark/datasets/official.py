@@ -131,8 +131,8 @@ class OfficialSet:
             raise DatasetError(problem, _UNPACK)
         return [Entry(stem, *self.shapes[stem], files[key]) for key, stem in stems.items()]
 
-    def _listed(self, folder: Path) -> list[Entry]:
-        """Read numbered shapes, with classes from a list or from sub-folders."""
+    def _listed(self, folder: Path) -> Iterator[Entry]:
+        """Yield numbered shapes, with classes from a list or from sub-folders."""
         files = {_number(key): path for key, path in _files(folder, {_form(self.names.format(number=0))}).items()}
         source = class_list(list(folders_of_set(folder)), LISTS)
         classes = read_cla(source) if source else _folder_classes(files)
@@ -146,11 +146,9 @@ class OfficialSet:
         if not source and len(set(classes.values())) == 1:
             raise DatasetError(f"{folder} holds no list of classes", "put the official .cla file there")
         official = self._official_names(classes, source or folder)
-        entries = []
         for number in sorted(files):
             stem = mesh_stem(files[number])
-            entries.append(Entry(stem, official[classes[number]], stem, files[number]))
-        return entries
+            yield Entry(stem, official[classes[number]], stem, files[number])
 
     def _official_names(self, classes: Mapping[int, str], source: Path) -> dict[str, str]:
         """Return the official name of each listed class; raises ``DatasetError`` if its members are not official."""
