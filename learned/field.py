@@ -85,7 +85,6 @@ def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
 
     tokens = network.encoded(*map(row, even_samples(mesh, POINTS)))
     normals = vertex_normals(mesh)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True).clip(min=np.finfo(float).tiny)
     positions, rotations = [], []
     for first in range(0, mesh.n_vertices, _AT_ONCE):
         some = slice(first, first + _AT_ONCE)

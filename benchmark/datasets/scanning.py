@@ -61,7 +61,7 @@ def scanned(body: Mesh, subject: str, name: str) -> Mesh:
     # Mouth, nostrils and eye sockets are cavities behind thin lids, invisible to a scanner.
     closed = membrane(body, _cavities())
     heights = _asymmetry(named_random(subject, "asymmetry"))
-    uneven = closed.with_vertices(closed.vertices + heights[:, np.newaxis] * _unit_normals(closed))
+    uneven = closed.with_vertices(closed.vertices + heights[:, np.newaxis] * vertex_normals(closed))
     return scan(uneven, [vertices_of(*part) for part in _FUSED], N_VERTICES, named_random(name, "scan"))
 
 
@@ -83,11 +83,6 @@ def _asymmetry(random: np.random.Generator) -> FloatArray:
     phases = random.uniform(0, 2 * np.pi, _WAVES)
     angles = reference_mesh().vertices @ (directions * frequencies[:, np.newaxis]).T + phases
     return np.asarray(_ASYMMETRY * np.sqrt(2 / _WAVES) * np.cos(angles).sum(axis=1))
-
-
-def _unit_normals(mesh: Mesh) -> Points:
-    normals = vertex_normals(mesh)
-    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300))
 
 
 def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
@@ -226,7 +221,7 @@ def _noisy(mesh: Mesh, random: np.random.Generator) -> Mesh:
     white, smooth = random.normal(0, 1, (2, mesh.n_vertices))
     smooth = _neighbour_mean(mesh, _neighbour_mean(mesh, smooth))
     amount = _WHITE * white + _SMOOTH * smooth / smooth.std()
-    return mesh.with_vertices(np.round(mesh.vertices + amount[:, np.newaxis] * _unit_normals(mesh), 6))
+    return mesh.with_vertices(np.round(mesh.vertices + amount[:, np.newaxis] * vertex_normals(mesh), 6))
 
 
 def _neighbour_mean(mesh: Mesh, values: FloatArray) -> FloatArray:

@@ -108,11 +108,11 @@ class Mesh:
 
 
 def vertex_normals(mesh: Mesh) -> Points:
-    """Return area-weighted vertex normals, not normalised, shape (n, 3)."""
+    """Return the unit normals of the vertices, weighted by area, shape (n, 3); 0 where there is none."""
     normals = np.zeros((mesh.n_vertices, 3))
     for corner in range(3):
         np.add.at(normals, mesh.faces[:, corner], mesh.face_normals)
-    return normals
+    return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300))
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
