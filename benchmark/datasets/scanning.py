@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
@@ -15,7 +14,7 @@ from scipy.sparse.linalg import spsolve
 
 from benchmark.datasets.bodies import CAVITIES, named_random, reference_mesh, vertices_of
 from benchmark.geometry.cleaning import largest_component
-from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points, sides_of, vertex_normals
+from benchmark.geometry.mesh import FloatArray, Mesh, Points, sides_of, vertex_normals
 from benchmark.geometry.preparation import isotropic_remesh
 
 N_VERTICES = 15_000
@@ -49,20 +48,41 @@ _CORNERS = np.array(
 
 
 def scanned(body: Mesh, subject: str, name: str) -> Mesh:
-    """Return the scan of a posed body: about 15 000 vertices, closed, in metres.
+    """Return the scan of a posed body: about 15 000 vertices, one closed component, in metres, in its place.
+
+    The solid is sampled on a grid in a random position, gaps between fingers are closed, the boundary is extracted by
+    marching cubes [Lorensen and Cline 1987] and re-meshed isotropically [Botsch and Kobbelt 2004], and every vertex is
+    displaced along its normal by noise of a third of a millimetre.
 
     Parameters
     ----------
     body
-        The body in its pose, with the vertices of the template.
+        The body in its pose, with the vertices of the template; small self-intersections are harmless.
     subject, name
         Names of the subject, which seeds its asymmetry, and of the scan, which seeds its tessellation and noise.
     """
     # Mouth, nostrils and eye sockets are cavities behind thin lids, invisible to a scanner.
     closed = membrane(body, _cavities())
     heights = _asymmetry(named_random(subject, "asymmetry"))
-    uneven = closed.with_vertices(closed.vertices + heights[:, np.newaxis] * vertex_normals(closed))
-    return scan(uneven, [vertices_of(*part) for part in _FUSED], N_VERTICES, named_random(name, "scan"))
+    uneven = closed.vertices + heights[:, np.newaxis] * vertex_normals(closed)
+    random = named_random(name, "scan")
+    angle = random.uniform(0, 2 * np.pi)
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    turned = uneven @ turn.T / CELL
+    origin = turned.min(axis=0) - _MARGIN - random.uniform(0, 1, 3)
+    points = turned - origin
+    size = np.ceil(points.max(axis=0)).astype(np.int64) + _MARGIN
+    crossings = np.zeros(tuple(size), dtype=np.int8)
+    _count_crossings(points, body.faces, crossings)
+    # Sum of signed crossings below a point: its winding number, which is 2 if two parts overlap.
+    solid = np.cumsum(crossings, axis=2, dtype=np.int8) > 0
+    for part in _FUSED:
+        _close_gaps(solid, points[vertices_of(*part)])
+    boundary = _boundary(solid)
+    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the resulting edges are slightly longer.
+    side = 0.97 * math.sqrt(boundary.area / N_VERTICES * 2 / math.sqrt(3))
+    skin = isotropic_remesh(boundary, side, iterations=3, feature_degrees=180)
+    return _noisy(skin.with_vertices(((skin.vertices + origin) * CELL) @ turn), random)
 
 
 @functools.cache
@@ -102,48 +122,6 @@ def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
     vertices = mesh.vertices.copy()
     vertices[free] = spsolve(system, links[:, ~free] @ mesh.vertices[~free])
     return mesh.with_vertices(vertices)
-
-
-def scan(mesh: Mesh, fused: Sequence[IntArray], n_vertices: int, random: np.random.Generator) -> Mesh:
-    """Simulate a body scan of a surface.
-
-    The solid is sampled on a grid in a random position, gaps between fingers are closed, the boundary is extracted by
-    marching cubes [Lorensen and Cline 1987] and re-meshed isotropically [Botsch and Kobbelt 2004], and every vertex is
-    displaced along its normal by noise of a third of a millimetre.
-
-    Parameters
-    ----------
-    mesh
-        A closed surface in metres, standing along z; small self-intersections are harmless.
-    fused
-        Vertices of each part whose narrow gaps are closed: each hand, each foot.
-    n_vertices
-        Approximate number of vertices.
-    random
-        Random generator for the grid position and the noise.
-
-    Returns
-    -------
-    Mesh
-        One closed component in the original position.
-    """
-    angle = random.uniform(0, 2 * np.pi)
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
-    turned = mesh.vertices @ turn.T / CELL
-    origin = turned.min(axis=0) - _MARGIN - random.uniform(0, 1, 3)
-    points = turned - origin
-    size = np.ceil(points.max(axis=0)).astype(np.int64) + _MARGIN
-    crossings = np.zeros(tuple(size), dtype=np.int8)
-    _count_crossings(points, mesh.faces, crossings)
-    # Sum of signed crossings below a point: its winding number, which is 2 if two parts overlap.
-    solid = np.cumsum(crossings, axis=2, dtype=np.int8) > 0
-    for part in fused:
-        _close_gaps(solid, points[part])
-    boundary = _boundary(solid)
-    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the resulting edges are slightly longer.
-    side = 0.97 * math.sqrt(boundary.area / n_vertices * 2 / math.sqrt(3))
-    skin = isotropic_remesh(boundary, side, iterations=3, feature_degrees=180)
-    return _noisy(skin.with_vertices(((skin.vertices + origin) * CELL) @ turn), random)
 
 
 @njit(cache=True, nogil=True)
