@@ -180,11 +180,8 @@ def _boundary(solid: NDArray[np.bool_]) -> Mesh:
 
     density = gaussian_filter(solid.astype(np.float32), 1.0)
     inside = density > 0.5
-    first = inside[:-1, :-1, :-1]
-    mixed = np.zeros(first.shape, dtype=bool)
-    for corner in _CORNERS[1:]:
-        window = tuple(slice(offset, offset + length) for offset, length in zip(corner, first.shape, strict=True))
-        mixed |= inside[window] != first
+    blocks = [inside[x : x - 1 or None, y : y - 1 or None, z : z - 1 or None] for x, y, z in _CORNERS]
+    mixed = functools.reduce(np.logical_or, (block != blocks[0] for block in blocks))
     corners = np.argwhere(mixed)[:, np.newaxis, :] + _CORNERS
     flat = np.ravel_multi_index(tuple(np.moveaxis(corners, 2, 0)), density.shape)
     used, cubes = np.unique(flat, return_inverse=True)
