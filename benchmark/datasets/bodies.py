@@ -102,9 +102,8 @@ def describe(subject: Subject, angles: FloatArray) -> str:
 
 def mirrored(angles: FloatArray) -> FloatArray:
     """Return a pose with left and right exchanged."""
-    arms, legs, columns = angles[: 2 * _ARM], angles[2 * _ARM : 2 * _ARM + 2 * _LEG], angles[-3 * _COLUMN :]
-    limbs = [part.reshape(2, -1)[::-1].ravel() for part in (arms, legs)]
-    return np.concatenate([*limbs, columns * np.tile([1.0, -1.0, -1.0], 3)])
+    left_arm, right_arm, left_leg, right_leg, columns = np.split(angles, np.cumsum([_ARM, _ARM, _LEG, _LEG]))
+    return np.concatenate([right_arm, left_arm, right_leg, left_leg, columns * np.tile([1.0, -1.0, -1.0], 3)])
 
 
 def jittered(angles: FloatArray, deviation: float, random: np.random.Generator) -> FloatArray:
