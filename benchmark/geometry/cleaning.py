@@ -77,7 +77,7 @@ def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
     faces = _proper(place[surface.faces])
     collapsed = mesh.n_faces - len(faces)
     faces, flat = _without_flat(distinct, faces, _FLAT * unit)
-    single = np.sort(_distinct(np.sort(faces, axis=1))[0])
+    single = np.sort(np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1])
     cleaned = compact(distinct, faces[single])
     return cleaned, {
         "vertices_before": mesh.n_vertices,
@@ -255,9 +255,10 @@ def fans_per_vertex(mesh: Mesh) -> IntArray:
 
 def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
     """Return the distinct positions in order of first occurrence and the index of each vertex among them."""
-    first, group = _distinct(vertices + 0.0)  # -0.0 becomes 0.0
+    # Adding 0.0 makes negative zeros positive.
+    _, first, group = np.unique(vertices + 0.0, axis=0, return_index=True, return_inverse=True)
     kept = np.sort(first)
-    return vertices[kept], np.searchsorted(kept, first)[group]
+    return vertices[kept], np.searchsorted(kept, first)[group.ravel()]
 
 
 def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
@@ -335,16 +336,6 @@ def _without_flat(vertices: Points, faces: IntArray, height: float) -> tuple[Int
         halves = np.concatenate([np.stack([start, middle, opposite]), np.stack([middle, end, opposite])], axis=1).T
         faces = np.concatenate([np.delete(faces, face, axis=0), _proper(halves)])
     raise InvalidMesh("triangles without area cannot be removed", "remove or re-export the mesh")
-
-
-def _distinct(rows: NDArray[np.generic]) -> tuple[IntArray, IntArray]:
-    """Return the first occurrence of each distinct row, in ascending order of rows, and the number of each row."""
-    order = np.lexsort(rows.T[::-1])
-    is_new = np.ones(len(rows), dtype=bool)
-    is_new[1:] = (rows[order[1:]] != rows[order[:-1]]).any(axis=1)
-    group = np.empty(len(rows), dtype=np.int64)
-    group[order] = np.cumsum(is_new) - 1
-    return order[is_new], group
 
 
 def _fans(faces: IntArray, edges: Edges) -> tuple[IntArray, IntArray]:
