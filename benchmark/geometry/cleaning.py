@@ -340,20 +340,13 @@ def _without_flat(vertices: Points, faces: IntArray, height: float) -> tuple[Int
 
 def _fans(faces: IntArray, edges: Edges) -> tuple[IntArray, IntArray]:
     """Label each corner with its fan (edge-connected faces around its vertex), shape (3 m,); and the vertex of each."""
-    order = edges.grouped_sides
     # Consecutive sides of an edge share both end points; non-manifold edges chain all their faces.
-    follows = np.ones(len(order), dtype=bool)
-    follows[edges.first] = False
-    sides, previous = order[follows], order[np.flatnonzero(follows) - 1]
-    start_corner, end_corner = sides_of(np.arange(3 * len(faces)).reshape(-1, 3))
+    sides = np.delete(edges.grouped_sides, edges.first)
+    previous = np.delete(edges.grouped_sides, edges.first + edges.counts - 1)
     vertex = faces.ravel()
-    links_from, links_to = [], []
-    for corner in (start_corner, end_corner):
-        for other in (start_corner, end_corner):
-            same = vertex[corner[sides]] == vertex[other[previous]]
-            links_from.append(corner[sides][same])
-            links_to.append(other[previous][same])
-    fan = component_labels(np.concatenate(links_from), np.concatenate(links_to), 3 * len(faces))
+    corners = np.stack(sides_of(np.arange(len(vertex)).reshape(-1, 3)))
+    corners = np.take_along_axis(corners, vertex[corners].argsort(axis=0), axis=0)  # of each side, smaller vertex first
+    fan = component_labels(corners[:, sides].ravel(), corners[:, previous].ravel(), len(vertex))
     owner = np.zeros(int(fan.max(initial=-1)) + 1, dtype=np.int64)
     owner[fan] = vertex
     return fan, owner
