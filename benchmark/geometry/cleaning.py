@@ -156,8 +156,7 @@ def make_manifold(mesh: Mesh) -> Mesh:
         # Rank of each side among the sides of its edge, largest face first; ties by face order.
         size = np.repeat(areas, 3)
         order = np.lexsort((np.arange(len(size)), -size, edges.of_sides))
-        rank = np.empty(len(size), dtype=np.int64)
-        rank[order] = np.arange(len(size)) - edges.first[edges.of_sides[order]]
+        rank = (np.arange(len(size)) - edges.first[edges.of_sides[order]])[np.argsort(order)]
         keep = ~(rank.reshape(-1, 3) >= 2).any(axis=1)
         faces = faces[keep]
         edges = edges_of(faces)
@@ -166,9 +165,7 @@ def make_manifold(mesh: Mesh) -> Mesh:
         return mesh
     # Order fans by their vertex, so that a manifold mesh stays unchanged.
     order = np.argsort(owner, kind="stable")
-    rank_of_fan = np.empty_like(order)
-    rank_of_fan[order] = np.arange(len(order))
-    return Mesh(mesh.vertices[owner[order]], rank_of_fan[fan].reshape(-1, 3).astype(np.int32))
+    return Mesh(mesh.vertices[owner[order]], np.argsort(order)[fan].reshape(-1, 3).astype(np.int32))
 
 
 def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, int]:

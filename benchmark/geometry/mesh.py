@@ -231,9 +231,7 @@ def in_spatial_order(mesh: Mesh) -> Mesh:
     """
     ties = np.round(np.hstack([mesh.vertices, _means_around(mesh)]), _DECIMALS)
     order = np.lexsort((*ties.T[::-1], _places_on_curve(mesh.vertices)))
-    place = np.empty(len(order), dtype=np.int32)
-    place[order] = np.arange(len(order))
-    faces = place[mesh.faces]
+    faces = np.argsort(order).astype(np.int32)[mesh.faces]
     turned = (faces.argmin(axis=1)[:, np.newaxis] + np.arange(3)) % 3
     faces = np.take_along_axis(faces, turned, axis=1)
     return Mesh(mesh.vertices[order], faces[np.lexsort(faces.T[::-1])])
