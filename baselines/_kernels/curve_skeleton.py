@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import shortest_path
 from baselines._kernels.arap import factorise_definite
 from baselines._kernels.connectivity_surgery import collapse
 from benchmark.api.contracts import FloatArray
-from benchmark.geometry.cleaning import component_labels
+from benchmark.geometry.cleaning import component_labels, weighted_means
 from benchmark.geometry.laplacian import cotangent_laplacian
 from benchmark.geometry.mesh import Mesh
 
@@ -188,19 +188,12 @@ def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkele
     tails, heads = edges[band[edges[:, 0]] == band[edges[:, 1]]].T
     owners = component_labels(tails, heads, mesh.n_vertices)
     owners = _absorb_specks(owners, edges, areas)
-    return CurveSkeleton(_means(mesh.vertices, areas, owners), owners, _bones(mesh, owners))
+    return CurveSkeleton(weighted_means(mesh.vertices, areas, owners), owners, _bones(mesh, owners))
 
 
 def _bones(mesh: Mesh, owners: Indices) -> Indices:
     pairs = np.sort(owners[mesh.edges.ends], axis=1)
     return np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
-
-
-def _means(values: FloatArray, weights: FloatArray, groups: Indices) -> FloatArray:
-    """Return the weighted mean of the rows of each group, shape (groups, 3)."""
-    total = np.bincount(groups, weights=weights)
-    sums = [np.bincount(groups, weights=weights * column) for column in values.T]
-    return np.stack(sums, axis=1) / total[:, None]
 
 
 def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: Indices) -> FloatArray:
@@ -217,7 +210,7 @@ def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: Indices) 
     faced = (loops.sum(axis=0) > 0).reshape(k, k, 1)
     degrees = faced.sum(axis=1)
     means = np.where(faced, means.reshape(k, k, 3), 0.0).sum(axis=1) / np.maximum(degrees, 1)
-    whole = _means(displacements, np.ones(len(owners)), owners)
+    whole = weighted_means(displacements, np.ones(len(owners)), owners)
     return np.nan_to_num(np.where(degrees > 1, means, whole))
 
 

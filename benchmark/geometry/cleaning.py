@@ -201,10 +201,9 @@ def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, i
         second = mesh.faces[np.arange(len(order)), ((mesh.faces == corners[:, :1]).argmax(axis=1) + 1) % 3]
         signs = np.where(second == corners[:, 1], 1.0, -1.0)
     one_sided = len(np.unique(piece[one[against ^ (signs[one // 3] != signs[other // 3])] // 3]))
-    a, b, c = (mesh.vertices[mesh.faces[:, corner]] for corner in range(3))
-    middles, normals = (a + b + c) / 3, np.cross(b - a, c - a)
-    centres = np.stack([np.bincount(piece, mesh.face_areas * middle) for middle in middles.T], axis=1) / areas[:, None]
-    outwards = np.bincount(piece, signs * np.einsum("fk,fk->f", middles - centres[piece], normals))
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    centres = weighted_means(middles, mesh.face_areas, piece)
+    outwards = np.bincount(piece, signs * np.einsum("fk,fk->f", middles - centres[piece], mesh.face_normals))
     lengths = np.linalg.norm(mesh.vertices[starts[rim]] - mesh.vertices[ends[rim]], axis=1)
     is_closed = np.bincount(piece[rim // 3], lengths, len(areas)) <= np.sqrt(areas)
     by_volume = is_closed & (np.abs(outwards) > _NO_VOLUME * areas**1.5)
@@ -268,13 +267,14 @@ def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
     groups = _near_groups(distinct, distance)
     if groups is None:
         return distinct, place
+    equally = np.ones(len(distinct))
     rim = np.unique(edges_of(_proper(groups[place[surface.faces]])).boundary)
-    at_rim = _near_groups(_means(distinct, groups)[rim], SEAM * distance)
+    at_rim = _near_groups(weighted_means(distinct, equally, groups)[rim], SEAM * distance)
     if at_rim is not None:
         first = np.arange(groups.max() + 1)
         first[rim] = rim[np.unique(at_rim, return_index=True)[1][at_rim]]
         groups = np.unique(first, return_inverse=True)[1].astype(np.int64)[groups]
-    return _means(distinct, groups), groups[place]
+    return weighted_means(distinct, equally, groups), groups[place]
 
 
 def _near_groups(points: Points, distance: float) -> IntArray | None:
@@ -291,9 +291,10 @@ def _near_groups(points: Points, distance: float) -> IntArray | None:
     return component_labels(tails, heads, len(points))
 
 
-def _means(points: Points, groups: IntArray) -> Points:
-    sums = np.stack([np.bincount(groups, coordinate) for coordinate in points.T], axis=1)
-    return np.asarray(sums / np.bincount(groups)[:, np.newaxis])
+def weighted_means(points: Points, weights: FloatArray, groups: IntArray) -> Points:
+    """Return the weighted mean of the points of each group, shape (groups, 3)."""
+    sums = np.stack([np.bincount(groups, weights * coordinate) for coordinate in points.T], axis=1)
+    return np.asarray(sums / np.bincount(groups, weights)[:, np.newaxis])
 
 
 def _proper(faces: IntArray) -> IntArray:
