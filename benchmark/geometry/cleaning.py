@@ -238,8 +238,7 @@ def component_areas(mesh: Mesh) -> tuple[FloatArray, IntArray]:
 
 def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
     """Return the mesh of the given faces without unreferenced vertices, in the same order."""
-    used = np.zeros(len(vertices), dtype=bool)
-    used[faces.ravel()] = True
+    used = np.bincount(faces.ravel(), minlength=len(vertices)) > 0
     place = np.cumsum(used) - 1
     return Mesh(vertices[used], place[faces].astype(np.int32))
 
@@ -299,8 +298,7 @@ def weighted_means(points: Points, weights: FloatArray, groups: IntArray) -> Poi
 
 def _proper(faces: IntArray) -> IntArray:
     """Return the triangles with three different corners."""
-    proper: IntArray = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    return proper
+    return np.asarray(faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)])
 
 
 def _without_flat(vertices: Points, faces: IntArray, height: float) -> tuple[IntArray, int]:
