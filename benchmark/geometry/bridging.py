@@ -67,11 +67,8 @@ def _links(mesh: Mesh, labels: IntArray) -> Iterator[tuple[float, int, int]]:
 
 def _anchor_candidates(mesh: Mesh, labels: IntArray) -> IntArray:
     """Return the boundary vertices of open components and all vertices of closed ones."""
-    on_boundary = np.zeros(mesh.n_vertices, dtype=bool)
-    on_boundary[mesh.edges.boundary] = True
-    is_open = np.zeros(int(labels.max()) + 1, dtype=bool)
-    is_open[labels[on_boundary]] = True
-    return np.flatnonzero(on_boundary | ~is_open[labels])
+    on_boundary = np.isin(np.arange(mesh.n_vertices), mesh.edges.boundary)
+    return np.flatnonzero(on_boundary | ~np.isin(labels, labels[on_boundary]))
 
 
 class _Builder:
@@ -135,11 +132,9 @@ class _Builder:
 
     def _free_neighbours(self, vertex: int) -> list[int]:
         """Return the far ends of the boundary edges at a vertex; open a closed fan by removing its smallest face."""
-        neighbours = self._boundary(vertex)
-        if not neighbours:
+        if not self._boundary(vertex):
             self._remove(min(self._around[vertex], key=lambda index: (self._pinches(index), self._area(index), index)))
-            neighbours = self._boundary(vertex)
-        return neighbours
+        return self._boundary(vertex)
 
     def _pinches(self, index: int) -> int:
         """Return at how many corners of a face two holes would meet without it."""
