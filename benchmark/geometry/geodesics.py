@@ -71,8 +71,6 @@ def from_sources(mesh: Mesh, sources: ArrayLike) -> FloatArray:
         problem = f"the mesh has {components} components, so some geodesic distances do not exist"
         hint = "join them (benchmark.geometry.bridging) or keep the largest, and drop unreferenced vertices"
         raise UnsupportedShape(problem, hint)
-    if not indices.size:
-        return np.empty((0, mesh.n_vertices))
     return shortest_paths(_graph_of(mesh), indices)
 
 
