@@ -20,10 +20,10 @@ from benchmark.geometry import geodesic_graph as kernels
 from benchmark.geometry import geodesics
 from benchmark.geometry.cleaning import compact
 from benchmark.geometry.geodesic_graph import WINDOWS, geodesic_graph
+from benchmark.geometry.geodesics import shortest_paths
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
-from benchmark.geometry.shortest_paths import shortest_paths
 from tests.geometry.surfaces import capped_cylinder, exact_distances, flat_grid, joined, limbed_body, relabelled, sphere
 
 BODY = prepare(limbed_body(), 500).mesh
