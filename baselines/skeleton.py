@@ -114,17 +114,16 @@ class Skeleton(CheckedParameters):
         """Return the skeleton, and the reason why it is one of level sets; "" if it is one of contraction."""
         from baselines._kernels.curve_skeleton import ContractionFailed, contraction_skeleton, level_set_skeleton
 
-        if border_length(shape.mesh) > self.open_border * np.sqrt(shape.mesh.area):
-            reason = "open surface"
-        else:
+        reason = "open surface"
+        border = shape.mesh.edge_lengths[shape.mesh.edges.counts == 1].sum()
+        if border <= self.open_border * np.sqrt(shape.mesh.area):
             try:
                 skeleton = contraction_skeleton(shape.mesh)
-            except ContractionFailed as failure:
-                reason = f"contraction failed: {failure}"
-            else:
                 if len(skeleton.bones):
                     return skeleton, ""
                 reason = "contraction left a single joint"
+            except ContractionFailed as failure:
+                reason = f"contraction failed: {failure}"
         return level_set_skeleton(shape.mesh, geodesics_from_extremity(shape), self.bands), reason
 
 
@@ -137,11 +136,6 @@ def geodesics_from_extremity(shape: Shape) -> FloatArray:
     outermost = int(np.linalg.norm(vertices - areas @ vertices / areas.sum(), axis=1).argmax())
     extremity = int(shape.geodesics_from([outermost])[0].argmax())
     return np.asarray(shape.geodesics_from([extremity])[0])
-
-
-def border_length(mesh: Mesh) -> float:
-    """Return the total length of the edges that belong to a single triangle, in units of the mesh."""
-    return float(mesh.edge_lengths[mesh.edges.counts == 1].sum())
 
 
 def bone_rotations(before: FloatArray, after: FloatArray, bones: NDArray[np.int64]) -> FloatArray:
