@@ -87,15 +87,13 @@ class FeaturePreserved(CheckedParameters):
         masses = np.maximum(shape.mesh.vertex_areas, np.finfo(float).tiny)
         seeds = farthest_points(shape, max(1, min(self.parts, shape.mesh.n_vertices // PART_SIZE)))
         nearest = np.unique(shape.geodesics()[seeds].argmin(axis=0), return_inverse=True)[1]
-        images = [targets, targets * [-1.0, 1.0, 1.0]]
-        divided = [refit_parts(surface, image, masses, nearest, self.rounds) for image in images]
-        misses = []
-        for image, parts in zip(images, divided, strict=True):
-            moved = _moved(surface, parts, *rigid_motions(surface, image, masses, parts))
-            misses.append(masses @ ((moved - image) ** 2).sum(axis=1))
+        fits, misses = [], []
+        for image in (targets, targets * [-1.0, 1.0, 1.0]):
+            parts = refit_parts(surface, image, masses, nearest, self.rounds)
+            fits.append((parts, *rigid_motions(surface, image, masses, parts)))
+            misses.append(masses @ ((_moved(surface, *fits[-1]) - image) ** 2).sum(axis=1))
         kept = int(misses[1] < (1 - MIRROR_MARGIN) * misses[0])
-        parts = divided[kept]
-        rotations, translations = rigid_motions(surface, images[kept], masses, parts)
+        parts, rotations, translations = fits[kept]
         translations = close_gaps(surface, masses, parts, rotations, translations)
         vertices = smooth_seams(surface, masses, parts, rotations, translations, self.seam)
         notes = surface.strains(vertices)
