@@ -187,9 +187,7 @@ def _tube(vertices: FloatArray, first: NDArray[np.integer], second: NDArray[np.i
 
 def _rest(mesh: Mesh, kept: NDArray[np.bool_]) -> Mesh:
     """Return the largest piece of the kept triangles."""
-    rest = compact(mesh.vertices, mesh.faces[kept])
-    if rest.n_faces:
-        rest = largest_component(rest)
+    rest = largest_component(compact(mesh.vertices, mesh.faces[kept]))
     if rest.n_vertices < FEWEST_VERTICES:
         problem = f"the change leaves {rest.n_vertices} vertices of the shape"
         raise UnsupportedShape(problem, "choose a smaller strength")
