@@ -65,8 +65,7 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
     changes: dict[str, Any] = {"canonical_poses": {**shapes.canonical_poses, **chosen}}
     if "half_width" in values:
         changes["half_width"] = positive(values["half_width"], "half_width", path)
-    if "stand_in_for" in values:
-        changes["stand_in_for"] = str(values["stand_in_for"])
+    changes["stand_in_for"] = str(values.get("stand_in_for", shapes.stand_in_for))
     if values.get("normalise", "area") != "area":
         raise DatasetError(f"{path}: normalise is {values['normalise']!r}", 'write normalise = "area", or remove it')
     if "unit" in values or "normalise" in values:
