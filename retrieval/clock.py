@@ -25,24 +25,16 @@ class Histograms:
         Shape (k,), int32: words of view 0 in ascending order, then those of view 1, and so on.
     counts
         Shape (k,), int32: number of occurrences of each, at least 1.
-    view_offsets
-        Shape (number of views + 1,), int32: view v owns the entries ``view_offsets[v]`` to ``view_offsets[v + 1]``.
+    views
+        Shape (k,), int32: view of each.
+    view_sizes
+        Shape (number of views,), int32: number of keypoints in each view.
     """
 
     words: Counts
     counts: Counts
-    view_offsets: Counts
-
-    @property
-    def view_sizes(self) -> Counts:
-        """Number of keypoints in each view, shape (number of views,)."""
-        running = np.concatenate([[0], np.cumsum(self.counts)])
-        return np.asarray(np.diff(running[self.view_offsets]), dtype=np.int32)
-
-    @property
-    def views(self) -> Counts:
-        """View of each entry, shape (k,)."""
-        return np.repeat(np.arange(len(self.view_offsets) - 1, dtype=np.int32), np.diff(self.view_offsets))
+    views: Counts
+    view_sizes: Counts
 
 
 def count_words(words: NDArray[np.int32], view_offsets: Counts, n_words: int) -> Histograms:
@@ -57,11 +49,10 @@ def count_words(words: NDArray[np.int32], view_offsets: Counts, n_words: int) ->
     n_words
         Size of the codebook.
     """
-    n_views = len(view_offsets) - 1
-    views = np.repeat(np.arange(n_views), np.diff(view_offsets))
-    keys, counts = np.unique(views * n_words + words, return_counts=True)
-    offsets = np.searchsorted(keys, np.arange(n_views + 1) * n_words)
-    return Histograms((keys % n_words).astype(np.int32), counts.astype(np.int32), offsets.astype(np.int32))
+    sizes = np.diff(view_offsets)
+    keys, counts = np.unique(np.repeat(np.arange(len(sizes)), sizes) * n_words + words, return_counts=True)
+    views, distinct = np.divmod(keys, n_words)
+    return Histograms(distinct.astype(np.int32), counts.astype(np.int32), views.astype(np.int32), sizes)
 
 
 def match(
