@@ -92,13 +92,8 @@ class Skeleton(CheckedParameters):
                 f"{shape.identifier}: the surface shrinks to {len(skeleton.joints)} joint without a bone",
                 "leave this shape to methods that need no skeleton",
             )
-        paths = skeleton.path_lengths()
-        joints, _ = majorise(
-            partial(guttman_transform, targets=paths),
-            skeleton.joints,
-            max_iterations=self.max_iterations,
-            rtol=self.rtol,
-        )
+        transform = partial(guttman_transform, targets=skeleton.path_lengths())
+        joints, _ = majorise(transform, skeleton.joints, max_iterations=self.max_iterations, rtol=self.rtol)
         rotations = bone_rotations(skeleton.joints, joints, skeleton.bones)
         vertices = follow_rotations(mesh, shape.laplacian(), rotations[bones_of_triangles(mesh, skeleton)])
         return shape.form(
