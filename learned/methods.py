@@ -202,9 +202,6 @@ class Learned(TrainedNetwork):
         return notes
 
 
-_AVERAGE_BODIES = ("models/average-bodies.safetensors",)
-
-
 def _row(
     name: str, title: str, configuration: str, summary: str, departs: str = "", relief: Relief = "predicted",
     **constants: Any,
@@ -212,7 +209,7 @@ def _row(
     """Return the learner of another row: the same class with other defaults."""
     departs = departs or Learned.info.departs
     info = replace(Learned.info, name=name, title=title, family="extended", summary=summary, departs=departs)
-    info = replace(info, files=_AVERAGE_BODIES) if relief == "average" else info
+    info = replace(info, files=("models/average-bodies.safetensors",)) if relief == "average" else info
     row = make_dataclass(
         title.title().replace(" ", ""),
         [("configuration", ConfigurationName, configuration), ("relief", Relief, relief)],
