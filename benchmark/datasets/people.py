@@ -118,15 +118,15 @@ def _angles(entry: Entry) -> FloatArray:
 
 @functools.cache
 def _phenotypes(dataset: str) -> FloatArray:
-    """Return the phenotypes of the subjects of a set, over all draws."""
-    found = [bodies.values() for name, bodies in SUBJECTS.items() if name.partition("[")[0] == dataset]
+    """Return the phenotypes of the subjects of a set, of one draw or over all draws."""
+    found = [bodies.values() for name, bodies in SUBJECTS.items() if dataset in (name, name.partition("[")[0])]
     return np.array([astuple(body) for bodies in found for body in bodies])
 
 
-def clearances(bodies: Iterable[Subject]) -> dict[str, float]:
-    """Return the minimum distance of some bodies to other subjects of each set in :data:`TESTED`, truncated to 1e-4."""
+def clearances(bodies: Iterable[Subject], sets: Iterable[str] = TESTED) -> dict[str, float]:
+    """Return the minimum distance of some bodies to other subjects of each of some sets, truncated to 1e-4."""
     points, clearance_of = np.array([astuple(body) for body in bodies]), {}
-    for name in TESTED:
+    for name in sets:
         distances = np.linalg.norm(points[:, np.newaxis] - _phenotypes(name), axis=2)
         nearest = distances[:, distances.min(axis=0) > 0].min()
         clearance_of[name] = float(np.floor(1e4 * nearest) / 1e4)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import astuple
 from functools import lru_cache
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from benchmark.api.learning import Learner, TrainingData, TrainingPair, digest_o
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.bodies import SUBJECTS
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.people import PEOPLE, clearances
+from benchmark.datasets.people import PEOPLE, TESTED, clearances
 from benchmark.errors import ConfigurationError, ShapeError, check_known
 from benchmark.pipeline.environment import commit
 from benchmark.pipeline.prepared import frame_of, prepare_view
@@ -95,16 +94,9 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
 def _clearances(subjects: Sequence[str], dataset: str) -> dict[str, float]:
     """Return the clearances of the bodies; those of ``people`` from each draw, because draws are not kept apart."""
     bodies = [_PHENOTYPES[name] for name in subjects if name in _PHENOTYPES]
-    if not bodies:
-        return {}
-    found = clearances(bodies)
-    if dataset.startswith("people"):
-        del found["people"]
-        for draw, drawn in enumerate(PEOPLE):
-            others = np.array([astuple(body) for name, body in drawn.items() if name not in subjects])
-            nearest = min(np.linalg.norm(others - astuple(body), axis=1).min() for body in bodies)
-            found[f"people[draw={draw}]"] = float(np.floor(1e4 * nearest) / 1e4)
-    return found
+    sets = [name for name in TESTED if name != "people"]
+    sets += [f"people[draw={draw}]" for draw in range(len(PEOPLE))] if dataset.startswith("people") else ["people"]
+    return clearances(bodies, sets) if bodies else {}
 
 
 def _rendered(entries: Iterable[Entry], dataset: ShapeSet, half_width: float, say: Say) -> Iterator[TrainingPair]:
