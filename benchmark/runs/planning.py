@@ -29,7 +29,7 @@ from benchmark.text import EVERY, clean, listed
 
 State = Literal["finished", "failed", "missing", "stale", "incomplete", "unavailable", "unsupported"]
 
-#: Trained model of each shape of a gallery; None for a method that does not learn.
+#: Trained model of each view of a gallery; None for a method that does not learn.
 Models = Sequence[Model | None]
 
 
@@ -150,12 +150,10 @@ def plan_selection(
 
 def _check_pair(record: Record) -> None:
     """Raise ``DatasetError`` unless another gallery has two classes, and a query another shape of its own in it."""
-    if record.gallery_of_queries and (
-        len(classes := {*record.gallery_of_queries.labels}) < 2 or not any(record.are_queries)
-    ):
-        shown, there = (", ".join(sorted(names)[:3]) for names in ({*record.labels}, classes))
-        name = record.gallery_of_queries.gallery
-        problem = f"nothing can be retrieved: queries are of {shown}, and shapes of {name} of {there}"
+    gallery = record.gallery_of_queries
+    if gallery and (len({*gallery.labels}) < 2 or not any(record.are_queries)):
+        shown, there = (", ".join(sorted({*labels})[:3]) for labels in (record.labels, gallery.labels))
+        problem = f"nothing can be retrieved: queries are of {shown}, and shapes of {gallery.gallery} of {there}"
         raise DatasetError(problem, "name the classes of both alike, and give the gallery two or more")
 
 
@@ -163,22 +161,15 @@ class _Side(NamedTuple):
     """Queries, or the gallery that they are ranked in, with the keys of prepared shapes."""
 
     gallery: Gallery
-    input: Input
     source: str
-    prepared_shapes: PreparedShapes
+    shapes: PreparedShapes
     prepared: list[str]
 
 
-def _sides_of(gallery: Gallery, input_: Input) -> list[_Side]:
-    both, sides = [(gallery, input_)], []
-    if gallery.gallery_of_queries:
-        both.append((gallery.gallery_of_queries, gallery.gallery_of_queries.inputs[0]))
-    for side, of_side in both:
-        seen = side.seen
-        prepared_shapes = PreparedShapes(seen.dataset, of_side)
-        prepared = [prepared_shapes.key(entry) for entry in seen.entries]
-        sides.append(_Side(side, of_side, _absolute(seen.source), prepared_shapes, prepared))
-    return sides
+def _side_of(gallery: Gallery, input_: Input) -> _Side:
+    seen = gallery.seen
+    shapes = PreparedShapes(seen.dataset, input_)
+    return _Side(gallery, _absolute(seen.source), shapes, [shapes.key(entry) for entry in seen.entries])
 
 
 @dataclass
@@ -199,14 +190,16 @@ class _Planning:
 
     def jobs(self, gallery: Gallery, input_: Input, methods: Iterable[Component]) -> Iterator[Planned]:
         """Yield the job of each method with its state."""
-        facts, sides = gallery_facts(gallery, input_), _sides_of(gallery, input_)
+        facts, sides = gallery_facts(gallery, input_), [_side_of(gallery, input_)]
+        if other := gallery.gallery_of_queries:
+            sides.append(_side_of(other, other.inputs[0]))
         for method in methods:
             yield self._job(facts, sides, method)
 
     def _job(self, facts: dict[str, Any], sides: Sequence[_Side], method: Component) -> Planned:
         gallery, paths = sides[0].gallery, tuple(path_of(side.gallery.source) for side in sides)
         scorer = None if method.missing_packages() or method.describes else self.scorer
-        row = Row(gallery.name, sides[0].input, method.name, self.seed, scorer.name if scorer else "", paths)
+        row = Row(gallery.name, facts["input"], method.name, self.seed, scorer.name if scorer else "", paths)
         before = self._records.get(row)
         state, reason, models, seen = self._models(sides, method)
         content = facts | self._facts(method, scorer)
@@ -219,10 +212,7 @@ class _Planning:
             keys = [keys for of_side in files for keys in zip(*of_side.values(), strict=True)]
             titles = [method.title, scorer.title if scorer else ""]
             result_key = digest([row._replace(paths=()), titles, facts["gallery_digest"], keys, self._ranking])
-            parts = dict[str, str]()
-            for side, of in zip(sides, models, strict=True):
-                parts = self._parts(side.prepared_shapes, of, method, scorer) | parts
-            parts["the data"] = facts["gallery_digest"]
+            parts = self._parts(sides, models, method, scorer) | {"the data": facts["gallery_digest"]}
             content |= {"key": key_at(result_key, paths), "result_key": result_key, "parts": parts, "files": files[0]}
             if sides[1:]:
                 content["against"] = facts["against"] | {"files": files[1]}
@@ -231,8 +221,8 @@ class _Planning:
         job = Job(content["key"], row, sides[0].source, data_root, method, self.scorer, self.results)
         return Planned(
             job,
-            tuple(replace(job, source=side.source, row=row._replace(input=side.input)) for side in sides),
-            tuple(side.prepared_shapes.frame_key for side in sides),
+            tuple(replace(job, source=side.source, row=row._replace(input=side.shapes.input)) for side in sides),
+            tuple(side.shapes.frame_key for side in sides),
             codes,
             (gallery,),
             record_of(content),
@@ -245,15 +235,14 @@ class _Planning:
 
     def _models(self, sides: Sequence[_Side], method: Component) -> tuple[State | None, str, list[Models], list[str]]:
         """Return why a job cannot run, the model of each view of each side, and the queries seen in training."""
-        obstacles = [_obstacle(side.gallery, side.input, method, self.results / "models") for side in sides]
+        obstacles = [_obstacle(side, method, self.results / "models") for side in sides]
         state, reason = next(((state, reason) for state, reason, _ in obstacles if state), (None, ""))
-        gallery, of_shapes = sides[0].gallery, [of for *_, of in obstacles]
-        seen = _seen(gallery, of_shapes[0])
+        gallery, models = sides[0].gallery, [of_side for *_, of_side in obstacles]
+        seen = _seen(gallery, models[0])
         if seen and gallery.table.all_unseen:
             state, reason = "unsupported", f"{len(seen)} shapes were seen in training, such as {seen[0]}"
             reason += "; take a model of another training"
-        pairs = zip(sides, of_shapes, strict=True)
-        return state, reason, [[model for model in of for _ in range(side.gallery.n_views)] for side, of in pairs], seen
+        return state, reason, models, seen
 
     def _facts(self, method: Component, scorer: Component | None) -> dict[str, Any]:
         """Return the fields of a record that describe a method and a scorer."""
@@ -287,16 +276,17 @@ class _Planning:
         return {"prepared": prepared, "forms": forms, "signatures": signatures}
 
     def _parts(
-        self, prepared_shapes: PreparedShapes, models: Models, method: Component, scorer: Component | None
+        self, sides: Sequence[_Side], models: Sequence[Models], method: Component, scorer: Component | None
     ) -> dict[str, str]:
         """Return what determines the scores, by names that a user understands."""
-        parts = prepared_shapes.code | self._code(method) | self._forms | self._ranking
+        parts = self._code(method) | self._forms | self._ranking
         parts |= self._code(scorer) if scorer else {}
-        parts["the camera"] = prepared_shapes.camera_key
+        for side in reversed(sides):  # the camera is that of the queries
+            parts = side.shapes.code | parts | {"the camera": side.shapes.camera_key}
         for name, component in (("its", method), ("the scorer's", self.scorer)):
             parts[f"{name} title"] = component.info.title
             parts[f"{name} parameters"] = json.dumps(dict(component.parameters), sort_keys=True, default=str)
-        return parts | {f"the model {model.training}": model.digest for model in models if model}
+        return parts | {f"the model {model.training}": model.digest for model in chain(*models) if model}
 
 
 def _as_json(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -340,11 +330,9 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
     }
 
 
-def _obstacle(
-    gallery: Gallery, input_: Input, method: Component, trained_here: Path
-) -> tuple[State | None, str, Models]:
-    """Return why a job cannot run, as a state with the reason, or None with the model of each shape."""
-    none = [None] * len(gallery.entries)
+def _obstacle(side: _Side, method: Component, trained_here: Path) -> tuple[State | None, str, Models]:
+    """Return why a job cannot run, as a state with the reason, or None with the model of each view."""
+    gallery, input_, none = side.gallery, side.shapes.input, [None] * len(side.prepared)
     if missing := method.missing_packages():
         return "unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}", none
     if input_ not in method.info.inputs:
@@ -356,7 +344,7 @@ def _obstacle(
         return "unavailable", str(error), none
     except (NoFolds, TooNear) as error:
         return "unsupported", str(error), none
-    return None, "", [model_of.get(entry.identifier) for entry in gallery.entries]
+    return None, "", [model_of.get(entry.identifier) for entry in gallery.entries for _ in range(gallery.n_views)]
 
 
 def _seen(gallery: Gallery, models: Models) -> list[str]:
