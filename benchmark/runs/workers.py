@@ -67,8 +67,6 @@ class Worker:
         self._process: subprocess.Popen[bytes] | None = None
         self.task = Task(())
         self.waiting: deque[Step] = deque()
-        #: Whose code it runs: "" for the suite, None before its start.
-        self.process: str | None = None
         #: Work under way that is charged to no method.
         self._uncharged: list[str] = []
         #: Seconds for a step, those that are left of it, and the time of the last look.
@@ -81,10 +79,10 @@ class Worker:
 
     def begin(self, task: Task) -> None:
         """Give it a task; raise ``BenchmarkError`` if it cannot be started."""
-        if not self.is_alive or self.process != task.process:
+        if not self.is_alive or self.task.process != task.process:
             self.close()
             self._start()
-        self.task, self.waiting, self.process = task, deque(task.steps), task.process
+        self.task, self.waiting = task, deque(task.steps)
         is_of_shape = bool(task.steps[0].shape)  # the camera takes as long as its data set is large
         self._limit = self._timeout * (len(task.record.shapes) if task.record else 1 if is_of_shape else _MANY)
         self._restart_clock()
@@ -203,13 +201,13 @@ class Pool:
                 yield step, work.outcome(step)
         while len(self._busy) < self._size:
             idle = [worker for worker in self._workers if not worker.waiting]
-            task = queue.take_any([worker.process for worker in idle if worker.process is not None])
+            task = queue.take_any([worker.task.process for worker in idle])
             if task is None:
                 break
             # That of the suite waits while a plugin's works, and another plugin's ends.
-            fitting = [worker for worker in idle if worker.process == task.process]
-            others = [worker for worker in idle if worker.process]
-            alike = [worker.elapsed for worker in self._busy if worker.process == task.process]
+            fitting = [worker for worker in idle if worker.task.process == task.process]
+            others = [worker for worker in idle if worker.task.process]
+            alike = [worker.elapsed for worker in self._busy if worker.task.process == task.process]
             if alike and not fitting and max(alike) * queue.count(task.process) < _STARTING:
                 queue.add(task, first=True)
                 break
