@@ -213,8 +213,6 @@ def galleries(
     if gallery or same_names or gallery_views:
         if not ((gallery or gallery_views) and sets) or [*tables]:
             raise ConfigurationError("--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER")
-        for name in filter(None, (gallery, *sets)):
-            require_known(name)
         seen = f"{gallery_views} cameras{' around ' * bool(gallery)}" if gallery_views else ""
         for name in sets:
             words = f"{seen}{gallery and table_name(gallery)}{' without same names' * same_names}"
