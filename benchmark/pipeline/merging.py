@@ -62,11 +62,8 @@ def _of_data_here(record: Record, known: Collection[Record]) -> Record:
         path = side.data.path if side.data.path in same or not same else same[-1]
         return msgspec.structs.replace(side, data=msgspec.structs.replace(side.data, path=path))
 
-    record = moved(
-        msgspec.structs.replace(
-            record, gallery_of_queries=record.gallery_of_queries and moved(record.gallery_of_queries)
-        )
-    )
+    gallery = record.gallery_of_queries and moved(record.gallery_of_queries)
+    record = moved(msgspec.structs.replace(record, gallery_of_queries=gallery))
     key = key_at(record.result_key, record.row.paths) if record.result_key else record.key
     return msgspec.structs.replace(record, key=key)
 

@@ -231,12 +231,11 @@ class Record(RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True
     @property
     def targets(self) -> Targets | None:
         """The gallery for measures; None if it is the queries."""
-        if self.gallery_of_queries is None:
+        gallery = self.gallery_of_queries
+        if gallery is None:
             return None
-        places = (
-            {} if self.keeps_same_names else {name: place for place, name in enumerate(self.gallery_of_queries.shapes)}
-        )
-        return Targets(self.gallery_of_queries.labels, [places.get(name, -1) for name in self.shapes])
+        places = {} if self.keeps_same_names else {name: place for place, name in enumerate(gallery.shapes)}
+        return Targets(gallery.labels, [places.get(name, -1) for name in self.shapes])
 
     def without_files(self) -> Record:
         """Return the record for a folder that does not keep its files."""
