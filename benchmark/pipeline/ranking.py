@@ -73,13 +73,13 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
         If files of a shape are missing or damaged.
     """
     start = clock()
-    answered, refused = in_gallery, refused_there = _read(record, cache)
-    if record.gallery_of_queries:
-        in_gallery, refused_there = _read(record.gallery_of_queries, cache)
+    sides = [_read(side, cache) for side in record.sides]
+    (answered, refused), (in_gallery, refused_there) = sides[0], sides[-1]
     if not (answered and in_gallery):
         return refused_there if answered else refused, {}
     queries, gallery = ([[*stages.values()][-1] for stages in of.values()] for of in (answered, in_gallery))
-    matrices = distances(comparing, gallery, queries if record.gallery_of_queries else None)
+    other = record.gallery_of_queries
+    matrices = distances(comparing, gallery, queries if other else None)
     shown, first = np.unique(np.array([*in_gallery]) // record.sides[-1].views, return_index=True)
     if len(shown) < len(gallery):
         matrices = (np.minimum.reduceat(matrix, first, axis=1) for matrix in matrices)
@@ -96,11 +96,7 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
     content = {
         **score_draws(summed(), record.labels, [*answered], targets),
         **refused,
-        **(
-            {"against": msgspec.to_builtins(record.gallery_of_queries) | refused_there}
-            if record.gallery_of_queries
-            else {}
-        ),
+        **({"against": msgspec.to_builtins(other) | refused_there} if other else {}),
         "notes": _summarise_notes(answered.values()),
         "machines": sorted({str(of[MACHINE]) for stages in answered.values() if MACHINE in (of := stages["forms"])}),
     }
