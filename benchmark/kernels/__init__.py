@@ -19,8 +19,6 @@ from benchmark.code_digest import FIRST_PARTY, ROOT, sources_of
 #: Environment variable with the folder where numba stores compiled kernels.
 VARIABLE = "NUMBA_CACHE_DIR"
 
-_PACKAGE = Path(__file__).parent
-
 
 def drop_stale_kernels() -> None:
     """Remove the compiled kernels of the suite that are older than their code, or that of a module they use."""
@@ -45,11 +43,7 @@ def suite_sources() -> list[Path]:
 
 def compiled_kernels(source: Path) -> list[Path]:
     """Return numba's files with the compiled kernels of a source file."""
-    return [
-        path
-        for ending in ("nbi", "nbc")
-        for path in kernel_folder(source).glob(f"{glob.escape(source.stem)}.*.{ending}")
-    ]
+    return [*kernel_folder(source).glob(f"{glob.escape(source.stem)}.*.nb[ic]")]
 
 
 def _drop_if_stale(source: Path) -> None:
@@ -74,7 +68,7 @@ def choose_kernel_cache() -> None:
 
     Only the user may write to it, because its content is executed.
     """
-    if VARIABLE in os.environ or os.access(_PACKAGE, os.W_OK):
+    if VARIABLE in os.environ or os.access(Path(__file__).parent, os.W_OK):
         return
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111  # raises nothing
     folder = Path(home) / "canonical-forms-kernels"
