@@ -103,12 +103,8 @@ def run(
         gallery=str(gallery) if gallery else "", gallery_views=gallery_views, same_names=same_names,
         rerun=["failed", "finished"] if again else ["failed"],
     )  # fmt: skip
-    ended = {
-        job.record.key: record
-        for job, record in run_jobs(
-            jobs, folder, size=available_cores(), anew=again, watch=watch or _lines_of_progress()
-        )
-    }
+    running = run_jobs(jobs, folder, size=available_cores(), anew=again, watch=watch or _lines_of_progress())
+    ended = {record.key: record for _, record in running}
     return Results(folder, tuple(label_data_sets([*filter(None, (result_of(job, ended) for job in jobs))]))).jobs
 
 
