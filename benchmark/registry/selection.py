@@ -96,6 +96,5 @@ def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
         own = {component.name: component for component in components if component.kind == "method"}
         return [variant for c in own for variant in variants(f"{c}[{inside}]", own)] if inside else components
     groups = [by_name(kind, plugins) for kind in get_args(Kind)]
-    return [component for known in groups if base in known for component in variants(name, known)] or variants(
-        name, groups[0]
-    )
+    having = [known for known in groups if base in known] or groups[:1]  # which says what an unknown name may mean
+    return [component for known in having for component in variants(name, known)]
