@@ -390,7 +390,8 @@ def estimate(planned: Sequence[Planned], records: Iterable[Record], published: P
     """
     pending = [job.record for job in planned if job.is_pending]
     here = [record for record in records if not record.published]
-    finished = [*read_records(published, local=False), *here] if pending else []
+    every = [*read_records(published, local=False), *here] if pending else []
+    finished = [record for record in every if record.seconds and not record.gallery_of_queries]
     unknown, spent = set[str](), dict[str, float]()  # seconds of each file of the cache, which several jobs may take
     for job, side in [(one, of) for one in pending for of in one.sides]:
         seconds = _seconds_a_shape(job.method, side, finished)
@@ -404,9 +405,7 @@ def estimate(planned: Sequence[Planned], records: Iterable[Record], published: P
 
 def _seconds_a_shape(method: str, side: RankedShapes, finished: Sequence[Record]) -> dict[str, float]:
     """Return seconds by stage; empty if they are unknown."""
-    timed = [
-        record for record in finished if record.seconds and record.input == side.input and not record.gallery_of_queries
-    ]
+    timed = [record for record in finished if record.input == side.input]
     alike = [record for record in timed if record.method == method]
     alike = alike or [record for record in timed if record.method.partition("[")[0] == method.partition("[")[0]]
     of_gallery = [record for record in alike if record.gallery == side.gallery]
