@@ -15,14 +15,12 @@ from typing import Annotated, NoReturn
 import typer
 from typer.exceptions import TyperException
 
-from benchmark.cli.verbs import cli, data
+from benchmark.cli.verbs import cli
 from benchmark.errors import BenchmarkError
 from benchmark.kernels import choose_kernel_cache
 from benchmark.machine import pin_threads
 from benchmark.reads import watch_this_process
 from benchmark.text import say
-
-__all__ = ["cli", "data", "program"]
 
 #: Name of the program in messages.
 PROGRAM = "python -m benchmark"
