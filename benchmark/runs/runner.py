@@ -139,10 +139,8 @@ class _Run:
 
     def records(self, workers: Any, watch: Callable[[Progress], object]) -> Iterator[tuple[Planned, Record]]:
         """Run the jobs."""
-        self._begin(self.jobs)
+        yield from self._begin([*self.jobs])
         total = self._n_left
-        for key in [*self.jobs]:
-            yield from self._finish(key)
         while self.jobs:
             for step, outcome in workers.poll(self.queue):
                 if self._is_open(step):
@@ -161,8 +159,11 @@ class _Run:
         """Return the keys of the jobs that a step is done for."""
         return [step.job.key] if step.stage == "records" else self.lacking.get(step.file, [])
 
-    def _begin(self, keys: Iterable[str], of: File | None = None) -> None:
-        """Queue the steps that make the missing files of jobs, or one file that is tried again, and those they need."""
+    def _begin(self, keys: Sequence[str], of: File | None = None) -> Iterator[tuple[Planned, Record]]:
+        """Queue the steps that make the missing files of jobs, or one file that is tried again, and those they need.
+
+        Jobs that lack no file go on at once; see :meth:`_finish`.
+        """
         exists, steps, needs = cache(Cache(self.results).has), dict[File, Step](), dict[File, File | None]()
         for key in keys:
             for of_shape in self.jobs[key].steps():
@@ -181,7 +182,13 @@ class _Run:
         for group in tasks.values():
             files = {step.file for step in group}
             needed = [need for step in group if (need := needs[step.file]) and need not in files]
-            self._queue(Task(tuple(group)), *needed)
+            task = Task(tuple(group))
+            if needed:
+                self.waiting[needed[0]].append(task)
+            else:
+                self.queue.add(task)
+        for key in keys:
+            yield from self._finish(key)
 
     @staticmethod
     def _task_of(step: Step, need: File | None, steps: Mapping[File, Step]) -> tuple[object, ...]:
@@ -198,13 +205,6 @@ class _Run:
             self.left[key].add(file)
             self.lacking[file].append(key)
 
-    def _queue(self, task: Task, *needed: File) -> None:
-        """Queue a task, or let it wait for a file."""
-        if needed:
-            self.waiting[needed[0]].append(task)
-        else:
-            self.queue.add(task)
-
     def _take(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
         """Note an outcome; yield the jobs with their records that have ended."""
         if outcome.status == "stopped":
@@ -212,9 +212,8 @@ class _Run:
         if outcome.status in ("incomplete", "crashed") and step.file not in self.retried:
             self.retried.add(step.file)
             keys = [key for key in self._jobs_of(step) if key in self.jobs]
-            self._begin(keys, None if step.stage == "records" else step.file)  # a damaged file is no longer there
-            for key in keys:
-                yield from self._finish(key)
+            # A damaged file is no longer there.
+            yield from self._begin(keys, None if step.stage == "records" else step.file)
         elif outcome.status == "incomplete":
             yield from self._leave(step, outcome)
         elif step.stage != "records" and outcome.status in ("ok", "refused"):
