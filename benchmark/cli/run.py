@@ -69,13 +69,7 @@ def plan(selection: Selection, *, traceback: bool = False) -> None:
 
 
 def run(
-    selection: Selection,
-    *,
-    size: int | None = None,
-    dask: str = "",
-    timeout: float = 7200.0,
-    rerun: Collection[str] = (),
-    forms: Sequence[str] = (),
+    selection: Selection, *, size: int | None, dask: str, timeout: float, rerun: Collection[str], forms: Sequence[str]
 ) -> bool:
     """Run the selected jobs, or score forms of other programs, and print tables; return whether all jobs are ok."""
     if not (selection.everything or selection.tables or selection.methods or selection.datasets or selection.plugins):
