@@ -56,8 +56,6 @@ class Data(msgspec.Struct, frozen=True, omit_defaults=True):
         Whether poses were omitted, and the number of shapes without that; 0 if unknown.
     path
         Where a folder lies; "" for a set of the suite.
-    paths
-        Where it was found, in records of version 0.3.0; the last one is its path.
     """
 
     name: Name
@@ -67,12 +65,6 @@ class Data(msgspec.Struct, frozen=True, omit_defaults=True):
     quick: bool = False
     n_shapes: int = 0
     path: Name = ""
-    paths: list[Name] = []
-
-    def __post_init__(self) -> None:
-        if self.paths:
-            msgspec.structs.force_setattr(self, "path", self.paths[-1])
-            msgspec.structs.force_setattr(self, "paths", [])
 
 
 class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

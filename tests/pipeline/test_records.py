@@ -10,7 +10,6 @@ import msgspec
 import numpy as np
 import pytest
 
-from benchmark.code_digest import digest_of_bytes
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline import environment
 from benchmark.pipeline.cache import Cache, StorageError
@@ -155,17 +154,6 @@ def test_the_row_of_a_colleague_on_the_same_folder_elsewhere_stands_beside_ours(
     paths = {record.method: record.data.path for record in read_records(tmp_path / "ours") if record.input == "view"}
     assert paths.pop("fast-mds") == str(theirs)
     assert len(paths) == 3
-
-
-def test_an_old_record_takes_its_last_path(tmp_path):
-    write_record(tmp_path, made())
-    (path,) = (tmp_path / "runs" / "records").glob("*.json")
-    content = json.loads(path.read_text())
-    content["data"] |= {"paths": ["/here", "/there"], "content": "1"}
-    del content["checksum"]
-    content["checksum"] = digest_of_bytes(msgspec.json.encode(content, order="sorted"))
-    path.write_text(json.dumps(content))
-    assert [record.data.path for record in read_records(tmp_path)] == ["/there"]
 
 
 def test_files_that_no_other_record_names_are_unneeded(rods, tmp_path):
