@@ -104,7 +104,7 @@ def run(
         rerun=["failed", "finished"] if again else ["failed"],
     )  # fmt: skip
     running = run_jobs(jobs, folder, size=available_cores(), anew=again, watch=watch or _lines_of_progress())
-    ended = {record.key: record for _, record in running}
+    ended = {record.key: record for record in running}
     return Results(folder, tuple(label_data_sets([*filter(None, (result_of(job, ended) for job in jobs))]))).jobs
 
 

@@ -97,7 +97,7 @@ def run(
     expected = estimate(pending, records)
     factor = len(pending) / max(1, len(pending) - expected.unknown)  # jobs of unknown methods take as long as others
     with Bar(len(pending), factor * expected.seconds / max(1, size)) as bar:
-        for _, record in run_jobs(
+        for record in run_jobs(
             jobs, selection.results, size=size, timeout=timeout, dask=dask, anew="finished" in rerun, watch=bar.watch
         ):
             bar.ended(f"{record.status:<11}  {names[record.key]}  {outcome(record)}")

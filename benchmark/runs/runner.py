@@ -47,8 +47,8 @@ def run(
     dask: str = "",
     anew: bool = False,
     watch: Callable[[Progress], object] = lambda _: None,
-) -> Iterator[tuple[Planned, Record]]:
-    """Run the jobs of a plan that need it, and yield each with its record as it ends.
+) -> Iterator[Record]:
+    """Run the jobs of a plan that need it, and yield the record of each as it ends.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ class _Run:
         #: Messages about shapes, by data set.
         self.announced = set[tuple[str, str]]()
 
-    def records(self, workers: Any, watch: Callable[[Progress], object]) -> Iterator[tuple[Planned, Record]]:
+    def records(self, workers: Any, watch: Callable[[Progress], object]) -> Iterator[Record]:
         """Run the jobs."""
         yield from self._begin([*self.jobs])
         total = self._n_left
@@ -159,7 +159,7 @@ class _Run:
         """Return the keys of the jobs that a step is done for."""
         return [step.job.key] if step.stage == "records" else self.lacking.get(step.file, [])
 
-    def _begin(self, keys: Sequence[str], of: File | None = None) -> Iterator[tuple[Planned, Record]]:
+    def _begin(self, keys: Sequence[str], of: File | None = None) -> Iterator[Record]:
         """Queue the steps that make the missing files of jobs, or one file that is tried again, and those they need.
 
         Jobs that lack no file go on at once; see :meth:`_finish`.
@@ -205,8 +205,8 @@ class _Run:
             self.left[key].add(file)
             self.lacking[file].append(key)
 
-    def _take(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
-        """Note an outcome; yield the jobs with their records that have ended."""
+    def _take(self, step: Step, outcome: Outcome) -> Iterator[Record]:
+        """Note an outcome; yield the records of the jobs that have ended."""
         if outcome.status == "stopped":
             raise BenchmarkError(outcome.reason)
         if outcome.status in ("incomplete", "crashed") and step.file not in self.retried:
@@ -222,9 +222,9 @@ class _Run:
             yield from self._settle(step.file, is_made=outcome.status == "ok")
         else:
             for planned in [self.jobs[key] for key in self._jobs_of(step) if key in self.jobs]:
-                yield planned, self._end(planned, step.shape, outcome)
+                yield self._end(planned, step.shape, outcome)
 
-    def _settle(self, file: File, *, is_made: bool, reason: str = "") -> Iterator[tuple[Planned, Record]]:
+    def _settle(self, file: File, *, is_made: bool, reason: str = "") -> Iterator[Record]:
         """Note that a file is made, or will not be, nor those that are made from it; end jobs that lack no more."""
         files, ended = [file], dict[str, None]()
         for of_file in files:
@@ -238,7 +238,7 @@ class _Run:
         for key in ended:
             yield from self._finish(key)
 
-    def _finish(self, key: str) -> Iterator[tuple[Planned, Record]]:
+    def _finish(self, key: str) -> Iterator[Record]:
         """Rank the gallery of a job that lacks no file, or say what it lacks."""
         if self.left[key]:
             return
@@ -246,11 +246,11 @@ class _Run:
         reason, *others = dict.fromkeys(self.incomplete[key]) or [""]
         if reason:
             more = f" (and {len(others)} more)" if others else ""
-            yield planned, self._end(planned, "", Outcome("incomplete", reason + more))
+            yield self._end(planned, "", Outcome("incomplete", reason + more))
         else:
             self.queue.add(Task((planned.ranking(),), planned.record))
 
-    def _leave(self, step: Step, outcome: Outcome) -> Iterator[tuple[Planned, Record]]:
+    def _leave(self, step: Step, outcome: Outcome) -> Iterator[Record]:
         """Leave jobs incomplete for a file, or for all files of its shape."""
         if step.stage == "prepared" or outcome.of_shape:
             self._announce(step, outcome.reason)

@@ -53,7 +53,7 @@ def forms(results):
 def finished(rods, tmp_path_factory):
     """Rods that were run under both inputs."""
     results = tmp_path_factory.mktemp("results")
-    assert [record.status for _, record in run(jobs(rods, "", results, input=None), results, size=0)] == ["ok"] * 2
+    assert [record.status for record in run(jobs(rods, "", results, input=None), results, size=0)] == ["ok"] * 2
     return results
 
 

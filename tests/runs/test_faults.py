@@ -151,8 +151,8 @@ def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(pair, tmp_path, m
 
     jobs = planned(pair, tmp_path / "results", "waits-once", "slow", plugins=(FAULTS,))
     records = {}
-    for job, record in run(jobs, tmp_path / "results", size=1, timeout=60, watch=kill):
-        records[job.record.method] = record
+    for record in run(jobs, tmp_path / "results", size=1, timeout=60, watch=kill):
+        records[record.method] = record
         for child in psutil.Process().children():
             with suppress(psutil.ZombieProcess):  # it was killed before
                 if "benchmark.runs.tasks" in " ".join(child.cmdline()):
@@ -175,7 +175,7 @@ def test_an_interruption_of_all_processes_and_a_pause_of_the_machine_fail_no_met
             paused[0].resume()
 
     jobs = planned(pair, tmp_path / "results", "slow", plugins=(FAULTS,))
-    ((_, record),) = run(jobs, tmp_path / "results", size=1, timeout=3, watch=disturb)
+    (record,) = run(jobs, tmp_path / "results", size=1, timeout=3, watch=disturb)
     assert paused
     assert (record.status, record.reason) == ("ok", "")
     assert len(noted(tmp_path / "slow")) == 3

@@ -46,7 +46,7 @@ def planned(
 
 def done(jobs: list[Planned], results: Path, **options: Any) -> dict[str, Record]:
     """Run jobs and return their records by method."""
-    return {job.record.method: record for job, record in run(jobs, results, **options)}
+    return {record.method: record for record in run(jobs, results, **options)}
 
 
 def run_toy(folder: Path, results: Path, *methods: Any, size: int = 0, timeout: float = 60.0, **options: Any) -> Any:
