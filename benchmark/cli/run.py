@@ -78,7 +78,7 @@ def run(
     of_programs, in_this_process = _forms(selection, forms), size == 0 and not dask
     jobs = planned_jobs(selection, records, rerun, of_programs, in_this_process=in_this_process)
     for job in jobs if forms else ():
-        check_forms(job.record, job.before, job.job.method.given)
+        check_forms(job.record, job.before, job.sides[0].method.given)
     _announce(jobs, selection.data_root, records)
     pending = [job for job in jobs if job.is_pending]
     say(f"{len(pending)} of {len(jobs)} jobs to run, {sum(job.state == 'finished' for job in jobs)} finished before")

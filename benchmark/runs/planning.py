@@ -39,8 +39,8 @@ class Planned:
 
     Parameters
     ----------
-    job, sides
-        The job; what it is at its queries, and at the shapes of the gallery if these are others.
+    sides
+        What it is at its queries, and at the shapes of the gallery if these are others.
     frames, codes
         Keys of the frames of the camera that are fitted to the sides, "" where none is; digest of the code that makes
         files of a stage.
@@ -61,7 +61,6 @@ class Planned:
         Whether ``run`` will execute this job.
     """
 
-    job: Job
     sides: tuple[Job, ...]
     frames: tuple[str, ...]
     codes: Mapping[Stage, str] = field(repr=False)
@@ -86,7 +85,7 @@ class Planned:
 
     def ranking(self) -> Step:
         """Return the step that ranks the gallery."""
-        return Step(self.job, "records", self.job.key, code=self.codes["records"])
+        return Step(self.sides[0], "records", self.record.key, code=self.codes["records"])
 
 
 def plan_selection(
@@ -220,7 +219,6 @@ class _Planning:
         data_root = gallery.data_root and gallery.data_root.absolute()
         job = Job(content["key"], row, sides[0].source, data_root, method, self.scorer, self.results)
         return Planned(
-            job,
             tuple(replace(job, source=side.source, row=row._replace(input=side.shapes.input)) for side in sides),
             tuple(side.shapes.frame_key for side in sides),
             codes,

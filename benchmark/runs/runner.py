@@ -285,5 +285,5 @@ class _Run:
         says_less = record.status == "incomplete" or (before is not None and before.key == record.key)
         if record.status == "ok" or before is None or before.status != "ok" or not says_less:
             write_record(self.results, record, before.key if before else "")
-        del self.jobs[planned.job.key], self.left[planned.job.key]
+        del self.jobs[record.key], self.left[record.key]
         return record

@@ -66,7 +66,7 @@ class World:
 
     def stale(self) -> dict[str, str]:
         """Return what would run again, and why."""
-        return {job.job.method.base_name: job.reason for job in self.plan() if job.state != "finished"}
+        return {job.sides[0].method.base_name: job.reason for job in self.plan() if job.state != "finished"}
 
 
 @pytest.fixture(scope="module")
