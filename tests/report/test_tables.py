@@ -282,7 +282,8 @@ def test_robustness_has_a_line_for_each_change_and_strength_below_the_unchanged_
 
 
 def test_seconds_are_of_the_processor_and_an_old_record_without_them_has_none():
-    new, old = record("gps", processor_seconds={"canonicalise": 2.0, "geodesics": 0.25}), record("skeleton", processor_seconds={})
+    new = record("gps", processor_seconds={"canonicalise": 2.0, "geodesics": 0.25})
+    old = record("skeleton", processor_seconds={})
     shown = view(new, old)
     assert shown.seconds == {"gps": 2.25}
     note = "s: median processor seconds per shape for form and geodesics; machine: unknown."

@@ -41,7 +41,7 @@ def jobs(queries, gallery, results, method="identity", **options):
 
 
 def result(*arguments, **options):
-    ((_, record),) = run(jobs(*arguments, **options), arguments[2], size=0)
+    (record,) = run(jobs(*arguments, **options), arguments[2], size=0)
     return record
 
 
