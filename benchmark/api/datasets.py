@@ -43,11 +43,6 @@ def name_view(identifier: str, number: int) -> str:
     return f"{identifier}@{number}"
 
 
-def shape_of_view(name: str) -> str:
-    """Return the identifier of the shape that a view shows; that of a shape remains."""
-    return name.rpartition("@")[0] or name
-
-
 def read_entry(entry: Entry) -> Mesh:
     """Read the mesh file of a shape; raise ``UnreadableMesh`` if it has none or it is damaged."""
     if entry.path is None:

@@ -6,7 +6,7 @@ import json
 import statistics
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -77,9 +77,10 @@ class Planned:
         models, chains = iter(self.models), list[tuple[Step, ...]]()
         for side, job, frame in zip(self.record.sides, self.sides, self.frames, strict=True):
             first = (Step(job, "prepared", frame),) if frame else ()
-            for shape, keys in zip(side.file_names, side.keys, strict=True):
-                model = next(models)
-                steps = (Step(job, stage, keys[stage], shape, keys, model, self.codes.get(stage, "")) for stage in keys)
+            for number, (shape, keys) in enumerate(zip(side.file_names, side.keys, strict=True)):
+                source_shape, model = side.shapes[number // side.views], next(models)
+                of_shape = partial(Step, job, shape=shape, keys=keys, model=model, source_shape=source_shape)
+                steps = (of_shape(stage, keys[stage], code=self.codes.get(stage, "")) for stage in keys)
                 chains.append((*first, *steps))
         return chains
 

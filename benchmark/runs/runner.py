@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from benchmark.api.datasets import shape_of_view
 from benchmark.depth.reading import EXTENSIONS
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.io import READABLE, mesh_suffix
@@ -194,7 +193,7 @@ class _Run:
     def _task_of(step: Step, need: File | None, steps: Mapping[File, Step]) -> tuple[object, ...]:
         """Return what tells apart the task of a step: a shape is loaded once, and methods share its geodesics."""
         if step.stage == "prepared":
-            return step.job.source, step.job.data_root, shape_of_view(step.shape) or step.key
+            return step.job.source, step.job.data_root, step.source_shape or step.key
         if need and need[0] == "forms" and steps[need].process != step.process:
             return step.file
         return step.process, step.job.row.seed, step.keys["prepared"]

@@ -92,6 +92,8 @@ class Step(NamedTuple):
         Trained model of the method.
     code
         Digest of the code that the plan saw; a process with other code leaves the job incomplete.
+    source_shape
+        The shape whose mesh is loaded: that which a view shows; "" as for the shape.
     """
 
     job: Job
@@ -101,6 +103,7 @@ class Step(NamedTuple):
     keys: Mapping[Stage, str] = {}
     model: Path | None = None
     code: str = ""
+    source_shape: str = ""
 
     def __str__(self) -> str:
         work = "preparation" if self.stage == "prepared" else self.job.method.name

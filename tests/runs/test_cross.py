@@ -197,6 +197,17 @@ def test_the_views_of_a_shape_are_prepared_together(rods, tmp_path, monkeypatch)
     assert sorted(prepared) == sorted([[""], *([shape] for shape in around), *around.values()])
 
 
+def test_shapes_that_are_named_like_views_are_prepared_alone(rods, tmp_path, monkeypatch):
+    tasks, names = [], ["a@0", "a@1", "b@0", "b@1"]
+    for path, name in zip(sorted(rods.glob("*.off")), names, strict=True):
+        (tmp_path / "rods").mkdir(exist_ok=True)
+        shutil.copy(path, tmp_path / "rods" / f"{name}.off")
+    monkeypatch.setattr("tests.runs.toy.Work", lambda task, context: tasks.append(task) or Work(task, context))
+    (record,) = run(jobs(tmp_path / "rods", "", tmp_path, input="mesh"), tmp_path, size=0)
+    prepared = [[step.shape for step in task.steps] for task in tasks if task.steps[0].stage == "prepared"]
+    assert (record.status, sorted(prepared)) == ("ok", [[name] for name in names])
+
+
 @pytest.mark.parametrize("input_", ["mesh", "view"])
 def test_networks_have_forms_of_views_alone(input_):
     queries = made_up()
