@@ -2,8 +2,9 @@
 
 The code of a module is its source and that of everything that it imports, directly or not, except installed packages,
 whose versions count, errors, messages and the description of the machine. Imports inside functions count. Of a user's
-file, all bytes count; of the suite's, docstrings and what type checkers alone import do not. Of a package without a
-version, as one that is installed to be edited, all modules count.
+file, all bytes count; of the suite's, docstrings, messages and what type checkers alone import do not. Messages are the
+texts of ``raise`` statements, and those that are called ``problem`` or ``hint``. Of a package without a version, as one
+that is installed to be edited, all modules count.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from functools import cache, partial
 from importlib.machinery import EXTENSION_SUFFIXES
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeGuard
 
 from benchmark.errors import ConfigurationError
 
@@ -28,6 +29,9 @@ FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 
 #: Folder that holds the packages of the suite.
 ROOT = Path(__file__).parents[1]
+
+#: Variables that hold a part of a message.
+_MESSAGES = ("problem", "hint")
 
 #: Modules that determine no result.
 _WORDS = ("benchmark.errors", "benchmark.text", "benchmark.machine")
@@ -232,6 +236,10 @@ def _parsed_once(path: Path, *_: int) -> _Module:
         node = pending.pop()
         if isinstance(node, ast.If) and _name(node.test) == "TYPE_CHECKING":
             node = node.orelse
+        if _is_message(node):
+            for part in ast.walk(node):
+                if _is_text(part):
+                    part.value = ""
         if isinstance(node, list):
             node = [part for part in node if not (isinstance(part, ast.Expr) and _is_text(part.value))]
             pending += node
@@ -260,8 +268,15 @@ def _name(node: ast.AST) -> str:
     return str(getattr(node, "attr", getattr(node, "id", "")))
 
 
-def _is_text(node: ast.AST) -> bool:
+def _is_text(node: ast.AST) -> TypeGuard[ast.Constant]:
     return isinstance(node, ast.Constant) and isinstance(node.value, str)
+
+
+def _is_message(node: Any) -> bool:
+    """Return whether a statement raises an error, or makes a part of its message."""
+    if isinstance(node, ast.Assign):
+        return all(isinstance(target, ast.Name) and target.id in _MESSAGES for target in node.targets)
+    return isinstance(node, ast.Raise)
 
 
 @cache

@@ -7,16 +7,23 @@ import contextlib
 import errno
 import functools
 import hashlib
+import io
 import json
 import os
+import re
 import secrets
 import stat
-from collections.abc import Callable, Sequence
+import struct
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
-from benchmark.errors import UnreadableMesh
+import numpy as np
+
+from benchmark.errors import BenchmarkError, UnreadableMesh
 from benchmark.text import nfc
 
 #: Largest file of a user that is read, and largest list or settings file, in bytes.
@@ -157,3 +164,54 @@ def _digest(path: Path, largest: int | None, *_: int) -> str:
     """Compute a file digest; size and times distinguish versions of a file in the cache."""
     with open_file(path, largest) as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+# Reading with named errors --------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -> Iterator[None]:
+    """Let any failure to read a file name it in one line; it excludes this file only.
+
+    Parameters
+    ----------
+    path
+        The file.
+    what
+        What it should be.
+    kind, hint
+        Class and hint of failures that are no ``BenchmarkError``; those keep their own.
+    """
+    try:
+        yield
+    except BenchmarkError as error:
+        raise type(error)(f"{path}: {error.problem}", error.hint) from error
+    except Exception as error:
+        if isinstance(error, OSError) and error.strerror:
+            advice = "check the path and its permissions" if error.errno else hint
+            raise kind(f"{path}: {error.strerror}", advice) from error
+        name = "" if isinstance(error, ValueError | OSError) else f"{type(error).__name__} "
+        text = re.sub(r" <[^<>]* at 0x[0-9a-f]+>", "", str(error))  # an address differs in each run
+        reason = "nested too deeply" if isinstance(error, RecursionError) else name + " ".join(text.split())
+        raise kind(f"{path}: not a readable {what}: {reason:.300}", hint) from error
+
+
+def load_arrays(content: bytes) -> Any:
+    """Return the array of a ``.npy`` file, or the archive of an ``.npz`` file; raise ``ValueError`` if more follows."""
+    stream = io.BytesIO(content)
+    loaded = np.load(stream, allow_pickle=False)
+    if isinstance(loaded, np.ndarray) and stream.read(1):
+        raise ValueError("bytes follow the array that its header announces")
+    return loaded
+
+
+def check_expansion(data: bytes) -> None:
+    """Raise ``ValueError`` if compressed variables are too large: a few kilobytes can hold terabytes."""
+    order, at, left = ">" if data[126:128] == b"MI" else "<", 128, LARGEST_FILE
+    while at + 8 <= len(data):
+        kind, size = struct.unpack_from(f"{order}II", data, at)
+        if kind == 15:
+            left -= len(zlib.decompressobj().decompress(data[at + 8 : at + 8 + size], max(left, 0) + 1))
+        if left < 0:
+            raise ValueError(f"its variables expand to more than {LARGEST_FILE / 2**30:g} GiB")
+        at += 8 + size

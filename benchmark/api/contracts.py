@@ -48,12 +48,6 @@ FloatArray = NDArray[np.float64]
 Name = Annotated[str, Matches(NAME, "lower-case words joined by hyphens")]
 """Name on the command line."""
 
-FEWEST_VERTICES = 4
-"""Three coordinates and a residual need four points: any three points lie in a plane."""
-
-MOST_WITH_ALL_PAIRS = 20_000
-"""Maximum number of vertices for all pairwise distances: their 3 GiB fit into an ordinary memory a few times."""
-
 Title = Annotated[str, Matches(r"\S.{0,199}", "a text of one line")]
 """Name in the tables."""
 
@@ -88,7 +82,7 @@ class MethodInfo(CheckedParameters):
         False if the form depends on the seed.
     needs
         What a shape must have, checked before the method is called: ``"connected"`` for a surface in one piece of at
-        least four vertices, ``"pairs"`` also for at most :data:`MOST_WITH_ALL_PAIRS` vertices.
+        least four vertices, ``"pairs"`` also for at most 20 000 vertices, of which all distances are kept.
     files
         Other files on which the results depend, such as a table that it reads or a program that it calls; paths are
         relative to its module. If one changes, its results are computed again.
@@ -116,26 +110,6 @@ class MethodInfo(CheckedParameters):
         if isinstance(self.cite, str):  # an entry may have several lines, all other texts have one
             object.__setattr__(self, "cite", " ".join(self.cite.split()))
         super().__post_init__()
-
-    def check(self, shape: Shape) -> None:
-        """Raise ``UnsupportedShape`` unless the shape has what the method needs; whoever calls a method calls this."""
-        from benchmark.geometry.cleaning import connected_components
-
-        n_vertices, n_faces = shape.mesh.n_vertices, shape.mesh.n_faces
-        if not self.needs:
-            return
-        problem = ""
-        if n_vertices < FEWEST_VERTICES or not n_faces:
-            problem = f"{n_vertices} vertices and {n_faces} faces, where at least {FEWEST_VERTICES} and one are needed"
-            hint = "check how the shape was cut or decimated"
-        elif pieces := int(connected_components(shape.mesh).max()):
-            problem = f"the surface is in {pieces + 1} pieces"
-            hint = "keep the largest component or bridge the pieces first"
-        elif "pairs" in self.needs and n_vertices > MOST_WITH_ALL_PAIRS:
-            problem = f"{n_vertices} vertices, where distances of all pairs are kept of {MOST_WITH_ALL_PAIRS} at most"
-            hint = "decimate the surface, or choose a method that needs a few rows, such as accelerated-mds"
-        if problem:
-            raise UnsupportedShape(f"{shape.identifier}: {problem}", hint)
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from benchmark.api.contracts import Input
-from benchmark.errors import UnreadableMesh
-from benchmark.files import file_digest
 from benchmark.geometry.camera import FRONT, Camera, DepthSensor
-from benchmark.geometry.io import companions, read_mesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.text import brief
 
@@ -43,26 +40,6 @@ def name_view(identifier: str, number: int) -> str:
     return f"{identifier}@{number}"
 
 
-def read_entry(entry: Entry) -> Mesh:
-    """Read the mesh file of a shape; raise ``UnreadableMesh`` if it has none or it is damaged."""
-    if entry.path is None:
-        raise UnreadableMesh(f"shape '{entry.identifier}' has no file", "give it a path, or the data set a 'load'")
-    return read_mesh(entry.path)
-
-
-def digest_of_entry(entry: Entry) -> str:
-    """Return the digest of the mesh file of a shape; "" if it has none."""
-    try:
-        return "+".join(map(file_digest, files_of(entry)))
-    except UnreadableMesh:  # it is refused when it is prepared
-        return f"{entry.identifier} cannot be read"
-
-
-def files_of(entry: Entry) -> list[Path]:
-    """Return the mesh file of a shape and the files beside it that belong to it."""
-    return [entry.path, *companions(entry.path)] if entry.path else []
-
-
 @dataclass(frozen=True, kw_only=True)
 class ShapeSet:
     """A data set.
@@ -74,11 +51,12 @@ class ShapeSet:
     shapes
         Shapes in the order of the distance matrix.
     load
-        Function that returns the unprocessed mesh of a shape, or raises ``UnreadableMesh`` or ``InvalidMesh``; by
-        default it reads the file of the shape.
+        Function that returns the unprocessed mesh of a shape, or raises ``UnreadableMesh`` or ``InvalidMesh``.
     key
         Function that returns text on which the mesh of a shape depends beside the code that makes it: parameters of a
-        generator, or the digest of a file. By default the digest of the file of the shape.
+        generator, or the digest of a file; "" by default.
+    files
+        Function that returns the files from which the mesh of a shape is read; by default its path, if it has one.
     title
         Name in tables; by default the name.
     camera
@@ -111,8 +89,9 @@ class ShapeSet:
 
     name: str
     shapes: tuple[Entry, ...]
-    load: Callable[[Entry], Mesh] = read_entry
-    key: Callable[[Entry], str] = digest_of_entry
+    load: Callable[[Entry], Mesh]
+    key: Callable[[Entry], str] = lambda _: ""
+    files: Callable[[Entry], Sequence[Path]] = lambda entry: [entry.path] if entry.path else []
     title: str = ""
     camera: Callable[[Entry], Camera] = lambda _: FRONT
     sensor: Callable[[Entry], DepthSensor | None] = lambda _: None

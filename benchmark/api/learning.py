@@ -20,8 +20,7 @@ from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, MethodInfo, Shape
 from benchmark.errors import ConfigurationError
-from benchmark.files import read_file
-from benchmark.geometry.io import named_errors
+from benchmark.files import named_errors, read_file
 
 __all__ = [
     "CARD",

@@ -18,6 +18,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
 from benchmark.datasets.folder import POINTS, all_mesh_files, is_hidden, mesh_stem, skipped_files, sub_folders
+from benchmark.datasets.mesh_files import mesh_file_set
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
@@ -179,7 +180,7 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
             raise
         paths = [path for place in (folder, *sub_folders(folder)) for path in all_mesh_files(place)]
         entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
-        unopened = ShapeSet(name=name if part else folder.resolve().name, shapes=entries, folder=folder)
+        unopened = mesh_file_set(name=name if part else folder.resolve().name, shapes=entries, folder=folder)
         return _report(unopened, [Anomaly("error", (folder.name,), error.problem, error.hint)], watched)
 
 

@@ -12,12 +12,13 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import natural_key
 from benchmark.datasets.frames import depth_frames
 from benchmark.datasets.labels import class_name, read_labels
+from benchmark.datasets.mesh_files import mesh_file_set
 from benchmark.datasets.settings import SETTINGS_FILE, with_settings
 from benchmark.depth.intrinsics import CAMERA_FILES
 from benchmark.depth.reading import EXTENSIONS, MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
-from benchmark.files import LARGEST_LIST, decode, read_file
-from benchmark.geometry.io import READABLE, mesh_suffix, named_errors
+from benchmark.files import LARGEST_LIST, decode, named_errors, read_file
+from benchmark.geometry.io import READABLE, mesh_suffix
 from benchmark.text import listed, printable
 
 #: Extensions of meshes that cannot be read: they are shapes that count as 0; and of point clouds, which are skipped.
@@ -74,7 +75,7 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
         raise DatasetError(f"{folder} holds two shapes that are both written '{twice[0]}'", "rename one of them")
     if frames:
         return depth_frames(name, folder, tuple(shapes))
-    return with_settings(ShapeSet(name=name, shapes=tuple(shapes), folder=folder, code=("benchmark.geometry.io",)))
+    return with_settings(mesh_file_set(name=name, shapes=tuple(shapes), folder=folder))
 
 
 def depth_files(folder: Path) -> list[Path]:

@@ -8,8 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from benchmark.errors import ConfigurationError
-from benchmark.files import LARGEST_LIST, decode, read_file
-from benchmark.geometry.io import named_errors
+from benchmark.files import LARGEST_LIST, decode, named_errors, read_file
 from benchmark.text import nfc, printable
 
 #: Class of the Princeton Shape Benchmark for models without a class.

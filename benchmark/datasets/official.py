@@ -18,6 +18,7 @@ from pathlib import Path
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import natural_key
 from benchmark.datasets.folder import class_list, mesh_files, mesh_stem, read_cla, sub_folders
+from benchmark.datasets.mesh_files import mesh_file_set
 from benchmark.datasets.settings import with_settings
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
@@ -107,14 +108,13 @@ class OfficialSet:
         """
         read = self._listed if self.listed else self._named if self.poses else self._classed
         return with_settings(
-            ShapeSet(
+            mesh_file_set(
                 name=name,
                 title=self.title,
                 shapes=tuple(read(folder)),
                 camera=self.camera,
                 folder=folder,
                 canonical_poses=self.canonical_poses,
-                code=("benchmark.geometry.io",),
             )
         )
 

@@ -13,9 +13,8 @@ from typing import Any, TypeVar
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import by_subject
 from benchmark.errors import ConfigurationError, DatasetError, check_known
-from benchmark.files import LARGEST_LIST, decode, read_file
+from benchmark.files import LARGEST_LIST, decode, named_errors, read_file
 from benchmark.geometry.camera import FRONT, SIDE, Camera
-from benchmark.geometry.io import named_errors
 from benchmark.geometry.mesh import Mesh
 
 T = TypeVar("T")

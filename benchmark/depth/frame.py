@@ -17,8 +17,8 @@ from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_i
 from benchmark.depth.reading import Depths, Mask
 from benchmark.depth.segmentation import Plane, background_planes, find_object, jump
 from benchmark.errors import DepthError
+from benchmark.files import named_errors
 from benchmark.geometry.camera import Camera
-from benchmark.geometry.io import named_errors
 from benchmark.geometry.mesh import Faces, FloatArray, Mesh, Points
 
 HALF_WIDTH = 1.285

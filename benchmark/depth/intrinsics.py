@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import DepthError
-from benchmark.files import check_different, decode, parse_json, read_file
-from benchmark.geometry.io import named_errors
+from benchmark.files import check_different, decode, named_errors, parse_json, read_file
 
 Rays = NDArray[np.float64]
 

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import DepthError
-from benchmark.files import open_file, read_file
-from benchmark.geometry.io import load_arrays, named_errors
+from benchmark.files import load_arrays, named_errors, open_file, read_file
 
 if TYPE_CHECKING:
     from PIL import ImageFile

@@ -5,19 +5,16 @@ from __future__ import annotations
 import gzip
 import io
 import re
-import struct
 import warnings
-import zlib
-from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnreadableMesh
-from benchmark.files import LARGEST_FILE, read_file, write_atomically
+from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
+from benchmark.files import LARGEST_FILE, check_expansion, named_errors, read_file, write_atomically
 from benchmark.geometry.cleaning import merge_duplicates
 from benchmark.geometry.gltf import buffer_files, read_gltf
 from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points
@@ -93,33 +90,6 @@ def _triangles_beside(path: Path) -> Path:
     plain = path.with_suffix("") if packing else path
     found = [plain.with_suffix(f".tri{end}") for end in (packing, "" if packing else ".gz")]
     return next((file for file in found if file.exists()), found[0])
-
-
-@contextmanager
-def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -> Iterator[None]:
-    """Let any failure to read a file name it in one line; it excludes this file only.
-
-    Parameters
-    ----------
-    path
-        The file.
-    what
-        What it should be.
-    kind, hint
-        Class and hint of failures that are no ``BenchmarkError``; those keep their own.
-    """
-    try:
-        yield
-    except BenchmarkError as error:
-        raise type(error)(f"{path}: {error.problem}", error.hint) from error
-    except Exception as error:
-        if isinstance(error, OSError) and error.strerror:
-            advice = "check the path and its permissions" if error.errno else hint
-            raise kind(f"{path}: {error.strerror}", advice) from error
-        name = "" if isinstance(error, ValueError | OSError) else f"{type(error).__name__} "
-        text = re.sub(r" <[^<>]* at 0x[0-9a-f]+>", "", str(error))  # an address differs in each run
-        reason = "nested too deeply" if isinstance(error, RecursionError) else name + " ".join(text.split())
-        raise kind(f"{path}: not a readable {what}: {reason:.300}", hint) from error
 
 
 def mesh_suffix(path: Path) -> str:
@@ -458,27 +428,6 @@ def read_mat(data: bytes, _: Path) -> Arrays:
         raise ValueError("X, Y and Z differ in length")
     vertices = np.stack([fields[axis].ravel(order="F") for axis in "XYZ"], axis=1).astype(np.float64)
     return vertices, _integers(fields["TRIV"].astype(np.float64))
-
-
-def load_arrays(content: bytes) -> Any:
-    """Return the array of a ``.npy`` file, or the archive of an ``.npz`` file; raise ``ValueError`` if more follows."""
-    stream = io.BytesIO(content)
-    loaded = np.load(stream, allow_pickle=False)
-    if isinstance(loaded, np.ndarray) and stream.read(1):
-        raise ValueError("bytes follow the array that its header announces")
-    return loaded
-
-
-def check_expansion(data: bytes) -> None:
-    """Raise ``ValueError`` if compressed variables are too large: a few kilobytes can hold terabytes."""
-    order, at, left = ">" if data[126:128] == b"MI" else "<", 128, LARGEST_FILE
-    while at + 8 <= len(data):
-        kind, size = struct.unpack_from(f"{order}II", data, at)
-        if kind == 15:
-            left -= len(zlib.decompressobj().decompress(data[at + 8 : at + 8 + size], max(left, 0) + 1))
-        if left < 0:
-            raise ValueError(f"its variables expand to more than {LARGEST_FILE / 2**30:g} GiB")
-        at += 8 + size
 
 
 def read_stl(data: bytes, _: Path) -> Arrays:

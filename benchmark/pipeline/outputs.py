@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, Shape
+from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
 from benchmark.api.scoring import Scorer, SignatureArrays
-from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, one_line
+from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, UnsupportedShape, one_line
+from benchmark.geometry.cleaning import connected_components
 from benchmark.pipeline.cache import Arrays
 from benchmark.pipeline.forms import SharedResults, output_arrays
 from benchmark.pipeline.prepared import timed
@@ -24,6 +25,12 @@ from benchmark.text import LONGEST_NAME, brief
 _FORM_HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
 _MATRIX_HINT = "return the distances of all pairs as a symmetric matrix of finite numbers"
 _SIGNATURE_HINT = "return a mapping from names to arrays of finite numbers"
+
+#: Fewest vertices of a form: three coordinates and a residual need four points, as any three points lie in a plane.
+FEWEST_VERTICES = 4
+
+#: Most vertices for distances of all pairs: their 3 GiB fit into an ordinary memory a few times.
+MOST_WITH_ALL_PAIRS = 20_000
 
 _LARGEST = float(np.finfo(np.float32).max)
 
@@ -46,6 +53,24 @@ def sign(scorer: Scorer, form: Mesh) -> Arrays:
     return timed(lambda: compute_signature(scorer, form))
 
 
+def check_needs(info: MethodInfo, shape: Shape) -> None:
+    """Raise ``UnsupportedShape`` unless a shape has what a method says that it needs."""
+    if not info.needs:
+        return
+    name, n_vertices, n_faces = shape.identifier, shape.mesh.n_vertices, shape.mesh.n_faces
+    if n_vertices < FEWEST_VERTICES or not n_faces:
+        problem = f"{n_vertices} vertices and {n_faces} faces, where at least {FEWEST_VERTICES} and one are needed"
+        raise UnsupportedShape(f"{name}: {problem}", "check how the shape was cut or decimated")
+    n_pieces = int(connected_components(shape.mesh).max()) + 1
+    if n_pieces > 1:
+        hint = "keep the largest component or bridge the pieces first"
+        raise UnsupportedShape(f"{name}: the surface is in {n_pieces} pieces", hint)
+    if "pairs" in info.needs and n_vertices > MOST_WITH_ALL_PAIRS:
+        problem = f"{n_vertices} vertices, where distances of all pairs are kept of {MOST_WITH_ALL_PAIRS} at most"
+        hint = "decimate the surface, or choose a method that needs a few rows, such as accelerated-mds"
+        raise UnsupportedShape(f"{name}: {problem}", hint)
+
+
 def compute_form(method: Method, shape: Shape) -> CanonicalForm:
     """Return the form of a shape by a method; its notes are numbers or text.
 
@@ -56,7 +81,7 @@ def compute_form(method: Method, shape: Shape) -> CanonicalForm:
     InvalidForm
         If it returns anything other than a form of the shape.
     """
-    method.info.check(shape)
+    check_needs(method.info, shape)
     try:
         form: object = method.canonicalise(shape)
         if not isinstance(form, CanonicalForm):
@@ -78,7 +103,7 @@ def compute_form(method: Method, shape: Shape) -> CanonicalForm:
 
 def compute_descriptor(method: Descriptor, shape: Shape) -> FloatArray:
     """Return the descriptor of a shape, shape (k,); raise ``ShapeError`` or ``InvalidForm`` if there is none."""
-    method.info.check(shape)
+    check_needs(method.info, shape)
     return _check_numbers(method.describe(shape), method, (), "return a vector of finite numbers")
 
 

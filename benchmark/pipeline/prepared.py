@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.contracts import Input
-from benchmark.api.datasets import Entry, ShapeSet, files_of
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import code_of_modules, digest
 from benchmark.errors import BenchmarkError, InvalidForm, InvalidMesh, InvalidSignature, ShapeError, UnsupportedShape
 from benchmark.geometry.camera import Camera, DepthSensor
@@ -139,9 +139,11 @@ class PreparedShapes:
 
     def _while_unchanged(self, entries: Sequence[Entry], compute: Callable[[], Arrays]) -> Arrays:
         """Return what is computed from shapes; raise :class:`Incomplete` if one of them changes meanwhile."""
-        before, now = [*map(last_change, entries)], replace(self)  # which has no key yet
+        before = [last_change(self.shapes, entry) for entry in entries]
         arrays = compute()
-        if [*map(last_change, entries)] != before or [*map(now.key, entries)] != [*map(self.key, entries)]:
+        after = [last_change(self.shapes, entry) for entry in entries]
+        now = replace(self)  # which has no key yet
+        if after != before or [now.key(entry) for entry in entries] != [self.key(entry) for entry in entries]:
             raise Incomplete(CHANGED)
         return arrays
 
@@ -159,10 +161,10 @@ def frame_of(shapes: ShapeSet) -> float:
     return common_half_width(widths) if widths else 1.0
 
 
-def last_change(entry: Entry) -> int:
+def last_change(shapes: ShapeSet, entry: Entry) -> int:
     """Return when a file of a shape, or its attributes, changed last; 0 without a file."""
     with suppress(OSError):
-        return max((path.stat().st_ctime_ns for path in files_of(entry)), default=0)
+        return max((path.stat().st_ctime_ns for path in shapes.files(entry)), default=0)
     return 0
 
 

@@ -272,7 +272,7 @@ def _open(source: str, data_root: Path | None) -> ShapeSet:
     load = lru_cache(1)(lambda entry, _key, _change: shapes.load(entry))
 
     def load_once(entry: Entry) -> Any:
-        return load(entry, shapes.key(entry), last_change(entry))
+        return load(entry, shapes.key(entry), last_change(shapes, entry))
 
     return replace(shapes, load=load_once)
 

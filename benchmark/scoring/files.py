@@ -16,8 +16,7 @@ from benchmark.datasets.base import natural_key
 from benchmark.datasets.folder import class_list, folder_set, read_cla
 from benchmark.datasets.labels import cells_of, classes_of, lines_of, read_labels, separator_of
 from benchmark.errors import ConfigurationError, one_line
-from benchmark.files import read_file
-from benchmark.geometry.io import check_expansion, load_arrays, named_errors
+from benchmark.files import check_expansion, load_arrays, named_errors, read_file
 from benchmark.text import nfc
 
 _HINT = "write the matrix as .npy, .npz, .txt, .csv, .mat (-v7), or .matrix of PSB"

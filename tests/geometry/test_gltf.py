@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmark.api.datasets import Entry, digest_of_entry
+from benchmark.api.datasets import Entry
+from benchmark.datasets.mesh_files import digest_of_entry
 from benchmark.errors import InvalidMesh, UnreadableMesh
 from benchmark.geometry.gltf import buffer_files
 from benchmark.geometry.io import read_mesh

@@ -67,16 +67,54 @@ def test_all_bytes_of_a_users_file_count_and_those_of_no_other_file(plugin):
         assert code_digest(str(plugin)) != before
 
 
-def test_docstrings_and_comments_of_the_suite_do_not_count(tmp_path, monkeypatch):
+@pytest.fixture
+def digest_in_suite(tmp_path, monkeypatch):
+    """A function that returns the digest of a text as that of a module of the suite."""
     monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(module, "FIRST_PARTY", ("suite",))
     (tmp_path / "suite").mkdir()
-    digests = set()
-    for text in ('"""One."""\nVALUE = 1', '"""Another."""  # why\n\nVALUE = (1)', "VALUE = 2"):
+
+    def digest(text):
         touch(tmp_path / "suite" / "part.py", text)
         module._parsed_once.cache_clear()
-        digests.add(module._parsed(tmp_path / "suite" / "part.py").digest)
-    assert len(digests) == 2
+        return module._parsed(tmp_path / "suite" / "part.py").digest
+
+    return digest
+
+
+def test_docstrings_and_comments_of_the_suite_do_not_count(digest_in_suite):
+    one = digest_in_suite('"""One."""\nVALUE = 1')
+    assert digest_in_suite('"""Another."""  # why\n\nVALUE = (1)') == one
+    assert digest_in_suite("VALUE = 2") != one
+
+
+def test_messages_of_the_suite_do_not_count_and_what_they_show_and_when_does(digest_in_suite):
+    lines = (
+        "def check(n, kind):",
+        "  if n > 3:",
+        '    hint = "drop some"',
+        '    raise ValueError(f"{n} are many", hint)',
+    )
+    code = "\n".join(lines)
+    before = digest_in_suite(code)
+    assert digest_in_suite(code.replace("are many", "are too many").replace("drop", "leave out")) == before
+    for old, new in (("> 3", "> 4"), ("{n}", "{kind}"), ("ValueError", "TypeError")):
+        assert digest_in_suite(code.replace(old, new)) != before
+
+
+def test_texts_that_are_no_messages_count(digest_in_suite):
+    assert digest_in_suite('start = "mesh"') != digest_in_suite('start = "classic"')
+
+
+def test_the_code_of_methods_and_of_generated_sets_reads_no_mesh_files():
+    readers = {"benchmark/geometry/io.py", "benchmark/geometry/gltf.py", "benchmark/datasets/mesh_files.py"}
+    for name in (
+        "baselines.classic_mds",
+        "retrieval.cmbof",
+        "benchmark.pipeline.prepared",
+        "benchmark.datasets.people",
+    ):
+        assert not readers & code_of(name).keys(), name
 
 
 def test_the_code_of_a_method_adds_its_own_file_to_that_of_preparation():

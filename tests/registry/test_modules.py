@@ -95,7 +95,7 @@ def test_a_file_without_a_plugin_is_refused(tmp_path):
 
 
 def test_a_data_set_is_no_plugin(tmp_path):
-    made = "from benchmark.api.datasets import ShapeSet\nRODS = ShapeSet(name='rods', shapes=())\n"
+    made = "from benchmark.datasets.mesh_files import mesh_file_set\nRODS = mesh_file_set(name='rods', shapes=())\n"
     (tmp_path / "rods.py").write_text(made)
     with pytest.raises(ConfigurationError, match=r"rods.py .*; write a folder, .*: python bent_ellipsoids.py DIR$"):
         in_file(tmp_path / "rods.py")

@@ -182,7 +182,7 @@ def test_a_mesh_that_changes_while_it_is_read_is_read_again(own, tmp_path, monke
             return mesh
         return real(path)
 
-    monkeypatch.setattr("benchmark.api.datasets.read_mesh", change_meanwhile)
+    monkeypatch.setattr("benchmark.datasets.mesh_files.read_mesh", change_meanwhile)
     record = run_toy(own, tmp_path / "results", "gps", input=view)["gps"]
     assert seen
     clean = run_toy(own, tmp_path / "clean", "gps", input=view)["gps"]

@@ -11,7 +11,8 @@ import msgspec
 import pytest
 
 from benchmark.api import MethodInfo
-from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.api.datasets import Entry
+from benchmark.datasets.mesh_files import mesh_file_set
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.pipeline.records import Record, read_records, record_of
 from tests.registry.plugin import write_plugin
@@ -75,7 +76,7 @@ def test_a_record_escapes_what_it_may_not_hold(name, rods, tmp_path):
 
 
 def test_words_of_components_are_one_line():
-    assert ShapeSet(name="rods", title="a\nb", shapes=(Entry("a", "a", "0"),)).title == "a b"
+    assert mesh_file_set(name="rods", title="a\nb", shapes=(Entry("a", "a", "0"),)).title == "a b"
     for facts in (
         {"title": "a\nb"},
         {"title": "a\x1b"},
