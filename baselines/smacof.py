@@ -264,11 +264,7 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
     """
     from scipy.optimize import isotonic_regression  # lazy
 
-    levels = np.rint(dissimilarities * ((LEVELS - 1) / dissimilarities.max())).astype(np.uint16)
-    counts = np.bincount(levels.ravel(), minlength=LEVELS)
-    counts[0] -= len(levels)  # the diagonal
-    used = counts > 0
-    levels, pairs = (np.cumsum(used, dtype=np.uint16) - used)[levels], counts[used] / 2
+    levels, pairs = _used_levels(dissimilarities, (LEVELS - 1) / dissimilarities.max())
     norm, sums = float(np.sqrt((dissimilarities**2).sum() / 2)), np.empty(len(pairs))
 
     def transform(points: FloatArray) -> tuple[FloatArray, float]:
@@ -279,6 +275,23 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
         return moved, stress
 
     return transform, norm
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _used_levels(dissimilarities: FloatArray, scale: float) -> tuple[NDArray[np.uint16], FloatArray]:
+    """Return the level of each pair among the levels that have pairs, shape (n, n), and how many each has."""
+    levels, counts = np.empty(dissimilarities.shape, np.uint16), np.zeros(LEVELS, np.int64)
+    for i in range(len(levels)):
+        for j in range(len(levels)):
+            levels[i, j] = np.uint16(np.rint(dissimilarities[i, j] * scale))
+        for j in range(len(levels)):
+            counts[levels[i, j]] += i != j
+    numbers = np.cumsum(counts > 0) - 1
+    for i in range(len(levels)):
+        for j in range(len(levels)):
+            levels[i, j] = numbers[levels[i, j]]
+        levels[i, i] = 0  # of no pair
+    return levels, counts[counts > 0] / 2
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]

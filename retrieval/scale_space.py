@@ -23,6 +23,8 @@ NOMINAL_BLUR = 0.5
 SUPPORT = 4.0
 #: Pixels kept around the foreground in every octave: the widest accumulated blur, 1.6 * 2^(4/3), reaches 16 pixels.
 MARGIN = 17
+#: Pixels, in whole rows, that are blurred in both directions at once: what they need stays in the nearest cache.
+TOGETHER = 2048
 #: Octaves stop when the shorter side of the image falls below 16 pixels.
 SMALLEST_SIDE = 16
 REFINEMENT_STEPS = 5
@@ -89,18 +91,19 @@ def build_octave(octave: SingleArray, half: SingleArray, is_first: bool) -> None
 def _blur(image: SingleArray, blurred: SingleArray, difference: SingleArray, half: SingleArray, level: int) -> None:
     """Convolve an image with a separable Gaussian; the border is repeated."""
     height, stride = image.shape
-    first, count = MARGIN * stride, (height - 2 * MARGIN) * stride
     source, target, result = image.ravel(), blurred.ravel(), difference.ravel()
     for row in range(MARGIN):
         image[row], image[height - 1 - row] = image[MARGIN], image[height - MARGIN - 1]
-    _convolve(source, first, stride, half, MARGIN, count, level)
-    for row in range(MARGIN, MARGIN + count, stride):
-        half[row : row + MARGIN] = half[row + MARGIN]
-        half[row + stride - MARGIN : row + stride] = half[row + stride - MARGIN - 1]
-    _convolve(half, MARGIN, 1, target, first, count, level)
-    before, after, out = source[first:], target[first:], result[first:]
-    for x in range(count):
-        out[x] = after[x] - before[x]
+    for top in range(MARGIN, height - MARGIN, max(TOGETHER // stride, 1)):
+        first, count = top * stride, min(max(TOGETHER // stride, 1), height - MARGIN - top) * stride
+        _convolve(source, first, stride, half, MARGIN, count, level)
+        for row in range(MARGIN, MARGIN + count, stride):
+            half[row : row + MARGIN] = half[row + MARGIN]
+            half[row + stride - MARGIN : row + stride] = half[row + stride - MARGIN - 1]
+        _convolve(half, MARGIN, 1, target, first, count, level)
+        before, after, out = source[first:], target[first:], result[first:]
+        for x in range(count):
+            out[x] = after[x] - before[x]
 
 
 @njit(cache=True, nogil=True)
@@ -108,14 +111,15 @@ def _convolve(
     source: SingleArray, start: int, step: int, target: SingleArray, begin: int, count: int, level: int
 ) -> None:
     """Add up weighted pixels before and after each, at multiples of a step, in the order of half a kernel."""
-    kernel, size = KERNELS[level], SIZES[level]
-    own, total = source[start : start + count], target[begin : begin + count]
+    kernel, own, total = KERNELS[level], source[start : start + count], target[begin : begin + count]
     for x in range(count):
         total[x] = kernel[0] * own[x]
-    for j in range(1, size):
+    for j in range(1, SIZES[level], 2):  # two in one pass; weights beyond the kernel are zero
+        near, far = kernel[j], kernel[j + 1]
         before, after = source[start - j * step :], source[start + j * step :]
+        earlier, later = source[start - (j + 1) * step :], source[start + (j + 1) * step :]
         for x in range(count):
-            total[x] = total[x] + kernel[j] * (before[x] + after[x])
+            total[x] = (total[x] + near * (before[x] + after[x])) + far * (earlier[x] + later[x])
 
 
 @njit(cache=True, nogil=True)

@@ -9,6 +9,7 @@ import zlib
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, Any, Literal
 
@@ -93,8 +94,8 @@ class Cache:
                 if archive.comment != str(len(names)).encode():  # the list, which has no checksum, is not complete
                     return None
                 wanted = names.intersection(only or names).difference(without)
-                files = {name: io.BytesIO(archive.read(f"{name}.npy")) for name in wanted}
-            return {name: read_only(np.lib.format.read_array(file, allow_pickle=False)) for name, file in files.items()}
+                files = {name: archive.read(f"{name}.npy") for name in wanted}
+            return {name: read_only(_array_of(file)) for name, file in files.items()}
         except Exception:  # zip, zlib and numpy raise many types
             return None
 
@@ -118,6 +119,24 @@ class Cache:
 
     def _path(self, stage: Stage, key: str) -> Path:
         return self.results / RUNS / stage / f"{key}.npz"
+
+
+def _array_of(file: bytes) -> NDArray[Any]:
+    """Return the array of an ``.npy`` file; many headers of small arrays are alike, and are parsed once."""
+    end = 10 + int.from_bytes(file[8:10], "little")
+    known = _header(file[:end]) if file.startswith(b"\x93NUMPY\x01\x00") else None
+    if known is None:
+        return np.asarray(np.lib.format.read_array(io.BytesIO(file), allow_pickle=False))
+    return np.frombuffer(file, known[1], offset=end).reshape(known[0])
+
+
+@lru_cache(1024)
+def _header(header: bytes) -> tuple[tuple[int, ...], np.dtype[Any]] | None:
+    """Return shape and type of an array of numbers or text in the order of rows; None for others."""
+    file = io.BytesIO(header)
+    np.lib.format.read_magic(file)
+    shape, by_columns, dtype = np.lib.format.read_array_header_1_0(file)
+    return None if by_columns or dtype.hasobject else (shape, dtype)
 
 
 def _write_arrays(file: IO[bytes], arrays: Arrays, repetitive: bool) -> None:

@@ -129,7 +129,8 @@ def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[n
         return p_values
     first, second = np.array([*combinations(range(n_rows), 2)]).reshape(-1, 2).T
     generator = np.random.default_rng(0)
-    orders = np.stack([generator.random((DRAWS, n_rows)).argsort(axis=1) for _ in sums], axis=1)
+    small = np.min_scalar_type(n_rows)
+    orders = np.stack([generator.random((DRAWS, n_rows)).argsort(axis=1).astype(small) for _ in sums], axis=1)
     from_first = np.moveaxis(sums - sums[:, :1], 2, 0)  # integers, so that all sums and products are exact
     largest = np.zeros(DRAWS)
     for draws in np.split(np.arange(DRAWS), range(_AT_A_TIME, DRAWS, _AT_A_TIME)):
