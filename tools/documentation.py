@@ -18,6 +18,8 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
 from benchmark.pipeline.records import read_records
+from benchmark.report.pages import _data_title
+from benchmark.report.pages import _title as _heading
 from benchmark.report.pages import fixed_file, report_files, table_html
 from benchmark.report.tables import table_views
 
@@ -66,7 +68,8 @@ DISPLAYED = re.compile(r"^\.\. math::[ ]*(.*(?:\n[ ]+\S.*)*)", re.MULTILINE)
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Add the published tables and the reference of the code to the menu."""
-    tables = [{_title(path): _uri(path)} for path in _paths("results/tables/table-*.md", "results/tables/*.md")]
+    tables = [{f"{view.table.identifier}: {_data_title(view)}": _uri(path)} for path, view in TABLES.items()]
+    tables += [{_title(path): _uri(path)} for path in _paths("results/tables/*.md") if path not in TABLES]
     packages: dict[str, list[dict[str, str]]] = {}
     for module in _modules():
         packages.setdefault(module.rpartition(".")[0] or module, []).append({module: f"api/{module}.md"})
@@ -96,9 +99,10 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     if address.startswith("api/"):
         return markdown
     if view := TABLES.get(address.removeprefix("repository/")):
+        page.meta["hide"] = ["toc"]  # a wide table has the room
         report = posixpath.relpath(REPORT, posixpath.dirname(address))
         lead = f"[Classes, maps and queries]({report})"
-        return f"# Table {view.table.identifier}: {view.dataset}\n\n{lead}\n\n{table_html(view)}"
+        return f"# {_heading(view)}\n\n{lead}\n\n{table_html(view)}"
     source = next((path for path, uri in URIS.items() if uri == address), None)
     source = source or (address.removeprefix("repository/") if address.startswith("repository/") else f"docs/{address}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from datetime import timedelta
 from pathlib import Path
@@ -27,7 +28,7 @@ from benchmark.runs.planning import Planned, estimate, plan_selection
 from benchmark.runs.runner import run as run_jobs
 from benchmark.runs.runner import with_results
 from benchmark.scoring.rows import check_forms, forms_of
-from benchmark.text import brief, nfc, say, say_lines, say_table
+from benchmark.text import brief, counted, listed, nfc, say, say_lines, say_table
 
 
 def planned_jobs(
@@ -49,17 +50,25 @@ def planned_jobs(
     )  # fmt: skip
 
 
-def plan(selection: Selection, *, traceback: bool = False) -> None:
+#: Jobs that ``plan`` prints one by one; of more, it prints the methods of each data set and input.
+_LISTED = 24
+
+
+def plan(selection: Selection, *, traceback: bool = False, every: bool = False) -> None:
     """Print the jobs, the reasons to run them, and an estimate of the time."""
     records = read_records(selection.results, published=False)
     jobs = planned_jobs(selection, records)
     pending, cores = [job for job in jobs if job.is_pending], available_cores()
-    say_table([(job.state, name, brief(job.reason)) for job, name in zip(jobs, _names(jobs, records), strict=True)])
-    say(f"{len(pending)} of {len(jobs)} jobs to run")
+    if every or len(jobs) <= _LISTED:
+        names = _names(jobs, records)
+        say_table([(job.state, name, brief(job.reason)) for job, name in zip(jobs, names, strict=True)])
+    else:
+        _say_counts(jobs)
+    say(f"{len(pending)} of {len(jobs)} jobs to run" + "; --jobs lists each" * (not every and len(jobs) > _LISTED))
     expected = estimate(pending, records)
     if expected.seconds:
-        work, wall = (timedelta(seconds=round(expected.seconds / share)) for share in (1, cores))
-        say(f"at most about {work} of work, {wall} with {cores} processes")
+        work, wall = (_roughly(expected.seconds / share) for share in (1, cores))
+        say(f"at most about {wall} with {cores} processes ({work} of processor time)")
     if expected.unknown:
         say(f"{expected.unknown} of them cannot be estimated: no job of their method has finished")
     for record in _records_of(jobs, records) if traceback else ():
@@ -114,6 +123,30 @@ def run(
     if any("|" in name for name in selection.methods):
         say("- The best of several values is tuned on these shapes; choose it on others: --subjects A,B.")
     return fine
+
+
+def _say_counts(jobs: Sequence[Planned]) -> None:
+    """Print how many methods run on each data set and input, and then which cannot, or failed, and why."""
+    counts: dict[tuple[str, str], Counter[str]] = {}
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for job in jobs:
+        kind = "to run" if job.is_pending else "done" if job.state == "finished" else "not possible"
+        counts.setdefault((job.record.gallery, job.record.input), Counter())[kind] += 1
+        if kind == "not possible" or job.state in ("stale", "failed"):
+            reasons.setdefault((job.state, brief(job.reason)), []).append(job.record.method)
+    kinds = [kind for kind in ("to run", "done", "not possible") if any(of[kind] for of in counts.values())]
+    rows = [(*place, *(f"{of[kind]:>{len(kind)}}" if of[kind] else "" for kind in kinds)) for place, of in counts.items()]
+    say_table([("data", "input", *kinds), *rows], whole=range(1, 2 + len(kinds)))
+    for (state, reason), methods in reasons.items():
+        say(f"{state}: {listed(dict.fromkeys(methods))} ({counted(len(methods), 'job')}): {reason}")
+
+
+def _roughly(seconds: float) -> str:
+    """Return a time in words: 40 s, 12 min, 2 h 10 min."""
+    minutes = round(seconds / 60)
+    return f"{round(seconds)} s" if seconds < 90 else f"{minutes} min" if minutes < 60 else (
+        f"{minutes // 60} h" + f" {minutes % 60} min" * bool(minutes % 60)
+    )
 
 
 def _records_of(jobs: Sequence[Planned], records: Iterable[Record]) -> list[Record]:

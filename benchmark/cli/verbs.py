@@ -49,11 +49,15 @@ def run(
 
 
 @verb(*_JOBS)
-def plan(selection: Selection, traceback: shared.Traceback = False) -> None:
+def plan(
+    selection: Selection,
+    traceback: shared.Traceback = False,
+    every: Annotated[bool, Option("--jobs", help="List each job, also of many.")] = False,
+) -> None:
     """Show what would run, why, and how long it would take."""
     from benchmark.cli.run import plan
 
-    plan(selection, traceback=traceback)
+    plan(selection, traceback=traceback, every=every)
 
 
 @verb(*_RECORDS)

@@ -12,8 +12,11 @@ from typing import Any, TypeVar
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
 from pandas import DataFrame, Series, concat
 from scipy.spatial.distance import squareform
 from scipy.stats import rankdata
@@ -23,6 +26,7 @@ from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError, check_known
 from benchmark.files import write_atomically
 from benchmark.geometry.camera import Camera
+from benchmark.geometry.mesh import Points
 from benchmark.pipeline.records import Record, read_distances
 from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.forms import Drawn, StoredForms
@@ -107,20 +111,35 @@ def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
         is_missed = labels[near.argmin(axis=1)] != labels
         order = squareform(rankdata(squareform((matrix + matrix.T) / 2, checks=False)))
         points = MDS(metric_mds=True, metric="precomputed", init="classical_mds", n_init=1).fit_transform(order)
+        named: list[tuple[str, NDArray[np.float64], float, str]] = []
         for count, label in enumerate(sorted(np.unique(labels), key=lambda label: -is_missed[labels == label].sum())):
             mine = points[labels == label]
             centre = mine.mean(axis=0)
             lines = np.stack([np.broadcast_to(centre, mine.shape), mine], axis=1)
             place.add_collection(LineCollection([*lines], colors=GREY, lw=0.5, zorder=0))
             if count < 15:  # most wrong matches are of these
-                place.annotate(clean(label), centre, fontsize=_SIZE, ha="center", va="center", parse_math=False,
-                               zorder=0, bbox={"pad": 0.4, "lw": 0, "fc": "white", "alpha": 0.7})  # fmt: skip
+                colour = COLOURS[int(np.searchsorted(np.unique(record.labels), label)) % len(COLOURS)]
+                named.append((clean(label), centre, mine[:, 1].max(), colour))
+        _annotate(place, named, points)
         place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED)
         addresses = [f"{page}-{file_name(name)}" for name in names.tolist()] if page else None
         colours = np.resize(COLOURS, len(record.labels))[np.searchsorted(np.unique(record.labels), labels)]
         place.scatter(points[:, 0], points[:, 1], 9, colours, urls=addresses)
         place.set_title(fill(row.title, 30), fontsize=_SIZE, parse_math=False)
     return figure
+
+
+def _annotate(place: Axes, named: Sequence[tuple[str, NDArray[np.float64], float, str]], points: Points) -> None:
+    """Write names above their points, in their colours, moved up where they would overlap."""
+    height, width = 0.055 * np.ptp(points[:, 1]), 0.03 * np.ptp(points[:, 0])
+    taken: list[tuple[float, float, float]] = []
+    for name, centre, top, colour in sorted(named, key=lambda each: each[2]):
+        x, y, half = centre[0], top + 0.6 * height, len(name) * width / 2
+        while any(abs(x - x_) < half + half_ and abs(y - y_) < height for x_, y_, half_ in taken):
+            y += height / 4
+        taken.append((x, y, half))
+        place.annotate(name, (x, y), fontsize=_SIZE, ha="center", va="center", parse_math=False, color=colour,
+                       weight="bold", path_effects=[withStroke(linewidth=2, foreground="white")])  # fmt: skip
 
 
 def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()) -> Figure:

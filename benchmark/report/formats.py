@@ -134,7 +134,9 @@ def markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[s
 def latex(view: TableView) -> str:
     r"""Return a table for ``\input``, which needs booktabs and tabularx: one column of a paper, or ``table*``."""
     n_groups, n_scores = len(view.groups), len(view.groups) * len(MEASURES)
-    environment = "table" if n_scores <= _ONE_COLUMN else "table*"
+    has_folds = any(row for row in view.printed_rows for group in view.groups if view.of_folds(row, group))
+    is_wide = n_scores > _ONE_COLUMN or has_folds  # ranges of folds do not fit one column
+    environment = "table*" if is_wide else "table"
     rules = "".join(rf"\cmidrule(r){{{4 * k + 2}-{4 * k + 5}}}" for k in range(n_groups))
     styles, body = {"bold": r"\textbf{{{}}}", "italic": r"\textit{{{}}}", "": "{}"}, []
     for heading, lines in blocks(view):
@@ -154,13 +156,20 @@ def latex(view: TableView) -> str:
     texts = (r"\\".join(map(latex_text, wrap(group.capitalize(), 17))) for group in view.groups)
     groups = (paper if text == "Paper" else rf"\shortstack{{{text}}}" if r"\\" in text else text for text in texts)
     head = [latex_row("", *map(_spread, groups), ""), rules, latex_row("", *MEASURES * n_groups, "s")]
-    columns = r">{\raggedright\hangindent1em}X" + rf"*{{{len(MEASURES)}}}{{c}}@{{\hskip6pt}}" * n_groups + "r"
+    # A wide table spreads over the page, so that no name is far from its scores; a narrow one gives names the rest.
+    longest = max(len(row.title) for row in view.printed_rows) + 5  # and a citation
+    names = rf">{{\raggedright\hangindent1em\arraybackslash}}p{{{min(0.5 * longest, 17):.1f}em}}"
+    wide = rf"@{{\extracolsep{{\fill}}}}{names}" + rf"*{{{len(MEASURES)}}}{{c}}" * n_groups + "r@{}"
+    narrow = r"@{}>{\raggedright\hangindent1em}X" + rf"*{{{len(MEASURES)}}}{{c}}@{{\hskip6pt}}" * n_groups + "r@{}"
+    kind, columns = ("tabular*", wide) if is_wide else ("tabularx", narrow)
+    style = r"\footnotesize\setlength{\tabcolsep}{2pt}" if is_wide else r"\scriptsize\setlength{\tabcolsep}{1.7pt}"
+    style += r"\renewcommand{\arraystretch}{1.25}" * has_folds
     notes = " ".join(table_notes(view)[:-1])  # the last one is for those who have the suite
     return "\n".join([
         "% needs booktabs and tabularx", rf"\begin{{{environment}}}", r"\centering",
         rf"\caption{{{latex_text(view.caption)}.}}", rf"\label{{tab:{view.stem.removeprefix('table-')}}}",
-        r"\scriptsize\setlength{\tabcolsep}{1.7pt}", rf"\begin{{tabularx}}{{\linewidth}}{{@{{}}{columns}@{{}}}}",
-        r"\toprule", *head, *body, r"\bottomrule", r"\end{tabularx}",
+        style, rf"\begin{{{kind}}}{{\linewidth}}{{{columns}}}",
+        r"\toprule", *head, *body, r"\bottomrule", rf"\end{{{kind}}}",
         rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {latex_text(notes)}}}",
         rf"\end{{{environment}}}",
     ]) + "\n"  # fmt: skip

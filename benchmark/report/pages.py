@@ -79,8 +79,12 @@ class Pages:
 
     def add(self, name: str, template: str, title: str, **content: Any) -> None:
         """Add a page."""
-        content["tables"] = {"index": "Overview"} if len(self.views) > 1 else {}
-        content["tables"] |= {view.stem: _label(view) for view in self.views if self.main(view) is view}
+        groups: dict[str, dict[str, str]] = {}
+        for view in self.views:
+            if self.main(view) is view:
+                own = view.table.identifier == view.dataset
+                groups.setdefault(_data_title(view), {})[view.stem] = "own" if own else view.table.identifier
+        content |= {"groups": groups, "has_overview": len(self.views) > 1}
         self.files[name] = _TEMPLATES.get_template(template).render(title=title, here=name, **content)
 
     def main(self, view: TableView) -> TableView:
@@ -224,6 +228,7 @@ def _scores(view: TableView, forms: Sequence[Any] = (), queries: Sequence[Any] =
     least = min([1.0, *ranges, *papers, *(chance[MEASURE] for chance in view.chance.values())]) // 0.1 / 10
     return {
         "least": least,
+        "ticks": [number / 10 for number in range(round(10 * least), 11, 2 if least < 0.7 else 1)],
         "view": view,
         "blocks": blocks(view),
         "rows": rows,

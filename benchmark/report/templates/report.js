@@ -48,7 +48,7 @@ async function turn(button) {
   if (!meshes[file]) await load(file);
   const box = make("div", { className: "turned" }), image = { filename: name, scale: 4, format: "png" };
   button.replaceWith(box);
-  await Plotly.newPlot(box, ...scene(meshes[file]), { displaylogo: false, responsive: true, toImageButtonOptions: image });
+  await Plotly.newPlot(box, ...scene(meshes[file]), { displaylogo: false, responsive: true, toImageButtonOptions: image, modeBarButtons: [["toImage", "resetCameraDefault3d"]] });
   box.on("plotly_relayout", async ({ "scene.camera": camera }) => { // all forms turn alike
     if (!camera || turned.isBusy) return;
     turned.isBusy = true;
