@@ -12,9 +12,10 @@ from benchmark.api.contracts import CanonicalForm, CheckedParameters, Interval, 
 class AcceleratedMDS(CheckedParameters):
     r"""Classic MDS without all pairwise distances.
 
-    The matrix P (n x p) of biharmonic (Laplace-Beltrami) interpolation extends the squared distances W (p x p) between
-    p farthest-point samples over the surface: :math:`D \circ D \approx P W P^\top`. Shamai, Zibulevsky and Kimmel
-    (2015), "Accelerating the computation of canonical forms for 3D nonrigid objects using multidimensional scaling".
+    The matrix P (n x p) of biharmonic (Laplace-Beltrami) interpolation extends the squared
+    distances W (p x p) between p farthest-point samples over the surface: :math:`D \circ D \approx
+    P W P^\top`. Shamai, Zibulevsky and Kimmel (2015), "Accelerating the computation of canonical
+    forms for 3D nonrigid objects using multidimensional scaling".
 
     Parameters
     ----------
@@ -42,11 +43,18 @@ class AcceleratedMDS(CheckedParameters):
         UnsupportedShape
             If the second eigenvalue of the Laplacian is zero.
         """
-        from baselines._kernels.few_rows import farthest_points, low_rank_scaling, smooth_interpolation, stress_of_rows
+        from baselines._kernels.few_rows import (
+            farthest_points,
+            low_rank_scaling,
+            smooth_interpolation,
+            stress_of_rows,
+        )
 
         samples = farthest_points(shape, self.samples)
         interpolation = smooth_interpolation(shape, samples)
         rows = shape.geodesics_from(samples)
         squares = rows[:, samples] ** 2
         points = low_rank_scaling(shape, interpolation, (squares + squares.T) / 2)
-        return shape.form(points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows))
+        return shape.form(
+            points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows)
+        )

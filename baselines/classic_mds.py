@@ -19,9 +19,10 @@ class ClassicMDS(CheckedParameters):
 
     .. math:: B = -\tfrac12 J (D \circ D) J = Q \Lambda Q^\top, \qquad X = Q_3 \Lambda_3^{1/2},
 
-    with the three largest eigenvalues, of which negative ones count as zero. Signs of axes and the side of the mirror
-    follow :func:`benchmark.api.oriented`. Elad and Kimmel (2003), "On bending invariant signatures for
-    surfaces"; Torgerson (1952), "Multidimensional scaling: I. Theory and method".
+    with the three largest eigenvalues, of which negative ones count as zero. Signs of axes and the
+    side of the mirror follow :func:`benchmark.api.oriented`. Elad and Kimmel (2003), "On bending
+    invariant signatures for surfaces"; Torgerson (1952), "Multidimensional scaling: I. Theory and
+    method".
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -55,11 +56,11 @@ def classic_scaling(distances: FloatArray) -> tuple[FloatArray, FloatArray]:
     Returns
     -------
     points : numpy.ndarray
-        Centred positions, shape (n, 3), along axes of decreasing variance and arbitrary sign; exact if the distances
-        are those of points in 3D.
+        Centred positions, shape (n, 3), along axes of decreasing variance and arbitrary sign; exact
+        if the distances are those of points in 3D.
     values : numpy.ndarray
-        The four largest eigenvalues of the doubly centred squares. If the third and fourth are nearly equal, they may
-        swap under a small deformation.
+        The four largest eigenvalues of the doubly centred squares. If the third and fourth are
+        nearly equal, they may swap under a small deformation.
     """
     from scipy.sparse.linalg import LinearOperator, eigsh
 

@@ -7,30 +7,38 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
+from benchmark.api.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    Interval,
+    MethodInfo,
+    Shape,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ConstrainedMDS(CheckedParameters):
     r"""Deformation towards the MDS pose under a sparse shape regulariser (Sahillioğlu 2015).
 
-    Multidimensional scaling finds the pose but crumples the surface. Here the input itself, with rest positions
-    :math:`p`, moves towards the least-squares MDS positions :math:`m` of its vertices, while an as-rigid-as-possible
-    energy preserves the details:
+    Multidimensional scaling finds the pose but crumples the surface. Here the input itself, with
+    rest positions :math:`p`, moves towards the least-squares MDS positions :math:`m` of its
+    vertices, while an as-rigid-as-possible energy preserves the details:
 
     .. math:: E(x) = E_\mathrm{ARAP}(x; p) + \lambda \sum_i a_i \|x_i - m_i\|^2
 
-    with vertex areas :math:`a` of sum 1, so that :math:`\lambda` has no unit and does not depend on the sampling.
-    Starting from :math:`x = p`, local steps (one rotation per cell) alternate with global steps (one sparse solve), and
-    :math:`\lambda` rises geometrically in cascades, so that large parts move first and small ones later.
+    with vertex areas :math:`a` of sum 1, so that :math:`\lambda` has no unit and does not depend on
+    the sampling. Starting from :math:`x = p`, local steps (one rotation per cell) alternate with
+    global steps (one sparse solve), and :math:`\lambda` rises geometrically in cascades, so that
+    large parts move first and small ones later.
 
-    MDS cannot distinguish a pose from its mirror image, and a surface pulled towards the wrong one turns inside out.
-    Both images of :math:`m` are therefore aligned with :math:`p` by a proper rotation, and of both deformations the one
-    with the lower energy :math:`E` is kept.
+    MDS cannot distinguish a pose from its mirror image, and a surface pulled towards the wrong one
+    turns inside out. Both images of :math:`m` are therefore aligned with :math:`p` by a proper
+    rotation, and of both deformations the one with the lower energy :math:`E` is kept.
 
-    Sahillioğlu deforms the enclosed solid; the surface energy used here also handles open surfaces. The abstract of the
-    source speaks of "its MDS pose": a minimiser, not a step on the way to it. :math:`m` is the form of
-    :class:`baselines.smacof.LeastSquaresMDS` with its defaults.
+    Sahillioğlu deforms the enclosed solid; the surface energy used here also handles open surfaces.
+    The abstract of the source speaks of "its MDS pose": a minimiser, not a step on the way to it.
+    :math:`m` is the form of :class:`baselines.smacof.LeastSquaresMDS` with its defaults.
 
     Parameters
     ----------
@@ -64,8 +72,8 @@ class ConstrainedMDS(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the deformed surface.
 
-        The notes give the mean and largest edge strain, the final energy and that of the rejected mirror image, both in
-        squared units of the mesh, and whether the mirror image was kept.
+        The notes give the mean and largest edge strain, the final energy and that of the rejected
+        mirror image, both in squared units of the mesh, and whether the mirror image was kept.
         """
         from baselines.smacof import LeastSquaresMDS
 
@@ -76,7 +84,9 @@ class ConstrainedMDS(CheckedParameters):
         from baselines._kernels.arap import AsRigidAsPossible, aligned
 
         surface, areas = AsRigidAsPossible.of(shape), shape.mesh.vertex_areas
-        images = [aligned(targets * [sign, 1.0, 1.0], shape.mesh.vertices, areas) for sign in (1.0, -1.0)]
+        images = [
+            aligned(targets * [sign, 1.0, 1.0], shape.mesh.vertices, areas) for sign in (1.0, -1.0)
+        ]
         deformed = [surface.rest, surface.rest]
         for strength in np.geomspace(self.first_pull, self.last_pull, self.cascades):
             pull = strength * areas / areas.sum()
@@ -90,5 +100,9 @@ class ConstrainedMDS(CheckedParameters):
             for x, image in zip(deformed, images, strict=True)
         ]
         kept = int(energies[1] < energies[0])
-        notes = {**surface.strains(deformed[kept]), "energy": energies[kept], "rejected_energy": energies[1 - kept]}
+        notes = {
+            **surface.strains(deformed[kept]),
+            "energy": energies[kept],
+            "rejected_energy": energies[1 - kept],
+        }
         return shape.form(deformed[kept], **notes, mirrored="yes" if kept else "no")

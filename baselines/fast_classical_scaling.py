@@ -14,8 +14,8 @@ from benchmark.api.contracts import CanonicalForm, CheckedParameters, Interval, 
 class FastClassicalScaling(CheckedParameters):
     r"""Fast classical scaling (FMDS).
 
-    The squared geodesic distances :math:`F` (p x n) from p farthest-point samples s are extended over the surface by
-    the matrix P (n x p) whose column j minimises
+    The squared geodesic distances :math:`F` (p x n) from p farthest-point samples s are extended
+    over the surface by the matrix P (n x p) whose column j minimises
 
     .. math:: \| A^{-1} L x \|^2 + \mu \| x_s - e_j \|^2,
 
@@ -23,17 +23,19 @@ class FastClassicalScaling(CheckedParameters):
 
     .. math:: D \circ D \approx \tfrac12 (P F + F^\top P^\top),
 
-    has the form :math:`Z M Z^\top` with 2p columns in Z, see :func:`baselines._kernels.few_rows.low_rank_scaling`.
-    Shamai, Aflalo, Zibulevsky and Kimmel (2015), "Classical scaling revisited", and Shamai, Zibulevsky and Kimmel
-    (2018), "Efficient inter-geodesic distance computation and fast classical scaling"; equations and defaults are those
-    of the authors' released code.
+    has the form :math:`Z M Z^\top` with 2p columns in Z, see
+    :func:`baselines._kernels.few_rows.low_rank_scaling`. Shamai, Aflalo, Zibulevsky and Kimmel
+    (2015), "Classical scaling revisited", and Shamai, Zibulevsky and Kimmel (2018), "Efficient
+    inter-geodesic distance computation and fast classical scaling"; equations and defaults are
+    those of the authors' released code.
 
     Parameters
     ----------
     samples
         Number p of farthest-point samples.
     fidelity
-        Weight :math:`\mu` of the fit relative to the smoothness, on a surface of mean vertex area 1.
+        Weight :math:`\mu` of the fit relative to the smoothness, on a surface of mean vertex area
+        1.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -60,12 +62,23 @@ class FastClassicalScaling(CheckedParameters):
         UnsupportedShape
             If the second eigenvalue of the Laplacian is zero.
         """
-        from baselines._kernels.few_rows import farthest_points, low_rank_scaling, smooth_interpolation, stress_of_rows
+        from baselines._kernels.few_rows import (
+            farthest_points,
+            low_rank_scaling,
+            smooth_interpolation,
+            stress_of_rows,
+        )
 
         samples = farthest_points(shape, self.samples)
         mass = shape.laplacian().mass
-        extension = smooth_interpolation(shape, samples, weights=(mass / mass.mean()) ** 2, fidelity=self.fidelity)
+        extension = smooth_interpolation(
+            shape, samples, weights=(mass / mass.mean()) ** 2, fidelity=self.fidelity
+        )
         rows = shape.geodesics_from(samples)
-        coupling = np.asarray(np.kron([[0.0, 0.5], [0.5, 0.0]], np.eye(len(samples))), dtype=np.float64)
+        coupling = np.asarray(
+            np.kron([[0.0, 0.5], [0.5, 0.0]], np.eye(len(samples))), dtype=np.float64
+        )
         points = low_rank_scaling(shape, np.hstack([extension, rows.T**2]), coupling)
-        return shape.form(points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows))
+        return shape.form(
+            points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows)
+        )

@@ -8,7 +8,14 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
+from benchmark.api.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    Interval,
+    MethodInfo,
+    Shape,
+)
 from benchmark.geometry.embedding import oriented
 
 
@@ -16,16 +23,17 @@ from benchmark.geometry.embedding import oriented
 class FastMDS(CheckedParameters):
     r"""FastMap of the geodesic distances.
 
-    Each of the three axes passes through two pivots a and b that are far apart. By the law of cosines, vertex i
-    projects to
+    Each of the three axes passes through two pivots a and b that are far apart. By the law of
+    cosines, vertex i projects to
 
     .. math:: x_i = \frac{d_{ai}^2 + d_{ab}^2 - d_{bi}^2}{2 d_{ab}},
 
-    and the next axis uses the residual distances :math:`d'^2_{ij} = d_{ij}^2 - (x_i - x_j)^2`, where negative squares
-    count as zero. Pivots are found by a walk that moves to the farthest vertex a few times; only the rows of the
-    visited vertices are computed, never all pairs. Signs of axes and the side of the mirror follow
-    :func:`benchmark.api.oriented`. Faloutsos and Lin (1995), "FastMap: a fast algorithm for indexing,
-    data-mining and visualization of traditional and multimedia datasets".
+    and the next axis uses the residual distances :math:`d'^2_{ij} = d_{ij}^2 - (x_i - x_j)^2`,
+    where negative squares count as zero. Pivots are found by a walk that moves to the farthest
+    vertex a few times; only the rows of the visited vertices are computed, never all pairs. Signs
+    of axes and the side of the mirror follow :func:`benchmark.api.oriented`. Faloutsos and Lin
+    (1995), "FastMap: a fast algorithm for indexing, data-mining and visualization of traditional
+    and multimedia datasets".
 
     Parameters
     ----------
@@ -60,7 +68,9 @@ class FastMDS(CheckedParameters):
             """Return the squared distances from a vertex that the axes so far do not explain, shape (n,)."""
             if vertex not in rows:
                 rows[vertex] = shape.geodesics_from([vertex])[0]
-            return np.asarray(np.maximum(rows[vertex] ** 2 - ((points - points[vertex]) ** 2).sum(axis=1), 0.0))
+            return np.asarray(
+                np.maximum(rows[vertex] ** 2 - ((points - points[vertex]) ** 2).sum(axis=1), 0.0)
+            )
 
         (start,) = farthest_points(shape, 1)
         for axis in range(3):

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
+from benchmark.api.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    Interval,
+    MethodInfo,
+    Shape,
+)
 
 if TYPE_CHECKING:
     from baselines._kernels.arap import AsRigidAsPossible
@@ -26,20 +33,20 @@ PART_SIZE = 16
 class FeaturePreserved(CheckedParameters):
     r"""Feature-preserved canonical form (Lian, Godil and Xiao 2013).
 
-    Least-squares MDS finds the pose but crumples the surface. Here near-rigid parts of the input, with rest positions
-    p, move rigidly onto their MDS positions m:
+    Least-squares MDS finds the pose but crumples the surface. Here near-rigid parts of the input,
+    with rest positions p, move rigidly onto their MDS positions m:
 
     1. Farthest-point sampling spreads seeds over the surface. Each vertex joins the part of the seed that is nearest
        along the surface, and the seams shift so that the parts fit m better.
     2. Part c moves by the rigid motion that brings it and its adjacent vertices nearest to m,
-       :math:`\min_{R_c, t_c} \sum_{i \in c} a_i \|R_c p_i + t_c - m_i\|^2`, and the parts then shift to meet at their
-       seams.
+       :math:`\min_{R_c, t_c} \sum_{i \in c} a_i \|R_c p_i + t_c - m_i\|^2`, and the parts then
+       shift to meet at their seams.
     3. The seams are smoothed over a narrow band, outside which parts keep every detail.
 
-    MDS cannot distinguish a pose from its mirror image: both images of m are tried, and the one that the parts fit
-    better is kept. "Feature-preserved 3D canonical form", International Journal of Computer Vision 102. The source
-    divides a closed surface by its protrusions; parts around spread seeds also cut limbs at their joints and work on
-    any connected surface.
+    MDS cannot distinguish a pose from its mirror image: both images of m are tried, and the one
+    that the parts fit better is kept. "Feature-preserved 3D canonical form", International Journal
+    of Computer Vision 102. The source divides a closed surface by its protrusions; parts around
+    spread seeds also cut limbs at their joints and work on any connected surface.
 
     Parameters
     ----------
@@ -72,7 +79,8 @@ class FeaturePreserved(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the surface with its parts in the pose of the least-squares MDS.
 
-        The notes give the number of parts, the mean and largest edge strain, and whether the mirror image was kept.
+        The notes give the number of parts, the mean and largest edge strain, and whether the mirror
+        image was kept.
         """
         from baselines.smacof import LeastSquaresMDS
 
@@ -100,7 +108,9 @@ class FeaturePreserved(CheckedParameters):
         return shape.form(vertices, parts=len(rotations), **notes, mirrored="yes" if kept else "no")
 
 
-def _moved(surface: AsRigidAsPossible, parts: Parts, rotations: FloatArray, translations: FloatArray) -> FloatArray:
+def _moved(
+    surface: AsRigidAsPossible, parts: Parts, rotations: FloatArray, translations: FloatArray
+) -> FloatArray:
     """Return the vertices after the motions of their parts, shape (n, 3)."""
     return np.asarray(np.einsum("nab,nb->na", rotations[parts], surface.rest) + translations[parts])
 
@@ -110,8 +120,8 @@ def rigid_motions(
 ) -> tuple[FloatArray, FloatArray]:
     """Compute the rotation and translation of each part that bring its vertices nearest to their targets (Kabsch 1976).
 
-    The neighbours of a part count as its own, so that neighbouring parts agree on their seam and not even a part of a
-    single vertex can rotate freely.
+    The neighbours of a part count as its own, so that neighbouring parts agree on their seam and
+    not even a part of a single vertex can rotate freely.
 
     Returns
     -------
@@ -136,8 +146,9 @@ def refit_parts(
 ) -> Parts:
     """Shift the seams, vertex by vertex, so that the parts fit the targets better.
 
-    In each round every vertex at a seam joins the part of a neighbour whose rigid motion brings it nearest to its
-    target. Vertices of a part that would keep fewer than half of its initial vertices stay, and no part becomes empty.
+    In each round every vertex at a seam joins the part of a neighbour whose rigid motion brings it
+    nearest to its target. Vertices of a part that would keep fewer than half of its initial
+    vertices stay, and no part becomes empty.
     """
     graph, numbers = surface.weights, np.arange(len(parts))
     start = np.repeat(numbers, np.diff(graph.indptr))
@@ -148,7 +159,9 @@ def refit_parts(
         misses = ((moved - targets) ** 2).sum(axis=2)
         offered = np.full(misses.shape, np.inf)
         offered[parts[graph.indices], start] = misses[parts[graph.indices], start]
-        changed = np.where(offered.min(axis=0) < misses[parts, numbers], offered.argmin(axis=0), parts)
+        changed = np.where(
+            offered.min(axis=0) < misses[parts, numbers], offered.argmin(axis=0), parts
+        )
         losing = np.bincount(changed, minlength=len(least)) < least
         while losing.any():  # returning vertices may empty the parts that they had joined
             changed = np.where(losing[parts], parts, changed)
@@ -160,14 +173,20 @@ def refit_parts(
 
 
 def close_gaps(
-    surface: AsRigidAsPossible, masses: FloatArray, parts: Parts, rotations: FloatArray, translations: FloatArray
+    surface: AsRigidAsPossible,
+    masses: FloatArray,
+    parts: Parts,
+    rotations: FloatArray,
+    translations: FloatArray,
 ) -> FloatArray:
     r"""Translate the parts, without rotation, so that they meet at their seams.
 
-    With the edges (i, j) of the seams, of weights w, and the share :math:`\alpha_c` of part c in the area,
+    With the edges (i, j) of the seams, of weights w, and the share :math:`\alpha_c` of part c in
+    the area,
 
     .. math:: \min_t \sum_c \alpha_c \|t_c - t^0_c\|^2
-              + \sum_{ij} w_{ij} \| R_c p_i + t_c - R_d p_j - t_d - \tfrac12 (R_c + R_d)(p_i - p_j) \|^2 .
+              + \sum_{ij} w_{ij} \| R_c p_i + t_c - R_d p_j - t_d - \tfrac12 (R_c + R_d)(p_i - p_j)
+              \|^2 .
     """
     graph = surface.weights
     start, end = np.repeat(np.arange(len(parts)), np.diff(graph.indptr)), graph.indices
@@ -200,7 +219,8 @@ def smooth_seams(
     .. math:: \sum_{ij} w_{ij} \| (x_i - x_j) - \tfrac12 (R_i + R_j) (p_i - p_j) \|^2
               + \frac1{b^2} \sum_i m_i \| x_i - y_i \|^2 ,
 
-    a screened Poisson equation: the perturbation by a seam decays as :math:`e^{-d/b}` with the distance d from it.
+    a screened Poisson equation: the perturbation by a seam decays as :math:`e^{-d/b}` with the
+    distance d from it.
     """
     pull = masses / (width**2 * masses.sum())
     placed = _moved(surface, parts, rotations, translations)

@@ -16,15 +16,17 @@ from benchmark.geometry.embedding import oriented
 class GPS(CheckedParameters):
     r"""Global point signature of the first three non-constant eigenfunctions.
 
-    With :math:`L \phi_k = \lambda_k M \phi_k` for the cotangent Laplacian L and the mass matrix M, vertex x moves to
+    With :math:`L \phi_k = \lambda_k M \phi_k` for the cotangent Laplacian L and the mass matrix M,
+    vertex x moves to
 
     .. math:: \left( \phi_1(x) / \sqrt{\lambda_1},\; \phi_2(x) / \sqrt{\lambda_2},\; \phi_3(x) / \sqrt{\lambda_3}
               \right).
 
-    The eigenfunctions have unit norm on the surface, so the form depends on neither the position nor the size of the
-    shape. Signs and the side of the mirror follow :func:`benchmark.api.oriented`. Eigenfunctions of
-    nearly equal eigenvalues may swap between poses; the notes give the relative gaps. Rustamov (2007),
-    "Laplace-Beltrami eigenfunctions for deformation invariant shape representation".
+    The eigenfunctions have unit norm on the surface, so the form depends on neither the position
+    nor the size of the shape. Signs and the side of the mirror follow
+    :func:`benchmark.api.oriented`. Eigenfunctions of nearly equal eigenvalues may swap between
+    poses; the notes give the relative gaps. Rustamov (2007), "Laplace-Beltrami eigenfunctions for
+    deformation invariant shape representation".
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -47,7 +49,8 @@ class GPS(CheckedParameters):
         Raises
         ------
         UnsupportedShape
-            If the second eigenvalue of the Laplacian is zero, or the shape has fewer than five vertices.
+            If the second eigenvalue of the Laplacian is zero, or the shape has fewer than five
+            vertices.
         """
         values, functions = spectrum(shape, 4)  # the fourth only gives the gap to the next axis
         mass = shape.laplacian().mass

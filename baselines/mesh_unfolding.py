@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Annotated, ClassVar
 import numpy as np
 from numba import njit
 
-from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
+from benchmark.api.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    Interval,
+    MethodInfo,
+    Shape,
+)
 
 if TYPE_CHECKING:
     from baselines._kernels.arap import AsRigidAsPossible
@@ -27,15 +34,16 @@ class MeshUnfolding(CheckedParameters):
 
     .. math:: E(x) = -\sum_{i<j} a_i a_j \|x_i - x_j\| + \beta E_\mathrm{ARAP}(x; p)
 
-    with vertex areas :math:`a` of sum 1 on a surface of unit area with rest positions :math:`p`. The stiffness
-    :math:`\beta` doubles with each cascade: a soft surface spreads its limbs, a stiffer one restores its details. The
-    cascades end as soon as the mean edge strain is at most ``strain_bound``. Without geodesic distances, a hand that
-    touches a knee affects only the contact.
+    with vertex areas :math:`a` of sum 1 on a surface of unit area with rest positions :math:`p`.
+    The stiffness :math:`\beta` doubles with each cascade: a soft surface spreads its limbs, a
+    stiffer one restores its details. The cascades end as soon as the mean edge strain is at most
+    ``strain_bound``. Without geodesic distances, a hand that touches a knee affects only the
+    contact.
 
-    The source repels by squared distances, which have no upper bound unless the surface is stiff enough; the distances
-    used here give a bounded force at any stiffness. The source regularises with finite elements; the
-    as-rigid-as-possible energy of Sorkine & Alexa (2007), co-rotated elements of a surface, handles closed and open
-    surfaces alike.
+    The source repels by squared distances, which have no upper bound unless the surface is stiff
+    enough; the distances used here give a bounded force at any stiffness. The source regularises
+    with finite elements; the as-rigid-as-possible energy of Sorkine & Alexa (2007), co-rotated
+    elements of a surface, handles closed and open surfaces alike.
 
     Parameters
     ----------
@@ -44,8 +52,8 @@ class MeshUnfolding(CheckedParameters):
     iterations
         Number of steps of the first cascade, which unfolds the surface.
     later_iterations
-        Number of steps of each later cascade. A few suffice to undo the stretch; with many, a stiff surface would bend
-        back towards its rest pose.
+        Number of steps of each later cascade. A few suffice to undo the stretch; with many, a stiff
+        surface would bend back towards its rest pose.
     strain_bound
         Maximum mean edge strain of the result.
     max_cascades
@@ -80,7 +88,10 @@ class MeshUnfolding(CheckedParameters):
         surface = AsRigidAsPossible.of(shape, unit)
         solve, stiffness, cascades = surface.factorise(PROXIMITY * masses), self.first_stiffness, 1
         positions = relax(surface, solve, masses, surface.rest, stiffness, self.iterations)
-        while surface.strains(positions)["mean_edge_strain"] > self.strain_bound and cascades < self.max_cascades:
+        while (
+            surface.strains(positions)["mean_edge_strain"] > self.strain_bound
+            and cascades < self.max_cascades
+        ):
             stiffness, cascades = 2 * stiffness, cascades + 1
             positions = relax(surface, solve, masses, positions, stiffness, self.later_iterations)
         notes = surface.strains(positions)
@@ -97,17 +108,19 @@ def relax(
 ) -> FloatArray:
     r"""Let the vertices of a surface repel each other against its elastic energy.
 
-    The energy is :math:`-\sum_{i<j} a_i a_j \|x_i - x_j\| + \beta E_\mathrm{ARAP}(x)`. Each step replaces the concave
-    first term by its tangent and the rotations by the best ones, both upper bounds that touch the energy at the current
-    positions, and minimises their sum exactly by one sparse solve: the energy never rises (majorisation; Hunter &
-    Lange 2004). It is bounded below, since the repulsion grows linearly and the elastic energy quadratically.
+    The energy is :math:`-\sum_{i<j} a_i a_j \|x_i - x_j\| + \beta E_\mathrm{ARAP}(x)`. Each step
+    replaces the concave first term by its tangent and the rotations by the best ones, both upper
+    bounds that touch the energy at the current positions, and minimises their sum exactly by one
+    sparse solve: the energy never rises (majorisation; Hunter & Lange 2004). It is bounded below,
+    since the repulsion grows linearly and the elastic energy quadratically.
 
     Parameters
     ----------
     surface
         Elastic energy and rest positions.
     solve
-        Solves the system of the surface with ``PROXIMITY * masses`` added, which does not depend on the stiffness.
+        Solves the system of the surface with ``PROXIMITY * masses`` added, which does not depend on
+        the stiffness.
     masses
         Weight of each vertex in the repulsion, shape (n,), sum 1.
     positions
@@ -124,7 +137,9 @@ def relax(
     """
     centroid = masses @ positions
     for _ in range(steps):
-        load = surface.load(surface.rotations(positions)) + repulsion(positions, masses) / (2 * stiffness)
+        load = surface.load(surface.rotations(positions)) + repulsion(positions, masses) / (
+            2 * stiffness
+        )
         positions = solve(load + PROXIMITY * masses[:, None] * positions)
         positions += centroid - masses @ positions
     return positions
@@ -141,8 +156,13 @@ def repulsion(positions: FloatArray, masses: FloatArray) -> FloatArray:
         for j in range(len(masses)):
             dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
             squared = dx * dx + dy * dy + dz * dz
-            # A root in single precision and one step of Newton's method: all digits in two thirds of the time.
-            guess = np.float64(np.float32(1.0) / np.sqrt(np.float32(squared))) if squared > 1e-30 else 0.0
+            # A root in single precision and one step of Newton's method: all digits in two thirds
+            # of the time.
+            guess = (
+                np.float64(np.float32(1.0) / np.sqrt(np.float32(squared)))
+                if squared > 1e-30
+                else 0.0
+            )
             push = masses[j] * guess * (1.5 - 0.5 * squared * guess * guess)
             sx, sy, sz = sx + push * dx, sy + push * dy, sz + push * dz
         forces[i, 0], forces[i, 1], forces[i, 2] = masses[i] * sx, masses[i] * sy, masses[i] * sz

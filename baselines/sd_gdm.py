@@ -8,18 +8,26 @@ from typing import Annotated, ClassVar
 
 import numpy as np
 
-from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape, UnsupportedShape
+from benchmark.api.contracts import (
+    CheckedParameters,
+    FloatArray,
+    Interval,
+    MethodInfo,
+    Shape,
+    UnsupportedShape,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SDGDM(CheckedParameters):
     r"""Largest singular values of the geodesic distance matrix.
 
-    The values :math:`s_1 \ge s_2 \ge \dots` do not depend on the order of the vertices, and hardly on the pose; divided
-    by their sum, they depend neither on the size nor on the number of vertices. Shapes are compared by the
-    mean-normalised Manhattan distance :math:`\sum_k 2 |s_k - t_k| / (s_k + t_k)`. A control: it uses the same matrix as
-    the MDS rows, but without a canonical form. Smeets, Hermans, Vandermeulen and Suetens (2012), "Isometric deformation
-    invariant 3D shape recognition".
+    The values :math:`s_1 \ge s_2 \ge \dots` do not depend on the order of the vertices, and hardly
+    on the pose; divided by their sum, they depend neither on the size nor on the number of
+    vertices. Shapes are compared by the mean-normalised Manhattan distance :math:`\sum_k 2 |s_k -
+    t_k| / (s_k + t_k)`. A control: it uses the same matrix as the MDS rows, but without a canonical
+    form. Smeets, Hermans, Vandermeulen and Suetens (2012), "Isometric deformation invariant 3D
+    shape recognition".
 
     Parameters
     ----------
@@ -48,13 +56,18 @@ class SDGDM(CheckedParameters):
         distances = shape.geodesics()
         if self.count >= len(distances):
             raise UnsupportedShape(
-                f"{shape.identifier}: {len(distances)} vertices", f"more than {self.count} are needed"
+                f"{shape.identifier}: {len(distances)} vertices",
+                f"more than {self.count} are needed",
             )
-        # The matrix is symmetric, so its singular values are the absolute values of its eigenvalues. The start has no
-        # symmetry: from a constant vector, the iteration would miss half of the eigenvalues of a symmetric shape.
+        # The matrix is symmetric, so its singular values are the absolute values of its
+        # eigenvalues. The start has no symmetry: from a constant vector, the iteration would miss
+        # half of the eigenvalues of a symmetric shape.
         start = np.random.default_rng(0).standard_normal(len(distances))
-        # A product that reads one half of the matrix; transposed, it is in the order of BLAS and is not copied.
-        product = LinearOperator(distances.shape, lambda vector: dsymv(1.0, distances.T, vector), dtype=np.float64)
+        # A product that reads one half of the matrix; transposed, it is in the order of BLAS and is
+        # not copied.
+        product = LinearOperator(
+            distances.shape, lambda vector: dsymv(1.0, distances.T, vector), dtype=np.float64
+        )
         values = eigsh(product, k=self.count, which="LM", v0=start, return_eigenvectors=False)
         sizes = np.sort(np.abs(values))[::-1]
         return np.asarray((sizes / sizes.sum()).round(9))  # further digits depend on the processor

@@ -16,10 +16,10 @@ from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, Met
 class ShapeDNA(CheckedParameters):
     r"""First non-zero eigenvalues of the Laplacian, times the surface area.
 
-    With :math:`L \phi_k = \lambda_k M \phi_k`, the descriptor is :math:`(A \lambda_1, \dots, A \lambda_k)`. It is
-    invariant under bending, and the area A removes the scale. Shapes are compared by Euclidean distance. A control
-    without a canonical form. Reuter, Wolter and Peinecke (2006), "Laplace-Beltrami spectra as Shape-DNA of surfaces and
-    solids".
+    With :math:`L \phi_k = \lambda_k M \phi_k`, the descriptor is :math:`(A \lambda_1, \dots, A
+    \lambda_k)`. It is invariant under bending, and the area A removes the scale. Shapes are
+    compared by Euclidean distance. A control without a canonical form. Reuter, Wolter and Peinecke
+    (2006), "Laplace-Beltrami spectra as Shape-DNA of surfaces and solids".
 
     Parameters
     ----------

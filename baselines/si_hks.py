@@ -16,19 +16,21 @@ from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, Met
 class ScaleInvariantHKS(CheckedParameters):
     r"""Bag of features of the scale-invariant heat kernel signature.
 
-    With the Laplacian eigenpairs :math:`(\lambda_k, \phi_k)` of the surface scaled to area 1, the signature of vertex x
-    at time t, the heat that remains at x from a unit source there, is
+    With the Laplacian eigenpairs :math:`(\lambda_k, \phi_k)` of the surface scaled to area 1, the
+    signature of vertex x at time t, the heat that remains at x from a unit source there, is
 
     .. math:: \mathrm{HKS}(x, t) = \sum_k e^{-\lambda_k t} \phi_k(x)^2.
 
-    At times :math:`t = 2^\tau`, scaling a surface shifts its signature in :math:`\tau` and multiplies it by a factor.
-    The derivative of its logarithm with respect to :math:`\tau` removes the factor, and the moduli of its Fourier
-    transform remove the shift; the lowest frequencies describe a vertex. The words are the k-means centres of all
-    vertices of the gallery. With :math:`\sigma` twice the median distance of a vertex to its nearest word, vertex p has
-    the weight :math:`e^{-\|p - w\|^2 / 2 \sigma^2}` for word w, normalised over the words. The bag of features is the
-    area-weighted mean over its vertices. Shapes are compared by the sum of absolute differences. A control without a
-    canonical form. Bronstein and Kokkinos (2010), "Scale-invariant heat kernel signatures for non-rigid shape
-    recognition"; for the words Bronstein, Bronstein, Guibas and Ovsjanikov (2011), "Shape Google".
+    At times :math:`t = 2^\tau`, scaling a surface shifts its signature in :math:`\tau` and
+    multiplies it by a factor. The derivative of its logarithm with respect to :math:`\tau` removes
+    the factor, and the moduli of its Fourier transform remove the shift; the lowest frequencies
+    describe a vertex. The words are the k-means centres of all vertices of the gallery. With
+    :math:`\sigma` twice the median distance of a vertex to its nearest word, vertex p has the
+    weight :math:`e^{-\|p - w\|^2 / 2 \sigma^2}` for word w, normalised over the words. The bag of
+    features is the area-weighted mean over its vertices. Shapes are compared by the sum of absolute
+    differences. A control without a canonical form. Bronstein and Kokkinos (2010), "Scale-invariant
+    heat kernel signatures for non-rigid shape recognition"; for the words Bronstein, Bronstein,
+    Guibas and Ovsjanikov (2011), "Shape Google".
 
     Parameters
     ----------
@@ -71,12 +73,15 @@ class ScaleInvariantHKS(CheckedParameters):
         values, functions = spectrum(shape, self.eigenpairs)
         mass = shape.laplacian().mass
         area = mass.sum()
-        # 24 octaves in steps of 1/16, as in the source. By Weyl's law the eigenvalues at area 1 are about 4 pi k; the
-        # range is centred at the geometric mean of 1 / (4 pi) and 1 / (400 pi), about 2^-7.
+        # 24 octaves in steps of 1/16, as in the source. By Weyl's law the eigenvalues at area 1 are
+        # about 4 pi k; the range is centred at the geometric mean of 1 / (4 pi) and 1 / (400 pi),
+        # about 2^-7.
         times = 2.0 ** np.arange(-19, 5 + 1 / 16, 1 / 16)
         decays = np.exp(-np.outer(values * area, times))
         heat = 1 + area * functions**2 @ decays  # the constant function keeps 1
-        slope = -np.log(2) * times * (area * functions**2 @ ((values * area)[:, None] * decays)) / heat
+        slope = (
+            -np.log(2) * times * (area * functions**2 @ ((values * area)[:, None] * decays)) / heat
+        )
         # Here and below, digits that depend on the processor are rounded off.
         moduli = np.abs(np.fft.rfft(slope, axis=1))[:, : self.frequencies].round(6)
         return np.column_stack([mass / area, moduli])[np.argsort(moduli[:, 0])].ravel()
@@ -85,7 +90,9 @@ class ScaleInvariantHKS(CheckedParameters):
         """Return the sums of absolute differences of the bags of features, shape (N, N)."""
         return self.compare_to(descriptors, descriptors)
 
-    def compare_to(self, queries: Sequence[FloatArray], gallery: Sequence[FloatArray], draw: int = 0) -> FloatArray:
+    def compare_to(
+        self, queries: Sequence[FloatArray], gallery: Sequence[FloatArray], draw: int = 0
+    ) -> FloatArray:
         """Return those of M queries to N shapes, from which alone the words come, shape (M, N)."""
         from scipy.spatial import cKDTree
         from scipy.spatial.distance import cdist
@@ -95,13 +102,17 @@ class ScaleInvariantHKS(CheckedParameters):
         vertices = np.unique(np.concatenate([self._vertices(of)[:, 1:] for of in gallery]), axis=0)
         count = min(self.words, len(vertices))
         words = KMeans(count, n_init=1, random_state=0).fit(vertices).cluster_centers_
-        sigma = max(2 * np.median(cKDTree(words).query(vertices)[0]), 1e-9 * np.ptp(vertices)) or 1.0
+        sigma = (
+            max(2 * np.median(cKDTree(words).query(vertices)[0]), 1e-9 * np.ptp(vertices)) or 1.0
+        )
 
         def bag(descriptor: FloatArray) -> FloatArray:
             shape = self._vertices(descriptor)
             squares = cdist(shape[:, 1:], words, "sqeuclidean")
             closeness = np.exp((squares.min(axis=1, keepdims=True) - squares) / (2 * sigma**2))
-            return np.asarray(shape[:, 0] @ (closeness / closeness.sum(axis=1, keepdims=True))).round(9)
+            return np.asarray(
+                shape[:, 0] @ (closeness / closeness.sum(axis=1, keepdims=True))
+            ).round(9)
 
         columns = [bag(of) for of in gallery]
         rows = columns if queries is gallery else [bag(of) for of in queries]

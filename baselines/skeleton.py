@@ -33,9 +33,10 @@ class Skeleton(CheckedParameters):
     r"""Skeleton-based canonical form (Pickup, Sun, Rosin & Martin 2016).
 
     1. Curve skeleton. A closed surface is contracted by constrained Laplacian smoothing, collapsed to a graph and
-       centred (Au et al. 2008). Contraction would erode an open surface, such as a depth view, from its borders. Its
-       joints are the connected pieces of bands between level sets of the geodesic distance from an extremity. A closed
-       surface whose contraction fails is treated in the same way.
+       centred (Au et al. 2008). Contraction would erode an open surface, such as a depth view, from
+       its borders. Its joints are the connected pieces of bands between level sets of the geodesic
+       distance from an extremity. A closed surface whose contraction fails is treated in the same
+       way.
     2. Pose. Shortest paths along the bones are the distances between joints, and least-squares MDS, started at the
        joints, gives their new positions.
     3. Surface. Each bone turns by the minimal rotation from its old to its new direction, each triangle turns with its
@@ -44,12 +45,13 @@ class Skeleton(CheckedParameters):
     Parameters
     ----------
     max_iterations, rtol
-        Stopping criteria of the MDS of the joints: number of Guttman transforms, and relative decrease of the stress.
+        Stopping criteria of the MDS of the joints: number of Guttman transforms, and relative
+        decrease of the stress.
     bands
         Number of level-set bands of an open surface.
     open_border
-        A surface is open if its border is longer than this multiple of the square root of its area. A hemisphere has
-        2.5; the pinholes of a scan stay far below 1.
+        A surface is open if its border is longer than this multiple of the square root of its area.
+        A hemisphere has 2.5; the pinholes of a scan stay far below 1.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -75,8 +77,8 @@ class Skeleton(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the surface in the pose of its scaled skeleton.
 
-        The notes give the kind of skeleton (``"contraction"`` or ``"level-set"``), the reason for a level-set one, the
-        numbers of joints and bones, and the edge strains.
+        The notes give the kind of skeleton (``"contraction"`` or ``"level-set"``), the reason for a
+        level-set one, the numbers of joints and bones, and the edge strains.
 
         Raises
         ------
@@ -93,9 +95,13 @@ class Skeleton(CheckedParameters):
                 "leave this shape to methods that need no skeleton",
             )
         transform = partial(guttman_transform, targets=skeleton.path_lengths())
-        joints, _ = majorise(transform, skeleton.joints, max_iterations=self.max_iterations, rtol=self.rtol)
+        joints, _ = majorise(
+            transform, skeleton.joints, max_iterations=self.max_iterations, rtol=self.rtol
+        )
         rotations = bone_rotations(skeleton.joints, joints, skeleton.bones)
-        vertices = follow_rotations(mesh, shape.laplacian(), rotations[bones_of_triangles(mesh, skeleton)])
+        vertices = follow_rotations(
+            mesh, shape.laplacian(), rotations[bones_of_triangles(mesh, skeleton)]
+        )
         return shape.form(
             vertices,
             skeleton="level-set" if reason else "contraction",
@@ -107,7 +113,11 @@ class Skeleton(CheckedParameters):
 
     def _skeleton(self, shape: Shape) -> tuple[CurveSkeleton, str]:
         """Return the skeleton, and the reason why it is one of level sets; "" if it is one of contraction."""
-        from baselines._kernels.curve_skeleton import ContractionFailed, contraction_skeleton, level_set_skeleton
+        from baselines._kernels.curve_skeleton import (
+            ContractionFailed,
+            contraction_skeleton,
+            level_set_skeleton,
+        )
 
         reason = "open surface"
         border = shape.mesh.edge_lengths[shape.mesh.edges.counts == 1].sum()
@@ -125,7 +135,8 @@ class Skeleton(CheckedParameters):
 def geodesics_from_extremity(shape: Shape) -> FloatArray:
     """Return the geodesic distances from an extremity of the surface, shape (n,), in units of the mesh.
 
-    The extremity is the vertex with the largest geodesic distance from the vertex farthest from the centroid in space.
+    The extremity is the vertex with the largest geodesic distance from the vertex farthest from the
+    centroid in space.
     """
     vertices, areas = shape.mesh.vertices, shape.mesh.vertex_areas
     outermost = int(np.linalg.norm(vertices - areas @ vertices / areas.sum(), axis=1).argmax())
@@ -153,9 +164,10 @@ def bone_rotations(before: FloatArray, after: FloatArray, bones: NDArray[np.int6
 def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]:
     """Return the bone that each triangle follows, shape (m,).
 
-    A triangle across the border of two parts follows the bone between their joints. Any other triangle follows, among
-    the bones at its joint, the one whose direction is nearest to that of the triangle's centroid: the bisecting planes
-    between the bones divide the triangles of a joint. A triangle where three parts meet belongs to its nearest joint.
+    A triangle across the border of two parts follows the bone between their joints. Any other
+    triangle follows, among the bones at its joint, the one whose direction is nearest to that of
+    the triangle's centroid: the bisecting planes between the bones divide the triangles of a joint.
+    A triangle where three parts meet belongs to its nearest joint.
     """
     bones, k = skeleton.bones, len(skeleton.joints)
     corners = np.sort(skeleton.owners[mesh.faces], axis=1)
@@ -165,26 +177,32 @@ def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]
     offsets = mesh.vertices[mesh.faces].mean(axis=1)[:, None] - skeleton.joints[corners]
     rows, nearest = np.arange(mesh.n_faces), np.linalg.norm(offsets, axis=2).argmin(axis=1)
     joints, offsets = corners[rows, nearest], offsets[rows, nearest]
-    # Bones are sorted, so the search finds each pair that exists; the loop assigns the other triangles joint by joint.
+    # Bones are sorted, so the search finds each pair that exists; the loop assigns the other
+    # triangles joint by joint.
     for joint in np.unique(joints[~across]):
         incident = np.flatnonzero((bones == joint).any(axis=1))
-        directions = _unit(skeleton.joints[bones[incident].sum(axis=1) - joint] - skeleton.joints[joint])
+        directions = _unit(
+            skeleton.joints[bones[incident].sum(axis=1) - joint] - skeleton.joints[joint]
+        )
         own = np.flatnonzero(~across & (joints == joint))
         chosen[own] = incident[(offsets[own] @ directions.T).argmax(axis=1)]
     return chosen
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), np.finfo(float).tiny))
+    return np.asarray(
+        vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), np.finfo(float).tiny)
+    )
 
 
 def follow_rotations(mesh: Mesh, laplacian: Laplacian, rotations: FloatArray) -> FloatArray:
     r"""Return the positions whose triangles best follow the prescribed rotations.
 
-    A fourth vertex off its plane turns each triangle into a simplex (Sumner & Popović 2004; Yan et al. 2008), and the
-    positions minimise :math:`\sum_f A_f \|F_f - R_f\|_F^2` over the deformation gradients :math:`F_f`. The fourth
-    vertex belongs to one simplex only, where it matches the prescribed normal exactly; eliminating it leaves the
-    tangential part of the gradient, and with it the Poisson system of the cotangent Laplacian
+    A fourth vertex off its plane turns each triangle into a simplex (Sumner & Popović 2004; Yan et
+    al. 2008), and the positions minimise :math:`\sum_f A_f \|F_f - R_f\|_F^2` over the deformation
+    gradients :math:`F_f`. The fourth vertex belongs to one simplex only, where it matches the
+    prescribed normal exactly; eliminating it leaves the tangential part of the gradient, and with
+    it the Poisson system of the cotangent Laplacian
 
     .. math:: L x = b, \qquad b_i = \tfrac12 \sum_{f \ni i} \sum_{j \in f} \cot\alpha_{ij}^f \, R_f (p_i - p_j).
 
@@ -208,11 +226,16 @@ def follow_rotations(mesh: Mesh, laplacian: Laplacian, rotations: FloatArray) ->
     sides = np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1)  # opposite each corner
     products = -(np.roll(sides, -1, axis=1) * np.roll(sides, 1, axis=1)).sum(axis=2)
     double_areas = 2 * np.maximum(mesh.face_areas, SLIVER * mesh.face_areas.mean())
-    flow = 0.5 * (products / double_areas[:, None])[..., None] * np.einsum("fab,fkb->fka", rotations, sides)
+    flow = (
+        0.5
+        * (products / double_areas[:, None])[..., None]
+        * np.einsum("fab,fkb->fka", rotations, sides)
+    )
     load = np.zeros_like(mesh.vertices)
     np.add.at(load, np.roll(mesh.faces, -1, axis=1), flow)
     np.add.at(load, np.roll(mesh.faces, 1, axis=1), -flow)
-    # The load sums to zero, so a spring at one vertex fixes the translation without any other effect.
+    # The load sums to zero, so a spring at one vertex fixes the translation without any other
+    # effect.
     system = csr_array(laplacian.stiffness, copy=True)
     system[0, 0] += system.diagonal().mean()
     positions = factorise_definite(system)(load)

@@ -12,7 +12,14 @@ from numba import njit
 from numpy.typing import NDArray
 
 from baselines.classic_mds import classic_scaling
-from benchmark.api.contracts import CanonicalForm, CheckedParameters, FloatArray, Interval, MethodInfo, Shape
+from benchmark.api.contracts import (
+    CanonicalForm,
+    CheckedParameters,
+    FloatArray,
+    Interval,
+    MethodInfo,
+    Shape,
+)
 from benchmark.geometry.embedding import oriented
 
 Transform = Callable[[FloatArray], tuple[FloatArray, float]]
@@ -32,18 +39,21 @@ STRIP, TOGETHER = 32, 4
 class LeastSquaresMDS(CheckedParameters):
     r"""Least-squares MDS of the geodesic distances.
 
-    Minimises the stress :math:`\sum_{i<j} (\|x_i - x_j\| - \delta_{ij})^2` of the form with respect to the geodesic
-    distances :math:`\delta`. A Guttman transform :math:`G(X) = B(X) X / n` never raises it, nor does a relaxed step
-    :math:`X \leftarrow 2 G(X) - X` at the best scale, which halves the number of steps or better. The result is a plain
-    transform, whose scale is right. Elad and Kimmel (2003), "On bending invariant signatures for surfaces"; de Leeuw
-    (1977), "Applications of convex analysis to multidimensional scaling"; de Leeuw and Heiser (1980), "Multidimensional
-    scaling with restrictions on the configuration"; Borg and Groenen (2005), chapter 8.
+    Minimises the stress :math:`\sum_{i<j} (\|x_i - x_j\| - \delta_{ij})^2` of the form with respect
+    to the geodesic distances :math:`\delta`. A Guttman transform :math:`G(X) = B(X) X / n` never
+    raises it, nor does a relaxed step :math:`X \leftarrow 2 G(X) - X` at the best scale, which
+    halves the number of steps or better. The result is a plain transform, whose scale is right.
+    Elad and Kimmel (2003), "On bending invariant signatures for surfaces"; de Leeuw (1977),
+    "Applications of convex analysis to multidimensional scaling"; de Leeuw and Heiser (1980),
+    "Multidimensional scaling with restrictions on the configuration"; Borg and Groenen (2005),
+    chapter 8.
 
     Parameters
     ----------
     start
-        ``"mesh"`` starts from the surface itself, so that limbs unfold from their position and the form keeps some of
-        the pose and the orientation of the input; ``"classic"`` starts from classic MDS, which ignores the pose.
+        ``"mesh"`` starts from the surface itself, so that limbs unfold from their position and the
+        form keeps some of the pose and the orientation of the input; ``"classic"`` starts from
+        classic MDS, which ignores the pose.
     max_iterations
         Maximum number of relaxed steps, each of which is one pass over all pairs.
     rtol
@@ -83,7 +93,9 @@ class LeastSquaresMDS(CheckedParameters):
             axes = np.linalg.eigh(np.cov(start, rowvar=False))[1]
             start = _rounded(start @ axes)
         transform = partial(guttman_transform, targets=targets)
-        points, stresses = majorise(transform, start, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol)
+        points, stresses = majorise(
+            transform, start, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol
+        )
         total = float(np.square(targets, dtype=np.float64).sum()) / 2
         notes = {"stress": stresses[-1] / total, "iterations": len(stresses) - 1}
         return shape.form((points @ axes.T)[np.argsort(order)], **notes)
@@ -93,16 +105,18 @@ class LeastSquaresMDS(CheckedParameters):
 class NonMetricMDS(CheckedParameters):
     r"""Non-metric MDS of the geodesic distances: only their order counts.
 
-    Minimises the stress :math:`\sum_{i<j} (\hat d_{ij} - d_{ij})^2` between the distances d of the form and their
-    disparities :math:`\hat d`: the isotonic regression of d in the order of the geodesic distances :math:`\delta`,
-    rescaled to :math:`\sum \hat d^2 = \sum \delta^2` so that the form cannot shrink to a point. Regressions and Guttman
-    transforms take turns, from classic MDS. Kruskal (1964), "Nonmetric multidimensional scaling: a numerical method";
-    Borg and Groenen (2005), chapter 9.
+    Minimises the stress :math:`\sum_{i<j} (\hat d_{ij} - d_{ij})^2` between the distances d of the
+    form and their disparities :math:`\hat d`: the isotonic regression of d in the order of the
+    geodesic distances :math:`\delta`, rescaled to :math:`\sum \hat d^2 = \sum \delta^2` so that the
+    form cannot shrink to a point. Regressions and Guttman transforms take turns, from classic MDS.
+    Kruskal (1964), "Nonmetric multidimensional scaling: a numerical method"; Borg and Groenen
+    (2005), chapter 9.
 
     Parameters
     ----------
     max_iterations
-        Maximum number of regressions with a Guttman transform, each of which is one pass over all pairs.
+        Maximum number of regressions with a Guttman transform, each of which is one pass over all
+        pairs.
     rtol
         Stop when an iteration lowers the stress by at most this fraction.
     """
@@ -130,24 +144,33 @@ class NonMetricMDS(CheckedParameters):
         order, distances = _in_own_order(shape, shape.geodesics())
         transform, norm = non_metric_transform(distances.astype(np.float64))
         start = _classic_start(shape, order, distances)
-        points, stresses = majorise(transform, start, max_iterations=self.max_iterations, rtol=self.rtol)
+        points, stresses = majorise(
+            transform, start, max_iterations=self.max_iterations, rtol=self.rtol
+        )
         notes = {"stress_1": stresses[-1] ** 0.5 / norm, "iterations": len(stresses) - 1}
         return shape.form(points[np.argsort(order)], **notes)
 
 
-def _in_own_order(shape: Shape, distances: FloatArray) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+def _in_own_order(
+    shape: Shape, distances: FloatArray
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
     """Return the vertices by the sum of their distances, ties by position, and the distances in this order.
 
-    In it, sums are rounded alike however the vertices are numbered; those of single-precision distances are exact.
-    Single precision moves a form by less than the tolerance, in a third of the time.
+    In it, sums are rounded alike however the vertices are numbered; those of single-precision
+    distances are exact. Single precision moves a form by less than the tolerance, in a third of the
+    time.
     """
     order = np.lexsort((*shape.mesh.vertices.T, distances.sum(axis=1)))
     return order, distances.astype(np.float32)[order].take(order, axis=1)
 
 
-def _classic_start(shape: Shape, order: NDArray[np.int64], distances: NDArray[np.float32]) -> FloatArray:
+def _classic_start(
+    shape: Shape, order: NDArray[np.int64], distances: NDArray[np.float32]
+) -> FloatArray:
     """Return classic MDS in a given order of the vertices, rounded."""
-    return _rounded(oriented(classic_scaling(distances.astype(np.float64))[0], shape.mesh.vertex_areas[order]))
+    return _rounded(
+        oriented(classic_scaling(distances.astype(np.float64))[0], shape.mesh.vertex_areas[order])
+    )
 
 
 def _rounded(points: FloatArray) -> FloatArray:
@@ -157,7 +180,12 @@ def _rounded(points: FloatArray) -> FloatArray:
 
 
 def majorise(
-    transform: Transform, start: FloatArray, *, relaxed: bool = False, max_iterations: int = 100, rtol: float = 1e-3
+    transform: Transform,
+    start: FloatArray,
+    *,
+    relaxed: bool = False,
+    max_iterations: int = 100,
+    rtol: float = 1e-3,
 ) -> tuple[FloatArray, list[float]]:
     """Repeat a transform that never raises the stress [de Leeuw 1977].
 
@@ -168,8 +196,8 @@ def majorise(
     start
         First positions, shape (n, 3).
     relaxed
-        Whether to go twice as far as the transform [de Leeuw and Heiser 1980], from the best scale of the positions:
-        the scale would else change to and fro. The last step is a plain one.
+        Whether to go twice as far as the transform [de Leeuw and Heiser 1980], from the best scale
+        of the positions: the scale would else change to and fro. The last step is a plain one.
     max_iterations
         Maximum number of steps.
     rtol
@@ -180,7 +208,8 @@ def majorise(
     points : numpy.ndarray
         Centred positions, shape (n, 3).
     stresses : list of float
-        Stress of the start and after each step; the last entry is that of ``points``, or before the last plain step.
+        Stress of the start and after each step; the last entry is that of ``points``, or before the
+        last plain step.
     """
     points, stresses = np.ascontiguousarray(start - start.mean(axis=0)), list[float]()
     while True:
@@ -197,7 +226,9 @@ def majorise(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
-def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tuple[FloatArray, float]:
+def guttman_transform(
+    points: FloatArray, targets: NDArray[np.floating]
+) -> tuple[FloatArray, float]:
     """Return the Guttman transform of the points [Borg & Groenen 2005, 8.6], and their stress.
 
     Parameters
@@ -205,8 +236,8 @@ def guttman_transform(points: FloatArray, targets: NDArray[np.floating]) -> tupl
     points
         Positions, shape (n, 3).
     targets
-        Distances that they should have, symmetric, shape (n, n), in the precision of a pair; coincident points neither
-        pull nor push.
+        Distances that they should have, symmetric, shape (n, n), in the precision of a pair;
+        coincident points neither pull nor push.
 
     Returns
     -------
@@ -236,7 +267,9 @@ def _add_strip(sums, places, first, targets):  # type: ignore[no-untyped-def]  #
 def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     x, y, z = places[0], places[1], places[2]
     sums_x, sums_y, sums_z, sums_of_misses = sums[0], sums[1], sums[2], sums[3]
-    for j in range(len(x)):  # each point has sums of its own: this loop vectorises, and no order depends on the width
+    for j in range(
+        len(x)
+    ):  # each point has sums of its own: this loop vectorises, and no order depends on the width
         pull_x = pull_y = pull_z = misses = np.float32(0)
         for k in range(row, row + count):
             i, target = first + k, targets[k, j]
@@ -254,8 +287,9 @@ def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-unty
 def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]:
     """Return the Guttman transform towards disparities, and the root of the sum of their squares.
 
-    Dissimilarities are rounded to :data:`LEVELS` levels. Pairs of one level are tied, and have one disparity (Kruskal's
-    secondary approach), so that a regression has at most as many places as there are levels, not pairs.
+    Dissimilarities are rounded to :data:`LEVELS` levels. Pairs of one level are tied, and have one
+    disparity (Kruskal's secondary approach), so that a regression has at most as many places as
+    there are levels, not pairs.
 
     Parameters
     ----------
@@ -278,7 +312,9 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _used_levels(dissimilarities: FloatArray, scale: float) -> tuple[NDArray[np.uint16], FloatArray]:
+def _used_levels(
+    dissimilarities: FloatArray, scale: float
+) -> tuple[NDArray[np.uint16], FloatArray]:
     """Return the level of each pair among the levels that have pairs, shape (n, n), and how many each has."""
     levels, counts = np.empty(dissimilarities.shape, np.uint16), np.zeros(LEVELS, np.int64)
     for i in range(len(levels)):
@@ -297,7 +333,11 @@ def _used_levels(dissimilarities: FloatArray, scale: float) -> tuple[NDArray[np.
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArray) -> None:
     """Write the sum of the distances of the pairs of each level, in double precision."""
-    x, y, z = points[:, 0].astype(np.float32), points[:, 1].astype(np.float32), points[:, 2].astype(np.float32)
+    x, y, z = (
+        points[:, 0].astype(np.float32),
+        points[:, 1].astype(np.float32),
+        points[:, 2].astype(np.float32),
+    )
     distances = np.empty(len(points), np.float32)
     sums[:] = 0.0
     for i in range(len(points)):

@@ -15,8 +15,9 @@ from benchmark.api.contracts import FloatArray, MethodInfo, Shape, UnsupportedSh
 class SurfaceArea:
     """Area of the surface in the file, before decimation and scaling.
 
-    A control: bending preserves the area. If all files share one unit of length, this single number may retrieve
-    subjects well, and a row below it has learned little about shape. Shapes are compared by absolute difference.
+    A control: bending preserves the area. If all files share one unit of length, this single number
+    may retrieve subjects well, and a row below it has learned little about shape. Shapes are
+    compared by absolute difference.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -36,7 +37,8 @@ class SurfaceArea:
         """
         if shape.source_area is None:
             raise UnsupportedShape(
-                f"{shape.identifier}: the area before scaling is not known", "load the shape from its mesh file"
+                f"{shape.identifier}: the area before scaling is not known",
+                "load the shape from its mesh file",
             )
         return np.array([shape.source_area])
 
@@ -44,6 +46,8 @@ class SurfaceArea:
         """Return the absolute differences of the areas, shape (N, N)."""
         return self.compare_to(descriptors, descriptors)
 
-    def compare_to(self, queries: Sequence[FloatArray], gallery: Sequence[FloatArray], draw: int = 0) -> FloatArray:
+    def compare_to(
+        self, queries: Sequence[FloatArray], gallery: Sequence[FloatArray], draw: int = 0
+    ) -> FloatArray:
         """Return those of M queries to N shapes, shape (M, N)."""
         return np.abs(np.reshape(queries, (-1, 1)) - np.reshape(gallery, (1, -1)))

@@ -1,10 +1,11 @@
 """Digests of the code that makes a result: sources, compiled extensions and versions of packages; nothing is imported.
 
-The code of a module is its source and that of everything that it imports, directly or not, except installed packages,
-whose versions count, errors, messages and the description of the machine. Imports inside functions count. Of a user's
-file, all bytes count; of the suite's, docstrings, messages and what type checkers alone import do not. Messages are the
-texts of ``raise`` statements, and those that are called ``problem`` or ``hint``. Of a package without a version, as one
-that is installed to be edited, all modules count.
+The code of a module is its source and that of everything that it imports, directly or not, except
+installed packages, whose versions count, errors, messages and the description of the machine.
+Imports inside functions count. Of a user's file, all bytes count; of the suite's, docstrings,
+messages and what type checkers alone import do not. Messages are the texts of ``raise`` statements,
+and those that are called ``problem`` or ``hint``. Of a package without a version, as one that is
+installed to be edited, all modules count.
 """
 
 from __future__ import annotations
@@ -67,7 +68,9 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
         If there is no such module, or one of the files is missing or is a folder.
     """
     sources, packages = _closure(target)
-    parts = {_relative(path, base).as_posix(): _parsed(path).digest for path, base in sources.items()}
+    parts = {
+        _relative(path, base).as_posix(): _parsed(path).digest for path, base in sources.items()
+    }
     for top in sorted(packages):
         parts |= _versions(top)
     start = next(iter(sources))
@@ -75,7 +78,9 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
         path = start.parent / name
         if not path.is_file():
             problem = f"{start.name} depends on '{name}', which is {'a folder' if path.is_dir() else 'missing'}"
-            raise ConfigurationError(problem, f"correct 'files': paths of files, relative to {start.parent}")
+            raise ConfigurationError(
+                problem, f"correct 'files': paths of files, relative to {start.parent}"
+            )
         parts[name] = digest_of_bytes(path.read_bytes())
     return parts
 
@@ -105,7 +110,11 @@ def is_installed(module: str) -> bool:
 def modules_beside(path: Path) -> dict[str, Path]:
     """Return the modules and packages beside a plugin file that it imports, directly or not, by name."""
     folder = path.resolve().parent
-    helpers = (source.relative_to(base) for source, base in _closure(str(path))[0].items() if base == folder)
+    helpers = (
+        source.relative_to(base)
+        for source, base in _closure(str(path))[0].items()
+        if base == folder
+    )
     names = {helper.parts[0].partition(".")[0] for helper in helpers} - {path.stem}
     return {name: found for name in sorted(names) if (found := _locate(path.parent, (name,)))}
 
@@ -117,11 +126,17 @@ def digest_of_bytes(content: bytes) -> str:
 
 def digest(content: Any) -> str:
     """Return the digest of a content, 32 digits: dicts, lists, texts and numbers, or type and text of anything else."""
-    text = json.dumps(content, sort_keys=True, separators=(",", ":"), default=lambda it: [type(it).__name__, str(it)])
+    text = json.dumps(
+        content,
+        sort_keys=True,
+        separators=(",", ":"),
+        default=lambda it: [type(it).__name__, str(it)],
+    )
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-# Imports -------------------------------------------------------------------------------------------------------------
+# Imports
+# ------------------------------------------------------------------------------------------------
 
 
 def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
@@ -131,7 +146,9 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
     base = path.resolve().parent if path else _folder_of(name.partition(".")[0])
     start = path.resolve() if path else base and _locate(base, tuple(name.split(".")))
     if base is None or start is None or not start.is_file():
-        raise ConfigurationError(f"there is no module {path or name}", "correct the name, or install its package")
+        raise ConfigurationError(
+            f"there is no module {path or name}", "correct the name, or install its package"
+        )
     is_beside = cache(partial(_is_beside, base))  # asked again for each import
     sources, packages, pending = {start: base}, set[str](), [start]
     while pending:
@@ -146,7 +163,10 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
                 packages.add(top)
                 continue
             found = [_locate(where, parts)]
-            if where not in (ROOT, base):  # a package without a version, which may import its modules in any way
+            if where not in (
+                ROOT,
+                base,
+            ):  # a package without a version, which may import its modules in any way
                 found += sorted((where / top).rglob("*.py"))
             for file in found:
                 if file and file not in sources:
@@ -166,7 +186,9 @@ def _folder_of(top: str) -> Path | None:
         return ROOT
     with suppress(ImportError, ValueError):  # it is being imported, or is no module
         spec = importlib.util.find_spec(top)
-        if spec is not None and spec.submodule_search_locations:  # a package, with or without __init__.py
+        if (
+            spec is not None and spec.submodule_search_locations
+        ):  # a package, with or without __init__.py
             return Path(next(iter(spec.submodule_search_locations))).parent
         if spec is not None and spec.origin is not None:
             return Path(spec.origin).parent
@@ -174,14 +196,20 @@ def _folder_of(top: str) -> Path | None:
 
 
 @cache
-def _imported(imports: tuple[tuple[int, str, str], ...], package: tuple[str, ...]) -> tuple[tuple[str, ...], ...]:
+def _imported(
+    imports: tuple[tuple[int, str, str], ...], package: tuple[str, ...]
+) -> tuple[tuple[str, ...], ...]:
     """Return the full names of the modules that a module of a package may import, and of packages around them."""
     names = dict[tuple[str, ...], None]()
     for level, module, attribute in imports:
         around = package[: len(package) - level + 1] if level else ()
         full = (*around, *filter(None, [*module.split("."), attribute]))
         names |= dict.fromkeys(full[:count] for count in range(1, len(full) + 1))
-    return tuple(name for name in names if name[0] not in sys.stdlib_module_names and ".".join(name[:2]) not in _WORDS)
+    return tuple(
+        name
+        for name in names
+        if name[0] not in sys.stdlib_module_names and ".".join(name[:2]) not in _WORDS
+    )
 
 
 @cache
@@ -202,7 +230,10 @@ def _locate_once(parts: tuple[str, ...]) -> Path | None:
 def _find(base: Path, parts: tuple[str, ...]) -> Path | None:
     """Return the file of a module: a source, a package or a compiled extension."""
     stem = base.joinpath(*parts)
-    candidates = (stem / "__init__.py", *(Path(f"{stem}{suffix}") for suffix in (".py", *EXTENSION_SUFFIXES)))
+    candidates = (
+        stem / "__init__.py",
+        *(Path(f"{stem}{suffix}") for suffix in (".py", *EXTENSION_SUFFIXES)),
+    )
     return next((path for path in candidates if path.is_file()), None)
 
 
@@ -228,7 +259,9 @@ def _parsed_once(path: Path, *_: int) -> _Module:
     if tree is None:
         return _Module(digest_of_bytes(content))
     if not any(path.is_relative_to(ROOT / package) for package in FIRST_PARTY):
-        return _Module(digest_of_bytes(content), tuple(chain.from_iterable(map(_imports, ast.walk(tree)))))
+        return _Module(
+            digest_of_bytes(content), tuple(chain.from_iterable(map(_imports, ast.walk(tree))))
+        )
     imports: dict[tuple[int, str, str], None] = {}
     parts: list[Any] = []
     pending: list[Any] = [tree]
@@ -241,7 +274,9 @@ def _parsed_once(path: Path, *_: int) -> _Module:
                 if _is_text(part):
                     part.value = ""
         if isinstance(node, list):
-            node = [part for part in node if not (isinstance(part, ast.Expr) and _is_text(part.value))]
+            node = [
+                part for part in node if not (isinstance(part, ast.Expr) and _is_text(part.value))
+            ]
             pending += node
             parts.append(len(node))
         elif isinstance(node, ast.AST):
@@ -259,7 +294,12 @@ def _imports(node: ast.AST) -> list[tuple[int, str, str]]:
         return [(0, alias.name, "") for alias in node.names]
     if isinstance(node, ast.ImportFrom):
         return [(node.level, node.module or "", alias.name) for alias in node.names]
-    if isinstance(node, ast.Call) and _name(node.func) == "import_module" and node.args and _is_text(node.args[0]):
+    if (
+        isinstance(node, ast.Call)
+        and _name(node.func) == "import_module"
+        and node.args
+        and _is_text(node.args[0])
+    ):
         return [(0, ast.literal_eval(node.args[0]), "")]
     return []
 
@@ -275,7 +315,9 @@ def _is_text(node: ast.AST) -> TypeGuard[ast.Constant]:
 def _is_message(node: Any) -> bool:
     """Return whether a statement raises an error, or makes a part of its message."""
     if isinstance(node, ast.Assign):
-        return all(isinstance(target, ast.Name) and target.id in _MESSAGES for target in node.targets)
+        return all(
+            isinstance(target, ast.Name) and target.id in _MESSAGES for target in node.targets
+        )
     return isinstance(node, ast.Raise)
 
 
@@ -295,7 +337,9 @@ def _versions(top: str) -> dict[str, str]:
             if any(f"\n{top}{end}" in files for end in ("/", ".", "\n"))
             and Path(str(distribution.locate_file(""))).resolve() in folders
         ]
-        return {each.name.lower(): each.version.partition("+")[0] for each in reversed(own)}  # Python takes the first
+        return {
+            each.name.lower(): each.version.partition("+")[0] for each in reversed(own)
+        }  # Python takes the first
     return {}
 
 
@@ -303,4 +347,7 @@ def _versions(top: str) -> dict[str, str]:
 def _distributions() -> list[tuple[importlib.metadata.Distribution, str]]:
     """Return the installed distributions with their lists of files."""
     every = importlib.metadata.distributions()
-    return [(found, f"\n{found.read_text('top_level.txt')}\n{found.read_text('RECORD')}") for found in every]
+    return [
+        (found, f"\n{found.read_text('top_level.txt')}\n{found.read_text('RECORD')}")
+        for found in every
+    ]

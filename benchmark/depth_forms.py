@@ -46,8 +46,8 @@ def canonical_form_of_depth(
     Parameters
     ----------
     depth
-        Shape (h, w): depths along the optical axis, floats in metres or integers in millimetres; 0, NaN and infinity
-        mark missing values.
+        Shape (h, w): depths along the optical axis, floats in metres or integers in millimetres; 0,
+        NaN and infinity mark missing values.
     intrinsics
         Matrix of the camera, shape (3, 3) or (4, 4), or fx, fy, cx, cy in pixels, or
         :class:`~benchmark.depth.intrinsics.Intrinsics`, which may be distorted.
@@ -58,19 +58,19 @@ def canonical_form_of_depth(
     scale
         Units of ``depth`` per metre; None means 1000 for integers and 1 for floats.
     up
-        Upward direction in the camera's coordinates (right, down, forward) if no floor is visible; None means the
-        image's.
+        Upward direction in the camera's coordinates (right, down, forward) if no floor is visible;
+        None means the image's.
     half_width
-        Half the side of the square frame that must contain the object, in metres; networks that see size are trained
-        with the default.
+        Half the side of the square frame that must contain the object, in metres; networks that see
+        size are trained with the default.
     seed
         Seed of all random choices.
 
     Returns
     -------
     CanonicalForm
-        ``vertices``, shape (n, 3), with unit area for learned methods; ``faces``, shape (m, 3); ``notes``: how the
-        object was segmented, and the notes of the method.
+        ``vertices``, shape (n, 3), with unit area for learned methods; ``faces``, shape (m, 3);
+        ``notes``: how the object was segmented, and the notes of the method.
 
     Raises
     ------
@@ -106,7 +106,9 @@ def form_maker(component: Component) -> Method:
     """Return a method with its default model; raise ``ConfigurationError`` if it computes no forms."""
     maker = with_model(component)
     if not isinstance(maker, Method):
-        raise ConfigurationError(f"method '{component.name}' computes no forms", "choose another method")
+        raise ConfigurationError(
+            f"method '{component.name}' computes no forms", "choose another method"
+        )
     return maker
 
 
@@ -141,7 +143,9 @@ def form_of_object(
     mesh = view.surface.with_vertices(view.surface.vertices / np.sqrt(area))
     shape = Shape(identifier=name, mesh=mesh, depth=view.depth, source_area=area, seed=seed)
     form = form_with_fit(maker, shape, observed.notes)
-    doubts = [str(doubt) for doubt in (small_for_person(shape, maker), form.notes.get("doubt")) if doubt]
+    doubts = [
+        str(doubt) for doubt in (small_for_person(shape, maker), form.notes.get("doubt")) if doubt
+    ]
     return replace(form, notes={**form.notes, "doubt": "; ".join(doubts)}) if doubts else form
 
 
@@ -149,7 +153,9 @@ def small_for_person(shape: Shape, model: object) -> str:
     """Return a warning if a view in metres is small and a model, or that in a folder, was shown people alone; or ""."""
     size = float(np.ptp(shape.mesh.vertices, axis=0).max() * np.sqrt(shape.source_area or 0.0))
     is_small = people_training(model) and size < _SMALLEST_PERSON
-    return f"{size:.2g} m is small for a person, so the depth scale may be wrong" if is_small else ""
+    return (
+        f"{size:.2g} m is small for a person, so the depth scale may be wrong" if is_small else ""
+    )
 
 
 def form_of_surface(
@@ -157,8 +163,9 @@ def form_of_surface(
 ) -> CanonicalForm:
     """Return the form of a surface, prepared as in a run.
 
-    Where each vertex of the surface has one in the prepared surface, the form has those of the surface in their order;
-    otherwise it has those of the prepared surface, and says in ``vertex_map`` which one of the surface is nearest.
+    Where each vertex of the surface has one in the prepared surface, the form has those of the
+    surface in their order; otherwise it has those of the prepared surface, and says in
+    ``vertex_map`` which one of the surface is nearest.
     """
     prepared = prepare(mesh, n_vertices)
     shape = Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
@@ -174,6 +181,9 @@ def form_of_surface(
 def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:
     """Return the form of a shape with the given notes, those of the method, and those on the fit."""
     form = compute_form(maker, shape)
-    notes = {name: str(note) if isinstance(note, str) else float(note) for name, note in form.notes.items()}
+    notes = {
+        name: str(note) if isinstance(note, str) else float(note)
+        for name, note in form.notes.items()
+    }
     fit = maker.measure_fit(shape) if isinstance(maker, MeasuresFit) else {}
     return CanonicalForm(form.vertices, form.faces, {**first, **notes, **fit})

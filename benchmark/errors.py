@@ -19,7 +19,10 @@ class BenchmarkError(Exception):
     """
 
     def __init__(self, problem: str, hint: str = "") -> None:
-        self.problem, self.hint = brief(problem, LONGEST_MESSAGE), brief(hint or "", LONGEST_MESSAGE)
+        self.problem, self.hint = (
+            brief(problem, LONGEST_MESSAGE),
+            brief(hint or "", LONGEST_MESSAGE),
+        )
         super().__init__(self.problem, self.hint)
 
     def __str__(self) -> str:
@@ -87,10 +90,14 @@ def locate(error: BaseException) -> str:
 
     if isinstance(error, SyntaxError) and error.filename:
         return clean(f"{Path(error.filename).name}:{error.lineno}: {one_line(error)}")
-    libraries = tuple({sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib", "scripts")})
+    libraries = tuple(
+        {sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib", "scripts")}
+    )
     frames = traceback.extract_tb(error.__traceback__)
     ours = [frame for frame in frames if not frame.filename.startswith((*libraries, "<"))]
-    outside = [frame for frame in ours if not Path(frame.filename).is_relative_to(Path(__file__).parent)]
+    outside = [
+        frame for frame in ours if not Path(frame.filename).is_relative_to(Path(__file__).parent)
+    ]
     for frame in (outside or ours)[-1:]:
         return clean(f"{Path(frame.filename).name}:{frame.lineno}: {one_line(error)}")
     return one_line(error)

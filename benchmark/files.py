@@ -42,13 +42,20 @@ _SUFFIX = ".tmp"
 
 def open_file(path: Path, largest: int | None = None) -> BufferedReader:
     """Open a regular file of at most so many bytes; raise ``OSError`` at once for others, such as pipes and devices."""
-    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK | os.O_NOCTTY))  # noqa: SIM115
+    file = open(  # noqa: SIM115  # the caller closes it
+        path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK | os.O_NOCTTY)
+    )
     facts = os.fstat(file.fileno())
     if stat.S_ISREG(facts.st_mode) and (largest is None or facts.st_size <= largest):
         return file
     file.close()
     is_large = stat.S_ISREG(facts.st_mode)
-    raise OSError(None, f"it holds more than {largest:,} bytes" if is_large else "it is a pipe or a device, not a file")
+    raise OSError(
+        None,
+        f"it holds more than {largest:,} bytes"
+        if is_large
+        else "it is a pipe or a device, not a file",
+    )
 
 
 def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
@@ -57,8 +64,8 @@ def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
     Raises
     ------
     OSError
-        If it cannot be read, is no regular file, or holds more than ``largest`` bytes; ``errno`` is None if reading it
-        again would not help.
+        If it cannot be read, is no regular file, or holds more than ``largest`` bytes; ``errno`` is
+        None if reading it again would not help.
     """
     with open_file(path, largest) as file:
         size = os.fstat(file.fileno()).st_size
@@ -84,7 +91,9 @@ def _with_different_keys(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
 def check_different(keys: Sequence[str]) -> None:
     """Raise ``ValueError`` if a key of a mapping stands there twice."""
     if len({*keys}) < len(keys):
-        raise ValueError(f"key '{next(key for key in keys if keys.count(key) > 1)}' stands there twice")
+        raise ValueError(
+            f"key '{next(key for key in keys if keys.count(key) > 1)}' stands there twice"
+        )
 
 
 def write_atomically(path: Path, write: Callable[[Any], object], *, durable: bool = False) -> None:
@@ -93,12 +102,13 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
     Parameters
     ----------
     path
-        The file; its folder is created if necessary, and its mode follows the umask. Devices and pipes are written
-        directly.
+        The file; its folder is created if necessary, and its mode follows the umask. Devices and
+        pipes are written directly.
     write
         Called with the binary file to write to.
     durable
-        Whether to flush the content to disk before the file is renamed, so that it survives a power failure.
+        Whether to flush the content to disk before the file is renamed, so that it survives a power
+        failure.
 
     Raises
     ------
@@ -137,8 +147,14 @@ def sweep(folder: Path) -> None:
 
 def decode(content: bytes) -> str:
     """Return text in UTF-8 or the encoding of its byte-order mark, composed; raise ``UnicodeError`` if it is binary."""
-    marks = ((codecs.BOM_UTF32_LE, "utf-32"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
-    text = content.decode(next((name for mark, name in marks if content.startswith(mark)), "utf-8-sig"))
+    marks = (
+        (codecs.BOM_UTF32_LE, "utf-32"),
+        (codecs.BOM_UTF16_LE, "utf-16"),
+        (codecs.BOM_UTF16_BE, "utf-16"),
+    )
+    text = content.decode(
+        next((name for mark, name in marks if content.startswith(mark)), "utf-8-sig")
+    )
     if "\0" in text:
         raise UnicodeError("it is binary, or in UTF-16 without a byte-order mark")
     return nfc(text)
@@ -154,9 +170,13 @@ def file_digest(path: Path, largest: int | None = LARGEST_FILE) -> str:
     """
     try:
         facts = path.stat()
-        return _digest(path.absolute(), largest, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns)
+        return _digest(
+            path.absolute(), largest, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns
+        )
     except OSError as error:
-        raise UnreadableMesh(f"cannot read {path}: {error.strerror}", "check the file and its rights") from error
+        raise UnreadableMesh(
+            f"cannot read {path}: {error.strerror}", "check the file and its rights"
+        ) from error
 
 
 @functools.lru_cache(maxsize=65536)
@@ -166,7 +186,8 @@ def _digest(path: Path, largest: int | None, *_: int) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-# Reading with named errors --------------------------------------------------------------------------------------------
+# Reading with named errors
+# --------------------------------------------------------------------------------------------
 
 
 @contextmanager
@@ -192,7 +213,11 @@ def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -
             raise kind(f"{path}: {error.strerror}", advice) from error
         name = "" if isinstance(error, ValueError | OSError) else f"{type(error).__name__} "
         text = re.sub(r" <[^<>]* at 0x[0-9a-f]+>", "", str(error))  # an address differs in each run
-        reason = "nested too deeply" if isinstance(error, RecursionError) else name + " ".join(text.split())
+        reason = (
+            "nested too deeply"
+            if isinstance(error, RecursionError)
+            else name + " ".join(text.split())
+        )
         raise kind(f"{path}: not a readable {what}: {reason:.300}", hint) from error
 
 
@@ -211,7 +236,9 @@ def check_expansion(data: bytes) -> None:
     while at + 8 <= len(data):
         kind, size = struct.unpack_from(f"{order}II", data, at)
         if kind == 15:
-            left -= len(zlib.decompressobj().decompress(data[at + 8 : at + 8 + size], max(left, 0) + 1))
+            left -= len(
+                zlib.decompressobj().decompress(data[at + 8 : at + 8 + size], max(left, 0) + 1)
+            )
         if left < 0:
             raise ValueError(f"its variables expand to more than {LARGEST_FILE / 2**30:g} GiB")
         at += 8 + size

@@ -54,15 +54,23 @@ def describe_machine() -> str:
     models = [platform.processor() or platform.machine()]
     with suppress(OSError):
         described = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-        models = [line.partition(":")[2].strip() for line in described if line.startswith("model name")] or models
+        models = [
+            line.partition(":")[2].strip() for line in described if line.startswith("model name")
+        ] or models
     libraries = [library for library in threadpool_info() if library["user_api"] == "blas"]
     # That of numpy: which others are loaded depends on what this process did before.
-    blas = [f"{of['internal_api']} {of.get('architecture', '')}" for of in libraries if "numpy" in of["filepath"]]
+    blas = [
+        f"{of['internal_api']} {of.get('architecture', '')}"
+        for of in libraries
+        if "numpy" in of["filepath"]
+    ]
     torch = sys.modules.get("torch")
     gpu = [torch.cuda.get_device_name()] if torch and torch.cuda.is_available() else []
     memory = round(min(psutil.virtual_memory().total, memory_limit()) / 2**30)
     cores = available_cores()
-    return ", ".join([models[0], f"{cores} core{'s' * (cores > 1)}", f"{memory} GiB", *blas[:1], *gpu])
+    return ", ".join(
+        [models[0], f"{cores} core{'s' * (cores > 1)}", f"{memory} GiB", *blas[:1], *gpu]
+    )
 
 
 def memory_limit() -> float:

@@ -49,28 +49,31 @@ def run(
 ) -> DataFrame:
     """Run the jobs of a selection that have no record, and return all of them.
 
-    Your own objects and functions run in this process, everything else in workers, as on the command line.
+    Your own objects and functions run in this process, everything else in workers, as on the
+    command line.
 
     Parameters
     ----------
     data
         Names or folders of data sets.
     methods
-        Names, objects, classes, and functions from a shape to positions; all methods by default. Your own objects and
-        functions run in each call; what those of a plugin file made is kept.
+        Names, objects, classes, and functions from a shape to positions; all methods by default.
+        Your own objects and functions run in each call; what those of a plugin file made is kept.
     input
         Complete surfaces, or one depth view of each.
     scorer, plugins
         Name of the scorer; plugin files of methods and scorers.
     results, data_root
-        The results folder; the folder of the official data sets, by default ``CANONICAL_FORMS_DATA``.
+        The results folder; the folder of the official data sets, by default
+        ``CANONICAL_FORMS_DATA``.
     quick
         Whether to leave out most poses.
     gallery, same_names
-        Name or folder of the shapes that are ranked for the data, which are queries, and whether one of the same name
-        is left out; by default all other shapes of the data.
+        Name or folder of the shapes that are ranked for the data, which are queries, and whether
+        one of the same name is left out; by default all other shapes of the data.
     gallery_views
-        Number of cameras around each shape that show the gallery, by default the data, to views; 0 for none.
+        Number of cameras around each shape that show the gallery, by default the data, to views; 0
+        for none.
     seed
         Base seed.
     again
@@ -81,8 +84,8 @@ def run(
     Returns
     -------
     pandas.DataFrame
-        One line a job, as in :attr:`benchmark.report.results.Results.jobs`: a job that failed has a ``status`` and a
-        ``reason``.
+        One line a job, as in :attr:`benchmark.report.results.Results.jobs`: a job that failed has a
+        ``status`` and a ``reason``.
 
     Raises
     ------
@@ -97,19 +100,36 @@ def run(
 
     folder, root = Path(results).absolute(), data_root or os.environ.get(DATA_VARIABLE)
     jobs = plan_selection(
-        folder, datasets=[str(name) for name in _listed(data)], methods=_listed(methods),
-        plugins=[Path(path).resolve() for path in plugins], scorer=scorer, input=input,
-        data_root=Path(root) if root else None, quick=quick, seed=seed,
-        gallery=str(gallery) if gallery else "", gallery_views=gallery_views, same_names=same_names,
+        folder,
+        datasets=[str(name) for name in _listed(data)],
+        methods=_listed(methods),
+        plugins=[Path(path).resolve() for path in plugins],
+        scorer=scorer,
+        input=input,
+        data_root=Path(root) if root else None,
+        quick=quick,
+        seed=seed,
+        gallery=str(gallery) if gallery else "",
+        gallery_views=gallery_views,
+        same_names=same_names,
         rerun=["failed", "finished"] if again else ["failed"],
-    )  # fmt: skip
-    running = run_jobs(jobs, folder, size=available_cores(), anew=again, watch=watch or _lines_of_progress())
+    )
+    running = run_jobs(
+        jobs, folder, size=available_cores(), anew=again, watch=watch or _lines_of_progress()
+    )
     ended = {record.key: record for record in running}
-    return Results(folder, tuple(label_data_sets([*filter(None, (result_of(job, ended) for job in jobs))]))).jobs
+    return Results(
+        folder, tuple(label_data_sets([*filter(None, (result_of(job, ended) for job in jobs))]))
+    ).jobs
 
 
 def canonicalise(
-    vertices: ArrayLike, faces: ArrayLike, method: Any = "gps", *, n_vertices: int = 2000, seed: int = 0
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    method: Any = "gps",
+    *,
+    n_vertices: int = 2000,
+    seed: int = 0,
 ) -> CanonicalForm:
     """Return the canonical form of a surface, prepared as in a run: cleaned, in one piece, decimated, of unit area.
 
@@ -129,9 +149,10 @@ def canonicalise(
     Returns
     -------
     CanonicalForm
-        In units of the root of the area. It has the given vertices in their order, unless some were removed; then those
-        of the prepared surface, and ``vertex_map``, shape (n,), names the nearest given vertex to each. Without a map,
-        forms of other triangles than ``faces`` have vertices of their own.
+        In units of the root of the area. It has the given vertices in their order, unless some were
+        removed; then those of the prepared surface, and ``vertex_map``, shape (n,), names the
+        nearest given vertex to each. Without a map, forms of other triangles than ``faces`` have
+        vertices of their own.
 
     Raises
     ------
@@ -152,7 +173,10 @@ def _lines_of_progress() -> Callable[[Any], None]:
         nonlocal shown
         if time.monotonic() - shown >= _INTERVAL:
             shown = time.monotonic()
-            say(f"{state.done}/{state.total} steps, {'; '.join(state.working) or 'starting'}", err=True)
+            say(
+                f"{state.done}/{state.total} steps, {'; '.join(state.working) or 'starting'}",
+                err=True,
+            )
 
     return watch
 

@@ -1,7 +1,7 @@
 """What a plugin reads: a file of the user that it opens, imports or runs must be in its code or declared.
 
-An audit hook sees what Python opens. It sees no environment variable, and no file that compiled code opens, so that
-``files`` remains the contract.
+An audit hook sees what Python opens. It sees no environment variable, and no file that compiled
+code opens, so that ``files`` remains the contract.
 """
 
 from __future__ import annotations
@@ -24,9 +24,15 @@ from typing import Any
 from benchmark.code_digest import FIRST_PARTY, ROOT, sources_of
 from benchmark.errors import ConfigurationError
 
-#: Folders of Python, of the system and of a user's settings, and models of the suite: no result depends on others.
+#: Folders of Python, of the system and of a user's settings, and models of the suite: no result
+#: depends on others.
 _EXEMPT = (
-    *(sys.prefix, sys.base_prefix, *sysconfig.get_paths().values(), *(str(ROOT / name) for name in FIRST_PARTY)),
+    *(
+        sys.prefix,
+        sys.base_prefix,
+        *sysconfig.get_paths().values(),
+        *(str(ROOT / name) for name in FIRST_PARTY),
+    ),
     *("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys", "/dev", "~/.cache", "~/.config"),
 )
 
@@ -36,7 +42,8 @@ _LATE = 0.02
 #: When this process began.
 _STARTED = time.time() - _LATE
 
-#: Takes a file that the plugin whose code runs opens; for each plugin, the first one that it should have declared.
+#: Takes a file that the plugin whose code runs opens; for each plugin, the first one that it should
+#: have declared.
 _take: Callable[[Path, int, bool], None] | None = None
 _undeclared: dict[Path, Path] = {}
 
@@ -98,8 +105,8 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
     Raises
     ------
     UndeclaredFile
-        If it opens, imports or runs another file that was there before, now or earlier in this process; in a process
-        that it forked, at once.
+        If it opens, imports or runs another file that was there before, now or earlier in this
+        process; in a process that it forked, at once.
     """
     global _take
     declared, begun, process = [*allowed], time.time() - _LATE, os.getpid()
@@ -110,11 +117,17 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
     opened: dict[Path, tuple[int, bool]] = {}
 
     def is_undeclared(file: Path, changed: int, is_program: bool) -> bool:
-        is_temporary = _lies_in(file, [tempfile.gettempdir()])  # which code may make in one step for the next
+        is_temporary = _lies_in(
+            file, [tempfile.gettempdir()]
+        )  # which code may make in one step for the next
         since = _STARTED if is_temporary else begun
         is_made_meanwhile = since <= changed / 1e9 <= time.time() + _LATE  # clocks may be set back
         is_of_user = _is_of_user(file, plugin.parent, declared, is_program=is_program)
-        return is_of_user and not is_made_meanwhile and file not in map(Path.resolve, sources_of(target))
+        return (
+            is_of_user
+            and not is_made_meanwhile
+            and file not in map(Path.resolve, sources_of(target))
+        )
 
     def take(file: Path, changed: int, is_program: bool) -> None:
         global _take
@@ -140,21 +153,34 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
 
 def _refuse_spawn(name: str) -> dict[str, Any]:
     """Refuse processes that nothing watches, and that cannot import a plugin file."""
-    raise ConfigurationError("it starts processes by 'spawn'", "use multiprocessing.get_context('fork')")
+    raise ConfigurationError(
+        "it starts processes by 'spawn'", "use multiprocessing.get_context('fork')"
+    )
 
 
 def _error(plugin: Path, found: Path) -> UndeclaredFile:
-    does, hint = "reads", f"declare it in info: files=({os.path.relpath(found, plugin.parent.resolve())!r},)"
+    does, hint = (
+        "reads",
+        f"declare it in info: files=({os.path.relpath(found, plugin.parent.resolve())!r},)",
+    )
     if found.suffix == ".py":
-        does, hint = "imports", f"write 'import NAME' or 'from NAME import ...', with the name as it is, or {hint}"
+        does, hint = (
+            "imports",
+            f"write 'import NAME' or 'from NAME import ...', with the name as it is, or {hint}",
+        )
     return UndeclaredFile(f"{plugin} {does} {found} in a way that its code does not show", hint)
 
 
 def _is_of_user(file: Path, folder: Path, declared: Iterable[Path], *, is_program: bool) -> bool:
     """Return whether results may depend on a file that a plugin in a folder has read; of programs, those near it."""
     exempt: list[Path | str] = [*_EXEMPT, *declared, *_package_folders(tuple(sys.path))]
-    is_metadata = file.parent.suffix in (".dist-info", ".egg-info")  # which libraries search for entry points
-    if is_metadata or file.suffix in (".nbi", ".nbc") or _lies_in(file, exempt):  # kernels go when it is loaded
+    is_metadata = file.parent.suffix in (
+        ".dist-info",
+        ".egg-info",
+    )  # which libraries search for entry points
+    if (
+        is_metadata or file.suffix in (".nbi", ".nbc") or _lies_in(file, exempt)
+    ):  # kernels go when it is loaded
         return False
     temporary = Path(tempfile.gettempdir()).resolve()
     near = [path for path in (folder.resolve(), Path.cwd()) if path not in (Path("/"), temporary)]
@@ -162,11 +188,17 @@ def _is_of_user(file: Path, folder: Path, declared: Iterable[Path], *, is_progra
 
 
 def _lies_in(file: Path, folders: Iterable[Path | str]) -> bool:
-    return any(file.is_relative_to(os.path.realpath(Path(folder).expanduser())) for folder in folders)
+    return any(
+        file.is_relative_to(os.path.realpath(Path(folder).expanduser())) for folder in folders
+    )
 
 
 @cache
 def _package_folders(places: tuple[str, ...]) -> list[Path]:
     """Return the folders on the path that hold installed packages, or lie in one."""
     found = [Path(place) for place in places if place]
-    return [of for of in found if {"site-packages", "dist-packages"} & {*of.parts} or any(of.glob("*.dist-info"))]
+    return [
+        of
+        for of in found
+        if {"site-packages", "dist-packages"} & {*of.parts} or any(of.glob("*.dist-info"))
+    ]

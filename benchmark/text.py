@@ -11,7 +11,8 @@ import textwrap
 import unicodedata
 from collections.abc import Collection, Iterable, Sequence
 
-#: Longest reason in tables and lists of jobs, message in a record, and text that a plugin passes, in characters.
+#: Longest reason in tables and lists of jobs, message in a record, and text that a plugin passes,
+#: in characters.
 LONGEST_REASON, LONGEST_MESSAGE, LONGEST_TEXT = 500, 1000, 20_000
 
 #: Longest name, in characters: names become parts of file names.
@@ -62,8 +63,9 @@ def listed(texts: Iterable[str], joint: str = ", ") -> str:
 def clean(text: object) -> str:
     r"""Return text as one printable line.
 
-    Line breaks and tabs become one space, ANSI escape sequences are removed, and other characters that cannot be
-    printed (control characters, changes of direction, surrogates) are escaped as in Python: ``\x00``.
+    Line breaks and tabs become one space, ANSI escape sequences are removed, and other characters
+    that cannot be printed (control characters, changes of direction, surrogates) are escaped as in
+    Python: ``\x00``.
 
     Parameters
     ----------
@@ -92,7 +94,10 @@ def clean_lines(text: str) -> str:
     """Return text with cleaned lines, from which the middle is cut if it is very long."""
     if len(text) > LONGEST_TEXT:
         text = f"{text[: LONGEST_TEXT // 2]}\n{_CUT.strip()}\n{text[-LONGEST_TEXT // 2 :]}"
-    return "\n".join(line[: len(line) - len(line.lstrip(" "))] + clean(line.lstrip(" ")) for line in text.splitlines())
+    return "\n".join(
+        line[: len(line) - len(line.lstrip(" "))] + clean(line.lstrip(" "))
+        for line in text.splitlines()
+    )
 
 
 def _as_text(text: object) -> str:
@@ -108,7 +113,9 @@ def say(text: object = "", *, err: bool = False, indent: int = 2) -> None:
     if stream.isatty():
         blanks = " " * (len(line) - len(line.lstrip()) + indent)
         width = shutil.get_terminal_size().columns
-        line = textwrap.fill(line, width, subsequent_indent=blanks, break_long_words=False, break_on_hyphens=False)
+        line = textwrap.fill(
+            line, width, subsequent_indent=blanks, break_long_words=False, break_on_hyphens=False
+        )
     print(line, file=stream, flush=True)
 
 
@@ -139,7 +146,9 @@ def say_table(rows: Sequence[Sequence[str]], whole: Collection[int] = ()) -> Non
 
     has_width = sys.stdout.isatty() or "COLUMNS" in os.environ  # other programs read a row a line
     console = Console(highlight=False, width=None if has_width else LONGEST_TEXT)
-    grid = Table.grid(*(Column(no_wrap=k in whole) for k in range(len(rows[0]))), padding=(0, 2, 0, 0))
+    grid = Table.grid(
+        *(Column(no_wrap=k in whole) for k in range(len(rows[0]))), padding=(0, 2, 0, 0)
+    )
     for row in rows:
         grid.add_row(*(Text(clean(cell), overflow="fold") for cell in row))
     with console.capture() as captured:

@@ -24,7 +24,9 @@ def bent_ellipsoid(widths: tuple[float, float], bend: float) -> trimesh.Trimesh:
     sphere = trimesh.creation.icosphere(subdivisions=3)
     x, y, along = (sphere.vertices * [*widths, 1.0]).T
     radius = 1 / bend - x
-    bent = np.stack([1 / bend - radius * np.cos(bend * along), y, radius * np.sin(bend * along)], axis=1)
+    bent = np.stack(
+        [1 / bend - radius * np.cos(bend * along), y, radius * np.sin(bend * along)], axis=1
+    )
     return trimesh.Trimesh(bent, sphere.faces, process=False)
 
 

@@ -37,7 +37,9 @@ class DistanceDistribution:
 
     def signature(self, form: Mesh) -> SignatureArrays:
         """Return the histogram; every vertex counts by its area, and distances by their mean, so that scale goes."""
-        areas = np.bincount(form.faces.ravel(), np.repeat(form.face_areas / 3, 3), minlength=form.n_vertices)
+        areas = np.bincount(
+            form.faces.ravel(), np.repeat(form.face_areas / 3, 3), minlength=form.n_vertices
+        )
         weights = (areas[:, None] * areas)[np.triu_indices(form.n_vertices, 1)]
         distances = pdist(form.vertices)
         mean = weights @ distances / weights.sum() if weights.sum() > 0 else 0.0

@@ -32,16 +32,24 @@ class GraphStress:
         """Return the mesh that the program writes; it may have any number of vertices."""
         with TemporaryDirectory() as folder:
             mesh, form = f"{folder}/mesh.off", f"{folder}/form.off"
-            trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False).export(mesh, digits=17)
+            trimesh.Trimesh(shape.mesh.vertices, shape.mesh.faces, process=False).export(
+                mesh, digits=17
+            )
             words = [*self.command, mesh, form]
             try:
-                done = subprocess.run(words, cwd=Path(__file__).parent, capture_output=True, text=True, check=False)
+                done = subprocess.run(
+                    words, cwd=Path(__file__).parent, capture_output=True, text=True, check=False
+                )
             except FileNotFoundError as error:
-                raise RuntimeError(f"{words[0]} cannot be started: build or install it first") from error
+                raise RuntimeError(
+                    f"{words[0]} cannot be started: build or install it first"
+                ) from error
             reason = " ".join(done.stderr.split())
             if done.returncode == REFUSED:
                 raise UnsupportedShape(reason, "see the program")
             if done.returncode:
-                raise RuntimeError(f"{self.info.name} ended with exit code {done.returncode}: {reason}")
+                raise RuntimeError(
+                    f"{self.info.name} ended with exit code {done.returncode}: {reason}"
+                )
             made = trimesh.load_mesh(form, process=False)
         return CanonicalForm(made.vertices, made.faces)

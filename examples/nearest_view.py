@@ -58,10 +58,18 @@ class NearestView:
         """Folder of the model; it must tell all parameters apart that lead to another training."""
         return f"seed{self.training_seed}"
 
-    def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
+    def train(
+        self,
+        data: TrainingData,
+        folder: Path,
+        options: Mapping[str, Any],
+        say: Callable[[str], None],
+    ) -> None:
         """Keep all pairs, smaller; the card is written last, for it means that the model is finished."""
         if options:
-            raise ConfigurationError(f"nearest-view has no option '{next(iter(options))}'", "leave it out")
+            raise ConfigurationError(
+                f"nearest-view has no option '{next(iter(options))}'", "leave it out"
+            )
         if (folder / CARD).is_file():
             say("finished before")
             return
@@ -95,9 +103,13 @@ class NearestView:
         if shape.depth is None:
             raise UnsupportedShape("there is no depth image", "use the view input")
         if not self.model:
-            raise ConfigurationError("nearest-view has no model", "run 'python -m benchmark train nearest-view'")
+            raise ConfigurationError(
+                "nearest-view has no model", "run 'python -m benchmark train nearest-view'"
+            )
         image = shape.depth[::STRIDE, ::STRIDE]
         differences = np.abs(self.model["images"].astype(np.float32) - image).sum(axis=(1, 2))
         nearest = int(differences.argmin())
         surface, _ = back_project(self.model["targets"][nearest].astype(np.float32), half_width=1.0)
-        return CanonicalForm(surface.vertices / surface.area**0.5, surface.faces, {"neighbour": nearest})
+        return CanonicalForm(
+            surface.vertices / surface.area**0.5, surface.faces, {"neighbour": nearest}
+        )

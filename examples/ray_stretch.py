@@ -17,7 +17,8 @@ class RayStretch:
     Parameters
     ----------
     strength
-        Not negative. 0 leaves the shape as it is; 1 puts each vertex at its geodesic distance from the centre.
+        Not negative. 0 leaves the shape as it is; 1 puts each vertex at its geodesic distance from
+        the centre.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

@@ -24,8 +24,8 @@ MEAN_RADIUS = 0.5
 #: Distances are rounded to multiples of this, so that forms that differ by rounding alone tie.
 RESOLUTION = 2.0**-30
 
-#: Quadrature of degree 4 on the triangle [Dunavant 1985]: barycentric coordinates (1 - 2 a, a, a) in every order, and
-#: their weights.
+#: Quadrature of degree 4 on the triangle [Dunavant 1985]: barycentric coordinates (1 - 2 a, a, a)
+#: in every order, and their weights.
 RULE = ((0.445948490915965, 0.223381589678011), (0.091576213509771, 0.109951743655322))
 
 
@@ -33,10 +33,10 @@ RULE = ((0.445948490915965, 0.223381589678011), (0.091576213509771, 0.1099517436
 class SphericalHarmonics:
     """Energies of spherical harmonics on the shells of a form, compared by Euclidean distance.
 
-    The area of the form is shared among shells around its centroid. The part in each shell is a function on the sphere,
-    whose energy in each degree of the spherical harmonics does not depend on the rotation of the form. Unlike the
-    source, which rasterises the surface into voxels, this integrates over the triangles; area beyond the outermost
-    shell counts towards that shell.
+    The area of the form is shared among shells around its centroid. The part in each shell is a
+    function on the sphere, whose energy in each degree of the spherical harmonics does not depend
+    on the rotation of the form. Unlike the source, which rasterises the surface into voxels, this
+    integrates over the triangles; area beyond the outermost shell counts towards that shell.
 
     Parameters
     ----------
@@ -47,8 +47,8 @@ class SphericalHarmonics:
 
     References
     ----------
-    Kazhdan, Funkhouser, Rusinkiewicz, "Rotation invariant spherical harmonic representation of 3D shape descriptors",
-    Symposium on Geometry Processing 2003.
+    Kazhdan, Funkhouser, Rusinkiewicz, "Rotation invariant spherical harmonic representation of 3D
+    shape descriptors", Symposium on Geometry Processing 2003.
     """
 
     info: ClassVar[ScorerInfo] = ScorerInfo(
@@ -94,16 +94,22 @@ def sample_surface(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
     """
     corners, areas = mesh.vertices[mesh.faces], mesh.face_areas
     if not areas.sum() > 0:
-        raise InvalidMesh("the form has no area", "return the triangles of the input with the new positions")
+        raise InvalidMesh(
+            "the form has no area", "return the triangles of the input with the new positions"
+        )
     while len(corners) < FEWEST_TRIANGLES:
         a, b, c = np.moveaxis(corners, 1, 0)
         ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
         quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (bc, ca, ab))
         corners = np.concatenate([np.stack(quarter, axis=1) for quarter in quarters])
         areas = np.tile(areas / 4, 4)
-    barycentric = np.array([np.roll([1 - 2 * a, a, a], place) for a, _ in RULE for place in range(3)])
+    barycentric = np.array(
+        [np.roll([1 - 2 * a, a, a], place) for a, _ in RULE for place in range(3)]
+    )
     weights = np.repeat([weight for _, weight in RULE], 3)[:, None] * areas / areas.sum()
-    return np.einsum("qk,ikj->qij", barycentric, corners).reshape(-1, 3), weights.ravel() / weights.sum()
+    return np.einsum("qk,ikj->qij", barycentric, corners).reshape(
+        -1, 3
+    ), weights.ravel() / weights.sum()
 
 
 def _on_shells(radii: FloatArray, weights: FloatArray, n_shells: int) -> csr_array:
@@ -134,7 +140,9 @@ def energies(directions: FloatArray, shells: csr_array, n_degrees: int) -> Float
     return np.sqrt(squares)
 
 
-def _harmonics(directions: FloatArray, n_degrees: int) -> Iterator[tuple[int, int, NDArray[np.complex128]]]:
+def _harmonics(
+    directions: FloatArray, n_degrees: int
+) -> Iterator[tuple[int, int, NDArray[np.complex128]]]:
     """Yield order, degree and values of the orthonormal harmonics of orders from 0; negative orders mirror them.
 
     For a fixed order, the Legendre functions of higher degree follow by their recurrence in z.
@@ -149,6 +157,8 @@ def _harmonics(directions: FloatArray, n_degrees: int) -> Iterator[tuple[int, in
         for degree in range(order + 1, n_degrees):
             below = degree**2 - order**2
             rise = np.sqrt((4 * degree**2 - 1) / below)
-            fall = np.sqrt((2 * degree + 1) * ((degree - 1) ** 2 - order**2) / ((2 * degree - 3) * below))
+            fall = np.sqrt(
+                (2 * degree + 1) * ((degree - 1) ** 2 - order**2) / ((2 * degree - 3) * below)
+            )
             before, now = now, rise * z * now - fall * before
             yield order, degree, around * now

@@ -18,7 +18,11 @@ def test_it_keeps_the_contract() -> None:
 
 def test_forms_that_differ_by_rotation_and_reflection_tie() -> None:
     scorer, form = SphericalHarmonics(), figure()
-    turns = [np.eye(3), np.diag([-1.0, 1.0, 1.0]), *Rotation.random(3, rng=np.random.default_rng(0)).as_matrix()]
+    turns = [
+        np.eye(3),
+        np.diag([-1.0, 1.0, 1.0]),
+        *Rotation.random(3, rng=np.random.default_rng(0)).as_matrix(),
+    ]
     signatures = [scorer.signature(form.with_vertices(form.vertices @ turn)) for turn in turns]
     assert not scorer.compare(signatures, 0).any()
 
@@ -33,4 +37,6 @@ def test_energies_are_those_of_the_harmonics_of_scipy() -> None:
     for degree in range(16):
         for order in range(-degree, degree + 1):
             expected[:, degree] += np.abs(weights @ sph_harm_y(degree, order, polar, azimuth)) ** 2
-    np.testing.assert_allclose(energies(directions, csr_array(weights), 16), np.sqrt(expected), atol=1e-12)
+    np.testing.assert_allclose(
+        energies(directions, csr_array(weights), 16), np.sqrt(expected), atol=1e-12
+    )

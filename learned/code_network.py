@@ -49,7 +49,9 @@ class CodeNetwork(nn.Module):
         return nn.Sequential(*map(block, [1, *self.widths[:-1]], self.widths))
 
     def _decoder(self) -> nn.Sequential:
-        return _doublings([*self.widths[::-1], self.widths[0]], lambda channels: nn.GroupNorm(8, channels))
+        return _doublings(
+            [*self.widths[::-1], self.widths[0]], lambda channels: nn.GroupNorm(8, channels)
+        )
 
     def _head(self) -> nn.Module:
         return nn.Conv2d(self.widths[0], 2, 3, padding=1)
@@ -65,7 +67,8 @@ class CodeNetwork(nn.Module):
         Returns
         -------
         torch.Tensor
-            Depth of each side, about (0, 1), then the mask in (0, 1), shape (n, sides + 1, 128, 128).
+            Depth of each side, about (0, 1), then the mask in (0, 1), shape (n, sides + 1, 128,
+            128).
         """
         code = self.encode(self.encoder(image).flatten(1))
         innermost = functional.relu(self.decode(code)).unflatten(1, (-1, _INNERMOST, _INNERMOST))
@@ -79,7 +82,8 @@ class CodeNetwork(nn.Module):
 class PeopleNetwork(CodeNetwork):
     """The network of people of unknown size: residual blocks without normalisation, front and back depth.
 
-    The last two doublings rearrange 16 channels into 16 pixels, and the decoder adds to images of the average body.
+    The last two doublings rearrange 16 channels into 16 pixels, and the decoder adds to images of
+    the average body.
     """
 
     def __init__(self, width: int = 16, code_size: int = 256) -> None:
@@ -88,7 +92,9 @@ class PeopleNetwork(CodeNetwork):
 
     def _encoder(self) -> nn.Sequential:
         stages: list[nn.Module] = []
-        for place, (before, after) in enumerate(zip([1, *self.widths[:-1]], self.widths, strict=True)):
+        for place, (before, after) in enumerate(
+            zip([1, *self.widths[:-1]], self.widths, strict=True)
+        ):
             convolution = StandardisedConv2d(before, after, 4, stride=2, padding=1)
             stages.append(nn.Sequential(convolution, nn.Identity(), nn.LeakyReLU(SLOPE)))
             if place in (1, 2):
@@ -107,8 +113,12 @@ class PeopleNetwork(CodeNetwork):
 
 def _doublings(widths: Sequence[int], norm: Callable[[int], nn.Module]) -> nn.Sequential:
     """Return blocks that double the size of an image, and lead from each number of channels to the next."""
-    deconvolutions = (nn.ConvTranspose2d(*pair, 4, stride=2, padding=1) for pair in pairwise(widths))
-    return nn.Sequential(*(nn.Sequential(each, norm(each.out_channels), nn.ReLU()) for each in deconvolutions))
+    deconvolutions = (
+        nn.ConvTranspose2d(*pair, 4, stride=2, padding=1) for pair in pairwise(widths)
+    )
+    return nn.Sequential(
+        *(nn.Sequential(each, norm(each.out_channels), nn.ReLU()) for each in deconvolutions)
+    )
 
 
 class StandardisedConv2d(nn.Conv2d):
@@ -116,8 +126,8 @@ class StandardisedConv2d(nn.Conv2d):
 
     References
     ----------
-    Brock, De and Smith, "Characterizing signal propagation to close the performance gap in unnormalized ResNets",
-    ICLR 2021.
+    Brock, De and Smith, "Characterizing signal propagation to close the performance gap in
+    unnormalized ResNets", ICLR 2021.
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -137,7 +147,9 @@ class ResidualBlock(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.first, self.second = (StandardisedConv2d(channels, channels, 3, padding=1) for _ in range(2))
+        self.first, self.second = (
+            StandardisedConv2d(channels, channels, 3, padding=1) for _ in range(2)
+        )
         self.share = nn.Parameter(torch.full((), 0.1))
 
     def forward(self, x: Tensor) -> Tensor:

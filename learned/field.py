@@ -1,7 +1,8 @@
 """Deformation field: the canonical position of each vertex of a complete surface, with the detail of the input.
 
-A surface is seen in the frame of its principal axes, and sampled evenly. Positions and rotations that the network
-(:mod:`learned.field_network`) predicts attract a deformation that is as rigid as possible.
+A surface is seen in the frame of its principal axes, and sampled evenly. Positions and rotations
+that the network (:mod:`learned.field_network`) predicts attract a deformation that is as rigid as
+possible.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ _AT_ONCE = 4096
 """Positions that are decoded together, which bounds the memory for large meshes."""
 
 
-def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> tuple[Points, dict[str, float | str]]:
+def form_of(
+    network: FieldNetwork, shape: Shape, reach: float, rounds: int
+) -> tuple[Points, dict[str, float | str]]:
     """Return the vertices of the form, of unit area, shape (n, 3), and notes about it.
 
     Parameters
@@ -58,7 +61,9 @@ def form_of(network: FieldNetwork, shape: Shape, reach: float, rounds: int) -> t
     vertices = with_detail(framed.vertices, shape.laplacian(), positions, rotations, reach, rounds)
     area = mesh.with_vertices(vertices).area if np.isfinite(vertices).all() else 0.0
     if not area > 0:
-        raise UnsupportedShape("the network leaves no surface of this shape", "pass one like those it was trained on")
+        raise UnsupportedShape(
+            "the network leaves no surface of this shape", "pass one like those it was trained on"
+        )
     vertices = np.asarray(vertices / area**0.5)
     before, after = framed.edge_lengths, mesh.with_vertices(vertices).edge_lengths
     notes: dict[str, float | str] = {
@@ -101,14 +106,16 @@ def _outward(mesh: Mesh) -> Mesh:
     return Mesh(mesh.vertices, mesh.faces[:, ::-1]) if volume < -INSIDE_OUT else mesh
 
 
-# Frame ---------------------------------------------------------------------------------------------------------------
+# Frame
+# ------------------------------------------------------------------------------------------------
 
 
 def in_frame(mesh: Mesh) -> Mesh:
     """Return the surface in the frame of its principal axes, longest first, of unit area and with centroid 0.
 
-    Moments are integrals over the triangles, so the triangulation does not matter. The two axes with the largest
-    skewness point to the side of the positive third moment; the third axis makes the frame right-handed.
+    Moments are integrals over the triangles, so the triangulation does not matter. The two axes
+    with the largest skewness point to the side of the positive third moment; the third axis makes
+    the frame right-handed.
 
     Raises
     ------
@@ -120,12 +127,16 @@ def in_frame(mesh: Mesh) -> Mesh:
     if not np.isfinite(total):
         raise UnsupportedShape("the coordinates are too large to compute with", "scale the mesh")
     if not total > 0:
-        raise UnsupportedShape("the mesh has no area", "pass a surface with at least one proper triangle")
+        raise UnsupportedShape(
+            "the mesh has no area", "pass a surface with at least one proper triangle"
+        )
     shares = areas / total
     a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
     origin, unit = shares @ (a + b + c) / 3, total**0.5
     corners = [(corner - origin) / unit for corner in (a, b, c)]
-    covariance = sum((shares[:, None] * vectors).T @ vectors for vectors in (*corners, sum(corners))) / 12
+    covariance = (
+        sum((shares[:, None] * vectors).T @ vectors for vectors in (*corners, sum(corners))) / 12
+    )
     axes = np.linalg.eigh(covariance)[1].T[::-1].copy()
     skewness = _skewness([corner @ axes.T for corner in corners], shares)
     axes[skewness < 0] *= -1
@@ -137,17 +148,21 @@ def in_frame(mesh: Mesh) -> Mesh:
 def _skewness(corners: list[Points], shares: FloatArray) -> FloatArray:
     """Return the third standardised moment along each axis, shape (3,), of triangles with these shares of the area.
 
-    The mean of t^3 over a triangle is a tenth of the complete homogeneous polynomial of its corners.
+    The mean of t^3 over a triangle is a tenth of the complete homogeneous polynomial of its
+    corners.
     """
     a, b, c = corners
     first, second, third = a + b + c, a * a + b * b + c * c, a * a * a + b * b * b + c * c * c
     homogeneous = (first * (first * first + 3 * second) + 2 * third) / 6
     variance = shares @ (first * first + second) / 12
     # Along the normal of a flat surface there are only rounding errors.
-    return np.asarray(shares @ homogeneous / 10 / np.maximum(variance, FLAT * variance.sum()) ** 1.5)
+    return np.asarray(
+        shares @ homogeneous / 10 / np.maximum(variance, FLAT * variance.sum()) ** 1.5
+    )
 
 
-# Samples -------------------------------------------------------------------------------------------------------------
+# Samples
+# ------------------------------------------------------------------------------------------------
 
 PER_POINT = 4
 """Candidates per sampled point."""
@@ -165,8 +180,8 @@ _TIE_BREAKER = np.array([1.0, 0.7390851332, 0.5671432904])
 def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
     """Sample a surface by farthest point sampling, independently of the order of its vertices and triangles.
 
-    Each triangle gets candidates according to its area, at the centres of the small triangles into which it is divided.
-    These do not depend on the order of its corners.
+    Each triangle gets candidates according to its area, at the centres of the small triangles into
+    which it is divided. These do not depend on the order of its corners.
 
     Parameters
     ----------
@@ -178,7 +193,8 @@ def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
     Returns
     -------
     points, normals : numpy.ndarray
-        Points and the unit normals of their triangles, shape (m, 3); the first few are spread as evenly as all.
+        Points and the unit normals of their triangles, shape (m, 3); the first few are spread as
+        evenly as all.
     """
     areas = mesh.face_areas
     # Each triangle is divided into k^2; the margin gives triangles of equal area the same k.
@@ -188,12 +204,16 @@ def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
     for k in np.unique(parts[parts > 0]):
         of_size = np.flatnonzero(parts == k)
         weights = _centres(int(k))
-        points.append(np.einsum("wc,mcx->mwx", weights, mesh.vertices[mesh.faces[of_size]]).reshape(-1, 3))
+        points.append(
+            np.einsum("wc,mcx->mwx", weights, mesh.vertices[mesh.faces[of_size]]).reshape(-1, 3)
+        )
         owners.append(np.repeat(of_size, len(weights)))
     candidates = np.concatenate(points)
     chosen = _farthest_points(candidates, candidates @ _TIE_BREAKER, count)
     normals = mesh.face_normals[np.concatenate(owners)[chosen]]
-    return candidates[chosen], normals / np.linalg.norm(normals, axis=1, keepdims=True).clip(min=1e-300)
+    return candidates[chosen], normals / np.linalg.norm(normals, axis=1, keepdims=True).clip(
+        min=1e-300
+    )
 
 
 def _centres(k: int) -> FloatArray:
@@ -224,7 +244,8 @@ def _farthest_points(points: FloatArray, keys: FloatArray, count: int) -> NDArra
     return chosen
 
 
-# Detail --------------------------------------------------------------------------------------------------------------
+# Detail
+# ------------------------------------------------------------------------------------------------
 
 WEIGHT_FLOOR = 1e-2
 """Smallest edge weight, as a share of the mean weight: cotangents of obtuse pairs are negative or zero."""
@@ -235,7 +256,12 @@ its rotation keeps the previous one."""
 
 
 def with_detail(
-    rest: Points, laplacian: Laplacian, positions: Points, rotations: FloatArray, reach: float, rounds: int
+    rest: Points,
+    laplacian: Laplacian,
+    positions: Points,
+    rotations: FloatArray,
+    reach: float,
+    rounds: int,
 ) -> Points:
     r"""Return positions near the predicted ones, with the edges of the input, rotated.
 
@@ -243,10 +269,10 @@ def with_detail(
 
     .. math:: \frac12 \sum_{ij} w_{ij} \|(x_i - x_j) - R_i (p_i - p_j)\|^2 + \rho^{-2} \sum_i m_i \|x_i - y_i\|^2
 
-    over the positions :math:`x` for the predicted rotations :math:`R`, and then alternately over rotations and
-    positions: as-rigid-as-possible deformation [Sorkine & Alexa 2007, equations 3 and 8] with a term that attracts it
-    to the predicted positions :math:`y`. Details smaller than :math:`\rho` come from the input :math:`p`, the positions
-    of larger parts from the prediction.
+    over the positions :math:`x` for the predicted rotations :math:`R`, and then alternately over
+    rotations and positions: as-rigid-as-possible deformation [Sorkine & Alexa 2007, equations 3 and
+    8] with a term that attracts it to the predicted positions :math:`y`. Details smaller than
+    :math:`\rho` come from the input :math:`p`, the positions of larger parts from the prediction.
 
     Parameters
     ----------
@@ -278,7 +304,9 @@ def with_detail(
     weights.data = np.maximum(weights.data, WEIGHT_FLOOR * weights.data.mean())
     screen = laplacian.mass / laplacian.mass.sum() / reach**2
     matrix = csc_array(diags_array(weights.sum(axis=1) + screen) - weights)
-    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    factors = splu(
+        matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )
     cells = _Cells(rest, weights)
     held = screen[:, None] * positions
     refined = factors.solve(cells.load(rotations) + held)
@@ -291,8 +319,9 @@ def with_detail(
 class _Cells:
     """Edges around each vertex.
 
-    ``starts`` and ``ends`` are the vertices of each directed edge, shape (e,), ``edges`` the vectors from end to start,
-    shape (e, 3). ``sums`` adds values of edges over their starts, shape (n, e).
+    ``starts`` and ``ends`` are the vertices of each directed edge, shape (e,), ``edges`` the
+    vectors from end to start, shape (e, 3). ``sums`` adds values of edges over their starts, shape
+    (n, e).
     """
 
     def __init__(self, rest: Points, graph: csr_array) -> None:
@@ -312,10 +341,14 @@ class _Cells:
     def rotations(self, positions: Points, before: FloatArray) -> FloatArray:
         """Return the best-fitting rotations of the cells, shape (n, 3, 3); see :data:`INERTIA`."""
         now = positions[self.starts] - positions[self.ends]
-        products = (self.weights[:, None, None] * now[:, :, None] * self.edges[:, None, :]).reshape(-1, 9)
+        products = (self.weights[:, None, None] * now[:, :, None] * self.edges[:, None, :]).reshape(
+            -1, 9
+        )
         size = self.sums @ (self.weights * (self.edges**2).sum(axis=1))
         size = np.maximum(size, np.finfo(float).tiny)
-        covariances = (self.sums @ products).reshape(-1, 3, 3) / size[:, None, None] + INERTIA * before
+        covariances = (self.sums @ products).reshape(-1, 3, 3) / size[
+            :, None, None
+        ] + INERTIA * before
         left, _, right = np.linalg.svd(covariances)
         left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
         return np.asarray(left @ right)

@@ -1,9 +1,9 @@
 """Network of the deformation field: from points of a surface to tokens, and from positions to the canonical pose.
 
-Neighbourhoods become tokens as in PointNet++ [Qi et al. 2017, section 3.2]. Tokens attend to each other, and positions
-to tokens [Vaswani et al. 2017, section 3.2]. As in deformation fields [DIF-Net, Deng et al. 2021, section 3], the
-canonical position is a function of the position and a code of the whole shape; here the code is a set of tokens, one of
-which has no position.
+Neighbourhoods become tokens as in PointNet++ [Qi et al. 2017, section 3.2]. Tokens attend to each
+other, and positions to tokens [Vaswani et al. 2017, section 3.2]. As in deformation fields
+[DIF-Net, Deng et al. 2021, section 3], the canonical position is a function of the position and a
+code of the whole shape; here the code is a set of tokens, one of which has no position.
 """
 
 from __future__ import annotations
@@ -42,7 +42,9 @@ class FieldNetwork(nn.Module):
     def __init__(self) -> None:
         super().__init__()
         written = 3 * (2 + 2 * FREQUENCIES)
-        self.neighbourhood = nn.Sequential(nn.Linear(9, WIDTH // 3), nn.ReLU(), nn.Linear(WIDTH // 3, WIDTH), nn.ReLU())
+        self.neighbourhood = nn.Sequential(
+            nn.Linear(9, WIDTH // 3), nn.ReLU(), nn.Linear(WIDTH // 3, WIDTH), nn.ReLU()
+        )
         self.gathered = nn.Linear(WIDTH, WIDTH)
         self.placed = nn.Linear(written, WIDTH)
         self.whole = nn.Parameter(torch.zeros(1, 1, WIDTH))
@@ -59,7 +61,8 @@ class FieldNetwork(nn.Module):
         Parameters
         ----------
         points
-            Points of each surface, of which the first few are spread as evenly as all, shape (n, m, 3).
+            Points of each surface, of which the first few are spread as evenly as all, shape (n, m,
+            3).
         normals
             Unit normals there, shape (n, m, 3).
         """
@@ -78,8 +81,8 @@ class FieldNetwork(nn.Module):
         Returns
         -------
         positions, rotations : torch.Tensor
-            Positions in the canonical pose of a body of unit area, shape (n, q, 3), and rotations of the surface
-            around each position to the canonical pose, shape (n, q, 3, 3).
+            Positions in the canonical pose of a body of unit area, shape (n, q, 3), and rotations
+            of the surface around each position to the canonical pose, shape (n, q, 3, 3).
         """
         squares = functional.pad(_squares(positions, tokens.positions), (1, 0))
         features = self.asking(_written(positions, normals))
@@ -88,11 +91,13 @@ class FieldNetwork(nn.Module):
         raw = self.head(features)
         return raw[..., :3], rotations_of(raw[..., 3:])
 
-    def _neighbourhoods(self, points: Tensor, normals: Tensor, positions: Tensor, facing: Tensor) -> Tensor:
+    def _neighbourhoods(
+        self, points: Tensor, normals: Tensor, positions: Tensor, facing: Tensor
+    ) -> Tensor:
         """Max-pool the features of the neighbourhood of each token, shape (n, tokens, width).
 
-        The weight of a point falls to zero towards the rim of the neighbourhood, so ties between the farthest points do
-        not matter.
+        The weight of a point falls to zero towards the rim of the neighbourhood, so ties between
+        the farthest points do not matter.
         """
         nearest, which = _squares(positions, points).topk(NEIGHBOURS, dim=-1, largest=False)
         n, t, k = which.shape
@@ -100,7 +105,9 @@ class FieldNetwork(nn.Module):
         around = points.gather(1, rows).view(n, t, k, 3) - positions[:, :, None]
         theirs = normals.gather(1, rows).view(n, t, k, 3)
         own = facing[:, :, None].expand_as(theirs)
-        weights = (1 - nearest / nearest[..., -1:].clamp(min=torch.finfo(nearest.dtype).tiny)).clamp(min=0)
+        weights = (
+            1 - nearest / nearest[..., -1:].clamp(min=torch.finfo(nearest.dtype).tiny)
+        ).clamp(min=0)
         seen = self.neighbourhood(torch.cat([around / REACH, theirs, own], dim=-1))
         return cast(Tensor, (seen * weights[..., None]).amax(dim=2))
 

@@ -22,7 +22,16 @@ from learned.images import DepthScale
 from learned.models import CONFIGURATIONS, load, save
 from learned.pairs import Pairs, gather
 from learned.paper_network import RESOLUTIONS
-from learned.training import CHECKPOINT, Device, Schedule, device_named, differences, fit, measures, resolved
+from learned.training import (
+    CHECKPOINT,
+    Device,
+    Schedule,
+    device_named,
+    differences,
+    fit,
+    measures,
+    resolved,
+)
 
 TRAINABLE_AT = "4868b8b9"
 """Last commit that trains the networks of generated bodies."""
@@ -40,12 +49,19 @@ class Machine:
 
 
 def train(
-    name: str, seed: int, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]
+    name: str,
+    seed: int,
+    data: TrainingData,
+    folder: Path,
+    options: Mapping[str, Any],
+    say: Callable[[str], None],
 ) -> None:
     """Train a model into a folder; see :meth:`learned.methods.TrainedNetwork.train`."""
     configuration = CONFIGURATIONS[name]
     if configuration.architecture != "progressive":
-        raise ConfigurationError(f"network '{name}' comes trained", f"train it at commit {TRAINABLE_AT}")
+        raise ConfigurationError(
+            f"network '{name}' comes trained", f"train it at commit {TRAINABLE_AT}"
+        )
     own = {key: value for key, value in options.items() if key in Machine.__dataclass_fields__}
     machine = Machine(**checked(Machine, own, "the training"))
     device = device_named(machine.device)
@@ -66,7 +82,9 @@ def train(
     if _check_finished(folder, recipe):
         say(f"{folder} holds this model already")
         return
-    unseen = gather(data.validation(), data.n_validation, schedule.resolution, configuration.crop).scaled(pairs.scale)
+    unseen = gather(
+        data.validation(), data.n_validation, schedule.resolution, configuration.crop
+    ).scaled(pairs.scale)
     folder.mkdir(parents=True, exist_ok=True)
     history = fit(network, pairs, unseen, schedule, folder, seed=seed, device=device, log=say)
     network = network.cpu().eval()
@@ -93,13 +111,19 @@ def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
     known = {name: card.get(fact) for name, fact in facts.items() if name in recipe}
     if changed := differences((card.get("schedule") or {}) | known, recipe):
         problem = f"{folder} holds a finished model of another training, with another {changed}"
-        raise ConfigurationError(problem, "delete the folder to train anew, or name other --results")
+        raise ConfigurationError(
+            problem, "delete the folder to train anew, or name other --results"
+        )
     return True
 
 
 @torch.inference_mode()
 def _measured(network: nn.Module, pairs: Pairs) -> dict[str, float]:
     """Return the measures of some predictions of the finished network."""
-    rows = torch.from_numpy(np.linspace(0, len(pairs) - 1, min(SAMPLES, len(pairs))).round().astype(np.int64))
+    rows = torch.from_numpy(
+        np.linspace(0, len(pairs) - 1, min(SAMPLES, len(pairs))).round().astype(np.int64)
+    )
     images, targets = pairs[rows]
-    return measures(torch.cat([network(image[None]) for image in images]), targets, pairs.scale.factor)
+    return measures(
+        torch.cat([network(image[None]) for image in images]), targets, pairs.scale.factor
+    )

@@ -49,15 +49,17 @@ def checked_image(image: DepthImage) -> Floats:
         problem = "the depth image holds NaN or values outside [0, 1]"
         raise InvalidMesh(problem, "normalise it as `render_depth` does, with 0 outside")
     if not image.any():
-        raise UnsupportedShape("the depth image is empty", "check the camera and the half width of the data set")
+        raise UnsupportedShape(
+            "the depth image is empty", "check the camera and the half width of the data set"
+        )
     return image
 
 
 def resampled(image: Floats, resolution: int, crop: bool = False) -> Floats:
     """Resample a depth image for a network.
 
-    A pixel gets the mean depth of the foreground that it covers; a mixture with the background would be a depth at
-    which nothing is.
+    A pixel gets the mean depth of the foreground that it covers; a mixture with the background
+    would be a depth at which nothing is.
 
     Parameters
     ----------
@@ -66,9 +68,9 @@ def resampled(image: Floats, resolution: int, crop: bool = False) -> Floats:
     resolution
         Pixels per side, r.
     crop
-        Whether to crop the image to its foreground. Depths are then scaled like lengths, which preserves angles, and
-        shifted so that their mean is in the middle of the frame. The size of a body is lost; a form of unit area does
-        not depend on it.
+        Whether to crop the image to its foreground. Depths are then scaled like lengths, which
+        preserves angles, and shifted so that their mean is in the middle of the frame. The size of
+        a body is lost; a form of unit area does not depend on it.
 
     Returns
     -------
@@ -111,7 +113,8 @@ def _shares(start: float, length: float, size: int, resolution: int) -> csr_arra
 def enlarged(prediction: Tensor) -> Floats:
     """Upsample a prediction to the size of a camera image.
 
-    Depths are interpolated between pixels inside the mask only, so the rim does not fall off towards the background.
+    Depths are interpolated between pixels inside the mask only, so the rim does not fall off
+    towards the background.
 
     Parameters
     ----------
@@ -126,16 +129,22 @@ def enlarged(prediction: Tensor) -> Floats:
     depth, mask = prediction.double()
     inside = (mask > COVERED).double()
     coarse = torch.stack([depth * inside, inside, mask])[None]
-    depth, weight, mask = functional.interpolate(coarse, size=(SIZE, SIZE), mode="bilinear", align_corners=False)[0]
-    # If the fine mask exceeds a half, so does one of the coarse pixels around it, except for rounding errors.
+    depth, weight, mask = functional.interpolate(
+        coarse, size=(SIZE, SIZE), mode="bilinear", align_corners=False
+    )[0]
+    # If the fine mask exceeds a half, so does one of the coarse pixels around it, except for
+    # rounding errors.
     seen = (mask > COVERED) & (weight > 0)
-    return np.asarray(torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), 0.0).numpy(), dtype=np.float32)
+    return np.asarray(
+        torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), 0.0).numpy(), dtype=np.float32
+    )
 
 
 class DepthScale(msgspec.Struct, frozen=True):
     """Linear map of depths, .5 + factor (depth - mean), by which the targets of a training fill the range .1 to .9.
 
-    The frame is as deep as it is wide, so the depths of a standing body fill less than a tenth of [0, 1].
+    The frame is as deep as it is wide, so the depths of a standing body fill less than a tenth of
+    [0, 1].
 
     Parameters
     ----------
@@ -178,7 +187,9 @@ def undecided(mask: Tensor, decided: Tensor, tolerance: float) -> Tensor:
     tolerance
         Largest distance from the threshold.
     """
-    fine = functional.interpolate(mask[None, None], size=(SIZE, SIZE), mode="bilinear", align_corners=False)[0, 0]
+    fine = functional.interpolate(
+        mask[None, None], size=(SIZE, SIZE), mode="bilinear", align_corners=False
+    )[0, 0]
     near = ((fine - COVERED).abs() < tolerance).nonzero()
     places = ((near + 0.5) * (len(mask) / SIZE) - 0.5).floor().clamp(min=0).long()
     return places[~decided[tuple(places.T)]]
@@ -187,8 +198,8 @@ def undecided(mask: Tensor, decided: Tensor, tolerance: float) -> Tensor:
 def outline_blur(mask: Tensor) -> float:
     """Return the mean width in pixels of the uncertain rim of a predicted mask, shape (r, r); 0 for an empty one.
 
-    A network predicts sharp outlines for shapes like those in its training. The width is the sum of 4 m (1 - m) over
-    all pixels m, divided by the length of the outline in pixel sides.
+    A network predicts sharp outlines for shapes like those in its training. The width is the sum of
+    4 m (1 - m) over all pixels m, divided by the length of the outline in pixel sides.
     """
     inside = mask > COVERED
     length = sum(int(torch.count_nonzero(inside.diff(dim=axis))) for axis in (0, 1))

@@ -27,9 +27,16 @@ if TYPE_CHECKING:
     from benchmark.geometry.depth import DepthImage
 
 ConfigurationName = Literal[
-    "literal", "as_printed", "without_srf", "without_lrf", "without_weighting", "size_free", "wide-extra",
-    "streamed-people", "field-plain",
-]  # fmt: skip
+    "literal",
+    "as_printed",
+    "without_srf",
+    "without_lrf",
+    "without_weighting",
+    "size_free",
+    "wide-extra",
+    "streamed-people",
+    "field-plain",
+]
 """A key of ``learned.models.CONFIGURATIONS``, whose import takes a second."""
 
 Relief = Literal["predicted", "average", "flat"]
@@ -51,7 +58,8 @@ class TrainedNetwork(CheckedParameters):
     Attributes
     ----------
     model
-        Folder of the loaded model; not a parameter, because the harness loads the model that fits each shape.
+        Folder of the loaded model; not a parameter, because the harness loads the model that fits
+        each shape.
     """
 
     info: ClassVar[MethodInfo]
@@ -73,7 +81,10 @@ class TrainedNetwork(CheckedParameters):
     @property
     def model_folder(self) -> Path:
         """Folder of the loaded model, or else of the shipped one."""
-        return self.model or self.shipped_models / (self.training or self.default_training) / self.model_name
+        return (
+            self.model
+            or self.shipped_models / (self.training or self.default_training) / self.model_name
+        )
 
     def load(self, folder: Path) -> Self:
         """Return the method with the model in ``folder``.
@@ -81,7 +92,8 @@ class TrainedNetwork(CheckedParameters):
         Raises
         ------
         ConfigurationError
-            If the weights are damaged, have another digest than their card says, or belong to another configuration.
+            If the weights are damaged, have another digest than their card says, or belong to
+            another configuration.
         """
         from learned.models import load
 
@@ -93,7 +105,13 @@ class TrainedNetwork(CheckedParameters):
         object.__setattr__(loaded, "model", folder)
         return loaded
 
-    def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
+    def train(
+        self,
+        data: TrainingData,
+        folder: Path,
+        options: Mapping[str, Any],
+        say: Callable[[str], None],
+    ) -> None:
         """Train the model; see :class:`.Learner` and :class:`learned.training.Schedule`.
 
         Raises
@@ -112,8 +130,8 @@ class TrainedNetwork(CheckedParameters):
 class Learned(TrainedNetwork):
     """Depth image of the canonical pose, predicted from a depth image by a convolutional network, and back-projected.
 
-    "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
-    Perception", section III; see :mod:`learned.paper_network`.
+    "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic
+    Vision and SLAM-Aware Perception", section III; see :mod:`learned.paper_network`.
 
     Parameters
     ----------
@@ -124,8 +142,8 @@ class Learned(TrainedNetwork):
     training
         Name of the training data; "" for that of the table.
     relief
-        Depth inside the predicted mask: the predicted one, or, to see what it adds, that of the average training body
-        (of folds of people, at 128 x 128 pixels), or none.
+        Depth inside the predicted mask: the predicted one, or, to see what it adds, that of the
+        average training body (of folds of people, at 128 x 128 pixels), or none.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -184,7 +202,9 @@ class Learned(TrainedNetwork):
         if self.relief == "predicted":
             return prediction
         mask, folder = prediction[-1], self.model_folder
-        return torch.stack([average_body(folder, len(mask)) if self.relief == "average" else mask * 0 + 0.5, mask])
+        return torch.stack(
+            [average_body(folder, len(mask)) if self.relief == "average" else mask * 0 + 0.5, mask]
+        )
 
     def measure_fit(self, shape: Shape) -> dict[str, float | str]:
         """Return the width of the predicted outline in pixels, and a doubt if it is unusual.
@@ -195,21 +215,34 @@ class Learned(TrainedNetwork):
 
         if shape.depth is None:
             return {}
-        notes: dict[str, float | str] = {"outline_blur": (blur := outline_blur(self.predict(shape.depth)[-1]))}
+        notes: dict[str, float | str] = {
+            "outline_blur": (blur := outline_blur(self.predict(shape.depth)[-1]))
+        }
         if blur > self.usual_blur and self.model_folder.is_relative_to(self.shipped_models):
             usual = f"90 % of validation images have at most {self.usual_blur:g}"
-            notes["doubt"] = f"the predicted outline is {blur:.2f} pixels wide ({usual}), so the form may not fit"
+            notes["doubt"] = (
+                f"the predicted outline is {blur:.2f} pixels wide ({usual}), so the form may not fit"
+            )
         return notes
 
 
 def _row(
-    name: str, title: str, configuration: str, summary: str, departs: str = "", relief: Relief = "predicted",
+    name: str,
+    title: str,
+    configuration: str,
+    summary: str,
+    departs: str = "",
+    relief: Relief = "predicted",
     **constants: Any,
-) -> type[Learned]:  # fmt: skip
+) -> type[Learned]:
     """Return the learner of another row: the same class with other defaults."""
     departs = departs or Learned.info.departs
-    info = replace(Learned.info, name=name, title=title, family="extended", summary=summary, departs=departs)
-    info = replace(info, files=("models/average-bodies.safetensors",)) if relief == "average" else info
+    info = replace(
+        Learned.info, name=name, title=title, family="extended", summary=summary, departs=departs
+    )
+    info = (
+        replace(info, files=("models/average-bodies.safetensors",)) if relief == "average" else info
+    )
     row = make_dataclass(
         title.title().replace(" ", ""),
         [("configuration", ConfigurationName, configuration), ("relief", Relief, relief)],
@@ -224,45 +257,69 @@ def _row(
 WithoutSRF = _row("learned-without-srf", "w/o SRF", "without_srf", "ablation: no SRF")
 WithoutLRF = _row("learned-without-lrf", "w/o LRF", "without_lrf", "ablation: no LRF")
 WithoutWeighting = _row(
-    "learned-without-weighting", "w/o progressive weighting", "without_weighting",
+    "learned-without-weighting",
+    "w/o progressive weighting",
+    "without_weighting",
     "ablation: the weight of the depth loss is 1 from the first epoch",
-)  # fmt: skip
+)
 SizeFree = _row(
-    "learned-size-free", "Depth network, size unknown", "size_free", "the paper's network without the size of the body",
+    "learned-size-free",
+    "Depth network, size unknown",
+    "size_free",
+    "the paper's network without the size of the body",
     "Images are cropped to the body, so its size is unknown. Otherwise, it departs like 'learned'.",
-)  # fmt: skip
+)
 Strict = _row(
-    "learned-strict", "strict train", "literal", "ablation: neither subject nor pose seen in training, 12 folds",
+    "learned-strict",
+    "strict train",
+    "literal",
+    "ablation: neither subject nor pose seen in training, 12 folds",
     split="strict",
-)  # fmt: skip
+)
 Average = _row(
-    "learned-average", "Average body in the predicted mask", "literal", "control: the depth is not that of the body",
-    "A control: only the mask is predicted.", relief="average",
-)  # fmt: skip
+    "learned-average",
+    "Average body in the predicted mask",
+    "literal",
+    "control: the depth is not that of the body",
+    "A control: only the mask is predicted.",
+    relief="average",
+)
 Flat = _row(
-    "learned-flat", "Flat in the predicted mask", "literal", "control: no depth",
-    "A control: only the mask is predicted.", relief="flat",
-)  # fmt: skip
+    "learned-flat",
+    "Flat in the predicted mask",
+    "literal",
+    "control: no depth",
+    "A control: only the mask is predicted.",
+    relief="flat",
+)
 WideExtra = _row(
-    "learned-wide-extra", "Depth network, extra data", "wide-extra", "one global code, trained on sampled bodies",
+    "learned-wide-extra",
+    "Depth network, extra data",
+    "wide-extra",
+    "one global code, trained on sampled bodies",
     "Another network: an encoder to one code and a decoder from it, trained on sampled bodies.",
-    split="sampled", default_training="humans-sampled",
-)  # fmt: skip
+    split="sampled",
+    default_training="humans-sampled",
+)
 Streamed = _row(
-    "learned-streamed", "Depth network, streamed", "streamed-people",
+    "learned-streamed",
+    "Depth network, streamed",
+    "streamed-people",
     "one code, trained on fresh bodies in free poses, blind to the frame",
     "Another network: one code for the whole image, trained on generated bodies without end.",
-    split="sampled", default_training="humans-varied", usual_blur=2.29,
-)  # fmt: skip
+    split="sampled",
+    default_training="humans-varied",
+    usual_blur=2.29,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeformationField(TrainedNetwork):
     """Vertices at the canonical positions that a network predicts, with the detail of the input.
 
-    The network maps a position and a code of the whole surface to the position in the canonical pose, like the
-    deformation fields of DIF-Net [Deng et al. 2021] and Deform2NeRF. An as-rigid-as-possible deformation then follows
-    the prediction; see :mod:`learned.field`.
+    The network maps a position and a code of the whole surface to the position in the canonical
+    pose, like the deformation fields of DIF-Net [Deng et al. 2021] and Deform2NeRF. An
+    as-rigid-as-possible deformation then follows the prediction; see :mod:`learned.field`.
 
     Parameters
     ----------
@@ -273,7 +330,8 @@ class DeformationField(TrainedNetwork):
     training
         Name of the training data.
     reach
-        Length, in units of sqrt(area), up to which details come from the input; 0 keeps the predicted positions.
+        Length, in units of sqrt(area), up to which details come from the input; 0 keeps the
+        predicted positions.
     rounds
         Rounds of fitting rotations to the form, after the predicted rotations were used.
     """

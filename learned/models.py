@@ -53,8 +53,8 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
     name
         Name on the command line.
     architecture
-        ``"progressive"``: the paper's. ``"global-code"``: one code. ``"people"``: one code, front and back.
-        ``"field"``: canonical positions of surface points.
+        ``"progressive"``: the paper's. ``"global-code"``: one code. ``"people"``: one code, front
+        and back. ``"field"``: canonical positions of surface points.
     short_range, long_range, width
         See :class:`learned.paper_network.PaperNetwork`.
     crop
@@ -72,7 +72,9 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
         """Return the network with random weights."""
         if self.architecture == "progressive":
             return PaperNetwork(self.width, self.short_range, self.long_range, seed)
-        return {"global-code": CodeNetwork, "people": PeopleNetwork, "field": FieldNetwork}[self.architecture]()
+        return {"global-code": CodeNetwork, "people": PeopleNetwork, "field": FieldNetwork}[
+            self.architecture
+        ]()
 
 
 CONFIGURATIONS: Mapping[str, Configuration] = {
@@ -119,7 +121,9 @@ def load(folder: Path) -> tuple[nn.Module, Card]:
 
 
 @functools.lru_cache(maxsize=16)
-def _load(folder: Path, configuration: Configuration, _digest: str, dtype: torch.dtype = torch.float64) -> nn.Module:
+def _load(
+    folder: Path, configuration: Configuration, _digest: str, dtype: torch.dtype = torch.float64
+) -> nn.Module:
     network = configuration.build().to(dtype=dtype, memory_format=torch.channels_last)
     try:
         tensors = {
@@ -129,7 +133,9 @@ def _load(folder: Path, configuration: Configuration, _digest: str, dtype: torch
         }
         network.load_state_dict(tensors)
     except (KeyError, TypeError, SafetensorError) as error:
-        raise ConfigurationError(f"the model in {folder} is damaged: {error}", "train it again") from error
+        raise ConfigurationError(
+            f"the model in {folder} is damaged: {error}", "train it again"
+        ) from error
     except RuntimeError as error:
         problem = f"the weights in {folder} belong to another network than '{configuration.name}'"
         raise ConfigurationError(problem, "train it again") from error
@@ -145,7 +151,9 @@ def _in_stripes(module: nn.Conv2d, x: Tensor, weight: Tensor, bias: Tensor | Non
     x = nn.functional.pad(x, (beside, beside, above, above))
     reach = dilation * (weight.shape[-2] - 1)
     stripes = [
-        nn.functional.conv2d(x[:, :, first : first + _ROWS + reach], weight, bias, 1, 0, module.dilation)
+        nn.functional.conv2d(
+            x[:, :, first : first + _ROWS + reach], weight, bias, 1, 0, module.dilation
+        )
         for first in range(0, x.shape[-2] - reach, _ROWS)
     ]
     return torch.cat(stripes, dim=2)
@@ -155,8 +163,9 @@ def _in_stripes(module: nn.Conv2d, x: Tensor, weight: Tensor, bias: Tensor | Non
 def predict(folder: Path, image: DepthImage) -> Tensor:
     """Predict the depth of each side and the mask, shape (sides + 1, r, r), with the network in a folder.
 
-    In single precision, the last bits of sums depend on the processor. The paper's network, for which it saves most of
-    the time, predicts in it, and again in double precision around pixels of the mask that these bits may decide.
+    In single precision, the last bits of sums depend on the processor. The paper's network, for
+    which it saves most of the time, predicts in it, and again in double precision around pixels of
+    the mask that these bits may decide.
 
     Parameters
     ----------
@@ -172,7 +181,9 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
     """
     card = read_card(folder, Card)
     resolution = card.schedule.resolution if card.schedule else 128
-    pixels = torch.from_numpy(resampled(checked_image(image), resolution, card.configuration.crop)[:1])[None]
+    pixels = torch.from_numpy(
+        resampled(checked_image(image), resolution, card.configuration.crop)[:1]
+    )[None]
 
     def computed(window: Tensor, dtype: torch.dtype) -> Tensor:
         network = _load(folder, card.configuration, card.digest, dtype)
@@ -182,7 +193,9 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
     prediction = computed(pixels, torch.float64 if is_exact else torch.float32).double()
     decided = torch.full((resolution, resolution), is_exact)
     while len(places := undecided(prediction[-1], decided, ROUNDING * resolution)):
-        outer, inner, within = zip(*(window_around(place, resolution) for place in places[0].tolist()), strict=True)
+        outer, inner, within = zip(
+            *(window_around(place, resolution) for place in places[0].tolist()), strict=True
+        )
         prediction[..., *inner] = computed(pixels[..., *outer], torch.float64)[..., *within]
         decided[inner] = True
     return card.depth_scale.undo(prediction)
@@ -197,7 +210,9 @@ def average_body(folder: Path, resolution: int) -> Tensor:
         If the average body of its training is not known at this resolution.
     """
     training = read_card(folder, Card).data
-    bodies = tensors_in(Path(__file__).with_name("models").joinpath("average-bodies.safetensors").read_bytes())
+    bodies = tensors_in(
+        Path(__file__).with_name("models").joinpath("average-bodies.safetensors").read_bytes()
+    )
     if training not in bodies or len(bodies[training]) != resolution:
         problem = f"training '{training}' has no average body of {resolution} x {resolution} pixels"
         raise ConfigurationError(problem, f"take the model of a training among {', '.join(bodies)}")
@@ -231,7 +246,10 @@ def save(
     with torch.no_grad():
         for parameter in network.parameters():
             parameter.copy_(parameter.half().float())
-    halves = {name: tensor.detach().cpu().half().contiguous() for name, tensor in network.state_dict().items()}
+    halves = {
+        name: tensor.detach().cpu().half().contiguous()
+        for name, tensor in network.state_dict().items()
+    }
     content: bytes = saved(halves)
     card = {
         "digest": hashlib.sha256(content).hexdigest(),

@@ -48,7 +48,9 @@ class Pairs:
 
     def to(self, device: torch.device) -> Pairs:
         """Return a copy on a device."""
-        places = {name: getattr(self, name).to(device) for name in ("images", "targets", "target_of")}
+        places = {
+            name: getattr(self, name).to(device) for name in ("images", "targets", "target_of")
+        }
         return replace(self, **places)
 
     def scaled(self, scale: DepthScale) -> Pairs:
@@ -63,7 +65,9 @@ class Pairs:
         return digest.hexdigest()
 
 
-def gather(pairs: Iterable[TrainingPair], n_pairs: int, resolution: int, crop: bool = False) -> Pairs:
+def gather(
+    pairs: Iterable[TrainingPair], n_pairs: int, resolution: int, crop: bool = False
+) -> Pairs:
     """Load all pairs into memory, at the resolution of the network; each distinct target is kept once.
 
     Parameters
@@ -95,5 +99,9 @@ def gather(pairs: Iterable[TrainingPair], n_pairs: int, resolution: int, crop: b
             targets.append(resampled(checked_image(pair.target), resolution, crop))
     if not names:
         raise TrainingError("there is no pair to train on", "check the data set with 'data check'")
-    tensors = torch.from_numpy(images[: len(names)]), torch.from_numpy(np.stack(targets)), torch.tensor(target_of)
+    tensors = (
+        torch.from_numpy(images[: len(names)]),
+        torch.from_numpy(np.stack(targets)),
+        torch.tensor(target_of),
+    )
     return Pairs(tuple(names), *tensors)

@@ -1,9 +1,9 @@
 """The paper's network: short-range features, long-range features, and an encoder-decoder for depth and mask.
 
-"Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
-Perception", section III. Y_SRF = SRF(I), Y_LRF = LRF(I, Y_SRF), (depth, mask) = DPR(I, Y_SRF, Y_LRF), each of the size
-of the image. Transposed convolutions of the paper that keep the size (stride 1) are convolutions here, because both
-compute the same functions.
+"Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic
+Vision and SLAM-Aware Perception", section III. Y_SRF = SRF(I), Y_LRF = LRF(I, Y_SRF), (depth, mask)
+= DPR(I, Y_SRF, Y_LRF), each of the size of the image. Transposed convolutions of the paper that
+keep the size (stride 1) are convolutions here, because both compute the same functions.
 """
 
 from __future__ import annotations
@@ -80,7 +80,8 @@ class EncoderDecoder(nn.Module):
         widths = [width, 2 * width, 4 * width, 8 * width]
         inward = widths[::-1]
         self.encoder = nn.ModuleList(map(_block, [channels_in, *widths[:-1]], widths))
-        # 4x4 kernels cover every pixel of the doubled size equally often; 3x3 kernels make a checkerboard.
+        # 4x4 kernels cover every pixel of the doubled size equally often; 3x3 kernels make a
+        # checkerboard.
         self.decoder = nn.ModuleList(
             nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
             for before, after in zip(inward, [*inward[1:], width], strict=True)
@@ -92,11 +93,15 @@ class EncoderDecoder(nn.Module):
         sizes = []
         for block in self.encoder:
             sizes.append(x.shape[-2:])
-            # Rounding up keeps the last row and column of an odd size, so that the decoder can restore it.
+            # Rounding up keeps the last row and column of an odd size, so that the decoder can
+            # restore it.
             x = functional.max_pool2d(block(x), 2, ceil_mode=True)
         for deconvolution, (height, width) in zip(self.decoder, reversed(sizes), strict=True):
             x = deconvolution(x)
-            if x.shape[-2:] != (height, width):  # an empty cut would cost two copies in the backward pass
+            if x.shape[-2:] != (
+                height,
+                width,
+            ):  # an empty cut would cost two copies in the backward pass
                 x = x[..., :height, :width]
             x = functional.relu(x)
         return cast(Tensor, self.head(x))
@@ -112,16 +117,20 @@ class PaperNetwork(nn.Module):
     short_range, long_range
         Whether the network has SRF and LRF.
     seed
-        Seed of the random weights, which depend on nothing else. Convolutions before a (leaky) rectifier start with
-        variances that keep the scale of activations [He et al. 2015, eq. 14].
+        Seed of the random weights, which depend on nothing else. Convolutions before a (leaky)
+        rectifier start with variances that keep the scale of activations [He et al. 2015, eq. 14].
     """
 
-    def __init__(self, width: int = 16, short_range: bool = True, long_range: bool = True, seed: int = 0) -> None:
+    def __init__(
+        self, width: int = 16, short_range: bool = True, long_range: bool = True, seed: int = 0
+    ) -> None:
         super().__init__()
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
             self.short_range = convolutions(1, width, SHORT_RANGE) if short_range else None
-            self.long_range = convolutions(1 + short_range, width, LONG_RANGE) if long_range else None
+            self.long_range = (
+                convolutions(1 + short_range, width, LONG_RANGE) if long_range else None
+            )
             self.reconstruction = EncoderDecoder(1 + short_range + long_range, 2 * width)
             initialise(self, self.reconstruction.head)
 

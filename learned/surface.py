@@ -23,9 +23,9 @@ surface is thin, not inside out, where its predicted sides cross."""
 def open_surface(front: DepthImage) -> tuple[Mesh, Notes]:
     """Return the surface of unit area behind a predicted image, sampled like the view input, and notes about it.
 
-    In a camera image, only a jump in depth shows that one part hides another, so the view input is cut at jumps. A
-    predicted image has a mask that was trained to show the surface, and its depth noise is as large as such jumps: cuts
-    would tear the surface to pieces.
+    In a camera image, only a jump in depth shows that one part hides another, so the view input is
+    cut at jumps. A predicted image has a mask that was trained to show the surface, and its depth
+    noise is as large as such jumps: cuts would tear the surface to pieces.
 
     Parameters
     ----------
@@ -45,15 +45,15 @@ def open_surface(front: DepthImage) -> tuple[Mesh, Notes]:
 def closed_surface(front: DepthImage, back: DepthImage) -> tuple[Mesh, Notes]:
     """Return the closed surface of unit area behind two depth images, and notes about it.
 
-    The front is triangulated like a view, without cuts inside the mask and with bridges between its pieces. The back
-    gets the same triangles, flipped, and a wall of triangles runs along each border. So the surface is closed whatever
-    the images contain.
+    The front is triangulated like a view, without cuts inside the mask and with bridges between its
+    pieces. The back gets the same triangles, flipped, and a wall of triangles runs along each
+    border. So the surface is closed whatever the images contain.
 
     Parameters
     ----------
     front, back
-        Depth of the nearest and of the farthest surface from the same viewpoint, shape (500, 500), 0 outside the mask
-        of the front.
+        Depth of the nearest and of the farthest surface from the same viewpoint, shape (500, 500),
+        0 outside the mask of the front.
 
     Raises
     ------
@@ -68,24 +68,32 @@ def closed_surface(front: DepthImage, back: DepthImage) -> tuple[Mesh, Notes]:
     behind = np.minimum(2 * _below(side.vertices, back, seen) - 1, side.vertices[:, 2] - THINNEST)
     twins = np.column_stack([side.vertices[:, :2], behind])
     surface = Mesh(np.concatenate([side.vertices, twins]), _joined(side))
-    notes = _notes(report) | {"predicted_crossings": float(np.mean(behind == side.vertices[:, 2] - THINNEST))}
+    notes = _notes(report) | {
+        "predicted_crossings": float(np.mean(behind == side.vertices[:, 2] - THINNEST))
+    }
     return surface.with_vertices(surface.vertices / surface.area**0.5), notes
 
 
 def _check_mask(front: DepthImage) -> None:
     if not front.any():
-        raise UnsupportedShape("the network predicts an empty mask", "train it for longer or on shapes like this one")
+        raise UnsupportedShape(
+            "the network predicts an empty mask", "train it for longer or on shapes like this one"
+        )
 
 
 def _notes(report: Mapping[str, float]) -> Notes:
     return {f"predicted_{name}": report[name] for name in ("foreground", "pieces", "bridges")}
 
 
-def _below(vertices: NDArray[np.float64], back: DepthImage, seen: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _below(
+    vertices: NDArray[np.float64], back: DepthImage, seen: NDArray[np.bool_]
+) -> NDArray[np.float64]:
     """Return the depth of the back at vertices of the front; on bridges outside the mask, at the nearest mask pixel."""
     rows, columns = distance_transform_edt(~seen, return_distances=False, return_indices=True)
     # Vertices are centres of pixels, so rounding down is far from a tie.
-    column, row = np.clip(((vertices[:, :2] * [1, -1] + 1) * (SIZE / 2)).astype(np.int64), 0, SIZE - 1).T
+    column, row = np.clip(
+        ((vertices[:, :2] * [1, -1] + 1) * (SIZE / 2)).astype(np.int64), 0, SIZE - 1
+    ).T
     return np.asarray(back[rows[row, column], columns[row, column]], dtype=np.float64)
 
 
@@ -96,5 +104,7 @@ def _joined(side: Mesh) -> NDArray[np.int32]:
     forward = tails.astype(np.int64) * count + heads
     single = ~np.isin(forward, heads.astype(np.int64) * count + tails)
     i, j = tails[single], heads[single]
-    wall = np.concatenate([np.stack([j, i, i + count], axis=1), np.stack([j, i + count, j + count], axis=1)])
+    wall = np.concatenate(
+        [np.stack([j, i, i + count], axis=1), np.stack([j, i + count, j + count], axis=1)]
+    )
     return np.concatenate([side.faces, side.faces[:, ::-1] + count, wall]).astype(np.int32)

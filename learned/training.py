@@ -45,7 +45,8 @@ class Schedule:
     early_epochs
         First epochs with a small weight of the depth; None for the paper's share, a fifth.
     early_depth_weight
-        Weight of the depth loss in these epochs, alpha; it is 1 later, as is that of the mask loss, beta.
+        Weight of the depth loss in these epochs, alpha; it is 1 later, as is that of the mask loss,
+        beta.
     batch
         Pairs per step.
     learning_rate
@@ -53,7 +54,8 @@ class Schedule:
     precision
         Arithmetic of the network: ``"auto"`` takes bfloat16 if the hardware supports it.
     stretch_depth
-        Whether the depths of targets are stretched to .1 to .9; see :class:`learned.images.DepthScale`.
+        Whether the depths of targets are stretched to .1 to .9; see
+        :class:`learned.images.DepthScale`.
     """
 
     resolution: Annotated[int, Interval(1)] = 500
@@ -74,13 +76,19 @@ class Schedule:
         """Describe the schedule in one clause, with what differs from the paper's."""
         text = f"{self.resolution} x {self.resolution} pixels, {self.epochs} epochs"
         paper = Schedule(resolution=self.resolution, epochs=self.epochs, precision=self.precision)
-        changed = (f"{name} {value}" for name, value in asdict(self).items() if value != getattr(paper, name))
+        changed = (
+            f"{name} {value}"
+            for name, value in asdict(self).items()
+            if value != getattr(paper, name)
+        )
         return ", ".join([text, *changed])
 
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     """Name what differs between two trainings, with values that are short; an absent option is False."""
-    names = sorted(name for name in {*before, *now} if before.get(name, False) != now.get(name, False))
+    names = sorted(
+        name for name in {*before, *now} if before.get(name, False) != now.get(name, False)
+    )
     values = {name: f" ({before.get(name)}, not {now.get(name)})" for name in names}
     return ", ".join(name + values[name] * (len(values[name]) < 40) for name in names)
 
@@ -94,14 +102,17 @@ def losses(prediction: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
 def measures(predictions: Tensor, targets: Tensor, factor: float = 1.0) -> dict[str, float]:
     """Return mean mask overlap (intersection over union), and mean depth error inside both masks, if any.
 
-    Depths, stretched by a factor, and masks have shape (n, 2, r, r); the error is a share of the frame's depth.
+    Depths, stretched by a factor, and masks have shape (n, 2, r, r); the error is a share of the
+    frame's depth.
     """
     predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
     both = predicted & true
     shares = both.sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)
     found = {"mask overlap": float(shares.mean())}
     if both.any():
-        found["depth error"] = float((predictions[:, 0] - targets[:, 0]).abs()[both].mean()) / factor
+        found["depth error"] = (
+            float((predictions[:, 0] - targets[:, 0]).abs()[both].mean()) / factor
+        )
     return found
 
 
@@ -113,11 +124,17 @@ def device_named(name: Device) -> torch.device:
     ConfigurationError
         If the device is not available.
     """
-    present = {"cuda": torch.cuda.is_available(), "mps": torch.backends.mps.is_available(), "cpu": True}
+    present = {
+        "cuda": torch.cuda.is_available(),
+        "mps": torch.backends.mps.is_available(),
+        "cpu": True,
+    }
     if name == "auto":
         name = next(kind for kind in ("cuda", "mps", "cpu") if present[kind])
     if not present[name]:
-        raise ConfigurationError(f"this torch has no device '{name}' here", "pass -o device=cpu or -o device=auto")
+        raise ConfigurationError(
+            f"this torch has no device '{name}' here", "pass -o device=cpu or -o device=auto"
+        )
     return torch.device(name)
 
 
@@ -176,7 +193,11 @@ def fit(
     _keep_freed_memory()
     torch.set_flush_denormal(True)
     network.to(device, memory_format=torch.channels_last)
-    state = _State(network, torch.optim.Adam(network.parameters(), lr=schedule.learning_rate), folder / CHECKPOINT)
+    state = _State(
+        network,
+        torch.optim.Adam(network.parameters(), lr=schedule.learning_rate),
+        folder / CHECKPOINT,
+    )
     release = torch.__version__.partition("+")[0]  # a training may go on with another build
     state.resume(asdict(schedule) | {"data": pairs.digest(), "seed": seed, "torch": release})
     if state.epoch or state.step:
@@ -186,8 +207,14 @@ def fit(
     for epoch in range(state.epoch, schedule.epochs):
         _train_epoch(state, pairs, schedule, seed, epoch)
         row = state.finished_epoch(len(pairs))
-        if validation and ((epoch + 1) % max(1, schedule.epochs // VALIDATIONS) == 0 or epoch + 1 == schedule.epochs):
-            row |= {f"validation {name}": value for name, value in _evaluated(network, validation, schedule).items()}
+        if validation and (
+            (epoch + 1) % max(1, schedule.epochs // VALIDATIONS) == 0
+            or epoch + 1 == schedule.epochs
+        ):
+            row |= {
+                f"validation {name}": value
+                for name, value in _evaluated(network, validation, schedule).items()
+            }
         state.save_if_due(at_once=epoch + 1 == schedule.epochs)
         progress.show(epoch + 1, row)
     return state.history
@@ -210,7 +237,9 @@ def _train_epoch(state: _State, pairs: Pairs, schedule: Schedule, seed: int, epo
 
 
 def _predicted(network: nn.Module, image: Tensor, schedule: Schedule) -> Tensor:
-    with torch.autocast(image.device.type, torch.bfloat16, enabled=schedule.precision == "bfloat16"):
+    with torch.autocast(
+        image.device.type, torch.bfloat16, enabled=schedule.precision == "bfloat16"
+    ):
         prediction: Tensor = network(image.contiguous(memory_format=torch.channels_last))
     return prediction.float()
 
@@ -218,7 +247,9 @@ def _predicted(network: nn.Module, image: Tensor, schedule: Schedule) -> Tensor:
 @torch.no_grad()
 def _evaluated(network: nn.Module, pairs: Pairs, schedule: Schedule) -> dict[str, float]:
     network.eval()
-    predictions = torch.cat([_predicted(network, images, schedule) for images in pairs.images.split(8)])
+    predictions = torch.cat(
+        [_predicted(network, images, schedule) for images in pairs.images.split(8)]
+    )
     return measures(predictions, pairs.targets[pairs.target_of], pairs.scale.factor)
 
 
@@ -253,7 +284,9 @@ class _State:
             state = torch.load(self.path, map_location="cpu", weights_only=True)
             if changed := differences(state["recipe"], recipe):
                 problem = f"{self.path} was made with another {changed}"
-                raise TrainingError(problem, "train with the same options, or delete the folder to begin anew")
+                raise TrainingError(
+                    problem, "train with the same options, or delete the folder to begin anew"
+                )
             self.network.load_state_dict(state["network"])
             self.optimizer.load_state_dict(state["optimizer"])
             self.epoch, self.step = state["epoch"], state["step"]
@@ -261,7 +294,9 @@ class _State:
         except TrainingError:
             raise
         except Exception as error:  # torch raises errors of many types for a damaged file
-            raise TrainingError(f"checkpoint {self.path} is damaged", "delete it and train again") from error
+            raise TrainingError(
+                f"checkpoint {self.path} is damaged", "delete it and train again"
+            ) from error
 
     def finished_epoch(self, n_pairs: int) -> dict[str, float]:
         """Add a row to the history, and return it."""
@@ -279,13 +314,17 @@ class _State:
         self._check_sums()
         self.saved = now
         state = {"network": self.network.state_dict(), "optimizer": self.optimizer.state_dict()}
-        state |= {name: getattr(self, name) for name in ("recipe", "epoch", "step", "sums", "history")}
+        state |= {
+            name: getattr(self, name) for name in ("recipe", "epoch", "step", "sums", "history")
+        }
         partial = self.path.with_suffix(".tmp")
         try:
             torch.save(state, partial)
             partial.replace(self.path)
         except (OSError, RuntimeError) as error:
-            raise TrainingError(f"cannot write {self.path}: {error}", "free some space and train again") from error
+            raise TrainingError(
+                f"cannot write {self.path}: {error}", "free some space and train again"
+            ) from error
 
     def _check_sums(self) -> None:
         if not torch.isfinite(self.sums).all():
@@ -315,5 +354,8 @@ class _Progress:
 def _keep_freed_memory() -> None:
     """Make the C library of Linux keep the memory of freed tensors, which saves up to a quarter of the time."""
     if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):
-        for parameter, value in ((-4, 0), (-1, -1)):  # M_MMAP_MAX and M_TRIM_THRESHOLD, see mallopt(3)
+        for parameter, value in (
+            (-4, 0),
+            (-1, -1),
+        ):  # M_MMAP_MAX and M_TRIM_THRESHOLD, see mallopt(3)
             library.mallopt(parameter, value)

@@ -50,23 +50,32 @@ def count_words(words: NDArray[np.int32], view_offsets: Counts, n_words: int) ->
         Size of the codebook.
     """
     sizes = np.diff(view_offsets)
-    keys, counts = np.unique(np.repeat(np.arange(len(sizes)), sizes) * n_words + words, return_counts=True)
+    keys, counts = np.unique(
+        np.repeat(np.arange(len(sizes)), sizes) * n_words + words, return_counts=True
+    )
     views, distinct = np.divmod(keys, n_words)
-    return Histograms(distinct.astype(np.int32), counts.astype(np.int32), views.astype(np.int32), sizes)
+    return Histograms(
+        distinct.astype(np.int32), counts.astype(np.int32), views.astype(np.int32), sizes
+    )
 
 
 def match(
-    rows: Sequence[Histograms], columns: Sequence[Histograms], permutations: NDArray[np.int32], n_words: int
+    rows: Sequence[Histograms],
+    columns: Sequence[Histograms],
+    permutations: NDArray[np.int32],
+    n_words: int,
 ) -> NDArray[np.float64]:
     """Compute the clock-matching dissimilarities of each of M forms to each of N others.
 
-    The dissimilarity of two views is 1 - sum_k min(h1_k, h2_k) / max(sum h1, sum h2), with 0 for two empty views and 1
-    for an empty and a non-empty one. That of two forms is the smallest sum over the views among the rotations.
+    The dissimilarity of two views is 1 - sum_k min(h1_k, h2_k) / max(sum h1, sum h2), with 0 for
+    two empty views and 1 for an empty and a non-empty one. That of two forms is the smallest sum
+    over the views among the rotations.
 
     Parameters
     ----------
     rows, columns
-        One per form, all with the same views. If they are the same sequence, each pair is computed once.
+        One per form, all with the same views. If they are the same sequence, each pair is computed
+        once.
     permutations
         View that meets each view after each rotation, shape (24, number of views).
     n_words
@@ -75,7 +84,8 @@ def match(
     Returns
     -------
     numpy.ndarray
-        Shape (M, N), float64 in [0, number of views]; exactly symmetric, with zero diagonal, for the same forms.
+        Shape (M, N), float64 in [0, number of views]; exactly symmetric, with zero diagonal, for
+        the same forms.
 
     References
     ----------
@@ -84,13 +94,16 @@ def match(
     n_views = permutations.shape[1]
     orbit, place = _orbits(permutations)
     width, n_cells = int(place.max()) + 1, n_words * (int(orbit.max()) + 1)
-    # A slot is a view of a column and one of the row that it may meet; no rotation takes a view out of its orbit.
+    # A slot is a view of a column and one of the row that it may meet; no rotation takes a view out
+    # of its orbit.
     slots = np.arange(n_views) * width + place[permutations]
     partner = np.full(n_views * width, n_views)
     partner[slots] = permutations
     order = np.argsort(slots, axis=None, kind="stable")
     turns = (order // n_views).astype(np.uint32)
-    first_turns = np.searchsorted(slots.ravel()[order], np.arange(n_views * width + 1)).astype(np.uint32)
+    first_turns = np.searchsorted(slots.ravel()[order], np.arange(n_views * width + 1)).astype(
+        np.uint32
+    )
 
     def cells(form: Histograms) -> Indices:
         return (form.words * np.int32(n_cells // n_words) + orbit[form.views]).astype(np.uint32)
@@ -109,10 +122,16 @@ def match(
     for index, row in enumerate(rows):
         order = np.argsort(cells(row), kind="stable")
         begins = np.searchsorted(cells(row)[order], np.arange(n_cells + 1)).astype(np.uint32)
-        own = begins, place[row.views][order].astype(np.uint32), row.counts[order].astype(np.float32)
+        own = (
+            begins,
+            place[row.views][order].astype(np.uint32),
+            row.counts[order].astype(np.float32),
+        )
         own_sizes = np.append(row.view_sizes, 0).astype(np.float64)[partner]
         first = index + 1 if rows is columns else 0
-        shared = _largest_similarities(own, own_sizes, entries, ends[first:], sizes[first:], first_turns, turns)
+        shared = _largest_similarities(
+            own, own_sizes, entries, ends[first:], sizes[first:], first_turns, turns
+        )
         distances[index, first:] = n_views - shared
     return distances + distances.T if rows is columns else distances
 
@@ -121,7 +140,9 @@ def _orbits(permutations: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray
     """Return the orbit of each view under the rotations, and its place therein, shape (number of views,) each."""
     smallest = permutations.min(axis=0)
     place = [int((smallest[:view] == orbit).sum()) for view, orbit in enumerate(smallest)]
-    return np.unique(smallest, return_inverse=True)[1].astype(np.int32), np.array(place, dtype=np.int32)
+    return np.unique(smallest, return_inverse=True)[1].astype(np.int32), np.array(
+        place, dtype=np.int32
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -139,7 +160,8 @@ def _largest_similarities(
     Parameters
     ----------
     own
-        First entry of each cell (a word in an orbit), and place and count of each entry, ordered by cell.
+        First entry of each cell (a word in an orbit), and place and count of each entry, ordered by
+        cell.
     own_sizes
         Number of keypoints in the own view of each slot.
     entries
@@ -158,20 +180,25 @@ def _largest_similarities(
         for entry in range(np.uint64(ends[other]), np.uint64(ends[other + 1])):
             cell, base, count = np.uint64(cells[entry]), np.uint64(bases[entry]), counts[entry]
             for mine in range(np.uint64(begins[cell]), np.uint64(begins[cell + np.uint64(1)])):
-                slot, before = base + np.uint64(places[mine]), shared[base + np.uint64(places[mine])]
+                slot, before = (
+                    base + np.uint64(places[mine]),
+                    shared[base + np.uint64(places[mine])],
+                )
                 touched[n_touched] = slot
                 n_touched += np.uint64(before == 0)
                 shared[slot] = before + min(count, own_counts[mine])
         totals = np.zeros(24)
-        # Adding and subtracting this rounds a similarity to a multiple of 2^-43: sums over the views are then exact in
-        # any order, so that exchanging two forms cannot break a tie.
+        # Adding and subtracting this rounds a similarity to a multiple of 2^-43: sums over the
+        # views are then exact in any order, so that exchanging two forms cannot break a tie.
         rounding = 2.0**9
         for k in range(n_touched):
             slot = np.uint64(touched[k])
             larger = max(own_sizes[slot], sizes[other, slot // np.uint64(width)])
             similarity = (shared[slot] / larger + rounding) - rounding
             shared[slot] = 0
-            for turn in range(np.uint64(first_turns[slot]), np.uint64(first_turns[slot + np.uint64(1)])):
+            for turn in range(
+                np.uint64(first_turns[slot]), np.uint64(first_turns[slot + np.uint64(1)])
+            ):
                 totals[turns[turn]] += similarity
         for view in np.flatnonzero(sizes[other] == 0):
             for place in range(width):

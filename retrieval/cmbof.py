@@ -33,7 +33,8 @@ class CMBOF(CheckedParameters):
     image_size
         Height and width of a depth image in pixels.
     pose
-        Candidates of the pose normalisation, ``"pca"`` and ``"rectilinearity"``; empty keeps the orientation.
+        Candidates of the pose normalisation, ``"pca"`` and ``"rectilinearity"``; empty keeps the
+        orientation.
     allow_mirror
         Whether a form may also match the mirror image of another.
     peak_threshold
@@ -43,8 +44,8 @@ class CMBOF(CheckedParameters):
 
     Notes
     -----
-    The re-implementation and this one score the same forms of TOSCA as follows (NN FT ST DCG; complete surfaces,
-    peak threshold .001, the default at the time, November 2026):
+    The re-implementation and this one score the same forms of TOSCA as follows (NN FT ST DCG;
+    complete surfaces, peak threshold .001, the default at the time, November 2026):
 
     ================================  ===================  ===================
     forms                             re-implementation    this one
@@ -57,8 +58,9 @@ class CMBOF(CheckedParameters):
 
     References
     ----------
-    Lian, Godil, Sun, Xiao, "CM-BOF: visual similarity-based 3D shape retrieval using Clock Matching and
-    Bag-of-Features", Machine Vision and Applications 24, 2013. Values: the public re-implementation by D. Pickup.
+    Lian, Godil, Sun, Xiao, "CM-BOF: visual similarity-based 3D shape retrieval using Clock Matching
+    and Bag-of-Features", Machine Vision and Applications 24, 2013. Values: the public
+    re-implementation by D. Pickup.
     """
 
     info: ClassVar[ScorerInfo] = ScorerInfo(
@@ -115,19 +117,28 @@ class CMBOF(CheckedParameters):
         distances = match(of_rows, of_columns, turns, len(codebook))
         if self.allow_mirror:
             reflected = self.views.permutation_of(REFLECTION)
-            to_mirrored = match(of_rows, _histograms(gallery, codebook, reflected), turns, len(codebook))
+            to_mirrored = match(
+                of_rows, _histograms(gallery, codebook, reflected), turns, len(codebook)
+            )
             of_mirrored = to_mirrored.T
             if queries is not gallery:
-                of_mirrored = match(_histograms(queries, codebook, reflected), of_columns, turns, len(codebook))
+                of_mirrored = match(
+                    _histograms(queries, codebook, reflected), of_columns, turns, len(codebook)
+                )
             distances = np.minimum(distances, np.minimum(to_mirrored, of_mirrored))
         return distances
 
 
 def _histograms(
-    forms: Sequence[SignatureArrays], codebook: Descriptors, reflected: NDArray[np.int32] | None = None
+    forms: Sequence[SignatureArrays],
+    codebook: Descriptors,
+    reflected: NDArray[np.int32] | None = None,
 ) -> list[Histograms]:
     """Return the words of forms, or of their mirror images."""
     seen = forms if reflected is None else [mirrored(form, reflected) for form in forms]
     by_integers = sum(len(form["descriptors"]) for form in seen) >= MANY and integers_pay()
     words = (nearest_words(form["descriptors"], codebook, by_integers=by_integers) for form in seen)
-    return [count_words(of, form["view_offsets"], len(codebook)) for of, form in zip(words, seen, strict=True)]
+    return [
+        count_words(of, form["view_offsets"], len(codebook))
+        for of, form in zip(words, seen, strict=True)
+    ]

@@ -18,15 +18,17 @@ Descriptors = NDArray[np.uint8]
 #: Number of descriptors compared with the codebook at once: 1024 x 1500 scores stay in the cache.
 BLOCK = 1024
 
-#: Least number of descriptors of a gallery for which products of integers pay: torch takes more than a second to load.
+#: Least number of descriptors of a gallery for which products of integers pay: torch takes more
+#: than a second to load.
 MANY = 200_000
 
 
 def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int) -> Descriptors:
     """Draw distinct descriptors at random as words, without clustering.
 
-    Every distinct descriptor has the same chance. The draw depends only on the set of descriptors and the seed, not on
-    the order of the shapes: the words are the descriptors with the smallest values of a seeded hash.
+    Every distinct descriptor has the same chance. The draw depends only on the set of descriptors
+    and the seed, not on the order of the shapes: the words are the descriptors with the smallest
+    values of a seeded hash.
 
     Parameters
     ----------
@@ -49,7 +51,8 @@ def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int)
 
     References
     ----------
-    Lian, Godil, Sun, Xiao, "CM-BOF", Machine Vision and Applications 24, 2013 (random words are as good as clusters).
+    Lian, Godil, Sun, Xiao, "CM-BOF", Machine Vision and Applications 24, 2013 (random words are as
+    good as clusters).
     """
     words, hashes = np.empty((0, 128), dtype=np.uint8), np.empty(0, dtype=np.uint64)
     for of_form in descriptors:
@@ -64,12 +67,14 @@ def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int)
     return words
 
 
-def nearest_words(descriptors: Descriptors, codebook: Descriptors, *, by_integers: bool = False) -> NDArray[np.int32]:
+def nearest_words(
+    descriptors: Descriptors, codebook: Descriptors, *, by_integers: bool = False
+) -> NDArray[np.int32]:
     """Return the index of the nearest word of each descriptor in Euclidean distance; the lowest index wins a tie.
 
-    The search is exact and gives the same bits on any processor: the nearest word c to x maximises 2 x.c - c.c, hence
-    also 2 (x - 128).(c - 128) + 256 sum(c) - c.c. These integers and all partial sums stay below 2^24, which single
-    precision holds exactly.
+    The search is exact and gives the same bits on any processor: the nearest word c to x maximises
+    2 x.c - c.c, hence also 2 (x - 128).(c - 128) + 256 sum(c) - c.c. These integers and all partial
+    sums stay below 2^24, which single precision holds exactly.
 
     Parameters
     ----------

@@ -1,13 +1,15 @@
 """SIFT on depth images in single precision: the local features of the scorer.
 
-The settings are those of vl_sift: no upsampling of the image, three levels per octave, an initial scale of 1.6 pixels
-and a nominal blur of 0.5, edge ratio 10, descriptors as unsigned bytes. Depth is never reduced to eight bits: the steps
-between grey levels would put keypoints on contour lines that the surface does not have.
+The settings are those of vl_sift: no upsampling of the image, three levels per octave, an initial
+scale of 1.6 pixels and a nominal blur of 0.5, edge ratio 10, descriptors as unsigned bytes. Depth
+is never reduced to eight bits: the steps between grey levels would put keypoints on contour lines
+that the surface does not have.
 
 References
 ----------
-Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 60, 2004.
-Vedaldi & Fulkerson, "VLFeat: an open and portable library of computer vision algorithms", 2008 (the settings).
+Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 60, 2004. Vedaldi &
+Fulkerson, "VLFeat: an open and portable library of computer vision algorithms", 2008 (the
+settings).
 """
 
 from __future__ import annotations
@@ -19,7 +21,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from retrieval.gradient_histograms import DESCRIPTOR_SIZE, MAX_ORIENTATIONS, describe, gradients, orientations
+from retrieval.gradient_histograms import (
+    DESCRIPTOR_SIZE,
+    MAX_ORIENTATIONS,
+    describe,
+    gradients,
+    orientations,
+)
 from retrieval.scale_space import (
     BASE_SCALE,
     LEVELS,
@@ -36,11 +44,13 @@ from retrieval.scale_space import (
 EDGE_RATIO = 10.0
 
 
-def mirrored(features: Mapping[str, NDArray[Any]], view_permutation: NDArray[np.int32]) -> dict[str, NDArray[Any]]:
+def mirrored(
+    features: Mapping[str, NDArray[Any]], view_permutation: NDArray[np.int32]
+) -> dict[str, NDArray[Any]]:
     """Return the features of the mirror image of a form.
 
-    The mirror image of a view has the same keypoints with descriptors flipped along their own axes, so no rendering is
-    needed.
+    The mirror image of a view has the same keypoints with descriptors flipped along their own axes,
+    so no rendering is needed.
 
     Parameters
     ----------
@@ -53,11 +63,15 @@ def mirrored(features: Mapping[str, NDArray[Any]], view_permutation: NDArray[np.
     flipped = cells[:, ::-1, :, (-np.arange(8)) % 8].reshape(-1, DESCRIPTOR_SIZE)
     per_view = np.split(flipped, features["view_offsets"][1:-1])
     source = np.argsort(view_permutation)
-    offsets = np.concatenate([[0], np.cumsum(np.diff(features["view_offsets"])[source])]).astype(np.int32)
+    offsets = np.concatenate([[0], np.cumsum(np.diff(features["view_offsets"])[source])]).astype(
+        np.int32
+    )
     return {"descriptors": np.concatenate([per_view[v] for v in source]), "view_offsets": offsets}
 
 
-def detect_views(images: NDArray[np.float32], *, peak_threshold: float, background: float) -> dict[str, NDArray[Any]]:
+def detect_views(
+    images: NDArray[np.float32], *, peak_threshold: float, background: float
+) -> dict[str, NDArray[Any]]:
     """Detect and describe the keypoints of every view of a form.
 
     Parameters
@@ -65,17 +79,20 @@ def detect_views(images: NDArray[np.float32], *, peak_threshold: float, backgrou
     images
         Shape (number of views, height, width), float32.
     peak_threshold
-        Minimum absolute difference of Gaussians at a keypoint, in units of the images, which lie in [0, 1].
+        Minimum absolute difference of Gaussians at a keypoint, in units of the images, which lie in
+        [0, 1].
     background
         Value of pixels that show no surface; the search skips regions far from all other pixels.
 
     Returns
     -------
     dict
-        ``descriptors``, shape (k, 128), uint8, and ``view_offsets``, shape (number of views + 1,), int32: those of
-        view v are the rows ``view_offsets[v]`` to ``view_offsets[v + 1]``.
+        ``descriptors``, shape (k, 128), uint8, and ``view_offsets``, shape (number of views + 1,),
+        int32: those of view v are the rows ``view_offsets[v]`` to ``view_offsets[v + 1]``.
     """
-    _, descriptors, offsets = _detect_all(images, np.float32(background), peak_threshold, EDGE_RATIO)
+    _, descriptors, offsets = _detect_all(
+        images, np.float32(background), peak_threshold, EDGE_RATIO
+    )
     return {"descriptors": descriptors, "view_offsets": offsets}
 
 
@@ -100,8 +117,14 @@ def _detect_all(
         top, bottom, left, right = _foreground(images[index], background)
         for octave in range(len(backgrounds) if top < bottom else 0):
             pixel = 2**octave
-            row0, row1 = max(top // pixel - MARGIN, 0), min(bottom // pixel + MARGIN + 1, height // pixel)
-            column0, column1 = max(left // pixel - MARGIN, 0), min(right // pixel + MARGIN + 1, width // pixel)
+            row0, row1 = (
+                max(top // pixel - MARGIN, 0),
+                min(bottom // pixel + MARGIN + 1, height // pixel),
+            )
+            column0, column1 = (
+                max(left // pixel - MARGIN, 0),
+                min(right // pixel + MARGIN + 1, width // pixel),
+            )
             h, w = row1 - row0, column1 - column0
             bordered, pixels = octave_in(room, h, w)
             differences = pixels[N_GAUSSIANS:]
@@ -113,7 +136,10 @@ def _detect_all(
             if n_points > len(points):
                 points = np.empty((2 * n_points, 4))
                 n_points = find_extrema(differences, peak_threshold, edge_ratio, points)
-            magnitudes, angles = gradient_room[0, : h * w].reshape(h, w), gradient_room[1, : h * w].reshape(h, w)
+            magnitudes, angles = (
+                gradient_room[0, : h * w].reshape(h, w),
+                gradient_room[1, : h * w].reshape(h, w),
+            )
             done, level_done = np.zeros(h, dtype=np.bool_), 0
             for k in range(n_points):
                 x, y, level = points[k, 0], points[k, 1], int(points[k, 2])
@@ -186,9 +212,16 @@ def _paste(
     beyond: np.float32,
 ) -> None:
     """Copy the overlap of two windows, each given by the position of its first pixel in the octave."""
-    row0, row1 = max(source_row, target_row), min(source_row + source.shape[0], target_row + target.shape[0])
+    row0, row1 = (
+        max(source_row, target_row),
+        min(source_row + source.shape[0], target_row + target.shape[0]),
+    )
     column0 = max(source_column, target_column)
     column1 = min(source_column + source.shape[1], target_column + target.shape[1])
-    own = source[row0 - source_row : row1 - source_row, column0 - source_column : column1 - source_column]
+    own = source[
+        row0 - source_row : row1 - source_row, column0 - source_column : column1 - source_column
+    ]
     target[:, :] = beyond
-    target[row0 - target_row : row1 - target_row, column0 - target_column : column1 - target_column] = own
+    target[
+        row0 - target_row : row1 - target_row, column0 - target_column : column1 - target_column
+    ] = own

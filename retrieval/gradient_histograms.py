@@ -11,7 +11,8 @@ SingleArray = NDArray[np.float32]
 Flags = NDArray[np.bool_]
 
 ORIENTATION_BINS = 36
-#: A second peak of the orientation histogram gives a second keypoint if it exceeds this share of the highest one.
+#: A second peak of the orientation histogram gives a second keypoint if it exceeds this share of
+#: the highest one.
 SECONDARY_PEAK = 0.8
 MAX_ORIENTATIONS = 4
 SPATIAL_BINS = 4
@@ -30,7 +31,12 @@ TURN = np.float32(2.0 * np.pi)
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def gradients(
-    gaussian: SingleArray, y: float, sigma: float, done: Flags, magnitudes: SingleArray, angles: SingleArray
+    gaussian: SingleArray,
+    y: float,
+    sigma: float,
+    done: Flags,
+    magnitudes: SingleArray,
+    angles: SingleArray,
 ) -> None:
     """Compute the central differences of a Gaussian level in polar form, in the rows that a keypoint needs.
 
@@ -43,8 +49,9 @@ def gradients(
     done
         Shape (height or more,): rows that are known, updated.
     magnitudes, angles
-        Shape (height, width), float32, overwritten but for the border; angles in [0, 2 pi] from the x axis towards the
-        y axis (downwards), with an error below 3e-4, far below the width of a bin.
+        Shape (height, width), float32, overwritten but for the border; angles in [0, 2 pi] from the
+        x axis towards the y axis (downwards), with an error below 3e-4, far below the width of a
+        bin.
     """
     height, width = magnitudes.shape
     half, quarter_turn, half_turn = np.float32(0.5), np.float32(0.5 * np.pi), np.float32(np.pi)
@@ -73,7 +80,12 @@ def gradients(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def orientations(
-    magnitudes: SingleArray, angles: SingleArray, x: float, y: float, sigma: float, peaks: FloatArray
+    magnitudes: SingleArray,
+    angles: SingleArray,
+    x: float,
+    y: float,
+    sigma: float,
+    peaks: FloatArray,
 ) -> int:
     """Find the dominant gradient directions around a keypoint [Lowe 2004, section 5].
 
@@ -95,16 +107,31 @@ def orientations(
     spread = 1.5 * sigma
     radius = max(int(np.floor(3.0 * spread)), 1)
     column, row = int(x + 0.5), int(y + 0.5)
-    # Angles lie in [0, 2 pi], so places lie in [0.5, 36.5]: the lower bin is at most 36, its neighbour 37.
+    # Angles lie in [0, 2 pi], so places lie in [0.5, 36.5]: the lower bin is at most 36, its
+    # neighbour 37.
     histogram = np.zeros(ORIENTATION_BINS + 2, dtype=np.float32)
-    per_radian, half, one = np.float32(ORIENTATION_BINS / (2.0 * np.pi)), np.float32(0.5), np.float32(1.0)
-    window_x = np.exp(-0.5 * ((np.arange(column - radius, column + radius + 1) - x) / spread) ** 2).astype(np.float32)
-    # Buffers of one row, at most as wide as the window, for the vectorised work before samples are added to the bins.
-    lowers, shares, weights = np.empty(len(window_x), np.int32), np.empty_like(window_x), np.empty_like(window_x)
+    per_radian, half, one = (
+        np.float32(ORIENTATION_BINS / (2.0 * np.pi)),
+        np.float32(0.5),
+        np.float32(1.0),
+    )
+    window_x = np.exp(
+        -0.5 * ((np.arange(column - radius, column + radius + 1) - x) / spread) ** 2
+    ).astype(np.float32)
+    # Buffers of one row, at most as wide as the window, for the vectorised work before samples are
+    # added to the bins.
+    lowers, shares, weights = (
+        np.empty(len(window_x), np.int32),
+        np.empty_like(window_x),
+        np.empty_like(window_x),
+    )
     for r in range(max(row - radius, 1), min(row + radius, height - 2) + 1):
         window_y = np.float32(np.exp(-0.5 * ((r - y) / spread) ** 2))
         reach = np.sqrt(max(radius * radius + 0.6 - (r - y) ** 2, 0.0))
-        first, last = max(int(np.ceil(x - reach)), column - radius, 1), min(int(x + reach), column + radius, width - 2)
+        first, last = (
+            max(int(np.ceil(x - reach)), column - radius, 1),
+            min(int(x + reach), column + radius, width - 2),
+        )
         count = max(last + 1 - first, 0)
         magnitude, angle = magnitudes[r, first : first + count], angles[r, first : first + count]
         window = window_x[first - column + radius : first - column + radius + count]
@@ -164,8 +191,8 @@ def describe(
     angle
         Direction of the keypoint in radians.
     descriptor
-        Shape (128,), uint8, overwritten: spatial row, spatial column, angle (fastest); 512 times the unit vector,
-        clipped at 255, as in vl_sift.
+        Shape (128,), uint8, overwritten: spatial row, spatial column, angle (fastest); 512 times
+        the unit vector, clipped at 255, as in vl_sift.
     """
     height, width = magnitudes.shape
     bin_width = MAGNIFICATION * sigma
@@ -174,24 +201,44 @@ def describe(
     radius = int(np.ceil(reach * bin_width * (abs(np.cos(angle)) + abs(np.sin(angle)))))
     column, row = int(x + 0.5), int(y + 0.5)
     decay = -0.5 / (WINDOW * bin_width) ** 2
-    window_x = np.exp(decay * (np.arange(column - radius, column + radius + 1) - x) ** 2).astype(np.float32)
-    # One bin of padding on each spatial side takes the spill of trilinear interpolation without a test.
+    window_x = np.exp(decay * (np.arange(column - radius, column + radius + 1) - x) ** 2).astype(
+        np.float32
+    )
+    # One bin of padding on each spatial side takes the spill of trilinear interpolation without a
+    # test.
     histogram = np.zeros(PADDED * PADDED * ANGULAR_BINS, dtype=np.float32)
     per_radian, turned = np.float32(ANGULAR_BINS / (2.0 * np.pi)), np.float32(angle - 2.0 * np.pi)
     one, step_u, step_v = np.float32(1.0), np.float32(cosine), np.float32(-sine)
-    # Buffers of one row, at most as wide as the window, for the vectorised work before samples are added to the bins.
+    # Buffers of one row, at most as wide as the window, for the vectorised work before samples are
+    # added to the bins.
     room = len(window_x)
-    cells, bins, shares = np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room, np.float32)
+    cells, bins, shares = (
+        np.empty(room, np.int32),
+        np.empty(room, np.int32),
+        np.empty(room, np.float32),
+    )
     weights = np.empty((4, room), np.float32)
     for r in range(max(row - radius, 1), min(row + radius, height - 2) + 1):
         dy = r - y
         window_y = np.float32(np.exp(decay * dy * dy))
-        first, last = _span(sine * dy, cosine, reach, max(column - radius, 1) - x, min(column + radius, width - 2) - x)
+        first, last = _span(
+            sine * dy,
+            cosine,
+            reach,
+            max(column - radius, 1) - x,
+            min(column + radius, width - 2) - x,
+        )
         first, last = _span(cosine * dy, -sine, reach, first, last)
-        start_u, start_v = np.float32(sine * dy + reach - cosine * x), np.float32(cosine * dy + reach + sine * x)
+        start_u, start_v = (
+            np.float32(sine * dy + reach - cosine * x),
+            np.float32(cosine * dy + reach + sine * x),
+        )
         begin = int(np.ceil(first + x))
         count = max(int(np.floor(last + x)) + 1 - begin, 0)
-        magnitude, direction = magnitudes[r, begin : begin + count], angles[r, begin : begin + count]
+        magnitude, direction = (
+            magnitudes[r, begin : begin + count],
+            angles[r, begin : begin + count],
+        )
         window = window_x[begin - column + radius : begin - column + radius + count]
         for s in range(count):
             w = (direction[s] - turned) * per_radian
@@ -211,13 +258,18 @@ def describe(
             weights[2, s], weights[3, s] = upper * (one - u), upper * u
         for s in range(count):
             # Unsigned indices need no instruction for negative ones.
-            near, far = np.uint64(bins[s] & (ANGULAR_BINS - 1)), np.uint64((bins[s] + 1) & (ANGULAR_BINS - 1))
+            near, far = (
+                np.uint64(bins[s] & (ANGULAR_BINS - 1)),
+                np.uint64((bins[s] + 1) & (ANGULAR_BINS - 1)),
+            )
             share, rest, cell = shares[s], one - shares[s], np.uint64(cells[s])
             for corner in range(4):
                 weight, first_bin = weights[corner, s], cell + CORNERS[corner]
                 histogram[first_bin + near] += weight * rest
                 histogram[first_bin + far] += weight * share
-    _normalise(histogram.reshape(PADDED, PADDED, ANGULAR_BINS)[1:-1, 1:-1].copy().ravel(), descriptor)
+    _normalise(
+        histogram.reshape(PADDED, PADDED, ANGULAR_BINS)[1:-1, 1:-1].copy().ravel(), descriptor
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -232,7 +284,9 @@ def _normalise(values: SingleArray, descriptor: NDArray[np.uint8]) -> None:
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
-def _span(constant: float, slope: float, reach: float, first: float, last: float) -> tuple[float, float]:
+def _span(
+    constant: float, slope: float, reach: float, first: float, last: float
+) -> tuple[float, float]:
     """Narrow the interval [first, last] to the t with abs(constant + slope * t) <= reach."""
     if abs(slope) < 1e-12:
         return (first, last) if abs(constant) <= reach else (1.0, 0.0)

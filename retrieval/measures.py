@@ -1,15 +1,16 @@
 """Retrieval measures of a distance matrix: of each query, their means, and their chance level.
 
-The shapes of a gallery are ranked for each query. If the query is one of them, it is removed by its index, so that a
-duplicate at distance 0 counts as a result. N results remain, of which c are of its class: relevant. g_i = 1 if the
-result at rank i is relevant. With results at equal distance, measures are means over their orders.
+The shapes of a gallery are ranked for each query. If the query is one of them, it is removed by its
+index, so that a duplicate at distance 0 counts as a result. N results remain, of which c are of its
+class: relevant. g_i = 1 if the result at rank i is relevant. With results at equal distance,
+measures are means over their orders.
 
 References
 ----------
 Shilane, Min, Kazhdan, Funkhouser, "The Princeton Shape Benchmark", SMI 2004 (NN, FT, ST, DCG, E).
-Jarvelin & Kekalainen, "Cumulated gain-based evaluation of IR techniques", 2002 (nDCG); Manning, Raghavan & Schutze,
-"Introduction to information retrieval", 2008 (mAP).
-McSherry & Najork, "Computing information retrieval performance measures efficiently in the presence of tied scores",
+Jarvelin & Kekalainen, "Cumulated gain-based evaluation of IR techniques", 2002 (nDCG); Manning,
+Raghavan & Schutze, "Introduction to information retrieval", 2008 (mAP). McSherry & Najork,
+"Computing information retrieval performance measures efficiently in the presence of tied scores",
 ECIR 2008 (expected values under ties).
 """
 
@@ -42,8 +43,9 @@ DECIMALS = 6
 
 #: Length of the result list that the E-measure evaluates.
 E_MEASURE_DEPTH = 32
-#: Largest asymmetry and least negative entry of a distance matrix, and largest entry on its diagonal, relative to the
-#: largest off it: products of vectors round distances of 0 to roots of what is lost.
+#: Largest asymmetry and least negative entry of a distance matrix, and largest entry on its
+#: diagonal, relative to the largest off it: products of vectors round distances of 0 to roots of
+#: what is lost.
 ASYMMETRY, SELF_DISTANCE = 1e-6, 1e-3
 
 
@@ -58,7 +60,8 @@ class Scores:
     per_query
         The same for each query; NaN for one without a relevant result.
     tied_queries
-        Number of queries with a relevant and an irrelevant result at the same distance, at any rank.
+        Number of queries with a relevant and an irrelevant result at the same distance, at any
+        rank.
     lone_queries
         Number of queries without a relevant result; the means exclude them.
     """
@@ -89,17 +92,21 @@ class Targets:
 
 
 def evaluate(
-    distances: ArrayLike, labels: ArrayLike, answered: ArrayLike | None = None, targets: Targets | None = None
+    distances: ArrayLike,
+    labels: ArrayLike,
+    answered: ArrayLike | None = None,
+    targets: Targets | None = None,
 ) -> Scores:
     """Score distances between queries and a gallery against their classes.
 
-    A shape without a result scores 0 in every measure as a query, and ranks behind all other shapes as a target.
+    A shape without a result scores 0 in every measure as a query, and ranks behind all other shapes
+    as a target.
 
     Parameters
     ----------
     distances
-        Distances between the m queries and the n shapes of the gallery that have a result, shape (m, n), finite; if the
-        queries are the gallery, symmetric with a diagonal of 0.
+        Distances between the m queries and the n shapes of the gallery that have a result, shape
+        (m, n), finite; if the queries are the gallery, symmetric with a diagonal of 0.
     labels
         Class of each query, shape (M,), of any comparable type.
     answered
@@ -110,11 +117,14 @@ def evaluate(
     Raises
     ------
     ConfigurationError
-        If the matrix is refused by :func:`check_distances`, does not fit the labels, or there is nothing to retrieve.
+        If the matrix is refused by :func:`check_distances`, does not fit the labels, or there is
+        nothing to retrieve.
     """
     names = np.asarray(labels)
     gallery = targets or Targets(names, np.arange(len(names)), answered)
-    rows, columns = (_places(one, of) for one, of in ((answered, names), (gallery.answered, gallery.labels)))
+    rows, columns = (
+        _places(one, of) for one, of in ((answered, names), (gallery.answered, gallery.labels))
+    )
     matrix = check_distances(distances, (len(rows), len(columns)), is_square=targets is None)
     classes = np.unique(np.concatenate([names, np.asarray(gallery.labels)]), return_inverse=True)[1]
     of_gallery, own = classes[len(names) :], np.broadcast_to(gallery.own, names.shape)
@@ -122,14 +132,20 @@ def evaluate(
     relevant = (classes[: len(names), None] == of_gallery) & others
     values, tied = np.zeros((len(names), len(MEASURES))), 0
     for row, query in zip(matrix, rows, strict=True):
-        whole = np.full(len(of_gallery), 2.0 * np.abs(row).max() + 1.0)  # shapes without a result rank last
+        whole = np.full(
+            len(of_gallery), 2.0 * np.abs(row).max() + 1.0
+        )  # shapes without a result rank last
         whole[columns] = row
         if relevant[query].any():
             values[query], is_tied = _of_query(whole[others[query]], relevant[query][others[query]])
             tied += is_tied
     values[~relevant.any(axis=1)] = np.nan
     if np.isnan(values).all():
-        problem = "no class has two members" if targets is None else "no query has a shape of its class in the gallery"
+        problem = (
+            "no class has two members"
+            if targets is None
+            else "no query has a shape of its class in the gallery"
+        )
         raise ConfigurationError(problem, "check the labels: nothing can be retrieved")
     return Scores(
         means=dict(zip(MEASURES, np.nanmean(values, axis=0).tolist(), strict=True)),
@@ -140,7 +156,11 @@ def evaluate(
 
 
 def _places(answered: ArrayLike | None, labels: ArrayLike) -> NDArray[np.intp]:
-    return np.arange(len(np.asarray(labels))) if answered is None else np.asarray(answered, dtype=np.intp)
+    return (
+        np.arange(len(np.asarray(labels)))
+        if answered is None
+        else np.asarray(answered, dtype=np.intp)
+    )
 
 
 def score_draws(
@@ -161,8 +181,9 @@ def score_draws(
     Returns
     -------
     dict
-        ``scores``, ``per_query`` (None for a query without a relevant result) and ``draw_errors`` (standard error of a
-        mean over several draws) by measure, ``tied_queries`` and ``lone_queries``.
+        ``scores``, ``per_query`` (None for a query without a relevant result) and ``draw_errors``
+        (standard error of a mean over several draws) by measure, ``tied_queries`` and
+        ``lone_queries``.
 
     Raises
     ------
@@ -170,9 +191,14 @@ def score_draws(
         As for :func:`evaluate`.
     """
     draws = [evaluate(matrix, labels, answered, targets) for matrix in matrices]
-    queries = {name: np.mean([draw.per_query[name] for draw in draws], axis=0) for name in draws[0].per_query}
+    queries = {
+        name: np.mean([draw.per_query[name] for draw in draws], axis=0)
+        for name in draws[0].per_query
+    }
     return {
-        "scores": {name: float(np.mean([draw.means[name] for draw in draws])) for name in draws[0].means},
+        "scores": {
+            name: float(np.mean([draw.means[name] for draw in draws])) for name in draws[0].means
+        },
         "per_query": {
             name: [None if np.isnan(value) else round(float(value), DECIMALS) for value in values]
             for name, values in queries.items()
@@ -209,8 +235,12 @@ def check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: 
     if len(wrong := np.argwhere(~np.isfinite(matrix))):
         row, column = wrong[0] + 1
         problem = f"distances are NaN or infinite, the first in row {row}, column {column}"
-        raise ConfigurationError(problem, "use a distance larger than all others if a method has no result")
-    largest = np.abs(matrix).max(initial=0.0, where=~np.eye(*shape, dtype=bool) if is_square else True)
+        raise ConfigurationError(
+            problem, "use a distance larger than all others if a method has no result"
+        )
+    largest = np.abs(matrix).max(
+        initial=0.0, where=~np.eye(*shape, dtype=bool) if is_square else True
+    )
     if matrix.min(initial=0.0) < -ASYMMETRY * largest:
         raise ConfigurationError(
             f"a distance is negative ({matrix.min():.3g})", "subtract similarities from the largest"
@@ -218,11 +248,14 @@ def check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: 
     difference = float(np.abs(matrix - matrix.T).max(initial=0.0)) if is_square else 0.0
     if difference > ASYMMETRY * largest:
         raise ConfigurationError(
-            f"the distances are not symmetric (largest difference {difference:.3g})", "average them with the transpose"
+            f"the distances are not symmetric (largest difference {difference:.3g})",
+            "average them with the transpose",
         )
     if is_square and (itself := matrix.diagonal().max(initial=0.0)) > SELF_DISTANCE * largest:
         problem = f"a shape is at a distance of {itself:.3g} from itself"
-        raise ConfigurationError(problem, "return distances, not similarities, with a diagonal of 0")
+        raise ConfigurationError(
+            problem, "return distances, not similarities, with a diagonal of 0"
+        )
     return matrix
 
 
@@ -231,12 +264,14 @@ def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[
     order = np.argsort(distances, kind="stable")
     hits = relevant[order].astype(np.float64)
     n_results, c = len(order), int(hits.sum())
-    # Each rank lies in a group of equal distances: its first rank, its size, and the hits in it and before it.
+    # Each rank lies in a group of equal distances: its first rank, its size, and the hits in it and
+    # before it.
     starts = np.flatnonzero(np.diff(distances[order], prepend=-np.inf) > 0)
     sizes, group_hits = np.diff(starts, append=n_results), np.add.reduceat(hits, starts)
     size, in_group = np.repeat(sizes, sizes), np.repeat(group_hits, sizes)
     gains = in_group / size
-    # Given a hit at this rank, the earlier ranks of its group hold (h - 1) / (t - 1) hits each, on average.
+    # Given a hit at this rank, the earlier ranks of its group hold (h - 1) / (t - 1) hits each, on
+    # average.
     inside = np.arange(n_results) - np.repeat(starts, sizes)
     before = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
     hits_up_to = before + 1 + inside * (in_group - 1) / np.maximum(size - 1, 1)
@@ -252,4 +287,6 @@ def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[
         "nDCG": text_discounts @ gains / text_discounts[:c].sum(),
         "mAP": (gains * hits_up_to / ranks).sum() / c,
     }
-    return [float(measures[name]) for name in MEASURES], bool(((group_hits > 0) & (group_hits < sizes)).any())
+    return [float(measures[name]) for name in MEASURES], bool(
+        ((group_hits > 0) & (group_hits < sizes)).any()
+    )

@@ -15,33 +15,37 @@ from retrieval.views import BACKGROUND, render, view_sphere
 Matrix = NDArray[np.float64]
 Rotations = NDArray[np.float64]
 
-#: Number of values per axis of the search grid of Rodrigues vectors (axis times tan of half the angle); the cube
-#: [-tan(pi/8), tan(pi/8)]^3 contains every rotation up to the 24 rotations of the cube.
+#: Number of values per axis of the search grid of Rodrigues vectors (axis times tan of half the
+#: angle); the cube [-tan(pi/8), tan(pi/8)]^3 contains every rotation up to the 24 rotations of the
+#: cube.
 GRID = 9
-#: Number of best grid rotations from which the pattern search starts, and its first and last step in radians.
+#: Number of best grid rotations from which the pattern search starts, and its first and last step
+#: in radians.
 STARTS = 8
 FIRST_STEP, LAST_STEP = 0.1, 1e-6
 #: Rotations whose areas are summed together: all turns of all starts about one axis.
 LANES = 16
 
-#: Coordinates in the unit sphere are rounded to multiples of this. The last digits of a form are noise that differs
-#: between processors, and the bytes of descriptors, and with them the draw of the words, depend on every bit. The grid
-#: is far coarser than that noise (about 1e-12), so that nearly every form is then the same to the last bit, and far
-#: finer than the scorer resolves: a pixel is 512 steps wide.
+#: Coordinates in the unit sphere are rounded to multiples of this. The last digits of a form are
+#: noise that differs between processors, and the bytes of descriptors, and with them the draw of
+#: the words, depend on every bit. The grid is far coarser than that noise (about 1e-12), so that
+#: nearly every form is then the same to the last bit, and far finer than the scorer resolves: a
+#: pixel is 512 steps wide.
 RESOLUTION = 2.0**-16
-#: Two orientations whose projected areas differ by less than this fraction are equally rectilinear, such as two that a
-#: mirror symmetry of the form exchanges.
+#: Two orientations whose projected areas differ by less than this fraction are equally rectilinear,
+#: such as two that a mirror symmetry of the form exchanges.
 EQUALLY_RECTILINEAR = 1e-6
-#: Two silhouettes whose numbers of pixels differ by less than this fraction are equally large. Moving a silhouette by
-#: part of a pixel changes its number of pixels by more.
+#: Two silhouettes whose numbers of pixels differ by less than this fraction are equally large.
+#: Moving a silhouette by part of a pixel changes its number of pixels by more.
 EQUALLY_LARGE = 1e-3
 
 
 def to_unit_sphere(mesh: Mesh) -> Mesh:
     """Move the mean of the vertices to the origin and scale the farthest vertex to distance 1.
 
-    Only vertices of triangles count. The public re-implementation of CM-BOF also uses the mean of the vertices instead
-    of the area centroid; on the evenly decimated forms of this suite the two nearly coincide.
+    Only vertices of triangles count. The public re-implementation of CM-BOF also uses the mean of
+    the vertices instead of the area centroid; on the evenly decimated forms of this suite the two
+    nearly coincide.
 
     Raises
     ------
@@ -49,7 +53,9 @@ def to_unit_sphere(mesh: Mesh) -> Mesh:
         If there are no triangles or all vertices coincide.
     """
     if mesh.n_faces == 0:
-        raise InvalidMesh("the form has no triangles", "return the triangles of the input with the new positions")
+        raise InvalidMesh(
+            "the form has no triangles", "return the triangles of the input with the new positions"
+        )
     used = np.unique(mesh.faces)
     centred = mesh.vertices - mesh.vertices[used].mean(axis=0)
     radius = np.linalg.norm(centred[used], axis=1).max()
@@ -74,8 +80,9 @@ def pca_rotation(mesh: Mesh) -> Matrix:
 def rectilinearity_rotation(mesh: Mesh) -> Matrix:
     """Return the rotation that minimises the summed area of the triangles' projections on the three coordinate planes.
 
-    The search covers a grid of all rotations up to symmetries of the cube, followed by a pattern search from the best
-    grid points [Hooke & Jeeves 1961]. It is deterministic, unlike the random restarts of the original.
+    The search covers a grid of all rotations up to symmetries of the cube, followed by a pattern
+    search from the best grid points [Hooke & Jeeves 1961]. It is deterministic, unlike the random
+    restarts of the original.
 
     References
     ----------
@@ -83,7 +90,9 @@ def rectilinearity_rotation(mesh: Mesh) -> Matrix:
     """
     area_vectors = 0.5 * mesh.face_normals
     ticks = np.linspace(-1.0, 1.0, GRID) * (np.sqrt(2.0) - 1.0)
-    grid = np.array([_turned(np.eye(3), np.array([x, y, z])) for x in ticks for y in ticks for z in ticks])
+    grid = np.array(
+        [_turned(np.eye(3), np.array([x, y, z])) for x in ticks for y in ticks for z in ticks]
+    )
     areas = _projected_areas(area_vectors, grid)
     best = np.sort(np.argsort(areas, kind="stable")[:STARTS])
     found, areas = _refined(area_vectors, grid[best], areas[best])
@@ -130,7 +139,9 @@ def _projected_areas(area_vectors: Matrix, rotations: Rotations) -> NDArray[np.f
 
 
 @njit(cache=True, nogil=True)
-def _refined(area_vectors: Matrix, rotations: Rotations, areas: NDArray[np.float64]) -> tuple[Rotations, Matrix]:
+def _refined(
+    area_vectors: Matrix, rotations: Rotations, areas: NDArray[np.float64]
+) -> tuple[Rotations, Matrix]:
     """Rotate by a step about each axis while that helps, then halve the step; the second value are the areas."""
     rotations, areas = rotations.copy(), areas.copy()
     steps = np.full(len(rotations), FIRST_STEP)
@@ -142,7 +153,9 @@ def _refined(area_vectors: Matrix, rotations: Rotations, areas: NDArray[np.float
             for start in range(len(rotations)):
                 for side in range(2):
                     turn = np.zeros(3)
-                    turn[axis] = (side - 0.5) * steps[start]  # half the angle approximates its tangent well enough
+                    turn[axis] = (side - 0.5) * steps[
+                        start
+                    ]  # half the angle approximates its tangent well enough
                     candidates[side, start] = _turned(rotations[start], turn)
             found = _projected_areas(area_vectors, candidates.reshape(-1, 3, 3)).reshape(2, -1)
             for start in range(len(rotations)):
@@ -166,8 +179,9 @@ def normalise(mesh: Mesh, candidates: Sequence[str], image_size: int) -> Mesh:
     mesh
         The form.
     candidates
-        Names from ``"pca"`` and ``"rectilinearity"``; empty keeps the orientation. Of two, the one with fewer
-        foreground pixels, summed over the three axis views, wins; a tie (:data:`EQUALLY_LARGE`) goes to the last.
+        Names from ``"pca"`` and ``"rectilinearity"``; empty keeps the orientation. Of two, the one
+        with fewer foreground pixels, summed over the three axis views, wins; a tie
+        (:data:`EQUALLY_LARGE`) goes to the last.
     image_size
         Height and width, in pixels, of the images for this count.
 

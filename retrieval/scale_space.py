@@ -1,8 +1,9 @@
 """Gaussian and difference-of-Gaussian scale space of SIFT, and its extrema (compiled kernels).
 
-Notation of Lowe 2004: three levels per octave; level s of an octave has the scale 1.6 * 2^(s / 3) in pixels of that
-octave. An octave holds the Gaussian levels -1 ... 4, hence five differences and three levels with both neighbours.
-Products and sums are rounded separately and in a fixed order, so that descriptors are the same bytes on any processor.
+Notation of Lowe 2004: three levels per octave; level s of an octave has the scale 1.6 * 2^(s / 3)
+in pixels of that octave. An octave holds the Gaussian levels -1 ... 4, hence five differences and
+three levels with both neighbours. Products and sums are rounded separately and in a fixed order, so
+that descriptors are the same bytes on any processor.
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ BASE_SCALE = 1.6
 NOMINAL_BLUR = 0.5
 #: Gaussians are cut off at this many standard deviations.
 SUPPORT = 4.0
-#: Pixels kept around the foreground in every octave: the widest accumulated blur, 1.6 * 2^(4/3), reaches 16 pixels.
+#: Pixels kept around the foreground in every octave: the widest accumulated blur, 1.6 * 2^(4/3),
+#: reaches 16 pixels.
 MARGIN = 17
-#: Pixels, in whole rows, that are blurred in both directions at once: what they need stays in the nearest cache.
+#: Pixels, in whole rows, that are blurred in both directions at once: what they need stays in the
+#: nearest cache.
 TOGETHER = 2048
 #: Octaves stop when the shorter side of the image falls below 16 pixels.
 SMALLEST_SIDE = 16
@@ -60,7 +63,8 @@ def octave_in(room: SingleArray, height: int, width: int) -> tuple[SingleArray, 
     Returns
     -------
     numpy.ndarray
-        Shape (12, height + 2 MARGIN, width + 2 MARGIN): six Gaussian levels, their five differences, and the image.
+        Shape (12, height + 2 MARGIN, width + 2 MARGIN): six Gaussian levels, their five
+        differences, and the image.
     numpy.ndarray
         Of the same shape, a view whose first rows and columns are the pixels.
     """
@@ -76,19 +80,23 @@ def build_octave(octave: SingleArray, half: SingleArray, is_first: bool) -> None
     Parameters
     ----------
     octave
-        Images of :func:`octave_in` with their borders, overwritten; given are the image in the first octave, level -1
-        in the others.
+        Images of :func:`octave_in` with their borders, overwritten; given are the image in the
+        first octave, level -1 in the others.
     half
         From :func:`octave_buffers`.
     is_first
         Whether this is the first octave.
     """
     for level in range(0 if is_first else 1, N_GAUSSIANS):
-        _blur(octave[level - 1], octave[level], octave[N_GAUSSIANS - 1 + max(level, 1)], half, level)
+        _blur(
+            octave[level - 1], octave[level], octave[N_GAUSSIANS - 1 + max(level, 1)], half, level
+        )
 
 
 @njit(cache=True, nogil=True)
-def _blur(image: SingleArray, blurred: SingleArray, difference: SingleArray, half: SingleArray, level: int) -> None:
+def _blur(
+    image: SingleArray, blurred: SingleArray, difference: SingleArray, half: SingleArray, level: int
+) -> None:
     """Convolve an image with a separable Gaussian; the border is repeated."""
     height, stride = image.shape
     source, target, result = image.ravel(), blurred.ravel(), difference.ravel()
@@ -108,10 +116,20 @@ def _blur(image: SingleArray, blurred: SingleArray, difference: SingleArray, hal
 
 @njit(cache=True, nogil=True)
 def _convolve(
-    source: SingleArray, start: int, step: int, target: SingleArray, begin: int, count: int, level: int
+    source: SingleArray,
+    start: int,
+    step: int,
+    target: SingleArray,
+    begin: int,
+    count: int,
+    level: int,
 ) -> None:
     """Add up weighted pixels before and after each, at multiples of a step, in the order of half a kernel."""
-    kernel, own, total = KERNELS[level], source[start : start + count], target[begin : begin + count]
+    kernel, own, total = (
+        KERNELS[level],
+        source[start : start + count],
+        target[begin : begin + count],
+    )
     for x in range(count):
         total[x] = kernel[0] * own[x]
     for j in range(1, SIZES[level], 2):  # two in one pass; weights beyond the kernel are zero
@@ -123,7 +141,9 @@ def _convolve(
 
 
 @njit(cache=True, nogil=True)
-def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: float, points: FloatArray) -> int:
+def find_extrema(
+    differences: SingleArray, peak_threshold: float, edge_ratio: float, points: FloatArray
+) -> int:
     """Find the sub-pixel extrema of the differences of one octave.
 
     Parameters
@@ -135,8 +155,8 @@ def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: fl
     edge_ratio
         Maximum ratio of the principal curvatures.
     points
-        Shape (capacity, 4), float64, overwritten: x, y in pixels of the octave, level 0 ... 2 of the extremum, offset
-        of the level.
+        Shape (capacity, 4), float64, overwritten: x, y in pixels of the octave, level 0 ... 2 of
+        the extremum, offset of the level.
 
     Returns
     -------
@@ -160,29 +180,52 @@ def find_extrema(differences: SingleArray, peak_threshold: float, edge_ratio: fl
                         continue
                     if not _is_extremum(differences, level, row, column, value):
                         continue
-                    good, x, y, offset = _refine(differences, level, row, column, peak_threshold, edge_ratio)
+                    good, x, y, offset = _refine(
+                        differences, level, row, column, peak_threshold, edge_ratio
+                    )
                     if good and count < len(points):
-                        points[count, 0], points[count, 1], points[count, 2], points[count, 3] = x, y, level - 1, offset
+                        points[count, 0], points[count, 1], points[count, 2], points[count, 3] = (
+                            x,
+                            y,
+                            level - 1,
+                            offset,
+                        )
                     count += good
     return count
 
 
 @njit(cache=True, nogil=True)
-def _mark_candidates(differences: SingleArray, level: int, row: int, marks: NDArray[np.uint8]) -> None:
+def _mark_candidates(
+    differences: SingleArray, level: int, row: int, marks: NDArray[np.uint8]
+) -> None:
     """Mark the pixels of a row, but its ends, that exceed or fall below their six nearest neighbours: few do."""
     width = len(marks)
-    here, above, below = differences[level, row], differences[level, row - 1, 1:], differences[level, row + 1, 1:]
+    here, above, below = (
+        differences[level, row],
+        differences[level, row - 1, 1:],
+        differences[level, row + 1, 1:],
+    )
     left, middle, right = here[:width], here[1:], here[2:]
     lower, upper = differences[level - 1, row, 1:], differences[level + 1, row, 1:]
     for x in range(width):
-        value, a, b, c, d, e, f = middle[x], left[x], right[x], above[x], below[x], lower[x], upper[x]
+        value, a, b, c, d, e, f = (
+            middle[x],
+            left[x],
+            right[x],
+            above[x],
+            below[x],
+            lower[x],
+            upper[x],
+        )
         high = (value > a) & (value > b) & (value > c) & (value > d) & (value > e) & (value > f)
         low = (value < a) & (value < b) & (value < c) & (value < d) & (value < e) & (value < f)
         marks[x] = high | low
 
 
 @njit(cache=True, nogil=True)
-def _is_extremum(differences: SingleArray, level: int, row: int, column: int, value: np.float32) -> bool:
+def _is_extremum(
+    differences: SingleArray, level: int, row: int, column: int, value: np.float32
+) -> bool:
     sign = np.float32(1.0) if value > 0 else np.float32(-1.0)
     value = sign * value
     # The row neighbours in the same level reject nearly every pixel.
@@ -199,12 +242,19 @@ def _is_extremum(differences: SingleArray, level: int, row: int, column: int, va
 
 @njit(cache=True, nogil=True)
 def _refine(
-    differences: SingleArray, level: int, row: int, column: int, peak_threshold: float, edge_ratio: float
+    differences: SingleArray,
+    level: int,
+    row: int,
+    column: int,
+    peak_threshold: float,
+    edge_ratio: float,
 ) -> tuple[bool, float, float, float]:
     """Fit a quadratic [Brown & Lowe 2002] and apply the two tests; returns (good, x, y, offset of the level)."""
     height, width = differences.shape[1] - 2 * MARGIN, differences.shape[2] - 2 * MARGIN
     move_x = move_y = 0
-    for _ in range(REFINEMENT_STEPS):  # moves precede fits, so that the last fit belongs to the last pixel
+    for _ in range(
+        REFINEMENT_STEPS
+    ):  # moves precede fits, so that the last fit belongs to the last pixel
         column += move_x
         row += move_y
         a, b, c = differences[level - 1], differences[level], differences[level + 1]
@@ -215,9 +265,18 @@ def _refine(
         hxx = b[row, column + 1] + b[row, column - 1] - 2.0 * centre
         hyy = b[row + 1, column] + b[row - 1, column] - 2.0 * centre
         hss = c[row, column] + a[row, column] - 2.0 * centre
-        hxy = 0.25 * (b[row + 1, column + 1] + b[row - 1, column - 1] - b[row + 1, column - 1] - b[row - 1, column + 1])
-        hxs = 0.25 * (c[row, column + 1] + a[row, column - 1] - c[row, column - 1] - a[row, column + 1])
-        hys = 0.25 * (c[row + 1, column] + a[row - 1, column] - c[row - 1, column] - a[row + 1, column])
+        hxy = 0.25 * (
+            b[row + 1, column + 1]
+            + b[row - 1, column - 1]
+            - b[row + 1, column - 1]
+            - b[row - 1, column + 1]
+        )
+        hxs = 0.25 * (
+            c[row, column + 1] + a[row, column - 1] - c[row, column - 1] - a[row, column + 1]
+        )
+        hys = 0.25 * (
+            c[row + 1, column] + a[row - 1, column] - c[row - 1, column] - a[row + 1, column]
+        )
         solvable, dx, dy, ds = _solve_symmetric((hxx, hxy, hxs, hyy, hys, hss), -gx, -gy, -gs)
         if not solvable:
             return False, 0.0, 0.0, 0.0
@@ -227,7 +286,9 @@ def _refine(
             break
     value = centre + 0.5 * (gx * dx + gy * dy + gs * ds)
     determinant = hxx * hyy - hxy * hxy
-    on_edge = determinant <= 0 or (hxx + hyy) ** 2 * edge_ratio >= (edge_ratio + 1.0) ** 2 * determinant
+    on_edge = (
+        determinant <= 0 or (hxx + hyy) ** 2 * edge_ratio >= (edge_ratio + 1.0) ** 2 * determinant
+    )
     near = max(abs(dx), abs(dy), abs(ds)) < 1.5
     x, y = column + dx, row + dy
     inside = 0.0 <= x <= width - 1.0 and 0.0 <= y <= height - 1.0 and level + ds >= 0.0

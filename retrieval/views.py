@@ -38,10 +38,12 @@ class ViewSphere:
         Returns
         -------
         numpy.ndarray
-            Shape (V,): entry i is the view whose direction is the image of direction i. Exact, because the set of
-            directions has the symmetry of the cube.
+            Shape (V,): entry i is the view whose direction is the image of direction i. Exact,
+            because the set of directions has the symmetry of the cube.
         """
-        return np.asarray((self.directions @ rotation.T @ self.directions.T).argmax(axis=1), dtype=np.int32)
+        return np.asarray(
+            (self.directions @ rotation.T @ self.directions.T).argmax(axis=1), dtype=np.int32
+        )
 
     @cached_property
     def permutations(self) -> NDArray[np.int32]:
@@ -76,7 +78,11 @@ def view_sphere(subdivisions: int) -> ViewSphere:
 
 #: The symmetries of the cube, shape (48, 3, 3): signed permutation matrices.
 CUBE_SYMMETRIES = np.array(
-    [np.eye(3)[list(order)] * signs for order in permutations(range(3)) for signs in product((1, -1), repeat=3)]
+    [
+        np.eye(3)[list(order)] * signs
+        for order in permutations(range(3))
+        for signs in product((1, -1), repeat=3)
+    ]
 )
 #: Its rotations, shape (24, 3, 3).
 CUBE_ROTATIONS = CUBE_SYMMETRIES[np.linalg.det(CUBE_SYMMETRIES) > 0]
@@ -85,8 +91,9 @@ CUBE_ROTATIONS = CUBE_SYMMETRIES[np.linalg.det(CUBE_SYMMETRIES) > 0]
 def render(mesh: Mesh, size: int, sphere: ViewSphere) -> NDArray[np.float32]:
     """Render depth images of a form inside the unit sphere.
 
-    Each camera is orthographic over [-1, 1] x [-1, 1]; its eye lies on the unit sphere and looks at the origin with
-    the y axis up (the z axis for the two views along y). Both sides of the surface are drawn.
+    Each camera is orthographic over [-1, 1] x [-1, 1]; its eye lies on the unit sphere and looks at
+    the origin with the y axis up (the z axis for the two views along y). Both sides of the surface
+    are drawn.
 
     Parameters
     ----------
@@ -100,19 +107,23 @@ def render(mesh: Mesh, size: int, sphere: ViewSphere) -> NDArray[np.float32]:
     Returns
     -------
     numpy.ndarray
-        Shape (number of views, size, size), float32: depth (1 - p.v) / 2 in [0, 1] of the nearest point p in
-        direction v, or 1 if there is none.
+        Shape (number of views, size, size), float32: depth (1 - p.v) / 2 in [0, 1] of the nearest
+        point p in direction v, or 1 if there is none.
 
     References
     ----------
-    Lian, Godil, Sun, Xiao, "CM-BOF: visual similarity-based 3D shape retrieval using Clock Matching and
-    Bag-of-Features", Machine Vision and Applications 24, 2013.
+    Lian, Godil, Sun, Xiao, "CM-BOF: visual similarity-based 3D shape retrieval using Clock Matching
+    and Bag-of-Features", Machine Vision and Applications 24, 2013.
     """
     images = np.full((len(sphere.directions), size, size), BACKGROUND, dtype=np.float32)
     x, y, z = mesh.vertices.T
     for view, opposite in enumerate(sphere.permutation_of(-np.eye(3))):
         if view < opposite:  # both are drawn at once
-            right, up, eye = (axis[0] * x + axis[1] * y + axis[2] * z for axis in sphere.cameras[view])
-            pixels = np.stack([0.5 * size * (1.0 + right), 0.5 * size * (1.0 - up), 0.5 * (1.0 - eye)], axis=1)
+            right, up, eye = (
+                axis[0] * x + axis[1] * y + axis[2] * z for axis in sphere.cameras[view]
+            )
+            pixels = np.stack(
+                [0.5 * size * (1.0 + right), 0.5 * size * (1.0 - up), 0.5 * (1.0 - eye)], axis=1
+            )
             draw_triangles(pixels, mesh.faces, images[view], images[opposite])
     return images

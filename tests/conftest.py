@@ -18,7 +18,9 @@ from benchmark.machine import pin_threads
 pin_threads()
 
 # Processes that tests start find this checkout from anywhere, whatever is installed.
-os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH"))))
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    filter(None, (str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH")))
+)
 
 # Processes of xdist know the width of the terminal, at which rows would be wrapped.
 os.environ.pop("COLUMNS", None)
@@ -30,7 +32,8 @@ def pytest_configure(config: pytest.Config) -> None:
         drop_stale_kernels()
 
 
-# Thousands of tests and their modules stay to the end: looking for garbage among them takes an eighth of the time.
+# Thousands of tests and their modules stay to the end: looking for garbage among them takes an
+# eighth of the time.
 gc.set_threshold(20_000, 20, 50)
 
 
@@ -43,8 +46,12 @@ def pytest_collection_finish() -> None:
 settings.register_profile("suite", deadline=None)
 settings.load_profile("suite")
 
-# Runs that the tests interrupt inherit what is ignored here, as under nohup and in the background of a script.
-for number, handler in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+# Runs that the tests interrupt inherit what is ignored here, as under nohup and in the background
+# of a script.
+for number, handler in (
+    (signal.SIGINT, signal.default_int_handler),
+    (signal.SIGHUP, signal.SIG_DFL),
+):
     if signal.getsignal(number) is signal.SIG_IGN:
         signal.signal(number, handler)
 
@@ -56,7 +63,9 @@ def no_worker_with_size_0() -> Iterator[None]:
     from tests.runs.toy import ThisProcess
 
     real = runner._workers
-    with patch.object(runner, "_workers", lambda size, *other: real(size, *other) if size else ThisProcess()):
+    with patch.object(
+        runner, "_workers", lambda size, *other: real(size, *other) if size else ThisProcess()
+    ):
         yield
 
 

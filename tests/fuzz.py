@@ -1,8 +1,7 @@
 """Damage files of users by structure: cut them, change counts, numbers, bytes. Each must be refused or read alike.
 
-``python -m tests.fuzz SEED SECONDS FOLDER`` writes what is read otherwise or hangs into a folder. Correct the
-cause, and move the file to the bad inputs of its kind.
-"""
+``python -m tests.fuzz SEED SECONDS FOLDER`` writes what is read otherwise or hangs into a folder.
+Correct the cause, and move the file to the bad inputs of its kind."""
 
 from __future__ import annotations
 
@@ -33,7 +32,17 @@ from tests.toy import rod
 LONGEST, MOST = 10, 2**30
 
 #: What no exporter writes where a number should stand, or is none.
-NO_NUMBERS = (b"1_0", b"0x1A", b"--1", b"1.2.3", b"1.#IND", b"-1.#QNAN00", b"\xd9\xa3", b"1e999", b"nan")
+NO_NUMBERS = (
+    b"1_0",
+    b"0x1A",
+    b"--1",
+    b"1.2.3",
+    b"1.#IND",
+    b"-1.#QNAN00",
+    b"\xd9\xa3",
+    b"1e999",
+    b"nan",
+)
 COUNTS = (b"-1", b"0", b"1", b"7", b"99", b"1099511627776", b"9" * 400, b"1e3")
 NUMBER = re.compile(rb"(?<![^\s:\[,;])[-+]?\d+\.?\d*(?:e[-+]?\d+)?(?![^\s\],;}])")
 
@@ -65,7 +74,9 @@ def miscount(data: bytes, random: Random) -> bytes:
     return replaced(data, random, COUNTS, [*NUMBER.finditer(data)][:2])
 
 
-def replaced(data: bytes, random: Random, others: Sequence[bytes], found: Sequence[re.Match[bytes]]) -> bytes:
+def replaced(
+    data: bytes, random: Random, others: Sequence[bytes], found: Sequence[re.Match[bytes]]
+) -> bytes:
     if not found:  # of numbers that have other marks around them
         return b""
     chosen = found[random.integers(len(found))]
@@ -113,13 +124,19 @@ def originals(folder: Path) -> list[Path]:
     distances = np.add.outer(np.arange(5), np.arange(5)) / 7 + 1.0
     np.save(folder / "matrices" / "x.npy", distances)
     np.savetxt(folder / "matrices" / "x.csv", distances, delimiter=",")
-    inputs = [*(here / "geometry" / "inputs" / "valid").iterdir(), *(here / "depth" / "inputs" / "images").iterdir()]
+    inputs = [
+        *(here / "geometry" / "inputs" / "valid").iterdir(),
+        *(here / "depth" / "inputs" / "images").iterdir(),
+    ]
     inputs += [*(here / "depth" / "inputs" / "cameras").iterdir(), *folder.rglob("*.*")]
     return sorted(path for path in inputs if path.suffix in DAMAGES and ".tri" not in path.name)
 
 
 def same(one: tuple[Any, ...], other: tuple[Any, ...]) -> bool:
-    return all(np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b for a, b in zip(one, other, strict=True))
+    return all(
+        np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b
+        for a, b in zip(one, other, strict=True)
+    )
 
 
 def late(*_: object) -> None:
@@ -132,7 +149,9 @@ def verdict(path: Path, expected: tuple[Any, ...]) -> str:
     try:
         return "alike" if same(read(path), expected) else "other content"
     except BenchmarkError as error:
-        is_named = path.name in str(error) or path.parent.name == "matrices"  # which is the only one
+        is_named = (
+            path.name in str(error) or path.parent.name == "matrices"
+        )  # which is the only one
         return "refused" if is_named and "\n" not in str(error) else f"without a name: {error}"
     except KeyboardInterrupt:
         return "hangs"
@@ -174,7 +193,8 @@ def fuzz(seed: int, seconds: float, found: Path) -> Counter[str]:
 if __name__ == "__main__":
     numbers = fuzz(int(sys.argv[1]), float(sys.argv[2]), Path(sys.argv[3]))
     print(*(f"{count:6d} {what}" for what, count in sorted(numbers.items())), sep="\n")
-    # The greatest memory of a process that getrusage returns is that of the one that began it, if this is greater.
+    # The greatest memory of a process that getrusage returns is that of the one that began it, if
+    # this is greater.
     memory = 1024 * int(re.findall(r"VmHWM:\s+(\d+) kB", Path("/proc/self/status").read_text())[0])
     print(f"largest memory: {memory / 1e6:.0f} MB")
     is_wrong = any(not what.endswith((" refused", " alike")) for what in numbers) or memory > MOST

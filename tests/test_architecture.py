@@ -9,9 +9,12 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 
-#: Layers, lowest first, as the page on architecture shows them: a package may import from itself and from any layer
-#: below, never from its neighbours on the same layer. A module belongs to the longest name that fits.
-SHOWN = (ROOT / "docs" / "architecture.md").read_text().partition("```layers\n")[2].partition("```")[0]
+#: Layers, lowest first, as the page on architecture shows them: a package may import from itself
+#: and from any layer below, never from its neighbours on the same layer. A module belongs to the
+#: longest name that fits.
+SHOWN = (
+    (ROOT / "docs" / "architecture.md").read_text().partition("```layers\n")[2].partition("```")[0]
+)
 LAYERS = [re.match(r"((?:\S+ {1,2})+)", line)[1].split() for line in reversed(SHOWN.splitlines())]
 PACKAGES = {package: number for number, layer in enumerate(LAYERS) for package in layer}
 
@@ -50,7 +53,9 @@ def may_import(name: str, target: str) -> bool:
     return here == there or PACKAGES[there] < PACKAGES[here]
 
 
-@pytest.mark.parametrize(("name", "path"), list(modules()), ids=lambda value: value if isinstance(value, str) else "")
+@pytest.mark.parametrize(
+    ("name", "path"), list(modules()), ids=lambda value: value if isinstance(value, str) else ""
+)
 def test_a_module_imports_only_from_layers_below_and_the_harness_no_method_by_name(name, path):
     ours = [target for target in imports(path) if known(target)]
     if name == "benchmark":
@@ -59,13 +64,22 @@ def test_a_module_imports_only_from_layers_below_and_the_harness_no_method_by_na
     assert package(name), "a module without a layer"
     assert [target for target in ours if package(target) and not may_import(name, target)] == []
     if name.startswith("benchmark"):
-        assert [target for target in imports(path) if target.startswith(("baselines", "learned"))] == []
+        assert [
+            target for target in imports(path) if target.startswith(("baselines", "learned"))
+        ] == []
     if name.startswith("baselines"):  # a method imports no harness
         allowed = ("benchmark.api.contracts", "benchmark.errors", "benchmark.geometry", "baselines")
-        of_suite = [target for target in imports(path) if target.startswith(("benchmark.", "retrieval", "learned"))]
+        of_suite = [
+            target
+            for target in imports(path)
+            if target.startswith(("benchmark.", "retrieval", "learned"))
+        ]
         assert [target for target in of_suite if not target.startswith(allowed)] == []
 
 
 def test_no_modules_import_each_other_in_a_circle():
-    graph = {name: {target for target in imports(path) if known(target)} - {name} for name, path in modules()}
+    graph = {
+        name: {target for target in imports(path) if known(target)} - {name}
+        for name, path in modules()
+    }
     TopologicalSorter(graph).prepare()

@@ -21,7 +21,11 @@ def kernels() -> list[Dispatcher]:
         for info in pkgutil.walk_packages(package.__path__, f"{package.__name__}."):
             if not info.name.endswith("__main__"):
                 values = vars(importlib.import_module(info.name)).values()
-                found += [each for each in values if isinstance(each, Dispatcher) and each.__module__ == info.name]
+                found += [
+                    each
+                    for each in values
+                    if isinstance(each, Dispatcher) and each.__module__ == info.name
+                ]
     return found
 
 
@@ -42,7 +46,9 @@ def print_what_is_left() -> None:
 def test_every_kernel_is_compiled_ahead():
     """In a process that has called none before."""
     program = f"from {__name__} import print_what_is_left; print_what_is_left()"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=280, check=False)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=280, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
     assert len(kernels()) > 40

@@ -24,9 +24,14 @@ def far(tmp_path):
 
     def call(*arguments, code=0):
         done = subprocess.run(
-            [sys.executable, "-m", *map(str, arguments)], capture_output=True, text=True, check=False, cwd=tmp_path,
-            timeout=280, env=env,
-        )  # fmt: skip
+            [sys.executable, "-m", *map(str, arguments)],
+            capture_output=True,
+            text=True,
+            check=False,
+            cwd=tmp_path,
+            timeout=280,
+            env=env,
+        )
         assert done.returncode == code, done.stdout + done.stderr
         return done.stdout
 
@@ -36,8 +41,12 @@ def far(tmp_path):
 @pytest.mark.slow
 def test_the_tests_of_the_examples_pass_far_from_the_checkout(far):
     output = far("pytest", "-q", "-p", "no:cacheprovider", ".")
-    passed, skipped = (sum(map(int, re.findall(rf"(\d+) {word}", output))) for word in ("passed", "skipped"))
-    assert passed + skipped == sum(path.read_text().count("\ndef test_") for path in EXAMPLES.glob("test_*.py"))
+    passed, skipped = (
+        sum(map(int, re.findall(rf"(\d+) {word}", output))) for word in ("passed", "skipped")
+    )
+    assert passed + skipped == sum(
+        path.read_text().count("\ndef test_") for path in EXAMPLES.glob("test_*.py")
+    )
     assert skipped == 2 * (shutil.which("g++") is None) + (shutil.which("octave-cli") is None)
 
 
@@ -46,7 +55,11 @@ def test_the_tests_of_the_examples_pass_far_from_the_checkout(far):
     ("source", "status", "reason"),
     [
         ("kill -SEGV $$", "failed", "graph-stress ended with exit code -11"),
-        ("echo too flat >&2; exit 2", "unsupported", "none of 4 shapes could be processed; thick0: too flat"),
+        (
+            "echo too flat >&2; exit 2",
+            "unsupported",
+            "none of 4 shapes could be processed; thick0: too flat",
+        ),
     ],
 )
 def test_a_program_may_crash_or_refuse(far, rods, tmp_path, source, status, reason):

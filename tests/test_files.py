@@ -62,12 +62,17 @@ def of_scene(path):
 
 
 DOORS = {
-    **dict.fromkeys(("cat.off", "cat.obj", "cat.ply", "cat.off.gz", "cat.mat", "cat.stl", "cat.glb"), read_mesh),
+    **dict.fromkeys(
+        ("cat.off", "cat.obj", "cat.ply", "cat.off.gz", "cat.mat", "cat.stl", "cat.glb"), read_mesh
+    ),
     "x.tri": beside_mesh,
     "x.bin": of_scene,
     "dataset.toml": in_settings,
     "x.cla": in_settings,
-    **dict.fromkeys(("d.txt", "d.npy", "d.npz", "d.mat", "d.matrix"), lambda path: benchmark.score(path, [*"aab"])),
+    **dict.fromkeys(
+        ("d.txt", "d.npy", "d.npz", "d.mat", "d.matrix"),
+        lambda path: benchmark.score(path, [*"aab"]),
+    ),
     **dict.fromkeys(("l.txt", "l.cla"), lambda path: benchmark.score(np.ones((3, 3)), path)),
     **dict.fromkeys(("x.png", "x.pfm", "x.npy", "x.npz"), read_values),
     "x_mask.png": read_mask,

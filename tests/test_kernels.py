@@ -11,7 +11,8 @@ from benchmark import code_digest, kernels
 from benchmark.kernels import compiled_kernels, drop_stale_kernels
 
 KERNEL = (
-    "from numba import njit\nfrom {origin} import {name}\n\n\n@njit(cache=True)\ndef kernel(x):\n    return {name}\n"
+    "from numba import njit\nfrom {origin} import {name}\n\n\n"
+    "@njit(cache=True)\ndef kernel(x):\n    return {name}\n"
 )
 
 FILES = {
@@ -40,7 +41,9 @@ def test_what_was_compiled_from_other_code_goes(tmp_path, monkeypatch, edited, k
     for module in (kernels, code_digest):
         monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(code_digest, "FIRST_PARTY", [source.stem for source in sources])
-    monkeypatch.setattr(code_digest, "_locate_once", lambda parts: code_digest._find(tmp_path, parts))
+    monkeypatch.setattr(
+        code_digest, "_locate_once", lambda parts: code_digest._find(tmp_path, parts)
+    )
     (tmp_path / "__pycache__").mkdir()
     for source in sources[1:]:
         for ending in ("nbi", "1.nbc"):
@@ -62,7 +65,11 @@ def test_kernels_of_a_plugin_are_compiled_anew_in_each_process(tmp_path, monkeyp
     kernel = "from numba import njit\n{}\n\n@njit(cache=True)\ndef {}(x):\n    return {}\n"
     path = tmp_path / "outer.py"
     path.write_text(
-        kernel.format("from helper import inner\nVALUE = float(open('k.txt').read())", "outer", "inner(x) + VALUE")
+        kernel.format(
+            "from helper import inner\nVALUE = float(open('k.txt').read())",
+            "outer",
+            "inner(x) + VALUE",
+        )
     )
     program = f"from benchmark.registry.modules import load_module; print(load_module({str(path)!r}).outer(1))"
     printed = []
@@ -70,5 +77,9 @@ def test_kernels_of_a_plugin_are_compiled_anew_in_each_process(tmp_path, monkeyp
         (tmp_path / "helper.py").write_text(kernel.format("", "inner", f"x + {value}"))
         (tmp_path / "k.txt").write_text(str(constant))
         command = [sys.executable, "-c", program]
-        printed.append(subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path).stdout.strip())
+        printed.append(
+            subprocess.run(
+                command, capture_output=True, text=True, check=True, cwd=tmp_path
+            ).stdout.strip()
+        )
     assert printed == ["2.0", "21.0", "321.0"]

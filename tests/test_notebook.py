@@ -50,12 +50,18 @@ def test_jobs_run_in_this_process_once_with_a_line_of_progress(rods, tmp_path, c
     jobs = jobs.reset_index().set_index("method")
     assert list(jobs.index) == ["classic-mds", "identity", "flat-shape", "broken"]
     assert list(jobs["status"]) == ["ok", "ok", "ok", "failed"]
-    assert re.search(r"test_notebook.py:\d+: NameError: name 'topp' is not defined", jobs.loc["broken", "reason"])
+    assert re.search(
+        r"test_notebook.py:\d+: NameError: name 'topp' is not defined", jobs.loc["broken", "reason"]
+    )
     out, err = capfd.readouterr()
     assert not out
     assert re.match(r"\d+/\d+ steps, .+\n", err)
     again = benchmark.run(rods, methods[:3], **chosen).reset_index().set_index("method")
-    assert (again["finished"] == jobs["finished"][:3]).tolist() == [True, True, False]  # who knows what it depends on
+    assert (again["finished"] == jobs["finished"][:3]).tolist() == [
+        True,
+        True,
+        False,
+    ]  # who knows what it depends on
     keys = again["job"]
     form = benchmark.open_results(tmp_path / "results").form(keys["flat-shape"], "thin0")
     prepared = benchmark.open_results(tmp_path / "results").form(keys["identity"], "thin0")
@@ -68,8 +74,15 @@ def test_a_surface_is_prepared_as_in_a_run():
     prepared = prepare(mesh)
     expected = GPS().canonicalise(Shape(identifier="rod", mesh=prepared.mesh)).vertices
     np.testing.assert_array_equal(form.vertices, expected[prepared.numbers_of(mesh)])
-    np.testing.assert_array_equal(benchmark.canonicalise(mesh.vertices, mesh.faces, GPS()).vertices, form.vertices)
-    assert benchmark.canonicalise(mesh.vertices, mesh.faces, flat_shape, n_vertices=100).vertices.shape[1] == 3
+    np.testing.assert_array_equal(
+        benchmark.canonicalise(mesh.vertices, mesh.faces, GPS()).vertices, form.vertices
+    )
+    assert (
+        benchmark.canonicalise(
+            mesh.vertices, mesh.faces, flat_shape, n_vertices=100
+        ).vertices.shape[1]
+        == 3
+    )
     with pytest.raises(InvalidMesh):
         benchmark.canonicalise(mesh.vertices * np.nan, mesh.faces)
 
@@ -91,15 +104,21 @@ def test_forms_have_the_vertices_of_the_file_in_their_order_or_a_map_to_them(tmp
         if name.startswith("rod"):
             assert own.vertex_map is None
             np.testing.assert_array_equal(numbers, np.arange(mesh.n_vertices))
-            assert np.sort(form.faces, axis=None).tolist() == np.sort(mesh.faces, axis=None).tolist()
+            assert (
+                np.sort(form.faces, axis=None).tolist() == np.sort(mesh.faces, axis=None).tolist()
+            )
         else:
             np.testing.assert_array_equal(numbers, own.vertex_map)
             assert len(numbers) == form.n_vertices < mesh.n_vertices
         nearest = np.linalg.norm(form.vertices[:, None] - given, axis=2).argmin(axis=1)
         assert (numbers == nearest).mean() > 0.98  # decimation moves the centre a little
-    with pytest.raises(ConfigurationError, match="the form of rod0 has vertices of its own, or is not in"):
+    with pytest.raises(
+        ConfigurationError, match="the form of rod0 has vertices of its own, or is not in"
+    ):
         views = benchmark.run(tmp_path / "data", "identity", input="view", **chosen)
-        benchmark.open_results(tmp_path / "results").vertex_map(views[views["input"] == "view"].index[0], "rod0")
+        benchmark.open_results(tmp_path / "results").vertex_map(
+            views[views["input"] == "view"].index[0], "rod0"
+        )
 
 
 @pytest.mark.slow
@@ -118,5 +137,8 @@ def test_the_cells_of_the_notebook_run_one_after_the_other(tmp_path, monkeypatch
 
 def test_pymeshlab_is_not_loaded_in_another_thread_first(monkeypatch):
     monkeypatch.delitem(sys.modules, "pymeshlab", raising=False)
-    with ThreadPoolExecutor(1) as pool, pytest.raises(ConfigurationError, match="write 'import pymeshlab' in the main"):
+    with (
+        ThreadPoolExecutor(1) as pool,
+        pytest.raises(ConfigurationError, match="write 'import pymeshlab' in the main"),
+    ):
         pool.submit(import_pymeshlab).result()

@@ -28,7 +28,9 @@ def packed():
         runpy.run_path("setup.py")
         made = setuptools.Distribution({**given, "script_name": "setup.py"})
         made.parse_config_files()
-        made.include_package_data = False  # there is no manifest; looking for one would write into the checkout
+        made.include_package_data = (
+            False  # there is no manifest; looking for one would write into the checkout
+        )
         build = made.get_command_obj("build_py")
         build.ensure_finalized()
         files_of = {
@@ -36,7 +38,9 @@ def packed():
             for module in build.find_all_modules()
         }
         for package, source, _, files in build.data_files:
-            files_of |= {f"{package.replace('.', '/')}/{name}": ROOT / source / name for name in files}
+            files_of |= {
+                f"{package.replace('.', '/')}/{name}": ROOT / source / name for name in files
+            }
     return files_of
 
 
@@ -49,10 +53,17 @@ def test_the_wheel_has_the_models_of_people_and_animals_and_stays_small(packed):
 
 
 def test_the_wheel_has_types_templates_and_examples_and_no_tests(packed):
-    assert {f"{name}/py.typed" for name in ("benchmark", "baselines", "learned", "retrieval")} <= packed.keys()
+    assert {
+        f"{name}/py.typed" for name in ("benchmark", "baselines", "learned", "retrieval")
+    } <= packed.keys()
     assert "benchmark/check/shapes.npz" in packed
-    assert {f"benchmark/examples/{name}" for name in ("ray_stretch.py", "graph_stress.cpp")} <= packed.keys()
-    assert {"benchmark/reference/references.bib", "benchmark/report/templates/table.html"} <= packed.keys()
+    assert {
+        f"benchmark/examples/{name}" for name in ("ray_stretch.py", "graph_stress.cpp")
+    } <= packed.keys()
+    assert {
+        "benchmark/reference/references.bib",
+        "benchmark/report/templates/table.html",
+    } <= packed.keys()
     records = [path for path in (ROOT / "results/records").rglob("*") if path.is_file()]
     assert {f"benchmark/{path.relative_to(ROOT)}" for path in records} <= packed.keys()
     assert not any(name.startswith(("tests/", "tools/", "results/")) for name in packed)

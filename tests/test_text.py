@@ -43,13 +43,27 @@ def test_what_cannot_be_printed_is_written_as_python_writes_it(text, told):
 
 @pytest.mark.parametrize(
     "settings",
-    [{"PYTHONIOENCODING": "ascii"}, {"PYTHONIOENCODING": "latin-1:strict"}, {"LC_ALL": "C", "PYTHONUTF8": "0"}],
+    [
+        {"PYTHONIOENCODING": "ascii"},
+        {"PYTHONIOENCODING": "latin-1:strict"},
+        {"LC_ALL": "C", "PYTHONUTF8": "0"},
+    ],
     ids=str,
 )
 def test_a_terminal_that_lacks_a_character_ends_no_run(tmp_path, settings):
     """One process for the whole way from an argument to the terminal: there is no such method, which is said."""
-    command = [sys.executable, "-m", "benchmark", "describe", "†-\udcff-ü\x1b[31m", "--results", os.fspath(tmp_path)]
-    done = subprocess.run(command, capture_output=True, env=os.environ | settings, check=False, timeout=120)
+    command = [
+        sys.executable,
+        "-m",
+        "benchmark",
+        "describe",
+        "†-\udcff-ü\x1b[31m",
+        "--results",
+        os.fspath(tmp_path),
+    ]
+    done = subprocess.run(
+        command, capture_output=True, env=os.environ | settings, check=False, timeout=120
+    )
     assert done.returncode == 2
     assert b"Traceback" not in done.stderr
     assert done.stderr.startswith(b"error: ")

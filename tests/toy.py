@@ -26,7 +26,9 @@ def rod(radius: float, bend: float, rings: int = 24, sides: int = 12) -> Mesh:
     """Closed rod of length 1, thicker towards one end, bent into an arc of the given angle in radians."""
     along = np.linspace(0, 1, rings)
     zero = np.zeros(rings)
-    x, z = (np.sin(bend * along) / bend, (1 - np.cos(bend * along)) / bend) if bend else (along, zero)
+    x, z = (
+        (np.sin(bend * along) / bend, (1 - np.cos(bend * along)) / bend) if bend else (along, zero)
+    )
     centre = np.column_stack([x, zero, z])
     across = np.column_stack([-np.sin(bend * along), zero, np.cos(bend * along)])
     angle = np.arange(sides) * 2 * np.pi / sides
@@ -35,11 +37,17 @@ def rod(radius: float, bend: float, rings: int = 24, sides: int = 12) -> Mesh:
     vertices = np.concatenate([tube.reshape(-1, 3), centre[:1] - [radius / 2, 0, 0], centre[-1:]])
     index = np.arange(rings * sides).reshape(rings, sides)
     a, b, c, d = (
-        part.ravel() for part in (index[:-1], np.roll(index[:-1], -1, 1), index[1:], np.roll(index[1:], -1, 1))
+        part.ravel()
+        for part in (index[:-1], np.roll(index[:-1], -1, 1), index[1:], np.roll(index[1:], -1, 1))
     )
     first, last = np.full(sides, rings * sides), np.full(sides, rings * sides + 1)
     caps = [(first, np.roll(index[0], -1), index[0]), (last, index[-1], np.roll(index[-1], -1))]
-    return Mesh(vertices, np.concatenate([np.stack(corners, 1)[:, ::-1] for corners in [(a, b, c), (b, d, c), *caps]]))
+    return Mesh(
+        vertices,
+        np.concatenate(
+            [np.stack(corners, 1)[:, ::-1] for corners in [(a, b, c), (b, d, c), *caps]]
+        ),
+    )
 
 
 def write_off(path: Path, mesh: Mesh) -> None:
@@ -70,9 +78,15 @@ def files_of_at_most(size: int) -> Iterator[None]:
     """Make writing fail as a full disk does."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    no_bytecode = patch.dict(os.environ, PYTHONDONTWRITEBYTECODE="1"), patch.object(sys, "dont_write_bytecode", True)
+    no_bytecode = (
+        patch.dict(os.environ, PYTHONDONTWRITEBYTECODE="1"),
+        patch.object(sys, "dont_write_bytecode", True),
+    )
     try:
-        with no_bytecode[0], no_bytecode[1]:  # Python would leave compiled modules of the suite cut off
+        with (
+            no_bytecode[0],
+            no_bytecode[1],
+        ):  # Python would leave compiled modules of the suite cut off
             yield
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -1,9 +1,8 @@
 """Hooks of ``make docs``: pages outside ``docs/``, links and docstrings.
 
-mkdocs calls the functions that begin with ``on_``; griffe, which reads the docstrings, creates a :class:`Docstrings`.
-Pages use relative links as in the repository: a link to a file on the site leads there; any other link, for example to
-code, becomes plain text.
-"""
+mkdocs calls the functions that begin with ``on_``; griffe, which reads the docstrings, creates a
+:class:`Docstrings`. Pages use relative links as in the repository: a link to a file on the site
+leads there; any other link, for example to code, becomes plain text."""
 
 from __future__ import annotations
 
@@ -18,9 +17,8 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
 from benchmark.pipeline.records import read_records
-from benchmark.report.pages import _data_title
+from benchmark.report.pages import _data_title, fixed_file, report_files, table_html
 from benchmark.report.pages import _title as _heading
-from benchmark.report.pages import fixed_file, report_files, table_html
 from benchmark.report.tables import table_views
 
 if TYPE_CHECKING:
@@ -46,9 +44,16 @@ REPORT, REPORTED = "report/index.html", "results/tables"
 NAVIGATION = '<nav aria-label="Tables">'
 
 #: Files outside ``docs/`` that are pages or pictures of the site.
-BESIDE = ("*.md", "learned/models/README.md", "results/tables/*.md", "results/experiments/*.*", "results/*/*.png")
+BESIDE = (
+    "*.md",
+    "learned/models/README.md",
+    "results/tables/*.md",
+    "results/experiments/*.*",
+    "results/*/*.png",
+)
 
-#: Modules whose docstrings form the reference: the interface for authors, results, methods and scorers.
+#: Modules whose docstrings form the reference: the interface for authors, results, methods and
+#: scorers.
 DOCUMENTED = (
     "benchmark/api/*.py",
     "benchmark/notebook.py",
@@ -57,7 +62,8 @@ DOCUMENTED = (
     "retrieval/*.py",
 )
 
-#: Pages with other addresses: the front page of the repository is that of the site, before the list of pages.
+#: Pages with other addresses: the front page of the repository is that of the site, before the list
+#: of pages.
 URIS = {"README.md": "index.md", "docs/README.md": "contents.md"}
 
 LINK = re.compile(r"(!?)\[([^\]]*)\]\((?![a-z]+:|#)([^)#\s]+)(#[^)\s]*)?\)")
@@ -68,12 +74,23 @@ DISPLAYED = re.compile(r"^\.\. math::[ ]*(.*(?:\n[ ]+\S.*)*)", re.MULTILINE)
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Add the published tables and the reference of the code to the menu."""
-    tables = [{f"{view.table.identifier}: {_data_title(view)}": _uri(path)} for path, view in TABLES.items()]
-    tables += [{_title(path): _uri(path)} for path in _paths("results/tables/*.md") if path not in TABLES]
+    tables = [
+        {f"{view.table.identifier}: {_data_title(view)}": _uri(path)}
+        for path, view in TABLES.items()
+    ]
+    tables += [
+        {_title(path): _uri(path)} for path in _paths("results/tables/*.md") if path not in TABLES
+    ]
     packages: dict[str, list[dict[str, str]]] = {}
     for module in _modules():
-        packages.setdefault(module.rpartition(".")[0] or module, []).append({module: f"api/{module}.md"})
-    config.nav = [*(config.nav or []), {"Published tables": tables}, {"Code": [{k: v} for k, v in packages.items()]}]
+        packages.setdefault(module.rpartition(".")[0] or module, []).append(
+            {module: f"api/{module}.md"}
+        )
+    config.nav = [
+        *(config.nav or []),
+        {"Published tables": tables},
+        {"Code": [{k: v} for k, v in packages.items()]},
+    ]
     return config
 
 
@@ -86,10 +103,14 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, f"images/{name}", content=fixed_file(name)))
     for name, content in report_files(ROOT / "results", list(TABLES.values())).items():
         if isinstance(content, str):
-            content = content.replace(NAVIGATION, f'{NAVIGATION}<a href="../index.html">Documentation</a>')
+            content = content.replace(
+                NAVIGATION, f'{NAVIGATION}<a href="../index.html">Documentation</a>'
+            )
         files.append(File.generated(config, f"{posixpath.dirname(REPORT)}/{name}", content=content))
     for module in _modules():
-        files.append(File.generated(config, f"api/{module}.md", content=f"# {module}\n\n::: {module}\n"))
+        files.append(
+            File.generated(config, f"api/{module}.md", content=f"# {module}\n\n::: {module}\n")
+        )
     return files
 
 
@@ -104,7 +125,11 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         lead = f"[Classes, maps and queries]({report})"
         return f"# {_heading(view)}\n\n{lead}\n\n{table_html(view)}"
     source = next((path for path, uri in URIS.items() if uri == address), None)
-    source = source or (address.removeprefix("repository/") if address.startswith("repository/") else f"docs/{address}")
+    source = source or (
+        address.removeprefix("repository/")
+        if address.startswith("repository/")
+        else f"docs/{address}"
+    )
 
     def led(link: re.Match[str]) -> str:
         picture, text, target, anchor = link.groups(default="")
@@ -138,7 +163,11 @@ def _reference(role: re.Match[str]) -> str:
 
 
 def _paths(*patterns: str) -> list[str]:
-    paths = [path.relative_to(ROOT).as_posix() for pattern in patterns for path in sorted(ROOT.glob(pattern))]
+    paths = [
+        path.relative_to(ROOT).as_posix()
+        for pattern in patterns
+        for path in sorted(ROOT.glob(pattern))
+    ]
     return list(dict.fromkeys(paths))
 
 

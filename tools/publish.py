@@ -19,7 +19,14 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.pipeline.cache import storing
 from benchmark.pipeline.environment import has_edits
-from benchmark.pipeline.records import Record, encode, published_distances, read_distances, read_files, read_records
+from benchmark.pipeline.records import (
+    Record,
+    encode,
+    published_distances,
+    read_distances,
+    read_files,
+    read_records,
+)
 from benchmark.protocols.tables import PARTS
 from benchmark.reference.paper import MEASURES
 from benchmark.registry import BUILT_IN, SCORERS
@@ -41,8 +48,8 @@ def publish(results: Path) -> list[Record]:
     Raises
     ------
     ConfigurationError
-        If the working tree has changes, the records of a gallery and input were made at several commits, or a published
-        line cannot be read.
+        If the working tree has changes, the records of a gallery and input were made at several
+        commits, or a published line cannot be read.
     """
     if has_edits():
         raise ConfigurationError("the working tree has changes", "commit them, and run again")
@@ -55,7 +62,9 @@ def publish(results: Path) -> list[Record]:
             problem = f"the rows of {name} were made at {', '.join(sorted(made_at))}"
             raise ConfigurationError(problem, "run them again at one commit")
     known = read_files((results / "records").glob("*.jsonl"))
-    lines = sum(len(path.read_bytes().splitlines()) for path in (results / "records").glob("*.jsonl"))
+    lines = sum(
+        len(path.read_bytes().splitlines()) for path in (results / "records").glob("*.jsonl")
+    )
     if len(known) != lines:
         problem = f"{lines - len(known)} lines of {results / 'records'} cannot be read"
         raise ConfigurationError(problem, "correct or remove them")
@@ -72,7 +81,10 @@ def publish(results: Path) -> list[Record]:
 def is_public(record: Record) -> bool:
     """Return whether a record means something elsewhere: a full run of a set, a method and a scorer of the suite."""
     is_whole = record.gallery.removeprefix(record.data.name).strip() in PARTS
-    is_known = record.data.name.partition("[")[0] in CATALOGUE and record.method.partition("[")[0] in BUILT_IN
+    is_known = (
+        record.data.name.partition("[")[0] in CATALOGUE
+        and record.method.partition("[")[0] in BUILT_IN
+    )
     is_known &= record.scorer in ("", *SCORERS)
     return is_whole and is_known and record.status != "unavailable"
 
@@ -101,7 +113,10 @@ def write_published(results: Path, records: Iterable[Record]) -> None:
     """Write records as lines, a file for each data set, in the order of their rows."""
     files = defaultdict[str, bytes](bytes)
     for record in sorted(records, key=lambda record: record.row):
-        base = re.sub("[^A-Za-z0-9-]+", "-", record.data.name.partition("[")[0])[:LONGEST_NAME] or "records"
+        base = (
+            re.sub("[^A-Za-z0-9-]+", "-", record.data.name.partition("[")[0])[:LONGEST_NAME]
+            or "records"
+        )
         files[f"{base}.jsonl"] += encode(record) + b"\n"
     folder = results / "records"
     with storing(results):
@@ -114,7 +129,11 @@ def write_thumbnails(results: Path, records: Iterable[Record]) -> None:
     forms, drawn = StoredForms(results, Path(os.environ.get(DATA_VARIABLE, "."))), set[Path]()
     for record in sorted(records, key=lambda record: (record.input, record.row)):
         file = thumbnail(results, record.data.name, row_of(record))
-        form = forms.form(record, record.shapes[record.answered[0]]) if record.answered and file not in drawn else None
+        form = (
+            forms.form(record, record.shapes[record.answered[0]])
+            if record.answered and file not in drawn
+            else None
+        )
         if form:
             data = webp(shaded(form.mesh, OBLIQUE, THUMBNAIL, form.values), quality=40)
             write_atomically(file, lambda target, data=data: target.write(data))  # type: ignore[misc]

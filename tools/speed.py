@@ -62,8 +62,8 @@ readable = EngFormatter("s", places=2)
 class Row(NamedTuple):
     """One measurement: our work and that of another program, their numbers of units, and details of the comparison.
 
-    The limit is the time of its floating-point operations, if their number is known, at the rate of a matrix product.
-    """
+    The limit is the time of its floating-point operations, if their number is known, at the rate of
+    a matrix product."""
 
     name: str
     ours: Work
@@ -81,7 +81,11 @@ class Row(NamedTuple):
         if self.theirs:
             theirs = least(self.theirs) / self.peer_units
             peer = (self.peer, readable(theirs), f"{theirs / ours:.2f}")
-        limit = readable(self.operations / self.units / operations_per_second()) if self.operations else ""
+        limit = (
+            readable(self.operations / self.units / operations_per_second())
+            if self.operations
+            else ""
+        )
         return (self.name, readable(ours), limit, *peer, self.detail)
 
 
@@ -108,7 +112,9 @@ def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
     """Measure geodesics of prepared people; errors are relative to exact distances from some vertices."""
     places = np.linspace(0, len(people().shapes) - 1, n_shapes).round().astype(int)
     meshes = [prepare(body(place)).mesh for place in places]
-    sources = np.random.default_rng(0).choice(min(mesh.n_vertices for mesh in meshes), n_sources, replace=False)
+    sources = np.random.default_rng(0).choice(
+        min(mesh.n_vertices for mesh in meshes), n_sources, replace=False
+    )
     exact = [exact_distances(mesh, sources) for mesh in meshes]
 
     def heat(mesh: Mesh) -> FloatArray:
@@ -120,7 +126,10 @@ def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
 
     def error(all_pairs: Callable[[Mesh], FloatArray]) -> float:
         pairs = zip(of_all(all_pairs), exact, strict=True)
-        errors = [np.abs(estimate[sources] - truth)[truth > 0] / truth[truth > 0] for estimate, truth in pairs]
+        errors = [
+            np.abs(estimate[sources] - truth)[truth > 0] / truth[truth > 0]
+            for estimate, truth in pairs
+        ]
         return 100 * float(np.concatenate(errors).mean())
 
     ours = geodesics.all_pairs
@@ -132,7 +141,9 @@ def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
 def exact_distances(mesh: Mesh, sources: NDArray[np.int64]) -> FloatArray:
     """Return the exact distances from some vertices of a manifold to all, shape (k, n), by libigl."""
     faces, everywhere = mesh.faces.astype(np.int64), np.arange(mesh.n_vertices)
-    return np.stack([igl.exact_geodesic(mesh.vertices, faces, VS=at, VT=everywhere) for at in sources[:, None]])
+    return np.stack(
+        [igl.exact_geodesic(mesh.vertices, faces, VS=at, VT=everywhere) for at in sources[:, None]]
+    )
 
 
 def of_forms() -> Iterator[Row]:
@@ -141,14 +152,18 @@ def of_forms() -> Iterator[Row]:
     distances = shape.geodesics()
     detail = "the three largest eigenpairs of 2000 vertices"
     ours, theirs = (partial(scaling, distances) for scaling in (classic_scaling, arpack_scaling))
-    yield Row("classic-mds, given the geodesics", ours, "double centring + scipy eigsh", theirs, detail)
+    yield Row(
+        "classic-mds, given the geodesics", ours, "double centring + scipy eigsh", theirs, detail
+    )
 
     # scikit-learn starts at the same vertices and stops by the same rule.
     start = shape.mesh.vertices - shape.mesh.vertices.mean(axis=0)
     ours = partial(form_of_distances, "least-squares-mds", shape)
     theirs = partial(sklearn_scaling, distances, start, 5000, eps=1e-6)
     detail = f"stress {ours().notes['stress']:.5f} (peer {stress_of(theirs(), distances):.5f})"
-    yield Row("least-squares-mds, given the geodesics", ours, "sklearn.manifold.smacof", theirs, detail)
+    yield Row(
+        "least-squares-mds, given the geodesics", ours, "sklearn.manifold.smacof", theirs, detail
+    )
 
     classic = select_one("classic-mds").create()
     for name in ("accelerated-mds", "fast-classical-scaling", "fast-mds"):
@@ -166,13 +181,17 @@ def stress_of(points: FloatArray, distances: FloatArray) -> float:
 
 def form_of_mesh(method: Any, mesh: Mesh) -> Any:
     """Return the form of a new mesh, for which no geodesic graph is cached."""
-    return method.canonicalise(Shape(identifier="body", mesh=Mesh(mesh.vertices.copy(), mesh.faces.copy())))
+    return method.canonicalise(
+        Shape(identifier="body", mesh=Mesh(mesh.vertices.copy(), mesh.faces.copy()))
+    )
 
 
 def arpack_scaling(distances: FloatArray) -> FloatArray:
     squared = distances**2
     means = squared.mean(axis=0)
-    values, vectors = eigsh(-0.5 * (squared - means - means[:, None] + means.mean()), k=3, which="LA")
+    values, vectors = eigsh(
+        -0.5 * (squared - means - means[:, None] + means.mean()), k=3, which="LA"
+    )
     return np.asarray(vectors[:, ::-1] * np.sqrt(values[::-1]))
 
 
@@ -202,19 +221,26 @@ def of_scorer(n_words: int = 1500, n_forms: int = 40, n_peers: int = 4) -> Itera
     scorer, form = CMBOF(), figure(0, parts=12)
     upright = normalise(form, scorer.pose, scorer.image_size)
     yield Row(
-        "CM-BOF signature of one form", lambda: scorer.signature(form),
-        "trimesh + Embree, then OpenCV SIFT", partial(embree_and_opencv, upright, scorer.image_size),
+        "CM-BOF signature of one form",
+        lambda: scorer.signature(form),
+        "trimesh + Embree, then OpenCV SIFT",
+        partial(embree_and_opencv, upright, scorer.image_size),
         f"{form.n_faces} faces; the peer is given the pose",
-    )  # fmt: skip
+    )
 
     descriptors = scorer.signature(form)["descriptors"]
     words, n = sample_codebook([descriptors], n_words, 0), len(descriptors)
     singles = descriptors.astype(np.float32), words.astype(np.float32)
     yield Row(
-        "nearest word of one descriptor", partial(nearest_words, descriptors, words, by_integers=integers_pay()),
-        "OpenCV, brute force", partial(cv2.BFMatcher(cv2.NORM_L2).match, *singles),
-        f"{n} descriptors, {len(words)} words", n, n, operations=2.0 * descriptors.size * len(words),
-    )  # fmt: skip
+        "nearest word of one descriptor",
+        partial(nearest_words, descriptors, words, by_integers=integers_pay()),
+        "OpenCV, brute force",
+        partial(cv2.BFMatcher(cv2.NORM_L2).match, *singles),
+        f"{n} descriptors, {len(words)} words",
+        n,
+        n,
+        operations=2.0 * descriptors.size * len(words),
+    )
 
     forms, n_pairs = word_counts(n_words, n_forms), n_forms * (n_forms - 1) // 2
     tables = [dense_counts(form, n_words) for form in forms[: n_peers + 1]]
@@ -225,7 +251,15 @@ def of_scorer(n_words: int = 1500, n_forms: int = 40, n_peers: int = 4) -> Itera
     ours = partial(match, forms, forms, SPHERE.permutations, n_words)
     miss = np.abs(ours()[0, 1 : n_peers + 1] - dense()).max()
     detail = f"{n_forms} forms, {n_words} words, largest difference {miss:.0e}"
-    yield Row("clock matching, one pair", ours, "definition in dense numpy", dense, detail, n_pairs, n_peers)
+    yield Row(
+        "clock matching, one pair",
+        ours,
+        "definition in dense numpy",
+        dense,
+        detail,
+        n_pairs,
+        n_peers,
+    )
 
 
 def embree_and_opencv(mesh: Mesh, size: int) -> None:
@@ -237,7 +271,9 @@ def embree_and_opencv(mesh: Mesh, size: int) -> None:
     x, y = (grid.ravel()[:, None] for grid in np.meshgrid(offsets, -offsets))
     for right, up, eye in SPHERE.cameras:
         origins = x * right + y * up + eye
-        hits, rays, _ = caster.intersects_location(origins, np.broadcast_to(-eye, origins.shape), multiple_hits=False)
+        hits, rays, _ = caster.intersects_location(
+            origins, np.broadcast_to(-eye, origins.shape), multiple_hits=False
+        )
         depth = np.full(size * size, BACKGROUND, dtype=np.float32)
         depth[rays] = 0.5 * (1 - hits @ eye)
         sift.detectAndCompute(np.round(255 * depth.reshape(size, size)).astype(np.uint8), None)
@@ -251,7 +287,9 @@ def word_counts(n_words: int, n_forms: int) -> list[Histograms]:
         weights = np.exp(common + random.normal(size=n_words))
         sizes = random.poisson(40, N_VIEWS)
         words = random.choice(n_words, sizes.sum(), p=weights / weights.sum()).astype(np.int32)
-        forms.append(count_words(words, np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), n_words))
+        forms.append(
+            count_words(words, np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), n_words)
+        )
     return forms
 
 
@@ -281,16 +319,22 @@ def of_network() -> Iterator[Row]:
             network(small)
         detail = f"from depth image to depth image of 500 x 500 pixels, by a network at {resolution} x {resolution}"
         yield Row(
-            f"prediction of one image, {resolution} pixels", lambda method=method: method.predict(image),
-            "torch, double precision, the network alone", torch.inference_mode()(partial(network, small)),
-            detail, operations=counter.get_total_flops(),
-        )  # fmt: skip
+            f"prediction of one image, {resolution} pixels",
+            lambda method=method: method.predict(image),
+            "torch, double precision, the network alone",
+            torch.inference_mode()(partial(network, small)),
+            detail,
+            operations=counter.get_total_flops(),
+        )
 
 
 def of_frames() -> Iterator[Row]:
     """Measure one frame of a depth camera from its files."""
     torch.set_num_threads(1)
-    method, scorer = method_of_depth("learned-streamed"), select_one("cm-bof", kind="scorer").create()
+    method, scorer = (
+        method_of_depth("learned-streamed"),
+        select_one("cm-bof", kind="scorer").create(),
+    )
     files = FrameFiles(FRAME)
 
     def form() -> Mesh:
@@ -298,7 +342,9 @@ def of_frames() -> Iterator[Row]:
 
     steps: dict[str, Work] = {"form": form, "signature": lambda: compute_signature(scorer, form())}
     for name, work in steps.items():
-        yield Row(f"frame of a depth camera, file to {name}", work, detail="320 x 240 pixels, with a mask")
+        yield Row(
+            f"frame of a depth camera, file to {name}", work, detail="320 x 240 pixels, with a mask"
+        )
 
 
 GROUPS: dict[str, Callable[[], Iterator[Row]]] = {
@@ -321,7 +367,9 @@ def main() -> None:
             print(" | ".join(rows[-1]), file=sys.stderr, flush=True)
     print("\n".join(markdown_table(HEADER, rows)))
     processor = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
-    print(f"\nMeasured on {platform.platform()} ({processor and processor[1]}), {psutil.cpu_count()} cores.")
+    print(
+        f"\nMeasured on {platform.platform()} ({processor and processor[1]}), {psutil.cpu_count()} cores."
+    )
 
 
 if __name__ == "__main__":

@@ -26,12 +26,13 @@ the closed form of its rotation without enough digits."""
 class AsRigidAsPossible:
     r"""As-rigid-as-possible deformation of one surface (Sorkine & Alexa 2007, equations 3, 6 and 8).
 
-    With rest positions :math:`p`, cotangent weights :math:`w` and one rotation :math:`R_i` per vertex, the energy is
+    With rest positions :math:`p`, cotangent weights :math:`w` and one rotation :math:`R_i` per
+    vertex, the energy is
 
     .. math:: E(x) = \frac12 \sum_i \min_{R_i \in SO(3)} \sum_{j \in N(i)} w_{ij} \|(x_i - x_j) - R_i (p_i - p_j)\|^2.
 
-    For fixed rotations it is quadratic with the Laplacian of the weights as its matrix, and minimal if the product of
-    that matrix and x equals :meth:`load`.
+    For fixed rotations it is quadratic with the Laplacian of the weights as its matrix, and minimal
+    if the product of that matrix and x equals :meth:`load`.
 
     Parameters
     ----------
@@ -58,7 +59,9 @@ class AsRigidAsPossible:
     def rotations(self, positions: FloatArray) -> FloatArray:
         """Return the best proper rotation of each cell, shape (n, 3, 3)."""
         graph = self.weights
-        return nearest_rotations(_covariances(graph.indptr, graph.indices, graph.data, self.rest, positions))
+        return nearest_rotations(
+            _covariances(graph.indptr, graph.indices, graph.data, self.rest, positions)
+        )
 
     def load(self, rotations: FloatArray) -> FloatArray:
         """Return the right-hand side for given rotations, shape (n, 3)."""
@@ -67,7 +70,10 @@ class AsRigidAsPossible:
 
     def energy(self, positions: FloatArray, rotations: FloatArray) -> float:
         """Return the energy of positions under given rotations, in squared units of the positions."""
-        start, end = np.repeat(np.arange(len(positions)), np.diff(self.weights.indptr)), self.weights.indices
+        start, end = (
+            np.repeat(np.arange(len(positions)), np.diff(self.weights.indptr)),
+            self.weights.indices,
+        )
         turned = np.einsum("eab,eb->ea", rotations[start], self.rest[start] - self.rest[end])
         misses = positions[start] - positions[end] - turned
         return 0.5 * float(self.weights.data @ (misses**2).sum(axis=1))
@@ -79,11 +85,17 @@ class AsRigidAsPossible:
 
     def strains(self, positions: FloatArray) -> dict[str, float]:
         """Return the mean and largest relative change in length of the edges as notes."""
-        start, end = np.repeat(np.arange(len(positions)), np.diff(self.weights.indptr)), self.weights.indices
+        start, end = (
+            np.repeat(np.arange(len(positions)), np.diff(self.weights.indptr)),
+            self.weights.indices,
+        )
         before = np.linalg.norm(self.rest[start] - self.rest[end], axis=1)
         after = np.linalg.norm(positions[start] - positions[end], axis=1)
         strains = np.abs(after - before) / np.maximum(before, np.finfo(float).tiny)
-        return {"mean_edge_strain": float(strains.mean()), "largest_edge_strain": float(strains.max())}
+        return {
+            "mean_edge_strain": float(strains.mean()),
+            "largest_edge_strain": float(strains.max()),
+        }
 
 
 def nearest_rotations(covariances: FloatArray) -> FloatArray:
@@ -91,7 +103,9 @@ def nearest_rotations(covariances: FloatArray) -> FloatArray:
     rotations, ambiguous = _closed_form(covariances)
     if ambiguous.any():
         stacked = np.ascontiguousarray(covariances[ambiguous].transpose(1, 0, 2).reshape(-1, 3))
-        rotations[ambiguous] = np.asarray(igl.fit_rotations(stacked)).reshape(3, -1, 3).transpose(1, 0, 2)
+        rotations[ambiguous] = (
+            np.asarray(igl.fit_rotations(stacked)).reshape(3, -1, 3).transpose(1, 0, 2)
+        )
     return np.asarray(rotations)
 
 
@@ -99,8 +113,8 @@ def nearest_rotations(covariances: FloatArray) -> FloatArray:
 def _closed_form(covariances: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
     """Return the nearest rotations [Markley 1993], and where they are too ambiguous to be found in this way.
 
-    In a seventh of the time of singular values. The sum of the (signed) singular values is the largest root of a
-    quartic, which Newton's method finds from above; the rotation follows from it.
+    In a seventh of the time of singular values. The sum of the (signed) singular values is the
+    largest root of a quartic, which Newton's method finds from above; the rotation follows from it.
     """
     rotations, ambiguous = np.empty_like(covariances), np.empty(len(covariances), np.bool_)
     gram = np.empty((3, 3))
@@ -110,14 +124,24 @@ def _closed_form(covariances: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]
             for b in range(3):
                 c, d, e, f = (a + 1) % 3, (a + 2) % 3, (b + 1) % 3, (b + 2) % 3
                 rotation[b, a] = matrix[c, e] * matrix[d, f] - matrix[c, f] * matrix[d, e]
-                gram[a, b] = matrix[0, a] * matrix[0, b] + matrix[1, a] * matrix[1, b] + matrix[2, a] * matrix[2, b]
+                gram[a, b] = (
+                    matrix[0, a] * matrix[0, b]
+                    + matrix[1, a] * matrix[1, b]
+                    + matrix[2, a] * matrix[2, b]
+                )
                 square += matrix[a, b] ** 2
                 area += rotation[b, a] ** 2
-        determinant = matrix[0, 0] * rotation[0, 0] + matrix[0, 1] * rotation[1, 0] + matrix[0, 2] * rotation[2, 0]
+        determinant = (
+            matrix[0, 0] * rotation[0, 0]
+            + matrix[0, 1] * rotation[1, 0]
+            + matrix[0, 2] * rotation[2, 0]
+        )
         root = np.sqrt(3.0 * square)
         for _ in range(30):
             gap = root * root - square
-            step = (gap * gap - 8.0 * determinant * root - 4.0 * area) / (4.0 * root * gap - 8.0 * determinant)
+            step = (gap * gap - 8.0 * determinant * root - 4.0 * area) / (
+                4.0 * root * gap - 8.0 * determinant
+            )
             root -= step
             if abs(step) < 1e-15 * root:
                 break
@@ -126,8 +150,14 @@ def _closed_form(covariances: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]
         ambiguous[k] = not scale > AMBIGUOUS * square**1.5
         for a in range(3):
             for b in range(3):
-                cubic = gram[a, 0] * matrix[b, 0] + gram[a, 1] * matrix[b, 1] + gram[a, 2] * matrix[b, 2]
-                rotation[a, b] = ((half + square) * matrix[b, a] + root * rotation[a, b] - cubic) / scale
+                cubic = (
+                    gram[a, 0] * matrix[b, 0]
+                    + gram[a, 1] * matrix[b, 1]
+                    + gram[a, 2] * matrix[b, 2]
+                )
+                rotation[a, b] = (
+                    (half + square) * matrix[b, a] + root * rotation[a, b] - cubic
+                ) / scale
     return rotations, ambiguous
 
 
@@ -161,7 +191,11 @@ def factorise_definite(matrix: csr_array) -> Callable[[FloatArray], FloatArray]:
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _covariances(
-    starts: NDArray[np.int32], ends: NDArray[np.int32], weights: FloatArray, rest: FloatArray, positions: FloatArray
+    starts: NDArray[np.int32],
+    ends: NDArray[np.int32],
+    weights: FloatArray,
+    rest: FloatArray,
+    positions: FloatArray,
 ) -> FloatArray:
     covariances = np.zeros((len(rest), 3, 3))
     for i in range(len(rest)):
@@ -176,7 +210,11 @@ def _covariances(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _loads(
-    starts: NDArray[np.int32], ends: NDArray[np.int32], weights: FloatArray, rest: FloatArray, rotations: FloatArray
+    starts: NDArray[np.int32],
+    ends: NDArray[np.int32],
+    weights: FloatArray,
+    rest: FloatArray,
+    rotations: FloatArray,
 ) -> FloatArray:
     loads = np.zeros_like(rest)
     for i in range(len(rest)):

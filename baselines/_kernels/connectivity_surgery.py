@@ -19,14 +19,16 @@ def collapse(mesh: Mesh) -> NDArray[np.int64]:
 
     .. math:: \tilde v_j^\top (Q_i + Q_j) \tilde v_j + \|v_i - v_j\| \sum_{k \in N(i), k \ne j} \|v_i - v_k\|,
 
-    where :math:`Q_i` measures the squared distances to the lines of the edges merged into i. The first term preserves
-    the shape of the curve, the second prefers short edges and hence even spacing; their weights are those of the code
-    released by Pickup et al. (2016). The cheapest edge that still borders a triangle collapses first.
+    where :math:`Q_i` measures the squared distances to the lines of the edges merged into i. The
+    first term preserves the shape of the curve, the second prefers short edges and hence even
+    spacing; their weights are those of the code released by Pickup et al. (2016). The cheapest edge
+    that still borders a triangle collapses first.
 
     Parameters
     ----------
     mesh
-        Contracted surface; of two collapses of exactly equal cost, the one with the lower vertex index goes first.
+        Contracted surface; of two collapses of exactly equal cost, the one with the lower vertex
+        index goes first.
 
     Returns
     -------
@@ -34,7 +36,8 @@ def collapse(mesh: Mesh) -> NDArray[np.int64]:
         The vertex into which each vertex collapsed, shape (n,); survivors map to themselves.
     """
     n, edges = mesh.n_vertices, mesh.edges
-    # For each pair of vertices 0 if no edge joins them, else 1 and the number of triangles at the edge.
+    # For each pair of vertices 0 if no edge joins them, else 1 and the number of triangles at the
+    # edge.
     links = np.zeros((n, n), dtype=np.int16)
     first, second = edges.ends.T
     links[first, second] = links[second, first] = 1 + edges.counts
@@ -45,8 +48,11 @@ def collapse(mesh: Mesh) -> NDArray[np.int64]:
 def _line_quadrics(vertices: FloatArray, edges: NDArray[np.int64]) -> FloatArray:
     """Return the sum over the edges at each vertex of the squared distance to their lines, shape (n, 4, 4)."""
     start, end = vertices[edges[:, 0]], vertices[edges[:, 1]]
-    direction = (end - start) / np.maximum(np.linalg.norm(end - start, axis=1, keepdims=True), np.finfo(float).tiny)
-    # The rows map a homogeneous point p to direction x p - moment, whose length is its distance to the line.
+    direction = (end - start) / np.maximum(
+        np.linalg.norm(end - start, axis=1, keepdims=True), np.finfo(float).tiny
+    )
+    # The rows map a homogeneous point p to direction x p - moment, whose length is its distance to
+    # the line.
     rows = np.zeros((len(edges), 3, 4))
     rows[:, :, :3] = np.cross(direction[:, None], np.eye(3)).transpose(0, 2, 1)
     rows[:, :, 3] = -np.cross(direction, start)
@@ -57,7 +63,9 @@ def _line_quadrics(vertices: FloatArray, edges: NDArray[np.int64]) -> FloatArray
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
-def _collapse(points: FloatArray, faces: NDArray[np.int32], links: Links, quadrics: FloatArray) -> NDArray[np.int64]:
+def _collapse(
+    points: FloatArray, faces: NDArray[np.int32], links: Links, quadrics: FloatArray
+) -> NDArray[np.int64]:
     n = len(points)
     owner, target, cost = np.arange(n), np.full(n, -1), np.full(n, np.inf)
     for i in range(n):
@@ -102,7 +110,12 @@ def _count(faces: NDArray[np.int32], around: NDArray[np.int64], links: Links, am
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _evaluate(
-    i: int, points: FloatArray, quadrics: FloatArray, links: Links, cost: FloatArray, target: NDArray[np.int64]
+    i: int,
+    points: FloatArray,
+    quadrics: FloatArray,
+    links: Links,
+    cost: FloatArray,
+    target: NDArray[np.int64],
 ) -> None:
     """Find the cheapest collapse of vertex i."""
     neighbours = np.flatnonzero(links[i])

@@ -53,7 +53,8 @@ class CurveSkeleton:
     owners
         Joint of each vertex of the surface, shape (n,); the vertices of one joint are connected.
     bones
-        Pairs of joints whose parts share an edge of the surface, shape (b, 2), smaller index first, sorted.
+        Pairs of joints whose parts share an edge of the surface, shape (b, 2), smaller index first,
+        sorted.
     """
 
     joints: FloatArray
@@ -72,13 +73,15 @@ class CurveSkeleton:
 def contraction_skeleton(mesh: Mesh) -> CurveSkeleton:
     """Contract a closed surface to a centred curve skeleton (Au et al. 2008, sections 4 to 6).
 
-    Connectivity surgery gives the joints. Each moves back by the mean displacement, under the contraction, of the
-    border between its part and that of a neighbour, weighted by the lengths of the border's edges and averaged over the
-    neighbours; a leaf, by the mean over its whole part. Junctions then move onto the neighbour from which the distances
-    to both parts spread least, as long as these spread less than those of the junction to its own part.
+    Connectivity surgery gives the joints. Each moves back by the mean displacement, under the
+    contraction, of the border between its part and that of a neighbour, weighted by the lengths of
+    the border's edges and averaged over the neighbours; a leaf, by the mean over its whole part.
+    Junctions then move onto the neighbour from which the distances to both parts spread least, as
+    long as these spread less than those of the junction to its own part.
 
-    A pocket, such as an open mouth, forms a branch like a limb, and straightening it would turn it inside out. The
-    neighbours of leaves whose part of the surface faces its joint therefore absorb them.
+    A pocket, such as an open mouth, forms a branch like a limb, and straightening it would turn it
+    inside out. The neighbours of leaves whose part of the surface faces its joint therefore absorb
+    them.
 
     Parameters
     ----------
@@ -109,10 +112,10 @@ def contract(mesh: Mesh) -> FloatArray:
 
     .. math:: \begin{bmatrix} W_L L \\ W_H \end{bmatrix} V' = \begin{bmatrix} 0 \\ W_H V \end{bmatrix}
 
-    with the cotangent Laplacian :math:`L` of the current surface. The contraction weight :math:`W_L` triples; the
-    attraction weight :math:`W_H` of a vertex grows with the square root of the ratio by which its area has shrunk, so
-    that parts that are already thin stay in place. Weights, caps and stopping criterion are those of Pickup et al.
-    (2016).
+    with the cotangent Laplacian :math:`L` of the current surface. The contraction weight
+    :math:`W_L` triples; the attraction weight :math:`W_H` of a vertex grows with the square root of
+    the ratio by which its area has shrunk, so that parts that are already thin stay in place.
+    Weights, caps and stopping criterion are those of Pickup et al. (2016).
 
     Parameters
     ----------
@@ -146,7 +149,8 @@ def contract(mesh: Mesh) -> FloatArray:
             break
         candidate = current.with_vertices(positions)
         areas = candidate.vertex_areas
-        # A vertex whose ring has no area left cannot be smoothed further: the previous surface was the last valid one.
+        # A vertex whose ring has no area left cannot be smoothed further: the previous surface was
+        # the last valid one.
         if areas.min() <= 0.0 or candidate.area > current.area:
             break
         current = candidate
@@ -168,8 +172,8 @@ def _contraction_step(mesh: Mesh, contraction: float, attraction: FloatArray) ->
 def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkeleton:
     """Cut a surface into bands between level sets and place a joint in each connected piece of a band.
 
-    This is the skeleton of Verroust & Lazarus (2000) with a fixed number of levels; it handles open surfaces, whose
-    borders a contraction would pull in.
+    This is the skeleton of Verroust & Lazarus (2000) with a fixed number of levels; it handles open
+    surfaces, whose borders a contraction would pull in.
 
     Parameters
     ----------
@@ -178,8 +182,8 @@ def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkele
     levels
         Geodesic distances from one vertex, shape (n,).
     bands
-        Number of bands of equal width between the smallest and the largest level; fewer if a band would be narrower
-        than ``EDGES_PER_BAND`` mean edge lengths, since such a band falls apart.
+        Number of bands of equal width between the smallest and the largest level; fewer if a band
+        would be narrower than ``EDGES_PER_BAND`` mean edge lengths, since such a band falls apart.
     """
     areas = mesh.vertex_areas
     edges, span = mesh.edges.ends, levels.max() - levels.min()
@@ -201,8 +205,13 @@ def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: Indices) 
     k, lengths = int(owners.max()) + 1, mesh.edge_graph()
     first, second = lengths.tocoo().coords
     across = owners[first] != owners[second]
-    # A loop holds the vertices of a part that have an edge to one neighbouring part; its edges weigh its vertices.
-    loops = csr_array((across, (first, owners[first] * k + owners[second])), shape=(mesh.n_vertices, k * k), dtype=bool)
+    # A loop holds the vertices of a part that have an edge to one neighbouring part; its edges
+    # weigh its vertices.
+    loops = csr_array(
+        (across, (first, owners[first] * k + owners[second])),
+        shape=(mesh.n_vertices, k * k),
+        dtype=bool,
+    )
     loops.eliminate_zeros()
     weights = loops.multiply(lengths @ loops)
     with np.errstate(invalid="ignore"):
@@ -223,8 +232,12 @@ def _merge_junctions(mesh: Mesh, joints: FloatArray, owners: Indices) -> tuple[F
             while (part := owners == junction).any():
                 bones = _bones(mesh, owners)
                 others = np.setdiff1d(bones[(bones == junction).any(axis=1)], junction)
-                spreads = [_spread(vertices[part | (owners == other)], joints[other]) for other in others]
-                if min(spreads, default=np.inf) >= CENTREDNESS_GAIN * _spread(vertices[part], joints[junction]):
+                spreads = [
+                    _spread(vertices[part | (owners == other)], joints[other]) for other in others
+                ]
+                if min(spreads, default=np.inf) >= CENTREDNESS_GAIN * _spread(
+                    vertices[part], joints[junction]
+                ):
                     break
                 junction, merged = others[np.argmin(spreads)], True
                 owners = np.where(part, junction, owners)

@@ -15,8 +15,8 @@ from benchmark.geometry.embedding import oriented
 def farthest_points(shape: Shape, count: int) -> list[int]:
     """Sample at most ``count`` vertices, each as far as possible, along edges, from the previous ones.
 
-    The first is the vertex farthest from the geodesic centre, which is the vertex with the smallest maximum distance to
-    four mutually far vertices.
+    The first is the vertex farthest from the geodesic centre, which is the vertex with the smallest
+    maximum distance to four mutually far vertices.
     """
     graph, vertices = shape.mesh.edge_graph(), shape.mesh.vertices
     outermost = int(((vertices - vertices.mean(axis=0)) ** 2).sum(axis=1).argmax())
@@ -38,9 +38,10 @@ def smooth_interpolation(
 ) -> FloatArray:
     r"""Return the matrix that extends values at sampled vertices smoothly to all vertices.
 
-    Column j minimises :math:`x^\top L W^{-1} L x + \mu \| x_s - e_j \|^2` with diagonal W. Every minimiser is a
-    combination of a constant and the Green's functions :math:`L^+ W L^+ e_s` of the samples, so one sparse
-    factorisation of L and one dense system, as large as the number of samples, give all columns.
+    Column j minimises :math:`x^\top L W^{-1} L x + \mu \| x_s - e_j \|^2` with diagonal W. Every
+    minimiser is a combination of a constant and the Green's functions :math:`L^+ W L^+ e_s` of the
+    samples, so one sparse factorisation of L and one dense system, as large as the number of
+    samples, give all columns.
 
     Parameters
     ----------
@@ -49,14 +50,16 @@ def smooth_interpolation(
     samples
         Distinct vertex indices, p of them.
     weights
-        Diagonal of W, shape (n,); by default the vertex areas, which makes the interpolation biharmonic.
+        Diagonal of W, shape (n,); by default the vertex areas, which makes the interpolation
+        biharmonic.
     fidelity
         Weight :math:`\mu` of the fit; if infinite, the fit at the samples is exact.
 
     Returns
     -------
     numpy.ndarray
-        Shape (n, p); every row sums to 1, and the rows of samples form the identity if the fit is exact.
+        Shape (n, p); every row sums to 1, and the rows of samples form the identity if the fit is
+        exact.
 
     Raises
     ------
@@ -67,7 +70,8 @@ def smooth_interpolation(
     laplacian = shape.laplacian()
     weights = laplacian.mass if weights is None else weights
     n, p, shares = len(weights), len(samples), weights / weights.sum()
-    # Only constants are in the null space of the Laplacian: without its first row and column it can be factorised.
+    # Only constants are in the null space of the Laplacian: without its first row and column it can
+    # be factorised.
     solve_grounded = factorise_definite(laplacian.stiffness[1:, 1:])
 
     def solve(loads: FloatArray) -> FloatArray:
@@ -90,8 +94,8 @@ def smooth_interpolation(
 def low_rank_scaling(shape: Shape, columns: FloatArray, coupling: FloatArray) -> FloatArray:
     r"""Compute the classic MDS of the squared distances :math:`Z M Z^\top` without forming that matrix.
 
-    The thin factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`, whose size is the
-    number of columns of Z.
+    The thin factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`,
+    whose size is the number of columns of Z.
 
     Parameters
     ----------
@@ -105,7 +109,8 @@ def low_rank_scaling(shape: Shape, columns: FloatArray, coupling: FloatArray) ->
     Returns
     -------
     numpy.ndarray
-        Centred positions, shape (n, 3), along axes of decreasing variance; negative eigenvalues count as zero.
+        Centred positions, shape (n, 3), along axes of decreasing variance; negative eigenvalues
+        count as zero.
     """
     orthonormal, triangular = np.linalg.qr(columns - columns.mean(axis=0))
     values, vectors = np.linalg.eigh(-0.5 * triangular @ coupling @ triangular.T)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from benchmark.api.contracts import FloatArray, Shape, UnsupportedShape
 
-#: If the second eigenvalue times the area is below this, only triangles without area join parts of the surface. Bodies
-#: have about 3 to 25, and a neck of a thousandth of the width still has some hundredths.
+#: If the second eigenvalue times the area is below this, only triangles without area join parts of
+#: the surface. Bodies have about 3 to 25, and a neck of a thousandth of the width still has some
+#: hundredths.
 DETACHED = 1e-9
 
 

@@ -1,9 +1,10 @@
 """Interface for authors of methods, which compute the canonical form of a shape.
 
-A *method* is a frozen, keyword-only dataclass with a class attribute ``info`` and a method ``canonicalise``. Its fields
-are its parameters, which may declare the values that they accept (see :mod:`benchmark.api.parameters`). A *descriptor*
-has no canonical form: it describes each shape by a vector and compares the vectors itself. The decorator
-:func:`canonical_form` turns a plain function into a method.
+A *method* is a frozen, keyword-only dataclass with a class attribute ``info`` and a method
+``canonicalise``. Its fields are its parameters, which may declare the values that they accept (see
+:mod:`benchmark.api.parameters`). A *descriptor* has no canonical form: it describes each shape by a
+vector and compares the vectors itself. The decorator :func:`canonical_form` turns a plain function
+into a method.
 """
 
 from __future__ import annotations
@@ -63,17 +64,19 @@ class MethodInfo(CheckedParameters):
     title
         Name in the tables.
     cite
-        What LaTeX tables cite: a key of the suite's bibliography, or a BibTeX entry, ``"@article{key, ...}"``.
+        What LaTeX tables cite: a key of the suite's bibliography, or a BibTeX entry,
+        ``"@article{key, ...}"``.
     family
-        ``"paper"`` for a row of the paper, ``"control"`` for a baseline, ``"external"`` for forms that another
-        program made before, ``"extended"`` for any other method.
+        ``"paper"`` for a row of the paper, ``"control"`` for a baseline, ``"external"`` for forms
+        that another program made before, ``"extended"`` for any other method.
     summary
         One line for ``list methods``.
     departs
-        How the method departs from its source, in one or two sentences; "" if it does not. Shown by ``describe``.
+        How the method departs from its source, in one or two sentences; "" if it does not. Shown by
+        ``describe``.
     requires
-        Import names of packages beyond the core. Without them the method is *unavailable*; it never uses another
-        algorithm instead.
+        Import names of packages beyond the core. Without them the method is *unavailable*; it never
+        uses another algorithm instead.
     inputs
         Accepted inputs.
     scale
@@ -81,11 +84,12 @@ class MethodInfo(CheckedParameters):
     deterministic
         False if the form depends on the seed.
     needs
-        What a shape must have, checked before the method is called: ``"connected"`` for a surface in one piece of at
-        least four vertices, ``"pairs"`` also for at most 20 000 vertices, of which all distances are kept.
+        What a shape must have, checked before the method is called: ``"connected"`` for a surface
+        in one piece of at least four vertices, ``"pairs"`` also for at most 20 000 vertices, of
+        which all distances are kept.
     files
-        Other files on which the results depend, such as a table that it reads or a program that it calls; paths are
-        relative to its module. If one changes, its results are computed again.
+        Other files on which the results depend, such as a table that it reads or a program that it
+        calls; paths are relative to its module. If one changes, its results are computed again.
 
     Raises
     ------
@@ -157,17 +161,18 @@ class Shape:
     identifier
         Name of the shape in its data set.
     mesh
-        Prepared surface: one component, about 2000 vertices, unit area. With the view input, the open 2.5-D surface
-        seen by the camera.
+        Prepared surface: one component, about 2000 vertices, unit area. With the view input, the
+        open 2.5-D surface seen by the camera.
     depth
-        Depth image, shape (500, 500), float32 in (0, 1], with 0 as background; None if no camera is known.
+        Depth image, shape (500, 500), float32 in (0, 1], with 0 as background; None if no camera is
+        known.
     source_area
         Surface area before decimation and scaling, in squared file units; None if unknown.
     seed
         Seed of all random choices for this shape.
     cache
-        Cache for results that methods share, by key: geodesic distances by :class:`AllPairs`, a form by its method;
-        None caches them in this object.
+        Cache for results that methods share, by key: geodesic distances by :class:`AllPairs`, a
+        form by its method; None caches them in this object.
     """
 
     identifier: str
@@ -239,7 +244,8 @@ class Shape:
         Parameters
         ----------
         key
-            What the result is: the method with its parameters. A run charges the seconds to each method that uses it.
+            What the result is: the method with its parameters. A run charges the seconds to each
+            method that uses it.
         compute
             Computes the result, which must be read-only.
         """
@@ -284,13 +290,16 @@ class Shape:
     def random(self, purpose: str = "") -> np.random.Generator:
         """Return a random generator seeded by the seed, the purpose and a few measurements of the mesh, not by names.
 
-        Shapes that differ only by a rigid motion, a scale or the order of their vertices draw the same numbers.
+        Shapes that differ only by a rigid motion, a scale or the order of their vertices draw the
+        same numbers.
         """
         import hashlib
 
         from benchmark.geometry.mesh import measurements
 
-        digest = hashlib.sha256(f"{self.seed}|{measurements(self.mesh)}|{purpose}".encode()).digest()
+        digest = hashlib.sha256(
+            f"{self.seed}|{measurements(self.mesh)}|{purpose}".encode()
+        ).digest()
         return np.random.default_rng(int.from_bytes(digest[:8], "big"))
 
     def form(self, vertices: ArrayLike, **notes: float | str) -> CanonicalForm:
@@ -302,7 +311,10 @@ class Shape:
             If the positions are not finite real numbers, one for each vertex.
         """
         if (count := len(np.atleast_1d(vertices))) != self.mesh.n_vertices:
-            raise InvalidMesh(f"there are {count} positions for {self.mesh.n_vertices} vertices", "return one for each")
+            raise InvalidMesh(
+                f"there are {count} positions for {self.mesh.n_vertices} vertices",
+                "return one for each",
+            )
         return CanonicalForm(self.mesh.with_vertices(vertices).vertices, self.mesh.faces, notes)
 
 

@@ -51,23 +51,28 @@ class ShapeSet:
     shapes
         Shapes in the order of the distance matrix.
     load
-        Function that returns the unprocessed mesh of a shape, or raises ``UnreadableMesh`` or ``InvalidMesh``.
+        Function that returns the unprocessed mesh of a shape, or raises ``UnreadableMesh`` or
+        ``InvalidMesh``.
     key
-        Function that returns text on which the mesh of a shape depends beside the code that makes it: parameters of a
-        generator, or the digest of a file; "" by default.
+        Function that returns text on which the mesh of a shape depends beside the code that makes
+        it: parameters of a generator, or the digest of a file; "" by default.
     files
-        Function that returns the files from which the mesh of a shape is read; by default its path, if it has one.
+        Function that returns the files from which the mesh of a shape is read; by default its path,
+        if it has one.
     title
         Name in tables; by default the name.
     camera
-        Function that returns the depth camera of a shape; by default :data:`FRONT`, for shapes that stand along z and
-        face -y.
+        Function that returns the depth camera of a shape; by default :data:`FRONT`, for shapes that
+        stand along z and face -y.
     sensor
-        Function that returns the errors of the depth sensor for a shape, or None for exact depth images.
+        Function that returns the errors of the depth sensor for a shape, or None for exact depth
+        images.
     observe
-        Function that returns the :class:`~benchmark.depth.frame.ObservedObject` of a shape; None for a set of meshes.
+        Function that returns the :class:`~benchmark.depth.frame.ObservedObject` of a shape; None
+        for a set of meshes.
     half_width
-        Half the width of the depth camera's frame in units of the meshes; None fits it to the whole data set.
+        Half the width of the depth camera's frame in units of the meshes; None fits it to the whole
+        data set.
     canonical_poses
         Canonical pose by subject; for other subjects it is the first pose.
     inputs

@@ -1,8 +1,8 @@
 """Interface for authors of learners, which train a model on pairs of depth images.
 
-A *learner* is a method (see :mod:`benchmark.api.contracts`) that also has ``train`` and ``load``. The harness chooses
-the training data by the protocol of a table, without its test subjects, and passes the learner the model for each
-shape.
+A *learner* is a method (see :mod:`benchmark.api.contracts`) that also has ``train`` and ``load``.
+The harness chooses the training data by the protocol of a table, without its test subjects, and
+passes the learner the model for each shape.
 """
 
 from __future__ import annotations
@@ -12,7 +12,17 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, Protocol, Self, TypeVar, overload, runtime_checkable
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    Literal,
+    Protocol,
+    Self,
+    TypeVar,
+    overload,
+    runtime_checkable,
+)
 
 import msgspec
 import numpy as np
@@ -104,8 +114,8 @@ class TrainingData:
     n_validation
         Largest number of pairs for validation.
     clearance
-        For each generated set of people, the minimum distance in phenotype space between the bodies and other subjects
-        of the set; empty if no body has a phenotype.
+        For each generated set of people, the minimum distance in phenotype space between the bodies
+        and other subjects of the set; empty if no body has a phenotype.
     commit
         Commit of the suite that made the pairs; "" if unknown.
     """
@@ -127,8 +137,8 @@ class TrainingData:
 class Learner(Protocol):
     """Method that computes forms with a trained model.
 
-    ``split`` determines the training data, and ``shipped_models`` is the folder of the models that come with the
-    method.
+    ``split`` determines the training data, and ``shipped_models`` is the folder of the models that
+    come with the method.
     """
 
     info: ClassVar[MethodInfo]
@@ -140,7 +150,13 @@ class Learner(Protocol):
         """Name of the model's folder in that of its training data; identifies configuration and training seed."""
         ...
 
-    def train(self, data: TrainingData, folder: Path, options: Mapping[str, Any], say: Callable[[str], None]) -> None:
+    def train(
+        self,
+        data: TrainingData,
+        folder: Path,
+        options: Mapping[str, Any],
+        say: Callable[[str], None],
+    ) -> None:
         """Train a model into ``folder``, resuming from a checkpoint if there is one; keep a finished model.
 
         Parameters
@@ -223,7 +239,8 @@ def read_card(folder: Path, kind: type[Any] = Card) -> Any:
     Raises
     ------
     ConfigurationError
-        If it is missing, is not JSON, or lacks a field or has one of another type; the message names the field.
+        If it is missing, is not JSON, or lacks a field or has one of another type; the message
+        names the field.
     """
     path = folder / CARD
     with named_errors(path, "card of a model", ConfigurationError, "train the model again"):

@@ -1,6 +1,7 @@
 """Parameters of methods: accepted values, conversion from and to text, and checks.
 
-A parameter is a field of a dataclass. Its type determines the kind of value, ``Literal`` lists the accepted values, and
+A parameter is a field of a dataclass. Its type determines the kind of value, ``Literal`` lists the
+accepted values, and
 ``Annotated`` adds a constraint to the type::
 
     iterations: Annotated[int, Interval(1)] = 20
@@ -42,8 +43,13 @@ def Interval(  # noqa: N802  # it stands in types
     closed
         Bounds that belong to the interval: ``"both"``, ``"left"``, ``"right"`` or ``"neither"``.
     """
-    lower, upper = "ge" if closed in ("both", "left") else "gt", "le" if closed in ("both", "right") else "lt"
-    bounds: dict[str, Any] = {name: bound for name, bound in ((lower, low), (upper, high)) if math.isfinite(bound)}
+    lower, upper = (
+        "ge" if closed in ("both", "left") else "gt",
+        "le" if closed in ("both", "right") else "lt",
+    )
+    bounds: dict[str, Any] = {
+        name: bound for name, bound in ((lower, low), (upper, high)) if math.isfinite(bound)
+    }
     return Meta(**bounds)
 
 
@@ -101,19 +107,29 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
         except (msgspec.ValidationError, TypeError) as error:
             arguments = typing.get_args(annotation)
             if isinstance(value, str) and typing.get_origin(annotation) is Literal:
-                raise did_you_mean(f"{name} of {owner}", value, map(format_value, arguments)) from None
+                raise did_you_mean(
+                    f"{name} of {owner}", value, map(format_value, arguments)
+                ) from None
             words = [of.description for of in arguments if isinstance(of, Meta) and of.description]
             expected = words[0] if words else re.sub("^Expected |, got .*", "", str(error))
-            raise ConfigurationError(f"'{value}' does not fit {name} of {owner}", f"write {expected}") from None
+            raise ConfigurationError(
+                f"'{value}' does not fit {name} of {owner}", f"write {expected}"
+            ) from None
     return values
 
 
 def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
     """Return the parameters that differ from their defaults, in the order of the fields; see :func:`checked`."""
     values, fields = checked(cls, given, owner), declared_parameters(cls)
-    defaults = {name: default for name, (_, default) in fields.items() if default is not dataclasses.MISSING}
+    defaults = {
+        name: default for name, (_, default) in fields.items() if default is not dataclasses.MISSING
+    }
     defaults = checked(cls, {name: defaults[name] for name in values if name in defaults}, owner)
-    return {name: values[name] for name in fields if name in values and repr(values[name]) != repr(defaults.get(name))}
+    return {
+        name: values[name]
+        for name in fields
+        if name in values and repr(values[name]) != repr(defaults.get(name))
+    }
 
 
 def parameter_values(instance: Any) -> dict[str, Any]:
@@ -129,7 +145,9 @@ def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
     return {
         field.name: (
             hints[field.name],
-            field.default if field.default_factory is dataclasses.MISSING else field.default_factory(),
+            field.default
+            if field.default_factory is dataclasses.MISSING
+            else field.default_factory(),
         )
         for field in dataclasses.fields(cls)
         if field.init
@@ -145,7 +163,8 @@ def _type_hints(cls: type[Any]) -> dict[str, Any]:
         raise ConfigurationError(problem, "import it outside of 'if TYPE_CHECKING'") from error
 
 
-# Text ----------------------------------------------------------------------------------------------------------------
+# Text
+# ------------------------------------------------------------------------------------------------
 
 
 def format_value(value: Any) -> str:
@@ -169,7 +188,9 @@ def assignments(texts: str | Iterable[str]) -> dict[str, str]:
     for text in split(texts) if isinstance(texts, str) else texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals):
-            raise ConfigurationError(f"'{text.strip()}' has no {'value' if name else 'name'}", "write NAME=VALUE")
+            raise ConfigurationError(
+                f"'{text.strip()}' has no {'value' if name else 'name'}", "write NAME=VALUE"
+            )
         if name in values:
             raise ConfigurationError(f"'{name}' is given twice", "leave one of them out")
         values[name] = value
@@ -215,7 +236,9 @@ def _fit(annotation: Any, value: Any) -> Any:
     try:
         fitted = _convert(annotation, given)
     except msgspec.ValidationError:
-        fitted = _convert(annotation, [*map(_number, given)] if isinstance(given, list) else _number(given))
+        fitted = _convert(
+            annotation, [*map(_number, given)] if isinstance(given, list) else _number(given)
+        )
     for part in fitted if isinstance(fitted, tuple) else (fitted,):
         if isinstance(part, float) and not math.isfinite(part):
             raise msgspec.ValidationError("a finite number")

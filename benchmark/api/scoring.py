@@ -1,12 +1,13 @@
 """Interface for authors of scorers, which compute the dissimilarities of all pairs of canonical forms.
 
-A *scorer* is a frozen, keyword-only dataclass with a class attribute ``info`` and two methods: ``signature`` describes
-one form, and ``compare`` compares the signatures of a whole gallery. Its fields are its parameters, as for methods (see
-:mod:`benchmark.api.contracts`). The forms of all methods are compared by the same scorer; descriptors use none.
+A *scorer* is a frozen, keyword-only dataclass with a class attribute ``info`` and two methods:
+``signature`` describes one form, and ``compare`` compares the signatures of a whole gallery. Its
+fields are its parameters, as for methods (see :mod:`benchmark.api.contracts`). The forms of all
+methods are compared by the same scorer; descriptors use none.
 
-A scorer may also have ``compare_to(queries, gallery, draw)``, which returns the dissimilarities of M queries to the N
-forms of a gallery, shape (M, N); those of one query may depend on no other. Without it, ``compare`` gets the gallery
-and one query at a time.
+A scorer may also have ``compare_to(queries, gallery, draw)``, which returns the dissimilarities of
+M queries to the N forms of a gallery, shape (M, N); those of one query may depend on no other.
+Without it, ``compare`` gets the gallery and one query at a time.
 """
 
 from __future__ import annotations
@@ -45,11 +46,11 @@ class ScorerInfo(CheckedParameters):
     requires
         Import names of packages beyond the core.
     draws
-        Number of random draws for which ``compare`` is called; scores are means over them. 1 for a scorer without
-        randomness.
+        Number of random draws for which ``compare`` is called; scores are means over them. 1 for a
+        scorer without randomness.
     invariant
-        Whether the signature is invariant to rotation, translation and scaling of the form, up to sampling. False for a
-        scorer that undoes them only if the form has a well-defined pose.
+        Whether the signature is invariant to rotation, translation and scaling of the form, up to
+        sampling. False for a scorer that undoes them only if the form has a well-defined pose.
     files
         Other files on which the scores depend; see :class:`benchmark.api.contracts.MethodInfo`.
     """
@@ -81,7 +82,8 @@ class Scorer(Protocol):
         Raises
         ------
         InvalidMesh
-            If the form cannot be compared, for example because it has no extent; the shape then counts as unsupported.
+            If the form cannot be compared, for example because it has no extent; the shape then
+            counts as unsupported.
         """
         ...
 
@@ -93,6 +95,7 @@ class Scorer(Protocol):
         signatures
             One per form of the gallery, N in all.
         draw
-            Index of the random draw, from 0 to ``info.draws - 1``; the same draw gives the same dissimilarities.
+            Index of the random draw, from 0 to ``info.draws - 1``; the same draw gives the same
+            dissimilarities.
         """
         ...

@@ -19,7 +19,12 @@ from benchmark.api.parameters import checked, parameter_values
 from benchmark.check.shapes import BENDS, figure, view
 from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape, locate
 from benchmark.geometry.mesh import read_only
-from benchmark.pipeline.outputs import compute_descriptor, compute_distances, compute_form, compute_signature
+from benchmark.pipeline.outputs import (
+    compute_descriptor,
+    compute_distances,
+    compute_form,
+    compute_signature,
+)
 from benchmark.registry import Component
 from benchmark.registry.modules import import_plugins_anew
 from benchmark.text import Printed
@@ -95,22 +100,31 @@ class Case:
         """Return a new object, with its trained model."""
         created = self.component.create()
         values = parameter_values(created).items()
-        checked(type(created), {name: value for name, value in values if isinstance(value, int | float | str)})
+        checked(
+            type(created),
+            {name: value for name, value in values if isinstance(value, int | float | str)},
+        )
         return created.load(self.model) if self.model else created
 
-    def shape(self, bend: float = BENDS[0], mesh: Mesh | None = None, seed: int = 0, name: str = "figure") -> Shape:
+    def shape(
+        self, bend: float = BENDS[0], mesh: Mesh | None = None, seed: int = 0, name: str = "figure"
+    ) -> Shape:
         """Return the figure, or another mesh in its place, as input."""
         seen = view(bend) if self.reads_images else None
         mesh = mesh or (seen.mesh if seen else figure(bend))
         # Bending preserves the area, and equal areas would leave nothing to compare.
         area, depth = (1 + bend) * mesh.area, seen.depth if seen else None
-        return Shape(identifier=f"{name} {bend}", mesh=mesh, depth=depth, source_area=area, seed=seed)
+        return Shape(
+            identifier=f"{name} {bend}", mesh=mesh, depth=depth, source_area=area, seed=seed
+        )
 
     def answer(self, shape: Shape, by: Any = None) -> FloatArray:
         """Return the answer of an object, by default a new one, as an array."""
         answer = self._answer(self.create() if by is None else by, shape)
         if self.is_scorer:
-            return np.concatenate([np.asarray(answer[name], dtype=np.float64).ravel() for name in sorted(answer)])
+            return np.concatenate(
+                [np.asarray(answer[name], dtype=np.float64).ravel() for name in sorted(answer)]
+            )
         return np.asarray(answer)
 
     def dissimilarities(self, shapes: Sequence[Shape], draw: int = 0) -> FloatArray:

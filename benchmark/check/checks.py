@@ -21,15 +21,17 @@ from benchmark.reference.paper import entry_of
 from benchmark.registry import Component
 from retrieval.measures import check_distances
 
-#: Largest accepted difference between two runs on one shape, relative to the largest coordinate: rounding may depend on
-#: the position of an array in memory.
+#: Largest accepted difference between two runs on one shape, relative to the largest coordinate:
+#: rounding may depend on the position of an array in memory.
 REPEAT_TOLERANCE = 1e-9
 
-#: Largest accepted difference between two descriptions of one surface, relative to the diameter of the form: an
-#: iteration with a threshold may stop one step earlier. A thousandth of the diameter does not affect the scorer.
+#: Largest accepted difference between two descriptions of one surface, relative to the diameter of
+#: the form: an iteration with a threshold may stop one step earlier. A thousandth of the diameter
+#: does not affect the scorer.
 SYMMETRY_TOLERANCE = 1e-3
 
-#: Largest accepted dissimilarity between a form and its moved copy, relative to the smallest between different forms.
+#: Largest accepted dissimilarity between a form and its moved copy, relative to the smallest
+#: between different forms.
 _SHARE = 0.1
 
 #: A power of two, by which single precision rounds alike.
@@ -41,7 +43,8 @@ _COMPARED_VERTICES = 1000
 _ORDERS = 6
 
 
-# Differences ---------------------------------------------------------------------------------------------------------
+# Differences
+# ------------------------------------------------------------------------------------------------
 
 
 def _difference(expected: FloatArray, answer: FloatArray) -> float:
@@ -51,7 +54,9 @@ def _difference(expected: FloatArray, answer: FloatArray) -> float:
     return float(np.abs(answer - expected).max() / (np.abs(expected).max() or 1.0))
 
 
-def _same(expected: FloatArray, answer: FloatArray, hint: str, tolerance: float = REPEAT_TOLERANCE) -> str:
+def _same(
+    expected: FloatArray, answer: FloatArray, hint: str, tolerance: float = REPEAT_TOLERANCE
+) -> str:
     """Compare two answers to one description of a surface."""
     if not (difference := _difference(expected, answer)) <= tolerance:
         raise Failed(f"relative difference {difference:.1e}: {hint}")
@@ -63,7 +68,9 @@ def _same_form(expected: FloatArray, answer: FloatArray, hint: str, factor: floa
     if expected.shape != answer.shape:
         raise Failed(f"{answer.shape} instead of {expected.shape}: {hint}")
     if _is_mirror_image(expected, answer):
-        raise Failed(f"gives the mirror image of the form: {hint}; choose its side by benchmark.api.oriented")
+        raise Failed(
+            f"gives the mirror image of the form: {hint}; choose its side by benchmark.api.oriented"
+        )
     return _same(factor * _invariants(expected), _invariants(answer), hint, SYMMETRY_TOLERANCE)
 
 
@@ -79,21 +86,31 @@ def _is_mirror_image(expected: FloatArray, answer: FloatArray) -> bool:
 
 def _invariants(answer: FloatArray) -> FloatArray:
     """Return distances between vertices of a form, which no rigid motion changes, or a descriptor itself."""
-    return answer if answer.ndim == 1 else np.asarray(pdist(answer[:: max(1, len(answer) // _COMPARED_VERTICES)]))
+    return (
+        answer
+        if answer.ndim == 1
+        else np.asarray(pdist(answer[:: max(1, len(answer) // _COMPARED_VERTICES)]))
+    )
 
 
-def _unchanged(case: Case, change: Callable[[Mesh], Mesh], hint: str, order: NDArray[np.int64] | None = None) -> str:
+def _unchanged(
+    case: Case, change: Callable[[Mesh], Mesh], hint: str, order: NDArray[np.int64] | None = None
+) -> str:
     """Compare answers for the figure and its changed copy; ``order`` is the order of vertices after the change.
 
     For a scorer, a form and its copy must be much more similar than any two forms.
     """
     if case.is_scorer:
         shapes, count = [case.shape(bend) for bend in BENDS], len(BENDS)
-        distances = case.dissimilarities([*shapes, *(case.shape(mesh=change(shape.mesh)) for shape in shapes)])
+        distances = case.dissimilarities(
+            [*shapes, *(case.shape(mesh=change(shape.mesh)) for shape in shapes)]
+        )
         between = distances[:count, :count][~np.eye(count, dtype=bool)].min()
         itself = np.diag(distances[:count, count:]).max()
         if not itself <= _SHARE * between:
-            raise Failed(f"a form differs from itself by {itself:.3g}, from others by {between:.3g}: {hint}")
+            raise Failed(
+                f"a form differs from itself by {itself:.3g}, from others by {between:.3g}: {hint}"
+            )
         return f"{itself / between if between else 0.0:.1e} of the smallest difference between two forms"
     answer = case.answer(case.shape(mesh=change(case.shape().mesh)))
     if order is not None and answer.ndim == 2:
@@ -111,7 +128,8 @@ def _require_comparable(case: Case) -> None:
         raise Skipped("the depth image has one camera")
 
 
-# Methods and scorers -------------------------------------------------------------------------------------------------
+# Methods and scorers
+# ------------------------------------------------------------------------------------------------
 
 
 def _training(case: Case) -> str:
@@ -120,7 +138,9 @@ def _training(case: Case) -> str:
     if isinstance(named, Path):
         raise Skipped(f"is checked with its model, {named.name}")
     if not isinstance(learner, Learner):
-        raise Failed("has 'train' but is not a learner; see 'A learner' in docs/reference/plugins.md")
+        raise Failed(
+            "has 'train' but is not a learner; see 'A learner' in docs/reference/plugins.md"
+        )
     if not re.fullmatch(r"[\w.=-]+", str(learner.model_name)):
         raise Failed(f"model_name is {learner.model_name!r}; return a valid folder name")
     if learner.split not in get_args(Split):
@@ -129,13 +149,17 @@ def _training(case: Case) -> str:
     for _ in range(2):
         learner.train(data, model, {}, lambda _: None)
         if not (model / CARD).is_file():
-            raise Failed(f"'train' ends without {CARD}; write it last, to show that the model is finished")
+            raise Failed(
+                f"'train' ends without {CARD}; write it last, to show that the model is finished"
+            )
         cards.append(read_card(model))
     if cards[1] != cards[0]:
         raise Failed("trains a finished model again; do nothing if its card exists")
     checked_weights(model)
     if cards[0].data != data.name or cards[0].identifiers != set(data.identifiers):
-        raise Failed("the card does not name the training data with all identifiers; copy them from the argument")
+        raise Failed(
+            "the card does not name the training data with all identifiers; copy them from the argument"
+        )
     if type(loaded := learner.load(model)) is not type(learner):
         raise Failed(f"'load' returns {type(loaded).__name__}; return the method with its model")
     case.model = model
@@ -162,11 +186,17 @@ def _answer(case: Case) -> str:
 def _repeatable(case: Case) -> str:
     """Check that an answer is reproducible, immediately and after another shape."""
     first, second = case.reference, case.answer(case.shape())
-    cause = "differ by signs" if _difference(np.abs(first), np.abs(second)) <= REPEAT_TOLERANCE else "differ"
+    cause = (
+        "differ by signs"
+        if _difference(np.abs(first), np.abs(second)) <= REPEAT_TOLERANCE
+        else "differ"
+    )
     cure = "draw from shape.random(), choose the signs of eigenvectors by benchmark.api.oriented, keep no state"
     _same(first, second, f"two runs on one shape {cause}; {cure}")
     hint = "the answer differs if another shape comes first; keep no state between shapes"
-    for expected, answer in zip([first, *case.compared()], case.answers_after_another(), strict=True):
+    for expected, answer in zip(
+        [first, *case.compared()], case.answers_after_another(), strict=True
+    ):
         _same(expected, answer, hint)
     return "the same whatever was processed before"
 
@@ -177,7 +207,9 @@ def _seed(case: Case) -> str:
         _same(case.reference, case.answer(case.shape(name="another name", seed=1)), hint)
         return "neither the seed nor the name of a shape matters"
     if np.array_equal(case.answer(case.shape(seed=1)), case.reference):
-        raise Failed("declares deterministic=False but ignores the seed; draw from shape.random(), or drop the flag")
+        raise Failed(
+            "declares deterministic=False but ignores the seed; draw from shape.random(), or drop the flag"
+        )
     return "the same under one seed, different under another"
 
 
@@ -186,9 +218,14 @@ def _relabelling(case: Case) -> str:
         raise Skipped("the answer is random")
     mesh, generator = case.shape().mesh, np.random.default_rng(0)
     for _ in range(1 if case.compares else _ORDERS):
-        order, of_faces = generator.permutation(mesh.n_vertices), generator.permutation(mesh.n_faces)
+        order, of_faces = (
+            generator.permutation(mesh.n_vertices),
+            generator.permutation(mesh.n_faces),
+        )
 
-        def relabelled(mesh: Mesh, order: NDArray[np.int64] = order, of_faces: NDArray[np.int64] = of_faces) -> Mesh:
+        def relabelled(
+            mesh: Mesh, order: NDArray[np.int64] = order, of_faces: NDArray[np.int64] = of_faces
+        ) -> Mesh:
             faces = np.argsort(order).astype(np.int32)[np.roll(mesh.faces, 1, axis=1)]
             return Mesh(mesh.vertices[order], faces[of_faces])
 
@@ -199,13 +236,19 @@ def _relabelling(case: Case) -> str:
 
 def _motion(case: Case) -> str:
     _require_comparable(case)
-    factor, hint = 1.0, "depends on the position of the shape in space; use distances, or a frame that rotates with it"
+    factor, hint = (
+        1.0,
+        "depends on the position of the shape in space; use distances, or a frame that rotates with it",
+    )
     if case.is_scorer:
         factor = _SCALE
         hint = "depends on position or size of the form; use a frame fixed to the form, or declare invariant=False"
         if not case.component.info.invariant:
             raise Skipped("declares that it undoes motions only if a pose is well defined")
-    motion = lambda mesh: mesh.with_vertices(factor * mesh.vertices @ _ROTATION.T + [0.7, -1.1, 0.4])  # noqa: E731
+
+    def motion(mesh: Mesh) -> Mesh:
+        return mesh.with_vertices(factor * mesh.vertices @ _ROTATION.T + [0.7, -1.1, 0.4])
+
     return _unchanged(case, motion, hint)
 
 
@@ -215,12 +258,22 @@ def _scale(case: Case) -> str:
     is_equivariant = declared == "equivariant"
     other = "invariant" if is_equivariant else "equivariant"
     hint = f"breaks info.scale = '{declared}'; measure relative to the shape's size, or declare '{other}'"
-    scaled = [case.shape(bend, figure(bend).with_vertices(_SCALE * figure(bend).vertices)) for bend in BENDS]
+    scaled = [
+        case.shape(bend, figure(bend).with_vertices(_SCALE * figure(bend).vertices))
+        for bend in BENDS
+    ]
     if case.reference.ndim == 2 or not is_equivariant:
-        return _same_form(case.reference, case.answer(scaled[0]), hint, _SCALE if is_equivariant else 1.0)
-    before, after = case.dissimilarities([case.shape(bend) for bend in BENDS]), case.dissimilarities(scaled)
+        return _same_form(
+            case.reference, case.answer(scaled[0]), hint, _SCALE if is_equivariant else 1.0
+        )
+    before, after = (
+        case.dissimilarities([case.shape(bend) for bend in BENDS]),
+        case.dissimilarities(scaled),
+    )
     if not (before.max() > 0 and after.max() > 0):
-        raise Failed("does not distinguish poses of the figure, so scale cannot be checked; declare scale='invariant'")
+        raise Failed(
+            "does not distinguish poses of the figure, so scale cannot be checked; declare scale='invariant'"
+        )
     return _same_form(before.ravel() / before.max(), after.ravel() / after.max(), hint)
 
 
@@ -231,12 +284,23 @@ def _dissimilarities(case: Case) -> str:
         distances = case.dissimilarities(several, draw)
         largest = check_distances(distances, distances.shape, is_square=True).max()
         if not largest > 0:
-            raise Failed(f"does not distinguish any of {len(several)} shapes; compare properties that differ")
-    _same(distances, case.dissimilarities(several, draws - 1), "dissimilarities differ between calls; seed by 'draw'")
+            raise Failed(
+                f"does not distinguish any of {len(several)} shapes; compare properties that differ"
+            )
+    _same(
+        distances,
+        case.dissimilarities(several, draws - 1),
+        "dissimilarities differ between calls; seed by 'draw'",
+    )
     if draws == 1:
-        # Rotated by one, because distances between positions, |i - j|, are the same in reverse order.
+        # Rotated by one, because distances between positions, |i - j|, are the same in reverse
+        # order.
         turned = np.roll(case.dissimilarities([*several[1:], several[0]]), 1, axis=(0, 1))
-        _same_form(distances.ravel(), turned.ravel(), "depends on the order of the shapes; treat all pairs alike")
+        _same_form(
+            distances.ravel(),
+            turned.ravel(),
+            "depends on the order of the shapes; treat all pairs alike",
+        )
     if not case.dissimilarities([*several, several[0]])[0, -1] <= _SHARE * largest:
         raise Failed("a shape is far from its copy; return distances, not similarities")
     return f"symmetric, zero diagonal, largest {largest:.3g}"
@@ -253,13 +317,16 @@ def _awkward(case: Case) -> str:
             refused.append(name)
             problems += [] if str(reason) else [f"{name} is refused without a reason; say why"]
         except Exception as error:
-            problems.append(f"{name}: {explained(error)}; raise UnsupportedShape with a reason, or treat it")
+            problems.append(
+                f"{name}: {explained(error)}; raise UnsupportedShape with a reason, or treat it"
+            )
     if problems:
         raise Failed("; ".join(problems))
     return f"refuses, with a reason: {', '.join(refused)}" if refused else "all treated"
 
 
-# What is checked -----------------------------------------------------------------------------------------------------
+# What is checked
+# ------------------------------------------------------------------------------------------------
 
 #: Checks without which the others have nothing to compare.
 NECESSARY = frozenset({_training, _answer, _repeatable})
@@ -271,7 +338,12 @@ def checks_of(component: Component) -> dict[str, Callable[[Case], str]]:
     answers = cited | {"answer": _answer, "repeatable": _repeatable}
     surfaces = {"relabelling": _relabelling, "rigid motion": _motion}
     if component.kind == "scorer":
-        return {**answers, **surfaces, "dissimilarities": _dissimilarities, "awkward shapes": _awkward}
+        return {
+            **answers,
+            **surfaces,
+            "dissimilarities": _dissimilarities,
+            "awkward shapes": _awkward,
+        }
     learned = {"training": _training} if component.learns else {}
     changed = {"seed": _seed, **surfaces, "scale": _scale, "awkward shapes": _awkward}
     compared = {"dissimilarities": _dissimilarities} if component.describes else {}

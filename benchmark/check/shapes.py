@@ -32,8 +32,8 @@ def _mesh(name: str) -> Mesh:
 def figure(bend: float = BENDS[0]) -> Mesh:
     """Return the closed surface of a body with a head, an arm, a leg and a tail, of unit area, with 500 vertices.
 
-    All limbs differ in length, thickness and direction, so no symmetry leaves an axis or the order of two eigenvalues
-    undetermined.
+    All limbs differ in length, thickness and direction, so no symmetry leaves an axis or the order
+    of two eigenvalues undetermined.
 
     Parameters
     ----------
@@ -68,7 +68,11 @@ def training_data() -> TrainingData:
         images = [image for bend in BENDS if (image := view(bend).depth) is not None]
         for name, image in zip(names, images, strict=True):
             yield TrainingPair(
-                identifier=name, subject="figure", target_identifier=names[0], image=image, target=images[0]
+                identifier=name,
+                subject="figure",
+                target_identifier=names[0],
+                image=image,
+                target=images[0],
             )
 
     return TrainingData(

@@ -58,14 +58,18 @@ from benchmark.text import say, say_table
 def canonicalise(paths: Sequence[Path], method: str, options: Selection, output: Path) -> bool:
     """Write the form of a mesh, or the forms of depth images; return whether all could be made."""
     source, *others = paths
-    if absent := [path for path in paths if not path.name or not (others or path.exists())]:  # of several, one may miss
+    if absent := [
+        path for path in paths if not path.name or not (others or path.exists())
+    ]:  # of several, one may miss
         raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
     if warning := trained_on_people(select_one(method, options.plugins)):
         say(f"{method}: {warning}", err=True)
     if others or source.suffix.lower() in EXTENSIONS or source.is_dir():
         return _canonicalise_frames(paths, method, options, output)
     if options.has_camera:
-        raise ConfigurationError(f"{source} is not a depth image", "omit --intrinsics, --mask and --depth-scale")
+        raise ConfigurationError(
+            f"{source} is not a depth image", "omit --intrinsics, --mask and --depth-scale"
+        )
     _check_targets(output, options.picture)
     if output.exists() and output.samefile(source):
         raise ConfigurationError(f"{output} is the mesh itself", "name another file with -o")
@@ -94,20 +98,28 @@ def _check_targets(path: Path, picture: Path | None) -> None:
     """Raise ``ConfigurationError`` if a form or its picture cannot be written to a file of this name."""
     check_ending(picture)
     if path.suffix.lower() not in WRITABLE:
-        raise ConfigurationError(f"{path} is not the name of a mesh file", f"use {', '.join(WRITABLE)}")
+        raise ConfigurationError(
+            f"{path} is not the name of a mesh file", f"use {', '.join(WRITABLE)}"
+        )
 
 
 def _facts(notes: Mapping[str, float | str]) -> list[str]:
     unit = dict.fromkeys(("distance", "size"), " m")
-    values = {n: f"{note:.4g}{unit.get(n, '')}" if isinstance(note, float) else note for n, note in notes.items()}
-    return [f"doubt: {value}" if name == "doubt" else f"{name} {value}" for name, value in values.items()]
+    values = {
+        n: f"{note:.4g}{unit.get(n, '')}" if isinstance(note, float) else note
+        for n, note in notes.items()
+    }
+    return [
+        f"doubt: {value}" if name == "doubt" else f"{name} {value}"
+        for name, value in values.items()
+    ]
 
 
 def form_of_mesh(source: Path, method: str, options: Selection) -> CanonicalForm:
     """Prepare a mesh as in the benchmark and return its form.
 
-    A method that accepts only views gets the view of a camera in front of the mesh (z up, facing -y), in a frame that
-    fits the mesh.
+    A method that accepts only views gets the view of a camera in front of the mesh (z up, facing
+    -y), in a frame that fits the mesh.
 
     Parameters
     ----------
@@ -132,7 +144,8 @@ def form_of_mesh(source: Path, method: str, options: Selection) -> CanonicalForm
     return form_of_surface(maker, mesh, source.stem, seed=options.seed)
 
 
-# Depth images --------------------------------------------------------------------------------------------------------
+# Depth images
+# ------------------------------------------------------------------------------------------------
 
 
 def _frames_under(source: Path, options: Selection) -> list[FrameFiles]:
@@ -141,9 +154,15 @@ def _frames_under(source: Path, options: Selection) -> list[FrameFiles]:
         return [_with_camera(FrameFiles(source), options)]
     dataset = folder_set(source)
     if dataset.observe is None:
-        raise ConfigurationError(f"{source} holds meshes", "name one of them, or make all forms with 'run -d'")
+        raise ConfigurationError(
+            f"{source} holds meshes", "name one of them, or make all forms with 'run -d'"
+        )
     settings = frame_settings(source)
-    return [_with_camera(FrameFiles(entry.path, **settings), options) for entry in dataset.shapes if entry.path]
+    return [
+        _with_camera(FrameFiles(entry.path, **settings), options)
+        for entry in dataset.shapes
+        if entry.path
+    ]
 
 
 def _with_camera(frame: FrameFiles, options: Selection) -> FrameFiles:
@@ -155,7 +174,9 @@ def _with_camera(frame: FrameFiles, options: Selection) -> FrameFiles:
     )
 
 
-def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection, output: Path) -> bool:
+def _canonicalise_frames(
+    paths: Sequence[Path], method: str, options: Selection, output: Path
+) -> bool:
     """Write and report the form and picture of each depth image; return whether all have a form."""
     if len(paths) > 1:  # a pattern expanded by the shell also matches masks and colour images
         paths = [path for path in paths if not path.is_file() or is_depth_file(path)]
@@ -168,11 +189,16 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
         outputs = [(output, options.picture)]
     else:
         if output.is_file():
-            raise ConfigurationError(f"{output} is a file", "name a folder for several forms with -o")
+            raise ConfigurationError(
+                f"{output} is a file", "name a folder for several forms with -o"
+            )
         above = os.path.commonpath([image.absolute().parent for image in images])
         inner = [image.absolute().relative_to(above) for image in images]
         picture = options.picture
-        outputs = [(output / p.with_suffix(".off"), picture and picture / p.with_suffix(".png")) for p in inner]
+        outputs = [
+            (output / p.with_suffix(".off"), picture and picture / p.with_suffix(".png"))
+            for p in inner
+        ]
     maker = method_of_depth(method, tuple(options.plugins))
     failures = 0
     for number, (frame, (target, picture)) in enumerate(zip(frames, outputs, strict=True), 1):
@@ -180,7 +206,9 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
         count = f"{number} of {len(frames)}  " if len(frames) > 1 else ""
         try:
             observed = frame.observe()
-            form = form_of_object(observed, maker, frame.image.stem, half_width=frame.half_width, seed=options.seed)
+            form = form_of_object(
+                observed, maker, frame.image.stem, half_width=frame.half_width, seed=options.seed
+            )
         except ShapeError as error:
             if len(frames) == 1:
                 raise
@@ -192,32 +220,53 @@ def _canonicalise_frames(paths: Sequence[Path], method: str, options: Selection,
         if picture:
             from benchmark.report import figures, sheets
 
-            sheet = sheets.frame_picture(observed.depths, observed.mask, observed.surface, form.mesh)
+            sheet = sheets.frame_picture(
+                observed.depths, observed.mask, observed.surface, form.mesh
+            )
             figures.save(sheet, picture)
-        facts = [fact for fact in _facts(form.notes) if len(frames) == 1 or fact.startswith("doubt")]
+        facts = [
+            fact for fact in _facts(form.notes) if len(frames) == 1 or fact.startswith("doubt")
+        ]
         say(", ".join([f"{count}{target}: {len(form.vertices)} vertices, {seconds:.2f} s", *facts]))
     if failures:
         say(f"{failures} of {len(frames)} images have no form", err=True)
     return not failures
 
 
-# Retrieval -----------------------------------------------------------------------------------------------------------
+# Retrieval
+# ------------------------------------------------------------------------------------------------
 
 
-def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wanted: Input | None = None) -> None:
+def retrieve(
+    query: Path, name: str, method: str, options: Selection, k: int, wanted: Input | None = None
+) -> None:
     """Print the shapes of a gallery, complete surfaces or views, that are nearest to a query."""
     check_ending(options.picture)
     start, component = time.perf_counter(), select_one(method, options.plugins)
     scorer = select_one(options.scorer, options.plugins, "scorer")
     shapes = options.open_dataset(name)
-    input_, of_gallery = _inputs(query, shapes, component, "view" if options.gallery_views else wanted)
+    input_, of_gallery = _inputs(
+        query, shapes, component, "view" if options.gallery_views else wanted
+    )
     job = _job(name, shapes, component, options, of_gallery)
-    itself = [entry for entry in shapes.shapes if entry.path and entry.path.exists() and entry.path.samefile(query)]
+    itself = [
+        entry
+        for entry in shapes.shapes
+        if entry.path and entry.path.exists() and entry.path.samefile(query)
+    ]
     cache, prepared_shapes = Cache(options.results), PreparedShapes(shapes, input_)
-    fitted = cache.read("prepared", prepared_shapes.frame_key) if prepared_shapes.frame_key else None
-    half_width = float(fitted["half_width"]) if fitted else frame_of(shapes) if input_ == "view" else 0.0
-    if itself and not options.has_camera:  # nothing is written, because this process runs the code of plugins
-        known = cache.read("prepared", prepared_shapes.key(itself[0])) or prepared_shapes.prepare(itself[0], half_width)
+    fitted = (
+        cache.read("prepared", prepared_shapes.frame_key) if prepared_shapes.frame_key else None
+    )
+    half_width = (
+        float(fitted["half_width"]) if fitted else frame_of(shapes) if input_ == "view" else 0.0
+    )
+    if (
+        itself and not options.has_camera
+    ):  # nothing is written, because this process runs the code of plugins
+        known = cache.read("prepared", prepared_shapes.key(itself[0])) or prepared_shapes.prepare(
+            itself[0], half_width
+        )
         arrays = require_result(known)
     else:
         arrays = _query_arrays(query, prepared_shapes, half_width, options, of_gallery=bool(itself))
@@ -225,11 +274,23 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
     maker = _with_model(component, job, [entry.identifier for entry in itself])
     gallery = (job.before or job.record).sides[-1]
     fit = maker.measure_fit(shape) if isinstance(maker, MeasuresFit) else {}
-    for doubt in filter(None, (small_for_person(shape, maker) if is_depth_file(query) else "", fit.get("doubt"))):
+    for doubt in filter(
+        None, (small_for_person(shape, maker) if is_depth_file(query) else "", fit.get("doubt"))
+    ):
         say(f"{query}: {doubt}", err=True)
-    nearest = search(options.results, gallery, shape, maker, scorer.create(), [entry.identifier for entry in itself])
+    nearest = search(
+        options.results,
+        gallery,
+        shape,
+        maker,
+        scorer.create(),
+        [entry.identifier for entry in itself],
+    )
     hits = nearest.hits[:k]
-    rows = [(str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}") for rank, hit in enumerate(hits, 1)]
+    rows = [
+        (str(rank), hit.shape, hit.subject, f"{hit.distance:.4g}")
+        for rank, hit in enumerate(hits, 1)
+    ]
     say_table([("rank", "name", "class", "distance"), *rows])
     if options.picture:
         from benchmark.report import figures, sheets
@@ -242,7 +303,10 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
             panels.append((f"{rank}. " + "\n".join(texts), stored.upright(gallery, texts[0])))
         figures.save(sheets.retrieved_picture(panels), options.picture)
     if hits[0].distance == 0:
-        say(f"{hits[0].shape} has the distance 0: the gallery holds the query, or its copy", err=True)
+        say(
+            f"{hits[0].shape} has the distance 0: the gallery holds the query, or its copy",
+            err=True,
+        )
     margin = f"a margin of {nearest.margin:.1%} over the second class"
     says = f"class {hits[0].subject}, by {margin}"
     if not nearest.is_decided:
@@ -250,32 +314,48 @@ def retrieve(query: Path, name: str, method: str, options: Selection, k: int, wa
     say(f"{says}; {time.perf_counter() - start:.1f} s")
 
 
-def _job(name: str, shapes: ShapeSet, component: Component, options: Selection, input_: Input) -> Planned:
+def _job(
+    name: str, shapes: ShapeSet, component: Component, options: Selection, input_: Input
+) -> Planned:
     """Return the finished job of a gallery; raise ``ConfigurationError`` if there is none, or it is of other code."""
-    planned = planned_jobs(structs.replace(options, datasets=[name], methods=[component.name], input=input_))
-    which = f"--gallery-views {options.gallery_views}" if options.gallery_views else f"--input {input_}"
-    command = f"run `python -m benchmark run -m {component.name} -d {shlex.quote(name)} {which}` first"
+    planned = planned_jobs(
+        structs.replace(options, datasets=[name], methods=[component.name], input=input_)
+    )
+    which = (
+        f"--gallery-views {options.gallery_views}" if options.gallery_views else f"--input {input_}"
+    )
+    command = (
+        f"run `python -m benchmark run -m {component.name} -d {shlex.quote(name)} {which}` first"
+    )
     jobs = [job for job in planned if job.record.sides[-1].gallery == shapes.name]
     if jobs and jobs[0].state == "stale":
         raise ConfigurationError(f"the gallery is stale: {jobs[0].reason}", command)
     if not jobs or jobs[0].state != "finished":
         why = f": {jobs[0].reason}" if jobs else ""
-        raise ConfigurationError(f"no form of {shapes.name} {input_} {component.name} is kept{why}", command)
+        raise ConfigurationError(
+            f"no form of {shapes.name} {input_} {component.name} is kept{why}", command
+        )
     return jobs[0]
 
 
 def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> Any:
     """Return a method with the model that made the forms of a gallery, or of a query that is one of its shapes."""
-    of_shape = dict(zip(job.record.shapes, job.models, strict=False))  # those of another gallery follow
+    of_shape = dict(
+        zip(job.record.shapes, job.models, strict=False)
+    )  # those of another gallery follow
     models = {of_shape[name] for name in itself} or set(of_shape.values())
     if len(models) > 1:
         problem = f"the forms of {job.record.gallery} are of {len(models)} models, and a query is in no fold"
-        raise ConfigurationError(problem, "choose one model: -m 'METHOD[training=NAME]'; see 'list models'")
+        raise ConfigurationError(
+            problem, "choose one model: -m 'METHOD[training=NAME]'; see 'list models'"
+        )
     method, (model,) = component.create(), models
     return method.load(model) if model else method
 
 
-def _inputs(query: Path, shapes: ShapeSet, component: Component, wanted: Input | None) -> tuple[Input, Input]:
+def _inputs(
+    query: Path, shapes: ShapeSet, component: Component, wanted: Input | None
+) -> tuple[Input, Input]:
     """Return the inputs of query and gallery: views if either is a depth image, or the method's only input."""
     is_view = query.suffix.lower() in EXTENSIONS or "mesh" not in shapes.inputs or wanted == "view"
     input_: Input = "view" if is_view or "mesh" not in component.info.inputs else "mesh"
@@ -288,13 +368,24 @@ def _inputs(query: Path, shapes: ShapeSet, component: Component, wanted: Input |
 
 
 def _query_arrays(
-    query: Path, prepared_shapes: PreparedShapes, half_width: float, options: Selection, *, of_gallery: bool
+    query: Path,
+    prepared_shapes: PreparedShapes,
+    half_width: float,
+    options: Selection,
+    *,
+    of_gallery: bool,
 ) -> Arrays:
     """Return the prepared arrays of a mesh or depth image, in the frame of the gallery."""
     if query.suffix.lower() in EXTENSIONS:
         folder = prepared_shapes.shapes.folder
-        frame = FrameFiles(query, **frame_settings(folder)) if of_gallery and folder else FrameFiles(query)
-        frame = replace(_with_camera(frame, options), half_width=prepared_shapes.shapes.half_width or HALF_WIDTH)
+        frame = (
+            FrameFiles(query, **frame_settings(folder))
+            if of_gallery and folder
+            else FrameFiles(query)
+        )
+        frame = replace(
+            _with_camera(frame, options), half_width=prepared_shapes.shapes.half_width or HALF_WIDTH
+        )
         return prepare_view(frame.observe().surface, UPRIGHT, frame.half_width)
     if prepared_shapes.input == "mesh":
         return prepare_mesh(read_mesh(query))

@@ -63,7 +63,10 @@ def program() -> None:
         where = str(error.filename or "writing the output")[:200]
         _end(f"error: {where}: {error.strerror}; choose another place", USAGE)
     if code == INTERRUPTED:
-        _end("interrupted; finished jobs, shapes and checkpoints are kept: run again to continue", INTERRUPTED)
+        _end(
+            "interrupted; finished jobs, shapes and checkpoints are kept: run again to continue",
+            INTERRUPTED,
+        )
     sys.exit(code)
 
 
@@ -85,7 +88,9 @@ def _open_streams() -> None:
             setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")  # a character that the terminal lacks must not end a run
+            stream.reconfigure(
+                errors="backslashreplace"
+            )  # a character that the terminal lacks must not end a run
 
 
 def _end(line: str, code: int) -> NoReturn:

@@ -24,8 +24,9 @@ Rows = list[dict[str, str]]
 #: Columns that fit 80 characters, by kind; the JSON has all.
 _COLUMNS = {
     "methods": ("name", "family", "state", "summary"),
-    "datasets": ("name", "state", "shapes", "classes", "source"), "models": ("training", "model", "origin", "schedule"),
-}  # fmt: skip
+    "datasets": ("name", "state", "shapes", "classes", "source"),
+    "models": ("training", "model", "origin", "schedule"),
+}
 
 
 def list_(what: str, selection: Selection, *, as_json: bool) -> None:
@@ -45,7 +46,9 @@ def list_(what: str, selection: Selection, *, as_json: bool) -> None:
 def _components(what: str, selection: Selection) -> Rows:
     """Return methods or scorers; one that cannot be imported has the reason."""
     rows: Rows = []
-    for name, component in by_name("method" if what == "methods" else "scorer", selection.plugins).items():
+    for name, component in by_name(
+        "method" if what == "methods" else "scorer", selection.plugins
+    ).items():
         try:
             missing = component.missing_packages()
             family = {"family": component.info.family} if component.kind == "method" else {}
@@ -53,7 +56,15 @@ def _components(what: str, selection: Selection) -> Rows:
             facts = {"name": name, "title": component.info.title, **family, "state": state}
             rows.append({**facts, "summary": component.summary})
         except ConfigurationError as error:
-            rows.append({"name": name, "title": name, "family": "", "state": "broken", "summary": str(error)})
+            rows.append(
+                {
+                    "name": name,
+                    "title": name,
+                    "family": "",
+                    "state": "broken",
+                    "summary": str(error),
+                }
+            )
     return rows
 
 
@@ -80,7 +91,11 @@ def _datasets(selection: Selection) -> Rows:
 def _tables(selection: Selection) -> Rows:
     root, rows = selection.require_data_root(), []
     for table in TABLES:
-        stand_in = f"{', '.join(table.stand_ins)} (stand-in for {table.dataset})" if table.stand_ins else "not here"
+        stand_in = (
+            f"{', '.join(table.stand_ins)} (stand-in for {table.dataset})"
+            if table.stand_ins
+            else "not here"
+        )
         data = table.dataset if is_present(table.dataset, root) else stand_in
         rows.append({"table": table.identifier, "dataset": data, "caption": table.caption})
     return rows
@@ -89,11 +104,20 @@ def _tables(selection: Selection) -> Rows:
 def _models(selection: Selection) -> Rows:
     """Return finished models with their training; those trained here precede the shipped ones."""
     folders = {selection.results / "models": "trained here"}
-    for learner in (component.create() for component in by_name("method").values() if component.learns):
+    for learner in (
+        component.create() for component in by_name("method").values() if component.learns
+    ):
         for folder in model_places(learner):
-            folders.setdefault(folder, "shipped" if folder == learner.shipped_models else MODELS_VARIABLE)
+            folders.setdefault(
+                folder, "shipped" if folder == learner.shipped_models else MODELS_VARIABLE
+            )
     return [
-        {"training": path.parent.parent.name, "model": path.parent.name, "origin": origin, **_model(path.parent)}
+        {
+            "training": path.parent.parent.name,
+            "model": path.parent.name,
+            "origin": origin,
+            **_model(path.parent),
+        }
         for folder, origin in folders.items()
         for path in sorted(folder.glob(f"*/*/{CARD}"))
     ]
@@ -119,11 +143,17 @@ def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:
     is_scorer = split_name(name)[0] in by_name("scorer", plugins)
     component = select_one(name, plugins, "scorer" if is_scorer else "method")
     facts, cls = _facts(component), component.load()
-    parameters = {name: format_value(value) for name, value in (component.defaults | {**component.parameters}).items()}
+    parameters = {
+        name: format_value(value)
+        for name, value in (component.defaults | {**component.parameters}).items()
+    }
     if as_json:
         say_lines(json.dumps({**facts, "parameters": parameters}, indent=1))
         return
-    texts = {fact: value if isinstance(value, str) else " and ".join(value) for fact, value in facts.items()}
+    texts = {
+        fact: value if isinstance(value, str) else " and ".join(value)
+        for fact, value in facts.items()
+    }
     say(f"{texts.pop('name')}: {texts.pop('title')}")
     rows = [(f"  {fact}", text) for fact, text in texts.items() if text]
     chosen = [f"{name}={text}" for name, text in parameters.items()]
@@ -136,7 +166,9 @@ def describe(name: str, plugins: Iterable[Path], *, as_json: bool) -> None:
 def _facts(component: Component) -> dict[str, str | list[str]]:
     """Return the details of a method or a scorer by name."""
     info, facts = component.info, dict[str, str | list[str]]()
-    kind = "learner" if component.learns else "descriptor" if component.describes else component.kind
+    kind = (
+        "learner" if component.learns else "descriptor" if component.describes else component.kind
+    )
     if component.kind == "method":
         facts = {
             "departs": info.departs,

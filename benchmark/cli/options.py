@@ -24,7 +24,9 @@ if TYPE_CHECKING:
     from benchmark.api.datasets import ShapeSet
     from benchmark.pipeline.records import Record
 
-_application = partial(Typer, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False)
+_application = partial(
+    Typer, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False
+)
 cli = _application(context_settings={"help_option_names": ["-h", "--help"]})
 data = _application(help="Check or export data sets.")
 cli.add_typer(data, name="data")
@@ -47,16 +49,22 @@ class Verb(TyperCommand):
         """Parse the words of a command line."""
         _, _, given = self.make_parser(ctx).parse_args([*args])
         for option in given:
-            if given.count(option) > 1 and not (getattr(option, "multiple", True) or getattr(option, "is_flag", False)):
+            if given.count(option) > 1 and not (
+                getattr(option, "multiple", True) or getattr(option, "is_flag", False)
+            ):
                 ctx.fail(f"{max(option.opts, key=len)} is given twice")
         return super().parse_args(ctx, args)
 
 
-Method = Annotated[str, Option("-m", "--method", metavar="METHOD", help="Method; see 'list methods'.")]
+Method = Annotated[
+    str, Option("-m", "--method", metavar="METHOD", help="Method; see 'list methods'.")
+]
 Force = Annotated[bool, Option("--force", help="Replace files that this verb did not write.")]
 Format = Annotated[Literal["text", "json"], Option("--format")]
 Failed = Annotated[bool, Option("--failed", help="Also show methods that fail in every job.")]
-Timeout = Annotated[float, Option("--timeout", parser=duration, metavar="TIME", help="Limit: 90s, 10m, 2h.")]
+Timeout = Annotated[
+    float, Option("--timeout", parser=duration, metavar="TIME", help="Limit: 90s, 10m, 2h.")
+]
 Traceback = Annotated[bool, Option("--traceback", help="Print errors in full.")]
 SetName = Annotated[str, Argument(metavar="NAME|FOLDER")]
 
@@ -64,41 +72,83 @@ SetName = Annotated[str, Argument(metavar="NAME|FOLDER")]
 class Selection(Struct, frozen=True, kw_only=True):
     """What the shared options select; see :func:`verb`."""
 
-    everything: Annotated[bool, Option("--all", help="Tables I to IV, I-view to III-view (default of 'plan').")] = False
-    tables: Annotated[list[str], Option("-t", "--table", metavar="TABLE", help="Table; see 'list tables'.")] = []
+    everything: Annotated[
+        bool, Option("--all", help="Tables I to IV, I-view to III-view (default of 'plan').")
+    ] = False
+    tables: Annotated[
+        list[str], Option("-t", "--table", metavar="TABLE", help="Table; see 'list tables'.")
+    ] = []
     methods: Annotated[
-        list[str], Option("-m", "--method", metavar="METHOD", help="Method, or all; see 'list methods'.")
+        list[str],
+        Option("-m", "--method", metavar="METHOD", help="Method, or all; see 'list methods'."),
     ] = []
     datasets: Annotated[
-        list[str], Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set, or your folder.")
+        list[str],
+        Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set, or your folder."),
     ] = []
-    input: Annotated[Literal["mesh", "view"] | None, Option("--input", help="Default: both.")] = None
-    scorer: Annotated[str, Option("--scorer", metavar="SCORER", help="Scorer; see 'list scorers'.")] = "cm-bof"
-    plugins: Annotated[list[Path], Option("--plugin", metavar="FILE", help="File with methods or scorers.")] = []
-    results: Annotated[Path, Option("--results", metavar="DIR", help="Results folder.")] = Path("results")
+    input: Annotated[Literal["mesh", "view"] | None, Option("--input", help="Default: both.")] = (
+        None
+    )
+    scorer: Annotated[
+        str, Option("--scorer", metavar="SCORER", help="Scorer; see 'list scorers'.")
+    ] = "cm-bof"
+    plugins: Annotated[
+        list[Path], Option("--plugin", metavar="FILE", help="File with methods or scorers.")
+    ] = []
+    results: Annotated[Path, Option("--results", metavar="DIR", help="Results folder.")] = Path(
+        "results"
+    )
     data_root: Annotated[
         Path | None,
-        Option("--data-root", metavar="DIR", envvar=DATA_VARIABLE, help="Folder of the official data sets."),
+        Option(
+            "--data-root",
+            metavar="DIR",
+            envvar=DATA_VARIABLE,
+            help="Folder of the official data sets.",
+        ),
     ] = None
     seed: Annotated[int, Option("--seed", metavar="N", help="Base seed of all methods.")] = 0
-    quick: Annotated[bool, Option("--quick", help="Fewer poses per subject, and only the paper's methods.")] = False
-    subjects: Annotated[str, Option("--subjects", metavar="A,B", help="Only these, to choose parameters on.")] = ""
-    gallery: Annotated[str, Option("--gallery", metavar="DATASET|FOLDER", help="Gallery of the queries in -d.")] = ""
+    quick: Annotated[
+        bool, Option("--quick", help="Fewer poses per subject, and only the paper's methods.")
+    ] = False
+    subjects: Annotated[
+        str, Option("--subjects", metavar="A,B", help="Only these, to choose parameters on.")
+    ] = ""
+    gallery: Annotated[
+        str, Option("--gallery", metavar="DATASET|FOLDER", help="Gallery of the queries in -d.")
+    ] = ""
     gallery_views: Annotated[
-        int, Option("--gallery-views", min=0, metavar="N", help="Show it to N cameras around each shape.")
+        int,
+        Option(
+            "--gallery-views", min=0, metavar="N", help="Show it to N cameras around each shape."
+        ),
     ] = 0
-    same_names: Annotated[bool, Option("--same-names", help="Leave out of it what has the query's name.")] = False
+    same_names: Annotated[
+        bool, Option("--same-names", help="Leave out of it what has the query's name.")
+    ] = False
     published: Annotated[bool, Option("--published", help="Only published records.")] = False
     intrinsics: Annotated[
-        str, Option("--intrinsics", metavar="FILE|fx,fy,cx,cy", help="Camera of a depth image. [file next to it]")
+        str,
+        Option(
+            "--intrinsics",
+            metavar="FILE|fx,fy,cx,cy",
+            help="Camera of a depth image. [file next to it]",
+        ),
     ] = ""
-    mask: Annotated[Path | None, Option("--mask", metavar="FILE", help="Object in a depth image. [found]")] = None
+    mask: Annotated[
+        Path | None, Option("--mask", metavar="FILE", help="Object in a depth image. [found]")
+    ] = None
     depth_scale: Annotated[
         float | None,
-        Option("--depth-scale", metavar="N", help="Depth units a metre. [1000 for integers, 1 for floats]"),
+        Option(
+            "--depth-scale",
+            metavar="N",
+            help="Depth units a metre. [1000 for integers, 1 for floats]",
+        ),
     ] = None
     picture: Annotated[
-        Path | None, Option("--picture", metavar="FILE", help="Draw the forms; a folder for several.")
+        Path | None,
+        Option("--picture", metavar="FILE", help="Draw the forms; a folder for several."),
     ] = None
 
     @property
@@ -123,7 +173,10 @@ class Selection(Struct, frozen=True, kw_only=True):
 
         for base in (split_name(name)[0] for name in names if is_known(name) and is_path(name)):
             if not self.data_root or Path(base).absolute() != (self.data_root / base).absolute():
-                say(f"{base} is the set of the suite; for the folder of this name here, pass ./{base}", err=True)
+                say(
+                    f"{base} is the set of the suite; for the folder of this name here, pass ./{base}",
+                    err=True,
+                )
 
     def open_dataset(self, name: str) -> ShapeSet:
         """Open a data set as it is called on the command line."""
@@ -142,7 +195,9 @@ class Selection(Struct, frozen=True, kw_only=True):
         return self.data_root
 
 
-def verb(*shared: str, app: Typer = cli) -> Callable[[Callable[..., bool | None]], Callable[..., None]]:
+def verb(
+    *shared: str, app: Typer = cli
+) -> Callable[[Callable[..., bool | None]], Callable[..., None]]:
     """Return a decorator that adds a verb with options of :class:`Selection`, which is its first argument.
 
     The exit code is 1 if the verb returns False: not all went well.
@@ -159,11 +214,19 @@ def verb(*shared: str, app: Typer = cli) -> Callable[[Callable[..., bool | None]
 
         @wraps(function)
         def run(**values: Any) -> None:
-            if function(Selection(**{name: values.pop(name) for name in shared}), **values) is False:
+            if (
+                function(Selection(**{name: values.pop(name) for name in shared}), **values)
+                is False
+            ):
                 raise Exit(1)
 
-        parameters = [*options, *(parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in own)]
-        parameters.sort(key=lambda parameter: parameter.default is not Parameter.empty)  # required ones first
+        parameters = [
+            *options,
+            *(parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in own),
+        ]
+        parameters.sort(
+            key=lambda parameter: parameter.default is not Parameter.empty
+        )  # required ones first
         run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
         return app.command(function.__name__.partition("_")[0], cls=Verb)(run)

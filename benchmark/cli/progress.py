@@ -45,8 +45,10 @@ class Bar:
             BarColumn(16),
             TextColumn("{task.fields[counts]}", table_column=Column(no_wrap=True), markup=False),
             TextColumn("{task.description}", table_column=rest, markup=False),
-            console=console, expand=True, disable=not (n_jobs and console.is_terminal),
-        )  # fmt: skip
+            console=console,
+            expand=True,
+            disable=not (n_jobs and console.is_terminal),
+        )
         self._task = self._bar.add_task("starting", total=None, counts=self._counts())
 
     def __enter__(self) -> Bar:
@@ -61,7 +63,13 @@ class Bar:
         self._state = state
         working = clean("; ".join(state.working)) or "ranking"
         counts = self._counts()
-        self._bar.update(self._task, completed=state.done, total=state.total or 1, counts=counts, description=working)
+        self._bar.update(
+            self._task,
+            completed=state.done,
+            total=state.total or 1,
+            counts=counts,
+            description=working,
+        )
         now = time.monotonic()
         if self._bar.disable and now - self._shown >= INTERVAL:
             self._shown = now
@@ -70,7 +78,8 @@ class Bar:
     def _counts(self) -> str:
         state = self._state
         elapsed = time.monotonic() - self._start
-        # The first forms wait for kernels to compile: until many are done, the estimate counts more than their seconds.
+        # The first forms wait for kernels to compile: until many are done, the estimate counts more
+        # than their seconds.
         share = state.done / state.total if state.total else 0.0
         expected = self._expected or (elapsed / share if share else 0.0)
         left = (1 - share) * ((1 - share) * expected + elapsed) if share else expected - elapsed
@@ -93,4 +102,6 @@ def counting(what: str, items: Iterable[T]) -> Iterator[T]:
     console = Console(file=sys.stderr)
     if not console.is_terminal:
         say(what, err=True)
-    yield from track([*items], escape(clean(what)), console=console, disable=not console.is_terminal)
+    yield from track(
+        [*items], escape(clean(what)), console=console, disable=not console.is_terminal
+    )

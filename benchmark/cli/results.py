@@ -21,7 +21,8 @@ from benchmark.text import brief, counted, say, say_lines
 def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
     """Return the records of a selection of data, input, scorer and seed.
 
-    With ``failed``, also those of methods that have scores on no data at all, are not selected, and not the paper's.
+    With ``failed``, also those of methods that have scores on no data at all, are not selected, and
+    not the paper's.
 
     Raises
     ------
@@ -31,22 +32,38 @@ def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
     has_published = options.results != Selection().results or (options.results / "records").is_dir()
     folder = options.results if has_published or not options.published else SUITE_RESULTS
     every = label_data_sets(read_records(folder, local=not options.published))
-    known = {table.identifier for table in TABLES} | {record.data.name for record in every} | {"extended"}
+    known = (
+        {table.identifier for table in TABLES}
+        | {record.data.name for record in every}
+        | {"extended"}
+    )
     check_known("table", options.tables, known)
     of_data = options.records_of_data(every)
     of_input = [record for record in of_data if options.input in (None, record.input)]
     full, quick = (
-        chosen_records(of_input, quick=is_quick, scorer=options.scorer, seed=options.seed) for is_quick in (False, True)
+        chosen_records(of_input, quick=is_quick, scorer=options.scorer, seed=options.seed)
+        for is_quick in (False, True)
     )
     records = quick if options.quick else full or quick
-    others = [of for of in of_input if of.scorer not in (options.scorer, "") or of.seed != options.seed]
+    others = [
+        of for of in of_input if of.scorer not in (options.scorer, "") or of.seed != options.seed
+    ]
     if others:
-        ways = ", or ".join(sorted({f"--scorer {of.scorer or options.scorer} --seed {of.seed}" for of in others}))
-        say(f"not shown: {counted(len(others), 'job')} of another scorer or seed: pass {ways}", err=True)
+        ways = ", or ".join(
+            sorted({f"--scorer {of.scorer or options.scorer} --seed {of.seed}" for of in others})
+        )
+        say(
+            f"not shown: {counted(len(others), 'job')} of another scorer or seed: pass {ways}",
+            err=True,
+        )
     newest = max((record.finished for record in full if not record.published), default="")
     newer = [record for record in quick if record.finished > newest]
     if newer and not options.quick:
-        says = f"{len(newer)} newer quick jobs are not shown: pass --quick" if full else "these are quick runs"
+        says = (
+            f"{len(newer)} newer quick jobs are not shown: pass --quick"
+            if full
+            else "these are quick runs"
+        )
         say(f"{says} ({', '.join(dict.fromkeys(record.data.name for record in newer))})", err=True)
     if not records:
         what = "published record" if options.published else "finished job"
@@ -54,15 +71,23 @@ def recorded(options: Selection, *, failed: bool = False) -> list[Record]:
         problem = f"no {what} under {options.results} fits the selection"
         raise ConfigurationError(problem, f"{first}, or select less")
     known = {row_of(record) for record in every if failed or record.status == "ok"} | {*TITLES}
-    named = {record.method for record in every if {record.method, record.method.partition("[")[0]} & {*options.methods}}
-    shown = [record for record in records if row_of(record) in known or record.method in named] or records
+    named = {
+        record.method
+        for record in every
+        if {record.method, record.method.partition("[")[0]} & {*options.methods}
+    }
+    shown = [
+        record for record in records if row_of(record) in known or record.method in named
+    ] or records
     hidden = {record.method: outcome(record) for record in records if record not in shown}
     for method, reason in hidden.items():
         say(f"left out, as it fails in every job: {method}: {reason}; --failed shows it", err=True)
     return shown
 
 
-def selected_tables(options: Selection, records: Iterable[Record], *, paper: bool = False) -> list[TableView]:
+def selected_tables(
+    options: Selection, records: Iterable[Record], *, paper: bool = False
+) -> list[TableView]:
     """Return the tables of a selection; raise ``ConfigurationError`` if there is none.
 
     With ``paper``, rows of the paper that never ran are among them.
@@ -109,8 +134,14 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
         raise ConfigurationError(f"{path} is there already", "choose another file, or pass --force")
     views = selected_tables(options, recorded(options))
     if not views:
-        raise ConfigurationError("the table of robustness has no figures", "select another one with -t")
+        raise ConfigurationError(
+            "the table of robustness has no figures", "select another one with -t"
+        )
     view, forms = views[0], StoredForms(options.results, options.data_root)
-    figure = figures.map_figure(view, forms) if what == "map" else figures.forms_figure(view, forms, shapes)
+    figure = (
+        figures.map_figure(view, forms)
+        if what == "map"
+        else figures.forms_figure(view, forms, shapes)
+    )
     figures.save(figure, path)
     say(f"wrote {path}")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import shlex
 from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
-from datetime import timedelta
 from pathlib import Path
 
 from benchmark.cli.options import Selection
@@ -42,12 +41,24 @@ def planned_jobs(
     """Plan a selection; raise ``ConfigurationError`` if it has no job."""
     selection.say_folders(*selection.datasets, *[selection.gallery] * bool(selection.gallery))
     return plan_selection(
-        selection.results, methods=forms or selection.methods, scorer=selection.scorer, seed=selection.seed,
-        rerun=rerun, records=records, plugins=selection.plugins, in_this_process=in_this_process,
-        tables=selection.tables, datasets=selection.datasets, input=selection.input, quick=selection.quick,
-        data_root=selection.require_data_root(), gallery=selection.gallery, gallery_views=selection.gallery_views,
-        same_names=selection.same_names, subjects=[name for name in nfc(selection.subjects).split(",") if name],
-    )  # fmt: skip
+        selection.results,
+        methods=forms or selection.methods,
+        scorer=selection.scorer,
+        seed=selection.seed,
+        rerun=rerun,
+        records=records,
+        plugins=selection.plugins,
+        in_this_process=in_this_process,
+        tables=selection.tables,
+        datasets=selection.datasets,
+        input=selection.input,
+        quick=selection.quick,
+        data_root=selection.require_data_root(),
+        gallery=selection.gallery,
+        gallery_views=selection.gallery_views,
+        same_names=selection.same_names,
+        subjects=[name for name in nfc(selection.subjects).split(",") if name],
+    )
 
 
 #: Jobs that ``plan`` prints one by one; of more, it prints the methods of each data set and input.
@@ -61,10 +72,15 @@ def plan(selection: Selection, *, traceback: bool = False, every: bool = False) 
     pending, cores = [job for job in jobs if job.is_pending], available_cores()
     if every or len(jobs) <= _LISTED:
         names = _names(jobs, records)
-        say_table([(job.state, name, brief(job.reason)) for job, name in zip(jobs, names, strict=True)])
+        say_table(
+            [(job.state, name, brief(job.reason)) for job, name in zip(jobs, names, strict=True)]
+        )
     else:
         _say_counts(jobs)
-    say(f"{len(pending)} of {len(jobs)} jobs to run" + "; --jobs lists each" * (not every and len(jobs) > _LISTED))
+    say(
+        f"{len(pending)} of {len(jobs)} jobs to run"
+        + "; --jobs lists each" * (not every and len(jobs) > _LISTED)
+    )
     expected = estimate(pending, records)
     if expected.seconds:
         work, wall = (_roughly(expected.seconds / share) for share in (1, cores))
@@ -78,10 +94,22 @@ def plan(selection: Selection, *, traceback: bool = False, every: bool = False) 
 
 
 def run(
-    selection: Selection, *, size: int | None, dask: str, timeout: float, rerun: Collection[str], forms: Sequence[str]
+    selection: Selection,
+    *,
+    size: int | None,
+    dask: str,
+    timeout: float,
+    rerun: Collection[str],
+    forms: Sequence[str],
 ) -> bool:
     """Run the selected jobs, or score forms of other programs, and print tables; return whether all jobs are ok."""
-    if not (selection.everything or selection.tables or selection.methods or selection.datasets or selection.plugins):
+    if not (
+        selection.everything
+        or selection.tables
+        or selection.methods
+        or selection.datasets
+        or selection.plugins
+    ):
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
     records = read_records(selection.results)
     of_programs, in_this_process = _forms(selection, forms), size == 0 and not dask
@@ -90,24 +118,39 @@ def run(
         check_forms(job.record, job.before, job.sides[0].method.given)
     _announce(jobs, selection.data_root, records)
     pending = [job for job in jobs if job.is_pending]
-    say(f"{len(pending)} of {len(jobs)} jobs to run, {sum(job.state == 'finished' for job in jobs)} finished before")
+    say(
+        f"{len(pending)} of {len(jobs)} jobs to run, {sum(job.state == 'finished' for job in jobs)} finished before"
+    )
     names = {job.record.key: name for job, name in zip(jobs, _names(jobs, records), strict=True)}
     missed = _missed(jobs, selection)
     for job in missed:
         remedy = "; --retry runs it again" if job.state == "failed" else ""
         say(f"{job.state:<11}  {names[job.record.key]}  {brief(job.reason)}{remedy}")
     if pending and not any(map(compiled_kernels, suite_sources())):
-        say("the first run compiles kernels, which takes minutes; 'python -m benchmark.kernels' does so in advance")
+        say(
+            "the first run compiles kernels, which takes minutes; 'python -m benchmark.kernels' does so in advance"
+        )
     if in_this_process:
-        say("-j 0: plugins run in this process, by one thread, without time limits; nothing of them is kept", err=True)
+        say(
+            "-j 0: plugins run in this process, by one thread, without time limits; nothing of them is kept",
+            err=True,
+        )
     size = available_cores() if size is None else size
     fine = not missed
     ended: dict[str, Record] = {}
     expected = estimate(pending, records)
-    factor = len(pending) / max(1, len(pending) - expected.unknown)  # jobs of unknown methods take as long as others
+    factor = len(pending) / max(
+        1, len(pending) - expected.unknown
+    )  # jobs of unknown methods take as long as others
     with Bar(len(pending), factor * expected.seconds / max(1, size)) as bar:
         for record in run_jobs(
-            jobs, selection.results, size=size, timeout=timeout, dask=dask, anew="finished" in rerun, watch=bar.watch
+            jobs,
+            selection.results,
+            size=size,
+            timeout=timeout,
+            dask=dask,
+            anew="finished" in rerun,
+            watch=bar.watch,
         ):
             bar.ended(f"{record.status:<11}  {names[record.key]}  {outcome(record)}")
             ended[record.key] = record
@@ -121,7 +164,9 @@ def run(
         return fine
     _print_tables_of(jobs, records, selection)
     if any("|" in name for name in selection.methods):
-        say("- The best of several values is tuned on these shapes; choose it on others: --subjects A,B.")
+        say(
+            "- The best of several values is tuned on these shapes; choose it on others: --subjects A,B."
+        )
     return fine
 
 
@@ -134,8 +179,15 @@ def _say_counts(jobs: Sequence[Planned]) -> None:
         counts.setdefault((job.record.gallery, job.record.input), Counter())[kind] += 1
         if kind == "not possible" or job.state in ("stale", "failed"):
             reasons.setdefault((job.state, brief(job.reason)), []).append(job.record.method)
-    kinds = [kind for kind in ("to run", "done", "not possible") if any(of[kind] for of in counts.values())]
-    rows = [(*place, *(f"{of[kind]:>{len(kind)}}" if of[kind] else "" for kind in kinds)) for place, of in counts.items()]
+    kinds = [
+        kind
+        for kind in ("to run", "done", "not possible")
+        if any(of[kind] for of in counts.values())
+    ]
+    rows = [
+        (*place, *(f"{of[kind]:>{len(kind)}}" if of[kind] else "" for kind in kinds))
+        for place, of in counts.items()
+    ]
     say_table([("data", "input", *kinds), *rows], whole=range(1, 2 + len(kinds)))
     for (state, reason), methods in reasons.items():
         say(f"{state}: {listed(dict.fromkeys(methods))} ({counted(len(methods), 'job')}): {reason}")
@@ -144,8 +196,12 @@ def _say_counts(jobs: Sequence[Planned]) -> None:
 def _roughly(seconds: float) -> str:
     """Return a time in words: 40 s, 12 min, 2 h 10 min."""
     minutes = round(seconds / 60)
-    return f"{round(seconds)} s" if seconds < 90 else f"{minutes} min" if minutes < 60 else (
-        f"{minutes // 60} h" + f" {minutes % 60} min" * bool(minutes % 60)
+    return (
+        f"{round(seconds)} s"
+        if seconds < 90
+        else f"{minutes} min"
+        if minutes < 60
+        else (f"{minutes // 60} h" + f" {minutes % 60} min" * bool(minutes % 60))
     )
 
 
@@ -163,7 +219,9 @@ def _names(jobs: Sequence[Planned], records: Iterable[Record]) -> list[str]:
 def _missed(jobs: Sequence[Planned], selection: Selection) -> list[Planned]:
     """Return the jobs that do not run and have no result, but those that cannot run and were not named."""
     left = [job for job in jobs if not job.is_pending and job.state != "finished"]
-    possible = {job.record.method for job in jobs if job.state not in ("unsupported", "unavailable")}
+    possible = {
+        job.record.method for job in jobs if job.state not in ("unsupported", "unavailable")
+    }
     if not selection.is_narrow:
         return [job for job in left if job.state not in ("unsupported", "unavailable")]
     return [job for job in left if job.state != "unsupported" or job.record.method not in possible]
@@ -179,7 +237,9 @@ def _forms(selection: Selection, forms: Sequence[str]) -> list[Component]:
     return [forms_of(Path(folder), title) for title, folder in folders.items()]
 
 
-def _print_tables_of(jobs: Sequence[Planned], records: Sequence[Record], selection: Selection) -> None:
+def _print_tables_of(
+    jobs: Sequence[Planned], records: Sequence[Record], selection: Selection
+) -> None:
     """Print the tables of jobs, with all rows of their galleries, or those of their methods if some are selected."""
     labelled = label_data_sets([*records, *(job.record for job in jobs)])
     known, of_run = labelled[: len(records)], labelled[len(records) :]
@@ -191,10 +251,16 @@ def _print_tables_of(jobs: Sequence[Planned], records: Sequence[Record], selecti
             wanted.add(shown.identifier)
             if not table.is_robustness:
                 sets.add(record.data.name)
-    every = chosen_records(known, quick=selection.quick, scorer=selection.scorer, seed=selection.seed)
+    every = chosen_records(
+        known, quick=selection.quick, scorer=selection.scorer, seed=selection.seed
+    )
     of_jobs = [record for record in every if (record.gallery, record.input) in pairs]
     methods = [record.method for record in of_run] if selection.is_narrow else ()
-    views = [view for view in table_views(of_jobs, wanted, methods, sets) if view.table.identifier in wanted]
+    views = [
+        view
+        for view in table_views(of_jobs, wanted, methods, sets)
+        if view.table.identifier in wanted
+    ]
     say()
     is_changed = any(changed(record.data.name) for record in of_run)
     print_tables(views, robustness_markdown(of_jobs) if is_changed else "")
@@ -203,19 +269,34 @@ def _print_tables_of(jobs: Sequence[Planned], records: Sequence[Record], selecti
 def _announce(jobs: Sequence[Planned], data_root: Path | None, records: Iterable[Record]) -> None:
     """Announce stand-ins, folders that are no longer where they were, and files that are not read."""
     folders = {job.record.data.name: job.record.data.path for job in jobs if job.record.data.path}
-    for path in sorted({of.data.path for of in records if folders.get(of.data.name, of.data.path) != of.data.path}):
+    for path in sorted(
+        {of.data.path for of in records if folders.get(of.data.name, of.data.path) != of.data.path}
+    ):
         if not Path(split_name(path)[0]).exists():
             forget = shlex.join(["forget", "-d", path])
             say(f"{path} is no longer there; its rows stay in tables until '{forget}'", err=True)
-    for name, official in {job.record.data.name: job.record.data.stand_in_for for job in jobs}.items():
+    for name, official in {
+        job.record.data.name: job.record.data.stand_in_for for job in jobs
+    }.items():
         if official in CATALOGUE and name in CATALOGUE:
             where = f"{data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"
-            absent = "" if is_present(official, data_root) else f", which is not at {where}; see --data-root"
+            absent = (
+                ""
+                if is_present(official, data_root)
+                else f", which is not at {where}; see --data-root"
+            )
             say(f"{name}: generated stand-in for {official}{absent}", err=True)
-    for record in {job.record.gallery: job.record for job in jobs if job.record.keeps_same_names}.values():
+    for record in {
+        job.record.gallery: job.record for job in jobs if job.record.keeps_same_names
+    }.values():
         named = len({*record.shapes} & {*record.sides[-1].shapes})
-        say(f"{record.gallery}: {named} queries have names of its shapes; --same-names leaves these out", err=True)
-    own = {one.source: one.dataset for job in jobs for one in job.galleries if not is_known(one.source)}
+        say(
+            f"{record.gallery}: {named} queries have names of its shapes; --same-names leaves these out",
+            err=True,
+        )
+    own = {
+        one.source: one.dataset for job in jobs for one in job.galleries if not is_known(one.source)
+    }
     for source, dataset in own.items():
         for anomaly in by_kind(unread_files(dataset)):
             say(f"{source}: {anomaly}", err=True)

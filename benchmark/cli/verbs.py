@@ -20,10 +20,33 @@ from benchmark.errors import ConfigurationError
 from benchmark.text import say, say_lines, say_table
 
 _JOBS = (
-    "everything", "tables", "methods", "datasets", "input", "scorer", "plugins", "results", "data_root", "seed",
-    "quick", "subjects", "gallery", "gallery_views", "same_names",
-)  # fmt: skip
-_RECORDS = ("tables", "methods", "datasets", "input", "scorer", "results", "seed", "quick", "published")
+    "everything",
+    "tables",
+    "methods",
+    "datasets",
+    "input",
+    "scorer",
+    "plugins",
+    "results",
+    "data_root",
+    "seed",
+    "quick",
+    "subjects",
+    "gallery",
+    "gallery_views",
+    "same_names",
+)
+_RECORDS = (
+    "tables",
+    "methods",
+    "datasets",
+    "input",
+    "scorer",
+    "results",
+    "seed",
+    "quick",
+    "published",
+)
 _CAMERA = ("intrinsics", "mask", "depth_scale", "picture")
 
 
@@ -31,14 +54,22 @@ _CAMERA = ("intrinsics", "mask", "depth_scale", "picture")
 def run(
     selection: Selection,
     jobs: Annotated[
-        int | None, Option("-j", "--jobs", min=0, metavar="N", help="Processes; 0 runs in this one. [all cores]")
+        int | None,
+        Option(
+            "-j", "--jobs", min=0, metavar="N", help="Processes; 0 runs in this one. [all cores]"
+        ),
     ] = None,
-    dask: Annotated[str, Option("--dask", metavar="URL", help="Scheduler of a dask cluster: tcp://HOST:8786.")] = "",
+    dask: Annotated[
+        str, Option("--dask", metavar="URL", help="Scheduler of a dask cluster: tcp://HOST:8786.")
+    ] = "",
     timeout: shared.Timeout = "2h",  # type: ignore[assignment]  # typer parses it
     retry: Annotated[bool, Option("--retry", help="Run failed jobs again.")] = False,
     force: Annotated[bool, Option("--force", help="Run finished jobs again, too.")] = False,
     forms: Annotated[
-        list[str], Option("--forms", metavar="NAME=DIR", help="Score DIR/SHAPE.off of another program instead.")
+        list[str],
+        Option(
+            "--forms", metavar="NAME=DIR", help="Score DIR/SHAPE.off of another program instead."
+        ),
     ] = [],
 ) -> bool:
     """Run the missing jobs of a selection, then print its tables."""
@@ -64,10 +95,15 @@ def plan(
 def tables(
     selection: Selection,
     format: Annotated[
-        Literal["latex", "markdown", "csv", "json"] | None, Option("--format", help="[markdown; with -o, all]")
+        Literal["latex", "markdown", "csv", "json"] | None,
+        Option("--format", help="[markdown; with -o, all]"),
     ] = None,
-    output: Annotated[Path | None, Option("-o", "--output", metavar="DIR", help="Write files.")] = None,
-    paper: Annotated[bool, Option("--paper", help="Also rows of the paper that never ran.")] = False,
+    output: Annotated[
+        Path | None, Option("-o", "--output", metavar="DIR", help="Write files.")
+    ] = None,
+    paper: Annotated[
+        bool, Option("--paper", help="Also rows of the paper that never ran.")
+    ] = False,
     force: shared.Force = False,
     failed: shared.Failed = False,
 ) -> None:
@@ -82,7 +118,13 @@ def tables(
 
     records = recorded(selection, failed=failed)
     views = selected_tables(selection, records, paper=paper)
-    is_whole = not (selection.tables or selection.methods or selection.datasets or selection.input or selection.quick)
+    is_whole = not (
+        selection.tables
+        or selection.methods
+        or selection.datasets
+        or selection.input
+        or selection.quick
+    )
     robustness = is_whole or "robustness" in selection.tables
     if output is not None:
         formats = [format] if format else FORMATS
@@ -92,7 +134,13 @@ def tables(
     elif format == "latex":
         say_lines("\n".join(map(latex, views)))
     elif format:
-        say_lines("\n".join(table_files(views, records, [format], verdicts=False, robustness=robustness).values()))
+        say_lines(
+            "\n".join(
+                table_files(
+                    views, records, [format], verdicts=False, robustness=robustness
+                ).values()
+            )
+        )
     else:
         print_tables(views, robustness_markdown(records) if robustness else "")
 
@@ -101,7 +149,10 @@ def tables(
 def report(
     selection: Selection,
     output: Annotated[
-        Path | None, Option("-o", "--output", metavar="OUT", help="Folder [results/report], or figure [KIND.pdf].")
+        Path | None,
+        Option(
+            "-o", "--output", metavar="OUT", help="Folder [results/report], or figure [KIND.pdf]."
+        ),
     ] = None,
     figure: Annotated[
         Literal["forms", "map"] | None,
@@ -141,7 +192,9 @@ def compare(
     from benchmark.report.comparison import compare, details, summaries
 
     records = recorded(selection, failed=True)
-    found = compare(selected_tables(replace(selection, methods=[first, second]), records), first, second)
+    found = compare(
+        selected_tables(replace(selection, methods=[first, second]), records), first, second
+    )
     if format == "csv":
         say_lines(found.to_csv(index=False, float_format="%.6f"))
     elif format == "json":
@@ -158,7 +211,9 @@ def compare(
 @verb("plugins", "results", "data_root")
 def list_(
     selection: Selection,
-    what: Annotated[Literal["methods", "scorers", "datasets", "tables", "models"], Argument(metavar="WHAT")],
+    what: Annotated[
+        Literal["methods", "scorers", "datasets", "tables", "models"], Argument(metavar="WHAT")
+    ],
     format: shared.Format = "text",
 ) -> None:
     """List methods, scorers, datasets, tables or models."""
@@ -169,7 +224,9 @@ def list_(
 
 @verb("plugins")
 def describe(
-    selection: Selection, name: Annotated[str, Argument(metavar="METHOD|SCORER")], format: shared.Format = "text"
+    selection: Selection,
+    name: Annotated[str, Argument(metavar="METHOD|SCORER")],
+    format: shared.Format = "text",
 ) -> None:
     """Describe a method or a scorer: parameters, source, inputs."""
     from benchmark.cli.names import describe
@@ -182,11 +239,14 @@ def canonicalise(
     selection: Selection,
     method: shared.Method,
     paths: Annotated[list[Path], Argument(metavar="IN...")],
-    output: Annotated[Path, Option("-o", "--output", metavar="OUT", help="Mesh file, or folder for several.")],
+    output: Annotated[
+        Path, Option("-o", "--output", metavar="OUT", help="Mesh file, or folder for several.")
+    ],
 ) -> bool:
     """Write the canonical form of a mesh, or of depth images.
 
-    A depth image is a 16-bit PNG, TIFF or PGM, NPY, NPZ or PFM; a folder stands for all of its images.
+    A depth image is a 16-bit PNG, TIFF or PGM, NPY, NPZ or PFM; a folder stands for all of its
+    images.
     """
     from benchmark.cli.forms import canonicalise
 
@@ -197,10 +257,14 @@ def canonicalise(
 def retrieve(
     selection: Selection,
     method: shared.Method,
-    dataset: Annotated[str, Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set or folder.")],
+    dataset: Annotated[
+        str, Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set or folder.")
+    ],
     query: Annotated[Path, Argument(metavar="QUERY", exists=True, dir_okay=False)],
     k: Annotated[int, Option("-k", min=1, metavar="N", help="Number of shapes to show.")] = 5,
-    input: Annotated[Literal["mesh", "view"] | None, Option("--input", help="Of the gallery. [the query's]")] = None,
+    input: Annotated[
+        Literal["mesh", "view"] | None, Option("--input", help="Of the gallery. [the query's]")
+    ] = None,
 ) -> None:
     """Show the shapes that are nearest to a mesh or a depth image."""
     from benchmark.cli.forms import retrieve
@@ -213,46 +277,75 @@ def score(
     distances: Annotated[Path, Argument(metavar="DISTANCES")],
     labels: Annotated[
         Path,
-        Option("--labels", metavar="FILE|FOLDER", help=".cla, lines 'label' or 'name label', or a folder."),
+        Option(
+            "--labels",
+            metavar="FILE|FOLDER",
+            help=".cla, lines 'label' or 'name label', or a folder.",
+        ),
     ],
     order: Annotated[
         Literal["list", "number", "listing", "natural"] | None,
-        Option("--order", help="Order of rows without names: that of a .cla or its numbers, or of a folder."),
+        Option(
+            "--order",
+            help="Order of rows without names: that of a .cla or its numbers, or of a folder.",
+        ),
     ] = None,
-    gallery: Annotated[Path | None, Option("--gallery", metavar="FILE|FOLDER", help="Labels of the columns.")] = None,
+    gallery: Annotated[
+        Path | None, Option("--gallery", metavar="FILE|FOLDER", help="Labels of the columns.")
+    ] = None,
     format: Annotated[Literal["text", "latex", "csv", "json"], Option("--format")] = "text",
-    title: Annotated[str, Option("--title", metavar="NAME", help="Name of the row. [name of the file]")] = "",
+    title: Annotated[
+        str, Option("--title", metavar="NAME", help="Name of the row. [name of the file]")
+    ] = "",
     results: Annotated[
-        Path | None, Option("--results", metavar="DIR", help="Also keep it as an external row in this folder.")
+        Path | None,
+        Option("--results", metavar="DIR", help="Also keep it as an external row in this folder."),
     ] = None,
-    dataset: Annotated[str, Option("--dataset", metavar="NAME", help="Data set of that row. [the labels']")] = "",
-    input: Annotated[Literal["mesh", "view"], Option("--input", help="Input of that row.")] = "mesh",
+    dataset: Annotated[
+        str, Option("--dataset", metavar="NAME", help="Data set of that row. [the labels']")
+    ] = "",
+    input: Annotated[
+        Literal["mesh", "view"], Option("--input", help="Input of that row.")
+    ] = "mesh",
 ) -> None:
     """Score the distances of any program.
 
-    DISTANCES is a symmetric N x N matrix (any M x N with --gallery): .npy, .npz, .txt, .csv, .mat, or .matrix of PSB.
+    DISTANCES is a symmetric N x N matrix (any M x N with --gallery): .npy, .npz, .txt, .csv, .mat,
+    or .matrix of PSB.
     """
     from benchmark.scoring.evaluation import score
     from benchmark.scoring.rows import keep_distances, record_beside
 
     if gallery and results is not None:
-        raise ConfigurationError("a row that is kept has the queries as its gallery", "omit --gallery or --results")
+        raise ConfigurationError(
+            "a row that is kept has the queries as its gallery", "omit --gallery or --results"
+        )
     title, name = title or distances.stem, dataset or labels.resolve().stem
     if results is not None:
-        record_beside(results, name, input, title)  # or say before all work that there can be no row
+        record_beside(
+            results, name, input, title
+        )  # or say before all work that there can be no row
     elif dataset:
-        raise ConfigurationError("--dataset names the data of a row that is kept", "pass --results, too")
+        raise ConfigurationError(
+            "--dataset names the data of a row that is kept", "pass --results, too"
+        )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # among the notes
         evaluation = score(distances, labels, order or "", gallery)
-    record = keep_distances(results, evaluation, title, name, input) if results is not None else None
+    record = (
+        keep_distances(results, evaluation, title, name, input) if results is not None else None
+    )
     for note in evaluation.notes:
         say(note, err=True)
     scores = evaluation.scores.rename_axis(title)
     if format == "csv":
         say_lines(scores.to_csv(float_format="%.6f"))
     elif format == "json":
-        content = {"title": title, "n_shapes": len(evaluation.queries), **scores.round(6).T.to_dict()}
+        content = {
+            "title": title,
+            "n_shapes": len(evaluation.queries),
+            **scores.round(6).T.to_dict(),
+        }
         say_lines(json.dumps(content, indent=1))
     elif format == "latex":
         from benchmark.reference.paper import MEASURES
@@ -301,10 +394,18 @@ def check(
 def train(
     selection: Selection,
     method: Annotated[str, Argument(metavar="METHOD")],
-    target: Annotated[str, Option("-t", "--table", metavar="TABLE", help="Table of the model, or a training.")] = "I",
-    assigned: Annotated[list[str], Option("-o", "--option", metavar="NAME=VALUE", help="Option of the training.")] = [],
-    data: Annotated[Path | None, Option("--data", metavar="FOLDER", help="Train on your own data.")] = None,
-    hold_out: Annotated[str, Option("--hold-out", metavar="A,B", help="Subjects of it to leave out for tests.")] = "",
+    target: Annotated[
+        str, Option("-t", "--table", metavar="TABLE", help="Table of the model, or a training.")
+    ] = "I",
+    assigned: Annotated[
+        list[str], Option("-o", "--option", metavar="NAME=VALUE", help="Option of the training.")
+    ] = [],
+    data: Annotated[
+        Path | None, Option("--data", metavar="FOLDER", help="Train on your own data.")
+    ] = None,
+    hold_out: Annotated[
+        str, Option("--hold-out", metavar="A,B", help="Subjects of it to leave out for tests.")
+    ] = "",
 ) -> None:
     """Train the models of a learner.
 
@@ -319,7 +420,9 @@ def train(
     spec = select_one(method, selection.plugins)
     learner = spec.create() if spec.learns else None
     if not isinstance(learner, Learner):
-        raise ConfigurationError(f"method '{method}' is not a learner", "choose one, such as 'learned'")
+        raise ConfigurationError(
+            f"method '{method}' is not a learner", "choose one, such as 'learned'"
+        )
     settings = assignments(assigned)
     if data is not None:
         trainings = [own_training(data, tuple(filter(None, hold_out.split(","))))]
@@ -344,7 +447,9 @@ def merge(selection: Selection, folders: Annotated[list[Path], Argument(metavar=
 
     results = selection.results
     with writing(results):
-        merged = merge([folder for folder in folders if folder.resolve() != results.resolve()], results)
+        merged = merge(
+            [folder for folder in folders if folder.resolve() != results.resolve()], results
+        )
     for existing, other in merged.conflicts:
         say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
         words = ["forget", "-m", existing.method, "-d", existing.data.path or existing.data.name]
@@ -353,14 +458,18 @@ def merge(selection: Selection, folders: Annotated[list[Path], Argument(metavar=
             f"the one here stays; to take the other, run 'python -m benchmark {shlex.join(words)}', "
             "which deletes all rows of the method there, and merge again"
         )
-    say(f"records: {len(merged.added)} added, {merged.known} known, {len(merged.conflicts)} in conflict")
+    say(
+        f"records: {len(merged.added)} added, {merged.known} known, {len(merged.conflicts)} in conflict"
+    )
     return not merged.conflicts
 
 
 @verb("methods", "datasets", "results")
 def forget(
     selection: Selection,
-    unused: Annotated[bool, Option("--unused", help="Delete only files that no record names.")] = False,
+    unused: Annotated[
+        bool, Option("--unused", help="Delete only files that no record names.")
+    ] = False,
     yes: Annotated[bool, Option("--yes", help="Delete them, and do not only name them.")] = False,
 ) -> None:
     """Delete the results of methods or data sets, and files that no record names."""
@@ -370,21 +479,27 @@ def forget(
     from benchmark.pipeline.records import Record, read_records, unneeded
 
     if bool(selection.methods or selection.datasets) == unused:
-        raise ConfigurationError("nothing is selected", "name methods with -m or data sets with -d, or pass --unused")
+        raise ConfigurationError(
+            "nothing is selected", "name methods with -m or data sets with -d, or pass --unused"
+        )
 
     labelled = label_data_sets(read_records(selection.results, published=False))
     of_data = {record.key for record in selection.records_of_data(labelled)}
 
     def is_unwanted(record: Record) -> bool:
         is_of_method = {record.method, record.method.partition("[")[0]} & {*selection.methods}
-        return not unused and record.key in of_data and bool(is_of_method or not selection.is_narrow)
+        return (
+            not unused and record.key in of_data and bool(is_of_method or not selection.is_narrow)
+        )
 
     with writing(selection.results):
         records, files = unneeded(selection.results, is_unwanted)
         if not (records or unused):
             every = {record.method for record in read_records(selection.results, published=False)}
             problem = f"no record under {selection.results} fits the selection"
-            raise ConfigurationError(problem, f"there are {', '.join(sorted(every)) or 'no records'}")
+            raise ConfigurationError(
+                problem, f"there are {', '.join(sorted(every)) or 'no records'}"
+            )
         for record in records:
             say(f"{record.row}  {outcome(record)}")
         size = sum(path.stat().st_size for path in files) / 1e6
@@ -422,7 +537,8 @@ def export(
 ) -> bool:
     """Write a data set as files.
 
-    '-d DIR' reads them with the same shapes, classes and cameras. The exit code is 1 if a shape cannot be written.
+    '-d DIR' reads them with the same shapes, classes and cameras. The exit code is 1 if a shape
+    cannot be written.
     """
     from benchmark.cli.progress import counting
     from benchmark.datasets.export import export

@@ -32,12 +32,20 @@ def check_retrievable(dataset: ShapeSet, entries: Iterable[Entry] | None = None)
         The ranked part of the data set; None for all shapes.
     """
     members = by_subject(dataset.shapes if entries is None else entries)
-    what = f"data set '{dataset.name}'" if entries is None else f"what this table ranks of data set '{dataset.name}'"
+    what = (
+        f"data set '{dataset.name}'"
+        if entries is None
+        else f"what this table ranks of data set '{dataset.name}'"
+    )
     if not members:
-        raise DatasetError(f"{what} has no meshes", "point to a folder with .off, .obj, .ply or .stl files")
+        raise DatasetError(
+            f"{what} has no meshes", "point to a folder with .off, .obj, .ply or .stl files"
+        )
     if len(members) < 2:
         hint = "sort the meshes into one sub-folder per class, add a .cla file, or name them CLASS + number"
-        raise DatasetError(f"{what} has one class ('{next(iter(members))}'), so every ranking is perfect", hint)
+        raise DatasetError(
+            f"{what} has one class ('{next(iter(members))}'), so every ranking is perfect", hint
+        )
     if max(map(len, members.values())) < 2:
         problem = f"each class of {what} has one shape, so nothing can be retrieved"
         raise DatasetError(problem, "add a second shape to at least one class")
@@ -46,7 +54,10 @@ def check_retrievable(dataset: ShapeSet, entries: Iterable[Entry] | None = None)
 def canonical_shapes(dataset: ShapeSet) -> Mapping[str, Entry]:
     """Return the shape of each subject in the canonical pose: that set for the subject, or else the first one."""
     return {
-        subject: next((entry for entry in members if entry.pose == dataset.canonical_poses.get(subject)), members[0])
+        subject: next(
+            (entry for entry in members if entry.pose == dataset.canonical_poses.get(subject)),
+            members[0],
+        )
         for subject, members in by_subject(dataset.shapes).items()
     }
 
@@ -87,6 +98,8 @@ class Part:
 def thinned(entries: tuple[Entry, ...], most: int) -> tuple[Entry, ...]:
     """Return at most ``most`` evenly spaced poses of each subject, including the first."""
     kept = {
-        entry.identifier for members in by_subject(entries).values() for entry in members[:: -(-len(members) // most)]
+        entry.identifier
+        for members in by_subject(entries).values()
+        for entry in members[:: -(-len(members) // most)]
     }
     return tuple(entry for entry in entries if entry.identifier in kept)

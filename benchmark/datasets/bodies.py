@@ -1,13 +1,14 @@
 """Generated human bodies: subjects as phenotypes, poses as joint angles, and the meshes of both.
 
-The parametric body is that of the package ``anny`` [Brégier et al. 2025; its assets stem from MakeHuman and are CC0]:
-blend shapes for the body, linear blend skinning for the pose. The result is deterministic. Subjects and poses are in
-``subjects.csv`` and ``poses.csv``.
+The parametric body is that of the package ``anny`` [Brégier et al. 2025; its assets stem from
+MakeHuman and are CC0]: blend shapes for the body, linear blend skinning for the pose. The result is
+deterministic. Subjects and poses are in ``subjects.csv`` and ``poses.csv``.
 
-The angles of a pose follow the conventions of physiotherapy, in degrees. ``raised`` is the angle between the upper arm
-and straight down, ``forward`` its direction seen from above (90 is to the front), ``roll`` turns about a limb, ``bend``
-of elbow and knee is 0 if they are straight, ``flexion`` moves the thigh to the front and ``abduction`` to the outside,
-``point`` lowers the toes. Trunk, head and body ``bend`` to the front, ``lean`` and ``turn`` to the body's left.
+The angles of a pose follow the conventions of physiotherapy, in degrees. ``raised`` is the angle
+between the upper arm and straight down, ``forward`` its direction seen from above (90 is to the
+front), ``roll`` turns about a limb, ``bend`` of elbow and knee is 0 if they are straight,
+``flexion`` moves the thigh to the front and ``abduction`` to the outside, ``point`` lowers the
+toes. Trunk, head and body ``bend`` to the front, ``lean`` and ``turn`` to the body's left.
 """
 
 from __future__ import annotations
@@ -29,13 +30,15 @@ from benchmark.errors import DatasetError
 from benchmark.geometry.cleaning import connected_components
 from benchmark.geometry.mesh import Faces, FloatArray, IntArray, Mesh
 
-#: Directions of the left limbs of the model at rest: x to the body's left, -y to the front, z up. They differ by less
-#: than three degrees between subjects; with a constant, a pose has the same rotations for all subjects.
+#: Directions of the left limbs of the model at rest: x to the body's left, -y to the front, z up.
+#: They differ by less than three degrees between subjects; with a constant, a pose has the same
+#: rotations for all subjects.
 _UPPER_ARM = np.array([0.664, -0.021, -0.747])
 _FOREARM = np.array([0.512, -0.687, -0.517])
 _SPINE = ("spine05", "spine04", "spine03", "spine02", "spine01")
 _NECK = ("neck01", "neck02", "neck03", "head")
-#: Fraction of the swing of an arm in the shoulder girdle, and of the hip flexion in the second bone of the thigh.
+#: Fraction of the swing of an arm in the shoulder girdle, and of the hip flexion in the second bone
+#: of the thigh.
 _CLAVICLE_SHARE, _THIGH_SHARE = 0.2, 0.15
 
 #: Number of angles of an arm, a leg, and a part of the trunk.
@@ -86,7 +89,8 @@ def _subjects() -> dict[str, dict[str, Subject]]:
 
 
 POSES: Mapping[str, FloatArray] = {
-    row.pop("pose"): np.array([float(angle) for angle in row.values()]) for row in _table("poses.csv")
+    row.pop("pose"): np.array([float(angle) for angle in row.values()])
+    for row in _table("poses.csv")
 }
 """Joint angles of each pose, shape (27,); the first pose is the canonical one."""
 
@@ -102,14 +106,20 @@ def describe(subject: Subject, angles: FloatArray) -> str:
 
 def mirrored(angles: FloatArray) -> FloatArray:
     """Return a pose with left and right exchanged."""
-    left_arm, right_arm, left_leg, right_leg, columns = np.split(angles, np.cumsum([_ARM, _ARM, _LEG, _LEG]))
-    return np.concatenate([right_arm, left_arm, right_leg, left_leg, columns * np.tile([1.0, -1.0, -1.0], 3)])
+    left_arm, right_arm, left_leg, right_leg, columns = np.split(
+        angles, np.cumsum([_ARM, _ARM, _LEG, _LEG])
+    )
+    return np.concatenate(
+        [right_arm, left_arm, right_leg, left_leg, columns * np.tile([1.0, -1.0, -1.0], 3)]
+    )
 
 
 def jittered(angles: FloatArray, deviation: float, random: np.random.Generator) -> FloatArray:
     """Perturb every angle of a pose by a standard deviation in degrees, within its range over all poses."""
     ends = np.stack([end for pose in POSES.values() for end in (pose, mirrored(pose))])
-    return np.clip(angles + random.normal(0.0, deviation, angles.shape), ends.min(axis=0), ends.max(axis=0))
+    return np.clip(
+        angles + random.normal(0.0, deviation, angles.shape), ends.min(axis=0), ends.max(axis=0)
+    )
 
 
 def named_random(name: str, purpose: str) -> np.random.Generator:
@@ -129,7 +139,8 @@ def bone_rotations(angles: FloatArray) -> dict[str, FloatArray]:
     Returns
     -------
     dict of str to numpy.ndarray
-        Rotation matrices, shape (3, 3), by bone name of the MakeHuman rig; other bones stay at rest.
+        Rotation matrices, shape (3, 3), by bone name of the MakeHuman rig; other bones stay at
+        rest.
     """
     left_arm, right_arm, left_leg, right_leg, trunk, head, body = np.split(
         angles, np.cumsum([_ARM, _ARM, _LEG, _LEG, _COLUMN, _COLUMN])
@@ -169,7 +180,9 @@ def _arm(raised: float, forward: float, roll: float, bend: float) -> dict[str, R
     }
 
 
-def _leg(flexion: float, abduction: float, roll: float, bend: float, point: float) -> dict[str, Rotation]:
+def _leg(
+    flexion: float, abduction: float, roll: float, bend: float, point: float
+) -> dict[str, Rotation]:
     first, second, lower, foot = (
         Rotation.from_euler("x", angle, degrees=True)
         for angle in (-(1 - _THIGH_SHARE) * flexion, -_THIGH_SHARE * flexion, bend, point)
@@ -190,8 +203,8 @@ def body_mesh(subject: Subject, angles: FloatArray) -> Mesh:
     Returns
     -------
     Mesh
-        13 348 vertices and 26 692 triangles, closed, of genus 0, in one-to-one correspondence; metres, z up, facing
-        -y, left hand towards +x.
+        13 348 vertices and 26 692 triangles, closed, of genus 0, in one-to-one correspondence;
+        metres, z up, facing -y, left hand towards +x.
 
     Raises
     ------
@@ -205,7 +218,9 @@ def body_mesh(subject: Subject, angles: FloatArray) -> Mesh:
     for bone, rotation in bone_rotations(angles).items():
         transforms[bone] = torch.eye(4, dtype=torch.float64)[None]
         transforms[bone][0, :3, :3] = torch.from_numpy(rotation)
-    phenotypes = {name: torch.tensor([value], dtype=torch.float64) for name, value in asdict(subject).items()}
+    phenotypes = {
+        name: torch.tensor([value], dtype=torch.float64) for name, value in asdict(subject).items()
+    }
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -227,7 +242,9 @@ def vertices_of(bones: tuple[str, ...], side: str = "") -> IntArray:
     side
         Suffix of bone names: ``".L"``, ``".R"``, or empty for any.
     """
-    return np.flatnonzero([bone.startswith(bones) and bone.endswith(side) for bone in _template().bones])
+    return np.flatnonzero(
+        [bone.startswith(bones) and bone.endswith(side) for bone in _template().bones]
+    )
 
 
 @functools.cache
@@ -253,7 +270,9 @@ def _template() -> _Template:
         import torch
     except ImportError as error:
         package = (error.name or "anny").partition(".")[0]
-        raise DatasetError(f"generated people need the package '{package}'", f"run `pip install {package}`") from error
+        raise DatasetError(
+            f"generated people need the package '{package}'", f"run `pip install {package}`"
+        ) from error
 
     if not any(anny.paths.get_anny_cache_path().glob("*/*")):
         sys.stderr.write("anny builds its cache on first use; this takes about half a minute\n")
@@ -263,7 +282,11 @@ def _template() -> _Template:
 
         def get_skinned_vertices(self, rest_vertices: Any, bone_transforms: Any) -> Any:
             bones, weights = self.vertex_bone_indices.numpy(), self.vertex_bone_weights.numpy()
-            rest, transforms, posed = rest_vertices.numpy(), bone_transforms.numpy(), np.zeros(rest_vertices.shape)
+            rest, transforms, posed = (
+                rest_vertices.numpy(),
+                bone_transforms.numpy(),
+                np.zeros(rest_vertices.shape),
+            )
             x, y, z = (rest[..., axis, None] for axis in range(3))
             for place in range(bones.shape[1]):
                 turn = transforms[:, bones[:, place], :3]
@@ -274,9 +297,13 @@ def _template() -> _Template:
     model = Body(skinning_method="lbs", pose_parameterization="local-ref")
     faces = model.get_triangular_faces().numpy().astype(np.int32)
     labels = connected_components(Mesh(model.template_vertices.numpy(), faces))
-    kept = labels == np.bincount(labels).argmax()  # eyes and tongue are separate components inside the head
+    kept = (
+        labels == np.bincount(labels).argmax()
+    )  # eyes and tongue are separate components inside the head
     renumbered = np.cumsum(kept, dtype=np.int32) - 1
     rows = np.flatnonzero(kept)
     strongest = model.vertex_bone_weights.numpy()[rows].argmax(axis=1)
-    bones = tuple(model.bone_labels[bone] for bone in model.vertex_bone_indices.numpy()[rows, strongest])
+    bones = tuple(
+        model.bone_labels[bone] for bone in model.vertex_bone_indices.numpy()[rows, strongest]
+    )
     return _Template(model, kept, renumbered[faces[kept[faces[:, 0]]]], bones)

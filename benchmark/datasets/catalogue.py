@@ -31,7 +31,9 @@ class GeneratedSet:
 
     def open(self, _name: str, _folder: Path) -> ShapeSet:
         """Return the data set."""
-        shapes: ShapeSet = getattr(import_module(f"benchmark.datasets.{self.module}"), self.function)(*self.arguments)
+        shapes: ShapeSet = getattr(
+            import_module(f"benchmark.datasets.{self.module}"), self.function
+        )(*self.arguments)
         return shapes
 
 
@@ -47,11 +49,17 @@ CATALOGUE: dict[str, OfficialSet | GeneratedSet] = {
     ),
     "people": GeneratedSet(f"{_RANDOM}: the first draw of three", "people", "people", 300, 15),
     **{
-        f"people[draw={draw}]": GeneratedSet(f"{_RANDOM}, draw {draw}", "people", "people", 300, 15, (draw,))
+        f"people[draw={draw}]": GeneratedSet(
+            f"{_RANDOM}, draw {draw}", "people", "people", 300, 15, (draw,)
+        )
         for draw in range(3)
     },
     "animals": GeneratedSet(
-        "generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA", "animals", "animals", 80, 9
+        "generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA",
+        "animals",
+        "animals",
+        80,
+        9,
     ),
     "animals-few": GeneratedSet(
         "generated animals and people, 6 classes x 3 poses of the set animals, for the table of robustness",
@@ -71,8 +79,8 @@ def open_dataset(name: str, data_root: Path | None = None) -> ShapeSet:
     Parameters
     ----------
     name
-        A key of :data:`CATALOGUE`, ``people[n=500]``, or the path of a folder of meshes; followed by any number of
-        changes, such as ``[noise=3][jitter=1]``.
+        A key of :data:`CATALOGUE`, ``people[n=500]``, or the path of a folder of meshes; followed
+        by any number of changes, such as ``[noise=3][jitter=1]``.
     data_root
         The folder of the official sets; None if there is none.
 
@@ -108,7 +116,9 @@ def _open(name: str, data_root: Path | None) -> ShapeSet:
 def _source(name: str) -> OfficialSet | GeneratedSet | None:
     if match := _MANY.fullmatch(name):
         n = int(match[1])
-        return GeneratedSet(f"{n} people drawn at random", "people", "many_people", _POSES * n, n, (n,))
+        return GeneratedSet(
+            f"{n} people drawn at random", "people", "many_people", _POSES * n, n, (n,)
+        )
     return CATALOGUE.get(name)
 
 
@@ -157,7 +167,9 @@ def require_known(name: str) -> None:
     base, _ = split_name(name)
     if _source(base) is None and not is_path(base):
         folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
-        raise did_you_mean("data set", base, [*CATALOGUE, *difflib.get_close_matches(base, folders, 1)])
+        raise did_you_mean(
+            "data set", base, [*CATALOGUE, *difflib.get_close_matches(base, folders, 1)]
+        )
 
 
 def table_name(source: str) -> str:
@@ -177,5 +189,7 @@ def check_ranked(dataset: ShapeSet) -> None:
 
 def folder_name(folder: Path) -> str:
     """Return the data set name of a folder: its own name, with a suffix if the catalogue uses that name."""
-    name = printable(Path(os.path.realpath(folder)).name)  # also names circular links, which are rejected later
+    name = printable(
+        Path(os.path.realpath(folder)).name
+    )  # also names circular links, which are rejected later
     return f"{name}-folder" if name in CATALOGUE else name

@@ -1,7 +1,8 @@
 """Changes of the shapes of a data set: ``animals[noise=3]``, ``tosca[jitter=1]``, ``FOLDER[holes=2][view-angle=4]``.
 
-A change replaces functions of a :class:`~benchmark.api.datasets.ShapeSet`. All its levels draw the same random numbers,
-so that they differ in the amount alone; those of ``jitter`` differ in the numbers alone.
+A change replaces functions of a :class:`~benchmark.api.datasets.ShapeSet`. All its levels draw the
+same random numbers, so that they differ in the amount alone; those of ``jitter`` differ in the
+numbers alone.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ class Change:
     amounts
         Amount at each level, from 1.
     of_mesh, of_camera, of_sensor, seen, of_set
-        Function that changes the mesh or the camera, makes the sensor from the amount and a seed, returns what a
-        camera sees of a mesh, or changes the data set.
+        Function that changes the mesh or the camera, makes the sensor from the amount and a seed,
+        returns what a camera sees of a mesh, or changes the data set.
     """
 
     title: str
@@ -52,8 +53,8 @@ class Change:
 def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> ShapeSet:
     """Return a data set with several views of each shape, one after the other, in the frame of its own views.
 
-    The cameras stand upright around the shape at half a step, one and a half steps, ... from its own camera, which is
-    the last one on request.
+    The cameras stand upright around the shape at half a step, one and a half steps, ... from its
+    own camera, which is the last one on request.
     """
     if "mesh" not in shapes.inputs:
         problem = f"{shapes.name} shows one side of each shape"
@@ -69,7 +70,9 @@ def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> Shap
         shapes=tuple(replace(entry, identifier=name) for name, (entry, _) in seen.items()),
         load=lambda view: shapes.load(seen[view.identifier][0]),
         key=lambda view: shapes.key(seen[view.identifier][0]),
-        camera=lambda view: surface.turned_by(shapes.camera(seen[view.identifier][0]), seen[view.identifier][1]),
+        camera=lambda view: surface.turned_by(
+            shapes.camera(seen[view.identifier][0]), seen[view.identifier][1]
+        ),
         sensor=lambda view: shapes.sensor(seen[view.identifier][0]),
         framed=shapes,
     )
@@ -77,18 +80,33 @@ def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> Shap
 
 CHANGES = {
     "noise": Change(
-        "vertex noise", "standard deviation / extent", (0.001, 0.002, 0.004, 0.008, 0.016), of_mesh=surface.noise
+        "vertex noise",
+        "standard deviation / extent",
+        (0.001, 0.002, 0.004, 0.008, 0.016),
+        of_mesh=surface.noise,
     ),
     "holes": Change("holes", "number of holes", (2, 5, 10, 20, 40), of_mesh=surface.holes),
-    "shortcuts": Change("topological shortcuts", "number of glued pairs", (1, 2, 3, 4, 5), of_mesh=surface.shortcuts),
-    "resolution": Change("resolution", "vertices", (20000, 8000, 1500, 1000, 500), of_mesh=surface.resolution),
+    "shortcuts": Change(
+        "topological shortcuts", "number of glued pairs", (1, 2, 3, 4, 5), of_mesh=surface.shortcuts
+    ),
+    "resolution": Change(
+        "resolution", "vertices", (20000, 8000, 1500, 1000, 500), of_mesh=surface.resolution
+    ),
     "remeshing": Change(
-        "other re-meshing", "length of an edge / extent", (0.006, 0.009, 0.013, 0.018, 0.024), of_mesh=surface.remeshing
+        "other re-meshing",
+        "length of an edge / extent",
+        (0.006, 0.009, 0.013, 0.018, 0.024),
+        of_mesh=surface.remeshing,
     ),
     "missing-parts": Change(
-        "missing parts", "share of the area", (0.05, 0.1, 0.2, 0.3, 0.4), of_mesh=surface.missing_parts
+        "missing parts",
+        "share of the area",
+        (0.05, 0.1, 0.2, 0.3, 0.4),
+        of_mesh=surface.missing_parts,
     ),
-    "view-angle": Change("view angle", "largest angle in degrees", (10, 20, 30, 45, 60), of_camera=surface.turned),
+    "view-angle": Change(
+        "view angle", "largest angle in degrees", (10, 20, 30, 45, 60), of_camera=surface.turned
+    ),
     "depth-noise": Change(
         "depth noise and steps",
         "deviation and step / depth of the frame",
@@ -96,13 +114,21 @@ CHANGES = {
         of_sensor=lambda amount, seed: DepthSensor(amount, amount, seed),
     ),
     "perspective": Change(
-        "perspective camera", "distance / extent", (3.0, 2.0, 1.5, 1.2, 1.0), seen=surface.seen_from_near
+        "perspective camera",
+        "distance / extent",
+        (3.0, 2.0, 1.5, 1.2, 1.0),
+        seen=surface.seen_from_near,
     ),
     "cameras": Change("views around", "cameras", tuple(range(1, 37)), of_set=seen_from_around),
     "cameras-and-own": Change(
-        "views around", "cameras and its own", tuple(range(1, 37)), of_set=partial(seen_from_around, own=True)
+        "views around",
+        "cameras and its own",
+        tuple(range(1, 37)),
+        of_set=partial(seen_from_around, own=True),
     ),
-    "jitter": Change("vertex noise of a millionth of the extent", "deviation", (1e-6,) * 9, of_mesh=surface.noise),
+    "jitter": Change(
+        "vertex noise of a millionth of the extent", "deviation", (1e-6,) * 9, of_mesh=surface.noise
+    ),
 }
 """Changes by name. Lengths are fractions of the longest side of the bounding box."""
 
@@ -121,7 +147,9 @@ def split_name(name: str) -> tuple[str, list[tuple[str, int]]]:
         If a change has no such level.
     """
     changes: list[tuple[str, int]] = []
-    while (match := _NAME.fullmatch(name)) and match["change"] in CHANGES and not Path(name).is_dir():
+    while (
+        (match := _NAME.fullmatch(name)) and match["change"] in CHANGES and not Path(name).is_dir()
+    ):
         n_levels = len(CHANGES[match["change"]].amounts)
         if match["level"] not in map(str, range(1, n_levels + 1)):
             problem = f"'{match['change']}' has no level '{match['level']}'"
@@ -164,15 +192,25 @@ def changed(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
     )
     if of_set := change.of_set:
         views = of_set(shapes, level)
-        return replace(views, name=result.name, title=result.title, code=result.code, inputs=("view",))
+        return replace(
+            views, name=result.name, title=result.title, code=result.code, inputs=("view",)
+        )
     if of_mesh := change.of_mesh:
-        return replace(result, load=lambda entry: of_mesh(shapes.load(entry), amount, random(entry)))
+        return replace(
+            result, load=lambda entry: of_mesh(shapes.load(entry), amount, random(entry))
+        )
     result = replace(result, inputs=tuple(input_ for input_ in shapes.inputs if input_ == "view"))
     if of_camera := change.of_camera:
-        return replace(result, camera=lambda entry: of_camera(shapes.camera(entry), amount, random(entry)))
+        return replace(
+            result, camera=lambda entry: of_camera(shapes.camera(entry), amount, random(entry))
+        )
     if seen := change.seen:
-        return replace(result, load=lambda entry: seen(shapes.load(entry), shapes.camera(entry), amount))
+        return replace(
+            result, load=lambda entry: seen(shapes.load(entry), shapes.camera(entry), amount)
+        )
     of_sensor = change.of_sensor
     if of_sensor is None or (shapes.shapes and shapes.sensor(shapes.shapes[0])):
-        raise ConfigurationError(f"{shapes.name} has depth noise already", "name one strength of depth-noise")
+        raise ConfigurationError(
+            f"{shapes.name} has depth noise already", "name one strength of depth-noise"
+        )
     return replace(result, sensor=lambda entry: of_sensor(amount, seed(entry)))

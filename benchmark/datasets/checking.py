@@ -17,13 +17,26 @@ import numpy as np
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
-from benchmark.datasets.folder import POINTS, all_mesh_files, is_hidden, mesh_stem, skipped_files, sub_folders
+from benchmark.datasets.folder import (
+    POINTS,
+    all_mesh_files,
+    is_hidden,
+    mesh_stem,
+    skipped_files,
+    sub_folders,
+)
 from benchmark.datasets.mesh_files import mesh_file_set
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
 from benchmark.geometry.cleaning import compact, topology
-from benchmark.geometry.depth import FEWEST_PIXELS, FILL, SIZE, camera_coordinates, common_half_width
+from benchmark.geometry.depth import (
+    FEWEST_PIXELS,
+    FILL,
+    SIZE,
+    camera_coordinates,
+    common_half_width,
+)
 from benchmark.geometry.io import SURFACE
 from benchmark.geometry.preparation import prepare
 from benchmark.text import listed
@@ -67,7 +80,10 @@ def by_kind(anomalies: Iterable[Anomaly]) -> tuple[Anomaly, ...]:
         what = one.what if one.severity == "error" else ""  # warnings of one kind have one hint
         kinds[one.severity, _NUMBER.sub("", what), _NUMBER.sub("", one.hint)].append(one)
     ranked = [sorted(members, key=_numbers, reverse=True) for members in kinds.values()]
-    joined = [replace(first, files=sum((one.files for one in others), first.files)) for first, *others in ranked]
+    joined = [
+        replace(first, files=sum((one.files for one in others), first.files))
+        for first, *others in ranked
+    ]
     return tuple(sorted(joined, key=lambda one: one.severity))
 
 
@@ -84,16 +100,19 @@ class Row:
     file, subject
         Names of the shape.
     counts
-        Report of preparation without decimation, and ``holes``; boundary loops that share a vertex are one.
+        Report of preparation without decimation, and ``holes``; boundary loops that share a vertex
+        are one.
     changes
-        What preparation changes, and what to do; see :attr:`benchmark.geometry.preparation.Prepared.changes`.
+        What preparation changes, and what to do; see
+        :attr:`benchmark.geometry.preparation.Prepared.changes`.
     extent, size
-        Half the longest side of the bounding box in the camera's frame, and the root of the area, in file units.
+        Half the longest side of the bounding box in the camera's frame, and the root of the area,
+        in file units.
     digest
         Digest of vertices and faces, independent of the file format.
     taken
-        As what a depth image was taken: ``unit``, ``camera``, ``mask``, and the range of its ``depths`` and the
-        ``distance`` and ``size`` of its object in metres.
+        As what a depth image was taken: ``unit``, ``camera``, ``mask``, and the range of its
+        ``depths`` and the ``distance`` and ``size`` of its object in metres.
     """
 
     file: str
@@ -124,20 +143,30 @@ class Report:
         stand_in, n_shapes = self.dataset.stand_in_for, len(self.dataset.shapes)
         sizes = Counter(entry.subject for entry in self.dataset.shapes if entry.subject)
         unread = n_shapes - len(self.rows)
-        keys = {"vertices": "vertices_before", "faces": "faces_before", "components": "components", "holes": "holes"}
+        keys = {
+            "vertices": "vertices_before",
+            "faces": "faces_before",
+            "components": "components",
+            "holes": "holes",
+        }
         counts = Counter(anomaly.severity for anomaly in self.anomalies for _ in anomaly.files)
         return [
             f"{self.dataset.name}: {n_shapes} shapes, {len(sizes)} classes, "
             f"{f'stand-in for {stand_in}' if stand_in else 'not a stand-in'}"
             f"{f', {unread} unreadable, which count as 0' if unread else ''}",
             f"classes     {', '.join(f'{subject} {size}' for subject, size in sizes.items()) or 'unknown'}",
-            *(f"{name:<11} {_range([row.counts[key] for row in self.rows])}" for name, key in keys.items()),
+            *(
+                f"{name:<11} {_range([row.counts[key] for row in self.rows])}"
+                for name, key in keys.items()
+            ),
             *(
                 f"{name:<11} {_summary([row.taken[name] for row in self.rows])}"
                 for name in (self.rows[0].taken if self.rows else ())
             ),
             *map(str, self.anomalies),
-            ", ".join(f"{counts[kind]} {kind}{'s' * (counts[kind] != 1)}" for kind in ("error", "warning")),
+            ", ".join(
+                f"{counts[kind]} {kind}{'s' * (counts[kind] != 1)}" for kind in ("error", "warning")
+            ),
         ]
 
 
@@ -175,13 +204,19 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
         return check(open_dataset(name, data_root), watched)
     except BenchmarkError as error:
         part = CATALOGUE[name].folder if name in CATALOGUE else ""
-        folder = (data_root / part if data_root and part else None) if name in CATALOGUE else Path(name)
+        folder = (
+            (data_root / part if data_root and part else None) if name in CATALOGUE else Path(name)
+        )
         if folder is None or not folder.is_dir():
             raise
         paths = [path for place in (folder, *sub_folders(folder)) for path in all_mesh_files(place)]
         entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
-        unopened = mesh_file_set(name=name if part else folder.resolve().name, shapes=entries, folder=folder)
-        return _report(unopened, [Anomaly("error", (folder.name,), error.problem, error.hint)], watched)
+        unopened = mesh_file_set(
+            name=name if part else folder.resolve().name, shapes=entries, folder=folder
+        )
+        return _report(
+            unopened, [Anomaly("error", (folder.name,), error.problem, error.hint)], watched
+        )
 
 
 def check(dataset: ShapeSet, watched: Watched = iter) -> Report:
@@ -202,7 +237,9 @@ def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
     sizes = Counter(entry.subject for entry in dataset.shapes)
     if lone := [*sizes.values()].count(1):
         what = f"ranked, but no queries: {lone} of {len(dataset.shapes)} shapes (alone in their class, or of class -1)"
-        yield Anomaly("warning", (dataset.name,), what, "add a shape to their classes if they should count")
+        yield Anomaly(
+            "warning", (dataset.name,), what, "add a shape to their classes if they should count"
+        )
     for subject, size in (SETS[dataset.name].sizes if dataset.name in SETS else {}).items():
         if sizes[subject] != size:
             what = f"class '{subject}' has {sizes[subject]} shapes, officially {size}"
@@ -216,19 +253,32 @@ def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
     if folder is None:
         return
     for path in skipped_files(folder) if dataset.name not in SETS else ():
-        what, hint = "points, not a surface", f"make a surface of them: {SURFACE.format(name='FILE')}"
+        what, hint = (
+            "points, not a surface",
+            f"make a surface of them: {SURFACE.format(name='FILE')}",
+        )
         if is_hidden(path):
             what, hint = "hidden", "remove what macOS writes beside each file, or rename a shape"
         elif path.suffix.lower() not in POINTS:
-            what, hint = "no shape, labels or settings", f"labels.txt and {SETTINGS_FILE} are read, in {folder.name}"
+            what, hint = (
+                "no shape, labels or settings",
+                f"labels.txt and {SETTINGS_FILE} are read, in {folder.name}",
+            )
         yield Anomaly("warning", (_relative(path, folder),), f"skipped: {what}", hint)
-    for place in dict.fromkeys([folder, *(path.parent for path in used if path), *sub_folders(folder)]):
+    for place in dict.fromkeys(
+        [folder, *(path.parent for path in used if path), *sub_folders(folder)]
+    ):
         first: dict[str, Path] = {}
         for path in all_mesh_files(place):
             name, same = _relative(path, folder), first.setdefault(mesh_stem(path), path)
             if same != path:
                 what = "the name of another in another format"
-                yield Anomaly("warning", (f"{name} ({same.name})",), what, "keep one of the two; this one is not read")
+                yield Anomaly(
+                    "warning",
+                    (f"{name} ({same.name})",),
+                    what,
+                    "keep one of the two; this one is not read",
+                )
             elif path not in used:
                 what = "none of the shapes of this data set"
                 yield Anomaly("warning", (name,), what, "remove it, or list it if it belongs here")
@@ -239,7 +289,11 @@ def _report(dataset: ShapeSet, of_set: Iterable[Anomaly], watched: Watched) -> R
     anomalies: list[Anomaly] = []
     first_with: dict[str, Row] = {}
     for entry in watched(dataset.shapes):
-        file = _relative(entry.path, dataset.folder) if entry.path and dataset.folder else entry.identifier
+        file = (
+            _relative(entry.path, dataset.folder)
+            if entry.path and dataset.folder
+            else entry.identifier
+        )
         try:
             row = _inspect(dataset, entry, file)
         except ShapeError as error:
@@ -253,7 +307,9 @@ def _report(dataset: ShapeSet, of_set: Iterable[Anomaly], watched: Watched) -> R
             is_wrong = twin.subject != row.subject
             what = f"the same geometry as another{' of another class' * is_wrong}"
             severity = "error" if is_wrong else "warning"
-            anomalies.append(Anomaly(severity, (f"{file} ({twin.file})",), what, "keep one of the two"))
+            anomalies.append(
+                Anomaly(severity, (f"{file} ({twin.file})",), what, "keep one of the two")
+            )
     units = _of_units(rows) if dataset.observe is None else ()
     of_shapes = [*anomalies, *units, *_of_frame(dataset, {row.file: row.extent for row in rows})]
     return Report(dataset, tuple(rows), by_kind([*of_set, *unread_files(dataset), *of_shapes]))
@@ -267,28 +323,46 @@ def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> Row:
         prepared = prepare(mesh, mesh.n_vertices)
         counts, changes = prepared.report, prepared.changes
     else:  # views are open and possibly disconnected
-        counts = {"vertices_before": mesh.n_vertices, "faces_before": mesh.n_faces, **topology(surface)}
+        counts = {
+            "vertices_before": mesh.n_vertices,
+            "faces_before": mesh.n_faces,
+            **topology(surface),
+        }
     extent = float(np.abs(camera_coordinates(surface, dataset.camera(entry))).max())
     digest = hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()
     taken = _taken(dataset.observe(entry), entry) if dataset.observe else {}
-    return Row(file, entry.subject, counts, changes, extent, float(np.sqrt(mesh.area)), digest, taken)
+    return Row(
+        file, entry.subject, counts, changes, extent, float(np.sqrt(mesh.area)), digest, taken
+    )
 
 
 def _taken(observed: Any, entry: Entry) -> dict[str, Any]:
     """Return as what a depth image was taken, in words that are the same for images that were taken alike."""
-    notes, stem, seen = observed.notes, entry.path.stem if entry.path else "", observed.depths[observed.depths > 0]
+    notes, stem, seen = (
+        observed.notes,
+        entry.path.stem if entry.path else "",
+        observed.depths[observed.depths > 0],
+    )
     words = {name: str(notes.get(name, "given")) for name in ("unit", "camera", "mask")}
     words["mask"] = re.sub(f"^{re.escape(stem)}", "NAME", words["mask"])
-    return {**words, "depths": (seen.min(), seen.max()), "distance": notes["distance"], "size": notes["size"]}
+    return {
+        **words,
+        "depths": (seen.min(), seen.max()),
+        "distance": notes["distance"],
+        "size": notes["size"],
+    }
 
 
 def _of_units(rows: Sequence[Row]) -> Iterator[Anomaly]:
     """Yield the shapes that differ by the factor of a unit from their class, or from the set if a class has one shape.
 
-    If some are larger and some smaller, these are the fewer ones; of equal groups, that farther from the whole set.
+    If some are larger and some smaller, these are the fewer ones; of equal groups, that farther
+    from the whole set.
     """
     of_set = statistics.median(row.size for row in rows) if rows else 1.0
-    groups: dict[float, dict[str, list[Row]]] = {unit: {"large": [], "small": []} for unit in _UNITS}
+    groups: dict[float, dict[str, list[Row]]] = {
+        unit: {"large": [], "small": []} for unit in _UNITS
+    }
     for row in rows:
         others = [other.size for other in rows if other is not row and other.subject == row.subject]
         ratio = row.size / (statistics.median(others) if others else of_set)
@@ -298,7 +372,9 @@ def _of_units(rows: Sequence[Row]) -> Iterator[Anomaly]:
     for unit, near in groups.items():
 
         def rank(word: str, near: Mapping[str, list[Row]] = near) -> tuple[int, float]:
-            return len(near[word]) or len(rows), -sum(abs(math.log(row.size / of_set)) for row in near[word])
+            return len(near[word]) or len(rows), -sum(
+                abs(math.log(row.size / of_set)) for row in near[word]
+            )
 
         odd, other = sorted(near, key=rank)
         if near[odd]:

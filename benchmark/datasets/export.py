@@ -18,11 +18,13 @@ from benchmark.geometry.camera import Camera
 from benchmark.geometry.io import write_mesh
 
 
-def export(dataset: ShapeSet, folder: Path, *, watched: Watched = iter) -> tuple[tuple[str, ...], list[str]]:
+def export(
+    dataset: ShapeSet, folder: Path, *, watched: Watched = iter
+) -> tuple[tuple[str, ...], list[str]]:
     """Write the readable shapes as ``CLASS/POSE.off``; cameras and canonical poses in ``dataset.toml``.
 
-    Coordinates are exact. Files are written to a temporary sibling folder, which takes the place of the folder at the
-    end, so a failure while writing leaves nothing.
+    Coordinates are exact. Files are written to a temporary sibling folder, which takes the place of
+    the folder at the end, so a failure while writing leaves nothing.
 
     Parameters
     ----------
@@ -36,18 +38,21 @@ def export(dataset: ShapeSet, folder: Path, *, watched: Watched = iter) -> tuple
     Returns
     -------
     tuple of str, list of str
-        Names of the files, meshes first; and a line for each shape that cannot be read and is left out.
+        Names of the files, meshes first; and a line for each shape that cannot be read and is left
+        out.
 
     Raises
     ------
     ConfigurationError
-        If the folder is nonempty or cannot be written, a class or pose cannot be the name of a file, or the data set
-        has depth noise.
+        If the folder is nonempty or cannot be written, a class or pose cannot be the name of a
+        file, or the data set has depth noise.
     DatasetError
         If no mesh is readable.
     """
     if any(dataset.sensor(entry) for entry in dataset.shapes):
-        raise ConfigurationError("meshes have no depth noise", "export the set without it, and name it in a run")
+        raise ConfigurationError(
+            "meshes have no depth noise", "export the set without it, and name it in a run"
+        )
     names, written, problems = _file_names(dataset.shapes), dict[str, Entry](), list[str]()
     try:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -64,11 +69,15 @@ def export(dataset: ShapeSet, folder: Path, *, watched: Watched = iter) -> tuple
                 except ShapeError as error:
                     problems.append(f"{entry.identifier}: {error}")
             if not written:
-                raise DatasetError(f"no mesh of '{dataset.name}' is readable: {problems[0]}", "correct the files")
+                raise DatasetError(
+                    f"no mesh of '{dataset.name}' is readable: {problems[0]}", "correct the files"
+                )
             (target / SETTINGS_FILE).write_bytes(_settings(dataset, written).encode())
             target.replace(folder)
     except OSError as error:
-        raise ConfigurationError(f"cannot write to {folder}: {error.strerror}", "choose another folder") from error
+        raise ConfigurationError(
+            f"cannot write to {folder}: {error.strerror}", "choose another folder"
+        ) from error
     return (*written, SETTINGS_FILE), problems
 
 
@@ -81,7 +90,9 @@ def _file_names(entries: Sequence[Entry]) -> dict[str, str]:
         pose = entry.pose if is_single else f"{entry.pose or 'pose'}-{number}"
         for word in (entry.subject, pose):
             if not re.fullmatch(r"\w[\w .+-]*", word):
-                raise ConfigurationError(f"{word!r} of '{entry.identifier}' cannot be the name of a file", "rename it")
+                raise ConfigurationError(
+                    f"{word!r} of '{entry.identifier}' cannot be the name of a file", "rename it"
+                )
         names[entry.identifier] = f"{entry.subject}/{pose}.off"
     return names
 
@@ -94,10 +105,22 @@ def _settings(dataset: ShapeSet, written: Mapping[str, Entry]) -> str:
     if dataset.half_width is not None:
         lines.append(f"half_width = {float(dataset.half_width)!r}")
     canonical = canonical_shapes(replace(dataset, shapes=tuple(written.values()))).values()
-    poses = [file.removesuffix(".off").split("/") for file, entry in written.items() if entry in canonical]
-    lines += ["", "[canonical_pose]", *(f"{_quoted(subject)} = {_quoted(pose)}" for subject, pose in poses)]
+    poses = [
+        file.removesuffix(".off").split("/")
+        for file, entry in written.items()
+        if entry in canonical
+    ]
+    lines += [
+        "",
+        "[canonical_pose]",
+        *(f"{_quoted(subject)} = {_quoted(pose)}" for subject, pose in poses),
+    ]
     cameras = {file.removesuffix(".off"): dataset.camera(entry) for file, entry in written.items()}
-    lines += ["", "[camera]", *(f"{_quoted(shape)} = {_view(camera)}" for shape, camera in cameras.items())]
+    lines += [
+        "",
+        "[camera]",
+        *(f"{_quoted(shape)} = {_view(camera)}" for shape, camera in cameras.items()),
+    ]
     return "\n".join([*lines, ""])
 
 

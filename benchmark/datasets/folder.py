@@ -21,24 +21,43 @@ from benchmark.files import LARGEST_LIST, decode, named_errors, read_file
 from benchmark.geometry.io import READABLE, mesh_suffix
 from benchmark.text import listed, printable
 
-#: Extensions of meshes that cannot be read: they are shapes that count as 0; and of point clouds, which are skipped.
+#: Extensions of meshes that cannot be read: they are shapes that count as 0; and of point clouds,
+#: which are skipped.
 UNREAD = (".3ds", ".3mf", ".dae", ".fbx", ".vtk", ".vtp", ".wrl")
 POINTS = (".pcd", ".pts", ".xyz")
 
 
 #: Files beside meshes and images that are known.
-_BESIDE = (".tri", ".bin", ".mtl", ".jpg", ".jpeg", ".bmp", ".tga", ".json", ".yaml", ".yml", ".md", ".pdf", ".html")
+_BESIDE = (
+    ".tri",
+    ".bin",
+    ".mtl",
+    ".jpg",
+    ".jpeg",
+    ".bmp",
+    ".tga",
+    ".json",
+    ".yaml",
+    ".yml",
+    ".md",
+    ".pdf",
+    ".html",
+)
 
-#: Names of lists of classes: of the Princeton Shape Benchmark, and in a folder of a user also of lines ``name label``.
-_CLA, _LISTS = (re.compile(pattern, re.IGNORECASE) for pattern in (r".*\.cla", r".*\.cla|labels\.(txt|csv|tsv)"))
+#: Names of lists of classes: of the Princeton Shape Benchmark, and in a folder of a user also of
+#: lines ``name label``.
+_CLA, _LISTS = (
+    re.compile(pattern, re.IGNORECASE) for pattern in (r".*\.cla", r".*\.cla|labels\.(txt|csv|tsv)")
+)
 
 
 def folder_set(folder: Path, name: str = "") -> ShapeSet:
     """Read the list of shapes of a folder.
 
-    Classes come from the first available source: ``labels.txt`` or ``labels.csv``, a ``.cla`` file, the names of mesh
-    files in the folder without trailing number (``cat10.off`` has class ``cat``), or sub-folders. A ``dataset.toml``
-    sets canonical poses, cameras and units. A folder without meshes may contain depth images, classified alike.
+    Classes come from the first available source: ``labels.txt`` or ``labels.csv``, a ``.cla`` file,
+    the names of mesh files in the folder without trailing number (``cat10.off`` has class ``cat``),
+    or sub-folders. A ``dataset.toml`` sets canonical poses, cameras and units. A folder without
+    meshes may contain depth images, classified alike.
 
     Parameters
     ----------
@@ -61,18 +80,24 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
     elif files:
         entries = [*_from_names(files)]
     else:
-        entries = [entry for sub in sub_folders(folder) for entry in _from_sub_folder(sub, mesh_files(sub))]
+        entries = [
+            entry for sub in sub_folders(folder) for entry in _from_sub_folder(sub, mesh_files(sub))
+        ]
     frames = [] if entries else _from_depth_images(folder)
     shapes = entries or frames
     if not shapes:
         unread = ", ".join(sorted({path.suffix for path in skipped_files(folder)}))
         hint = f"expected files ending in {', '.join(READABLE)}, depth images of 16 bits, or sub-folders of such files"
-        raise DatasetError(f"no meshes in {folder}{f' that can be read: {unread} cannot' if unread else ''}", hint)
+        raise DatasetError(
+            f"no meshes in {folder}{f' that can be read: {unread} cannot' if unread else ''}", hint
+        )
     if given and given.suffix.lower() != ".cla":
         shapes = _labelled(given, shapes)
     counts = Counter(entry.identifier for entry in shapes)
     if twice := [identifier for identifier, count in counts.items() if count > 1]:
-        raise DatasetError(f"{folder} holds two shapes that are both written '{twice[0]}'", "rename one of them")
+        raise DatasetError(
+            f"{folder} holds two shapes that are both written '{twice[0]}'", "rename one of them"
+        )
     if frames:
         return depth_frames(name, folder, tuple(shapes))
     return with_settings(mesh_file_set(name=name, shapes=tuple(shapes), folder=folder))
@@ -99,7 +124,8 @@ def mesh_files(folder: Path) -> list[Path]:
 def all_mesh_files(folder: Path) -> list[Path]:
     """Return all mesh files of a folder, preferred extensions first, including several per stem.
 
-    Unsupported formats, broken links, pipes and devices are included, so that they are reported and counted.
+    Unsupported formats, broken links, pipes and devices are included, so that they are reported and
+    counted.
     """
     known = (*READABLE, *UNREAD)
 
@@ -119,11 +145,20 @@ def skipped_files(folder: Path) -> list[Path]:
     places, known = (folder, *sub_folders(folder)), {*READABLE, *UNREAD, *EXTENSIONS, *_BESIDE}
 
     def is_unknown(path: Path) -> bool:
-        is_read = path.parent == folder and (path.name == SETTINGS_FILE or _LISTS.fullmatch(path.name))
-        return not (mesh_suffix(path) in known or is_read or CAMERA_FILES.fullmatch(path.name) or path.is_dir())
+        is_read = path.parent == folder and (
+            path.name == SETTINGS_FILE or _LISTS.fullmatch(path.name)
+        )
+        return not (
+            mesh_suffix(path) in known
+            or is_read
+            or CAMERA_FILES.fullmatch(path.name)
+            or path.is_dir()
+        )
 
     unknown = [path for place in places for path in _listed(place, is_unknown)]
-    return unknown + [path for place in places for path in sorted(place.glob(".*")) if mesh_suffix(path) in known]
+    return unknown + [
+        path for place in places for path in sorted(place.glob(".*")) if mesh_suffix(path) in known
+    ]
 
 
 def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
@@ -132,7 +167,9 @@ def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
         paths = sorted(folder.iterdir(), key=lambda path: (natural_key(path.name), path.name))
         return [path for path in paths if not is_hidden(path) and is_wanted(path)]
     except OSError as error:
-        raise DatasetError(f"cannot list {folder}: {error.strerror}", "check the path and its rights") from error
+        raise DatasetError(
+            f"cannot list {folder}: {error.strerror}", "check the path and its rights"
+        ) from error
 
 
 def is_hidden(path: Path) -> bool:
@@ -149,7 +186,9 @@ def _labelled(source: Path, entries: Sequence[Entry]) -> list[Entry]:
     if wrong := [name for name in (*names, *labels) if (name in labels) != (name in names)]:
         problem = f"{source} and the shapes beside it differ in {listed(wrong)}"
         raise DatasetError(problem, f"name each shape once, like {names[0]}")
-    return [replace(entry, subject=labels[entry.identifier], pose=entry.identifier) for entry in entries]
+    return [
+        replace(entry, subject=labels[entry.identifier], pose=entry.identifier) for entry in entries
+    ]
 
 
 def _from_depth_images(folder: Path) -> list[Entry]:
@@ -159,7 +198,9 @@ def _from_depth_images(folder: Path) -> list[Entry]:
     for sub in sub_folders(folder):
         if sub.name.lower() not in MASK_FOLDERS:
             inner = sub / "depth"
-            entries += _from_sub_folder(sub, depth_files(sub) or (depth_files(inner) if inner.is_dir() else []))
+            entries += _from_sub_folder(
+                sub, depth_files(sub) or (depth_files(inner) if inner.is_dir() else [])
+            )
     return entries
 
 
@@ -174,15 +215,24 @@ def _from_names(files: Iterable[Path]) -> Iterator[Entry]:
 def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
     subject = printable(folder.name)
     poses = [(printable(mesh_stem(path)), path) for path in files]
-    return [Entry(f"{subject}/{pose}", class_name(folder.name, pose), pose, path) for pose, path in poses]
+    return [
+        Entry(f"{subject}/{pose}", class_name(folder.name, pose), pose, path)
+        for pose, path in poses
+    ]
 
 
 def class_list(folders: Sequence[Path], lists: re.Pattern[str] = _CLA) -> Path | None:
     """Return the list of classes in some folders, or None; raises ``DatasetError`` if there are several."""
-    files = [path for folder in folders for path in _listed(folder, lambda path: bool(lists.fullmatch(path.name)))]
+    files = [
+        path
+        for folder in folders
+        for path in _listed(folder, lambda path: bool(lists.fullmatch(path.name)))
+    ]
     if len(files) > 1:
         names = " and ".join(path.relative_to(folders[0]).as_posix() for path in files[:2])
-        raise DatasetError(f"{folders[0]} holds {names}", "keep the list that classifies these meshes")
+        raise DatasetError(
+            f"{folders[0]} holds {names}", "keep the list that classifies these meshes"
+        )
     return files[0] if files else None
 
 
@@ -192,13 +242,15 @@ def read_cla(path: Path) -> dict[int, str]:
     Parameters
     ----------
     path
-        Text: ``PSB 1``; ``<classes> <models>``; per class ``<name> <parent> <count>`` and ``count`` model numbers.
+        Text: ``PSB 1``; ``<classes> <models>``; per class ``<name> <parent> <count>`` and ``count``
+        model numbers.
 
     Returns
     -------
     dict
-        Class name of each model number (0-based, as in the file names), in file order. Models of the class ``-1`` have
-        nothing in common: each is a class of its own, which is ranked, but no query.
+        Class name of each model number (0-based, as in the file names), in file order. Models of
+        the class ``-1`` have nothing in common: each is a class of its own, which is ranked, but no
+        query.
 
     Raises
     ------
@@ -212,20 +264,26 @@ def read_cla(path: Path) -> dict[int, str]:
         words = decode(read_file(path, LARGEST_LIST)).split()
         if words[:2] != ["PSB", "1"]:
             problem = "it does not start with 'PSB 1'"
-            raise DatasetError(problem, "use the classification format of the Princeton Shape Benchmark")
+            raise DatasetError(
+                problem, "use the classification format of the Princeton Shape Benchmark"
+            )
         n_classes, n_models = _whole(words[2]), _whole(words[3])
         position = 4
         while position < len(words):
             name, count = words[position], _whole(words[position + 2])
             if name in names:
-                raise DatasetError(f"class '{name}' stands there twice", "give each class a name of its own")
+                raise DatasetError(
+                    f"class '{name}' stands there twice", "give each class a name of its own"
+                )
             numbers = [_whole(word) for word in words[position + 3 : position + 3 + count]]
             if len(numbers) != count:
                 problem = f"class '{name}' announces {count} models but lists {len(numbers)}"
                 raise DatasetError(problem, "complete the file")
             for number in numbers:
                 if number in subjects:
-                    raise DatasetError(f"model {number} stands in two classes", "list each model once")
+                    raise DatasetError(
+                        f"model {number} stands in two classes", "list each model once"
+                    )
                 subjects[number] = class_name(name, number)
             names.add(name)
             position += 3 + count
@@ -252,7 +310,9 @@ def _from_cla(cla: Path, files: Iterable[Path]) -> Iterator[Entry]:
         hint = "add the mesh or correct the list"
         if {number - 1 for number in subjects} == set(by_number):
             hint = "the list counts from 1, the meshes from 0: subtract 1 from each number"
-        raise DatasetError(f"{cla} lists model {missing[0]}, but {cla.parent} has no mesh with that number", hint)
+        raise DatasetError(
+            f"{cla} lists model {missing[0]}, but {cla.parent} has no mesh with that number", hint
+        )
     for number, subject in sorted(subjects.items()):
         path, *others = by_number[number]
         if others:

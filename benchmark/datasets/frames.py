@@ -20,10 +20,11 @@ _WHERE = ", in a folder of depth images"
 def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSet:
     """Return a set of depth images, one object each, whose mesh is the visible surface: right, up, towards the camera.
 
-    All keys of ``dataset.toml`` are optional: ``intrinsics``, a file or fx, fy, cx, cy, otherwise a file is searched
-    for each image; ``depth_scale``, the units per metre; ``up``, the up direction in the camera's frame, [right, down,
-    forward], used if no floor is detected; ``half_width``, half the width of the frame of the objects, in metres;
-    ``canonical_pose``, a pose or a table from class to pose.
+    All keys of ``dataset.toml`` are optional: ``intrinsics``, a file or fx, fy, cx, cy, otherwise a
+    file is searched for each image; ``depth_scale``, the units per metre; ``up``, the up direction
+    in the camera's frame, [right, down, forward], used if no floor is detected; ``half_width``,
+    half the width of the frame of the objects, in metres; ``canonical_pose``, a pose or a table
+    from class to pose.
 
     Raises
     ------
@@ -35,7 +36,9 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
     path = folder / SETTINGS_FILE
     values = read_settings(path, _KEYS, _WHERE)
     settings = _camera(values, path)
-    files = {entry.identifier: FrameFiles(entry.path, **settings) for entry in entries if entry.path}
+    files = {
+        entry.identifier: FrameFiles(entry.path, **settings) for entry in entries if entry.path
+    }
 
     def key(entry: Entry) -> str:
         frame = files[entry.identifier]
@@ -68,10 +71,18 @@ def frame_settings(folder: Path) -> dict[str, Any]:
 
 
 def _camera(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    scale = positive(values["depth_scale"], "depth_scale", path) if "depth_scale" in values else None
-    half_width = positive(values["half_width"], "half_width", path) if "half_width" in values else HALF_WIDTH
+    scale = (
+        positive(values["depth_scale"], "depth_scale", path) if "depth_scale" in values else None
+    )
+    half_width = (
+        positive(values["half_width"], "half_width", path) if "half_width" in values else HALF_WIDTH
+    )
     try:
-        intrinsics = intrinsics_of(str(values["intrinsics"]), path.parent) if "intrinsics" in values else None
+        intrinsics = (
+            intrinsics_of(str(values["intrinsics"]), path.parent)
+            if "intrinsics" in values
+            else None
+        )
         up = tuple(checked_up(values["up"]).tolist()) if "up" in values else None
     except BenchmarkError as error:
         raise DatasetError(f"{path}: {error.problem}", error.hint) from error

@@ -34,9 +34,17 @@ def class_name(label: object, shape: object) -> str:
 
 def classes_of(labels: Mapping[str, object] | Sequence[object]) -> dict[str, str] | list[str]:
     """Return the classes of shapes by name, or in order; raise ``ConfigurationError`` if some have no label."""
-    named = labels if isinstance(labels, Mapping) else {f"row {row}": label for row, label in enumerate(labels, 1)}
+    named = (
+        labels
+        if isinstance(labels, Mapping)
+        else {f"row {row}": label for row, label in enumerate(labels, 1)}
+    )
     classes = {nfc(name): class_name(str(label).strip(), name) for name, label in named.items()}
-    if missing := [name for name, of in classes.items() if of.lower() in _MISSING or not any(map(str.isalnum, of))]:
+    if missing := [
+        name
+        for name, of in classes.items()
+        if of.lower() in _MISSING or not any(map(str.isalnum, of))
+    ]:
         problem = f"shapes without a label: {len(missing)}, the first is '{missing[0]}'"
         raise ConfigurationError(problem, "label them, or with -1 if they are of no class")
     return classes if isinstance(labels, Mapping) else [*classes.values()]
@@ -61,7 +69,9 @@ def read_labels(path: Path) -> dict[str, str] | list[str]:
         if widths == {1}:
             return classes_of([row[0] for row in rows])
         if widths != {2}:
-            raise ConfigurationError(f"it has lines of {' and '.join(map(str, sorted(widths)))} words", hint)
+            raise ConfigurationError(
+                f"it has lines of {' and '.join(map(str, sorted(widths)))} words", hint
+            )
         labels = dict(rows)
         if len(labels) < len(rows):
             raise ConfigurationError("it names a shape twice", "name each shape once")
@@ -85,7 +95,15 @@ def cells_of(lines: Sequence[str]) -> list[list[str]]:
 
 def lines_of(content: bytes) -> list[str]:
     """Return the lines of a text that are not blank, without comments."""
-    lines = [line for line in decode(content).splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    lines = [
+        line
+        for line in decode(content).splitlines()
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
     if not lines:
         raise ConfigurationError("it is empty", "name another file")
-    return [line.rstrip(" ;") for line in lines] if all(line.rstrip().endswith(";") for line in lines) else lines
+    return (
+        [line.rstrip(" ;") for line in lines]
+        if all(line.rstrip().endswith(";") for line in lines)
+        else lines
+    )

@@ -14,13 +14,21 @@ from benchmark.geometry.mesh import Mesh
 
 def mesh_file_set(**facts: Any) -> ShapeSet:
     """Return a data set whose shapes are read from mesh files; the arguments are those of :class:`ShapeSet`."""
-    return ShapeSet(load=read_entry, key=digest_of_entry, files=files_of, code=("benchmark.geometry.io",), **facts)
+    return ShapeSet(
+        load=read_entry,
+        key=digest_of_entry,
+        files=files_of,
+        code=("benchmark.geometry.io",),
+        **facts,
+    )
 
 
 def read_entry(entry: Entry) -> Mesh:
     """Read the mesh file of a shape; raise ``UnreadableMesh`` if it has none or it is damaged."""
     if entry.path is None:
-        raise UnreadableMesh(f"shape '{entry.identifier}' has no file", "give it a path, or the data set a 'load'")
+        raise UnreadableMesh(
+            f"shape '{entry.identifier}' has no file", "give it a path, or the data set a 'load'"
+        )
     return read_mesh(entry.path)
 
 

@@ -1,7 +1,7 @@
 """Official sets, as listed in ``official.toml``: their shapes, and the subject of each.
 
-A set is read from its folder and folders up to three levels below, as unpacked from the archives. Detected differences
-from the published set raise a ``DatasetError`` that names the file.
+A set is read from its folder and folders up to three levels below, as unpacked from the archives.
+Detected differences from the published set raise a ``DatasetError`` that names the file.
 """
 
 from __future__ import annotations
@@ -58,7 +58,11 @@ class OfficialSet:
     @cached_property
     def subjects(self) -> list[str]:
         """Classes in the order of the set."""
-        named = self.classes if isinstance(self.classes, list) else [str(k) for k in range(self.classes)]
+        named = (
+            self.classes
+            if isinstance(self.classes, list)
+            else [str(k) for k in range(self.classes)]
+        )
         return list(self.sizes) or named
 
     @property
@@ -101,8 +105,8 @@ class OfficialSet:
         Raises
         ------
         DatasetError
-            If the set differs from the published one: wrong counts, missing or duplicate files, changed labels. A set
-            with ``sizes`` may be incomplete.
+            If the set differs from the published one: wrong counts, missing or duplicate files,
+            changed labels. A set with ``sizes`` may be incomplete.
         ConfigurationError
             If ``dataset.toml`` has an unknown key, class or pose.
         """
@@ -133,18 +137,30 @@ class OfficialSet:
 
     def _listed(self, folder: Path) -> Iterator[Entry]:
         """Yield numbered shapes, with classes from a list or from sub-folders."""
-        files = {_number(key): path for key, path in _files(folder, {_form(self.names.format(number=0))}).items()}
+        files = {
+            _number(key): path
+            for key, path in _files(folder, {_form(self.names.format(number=0))}).items()
+        }
         source = class_list(list(folders_of_set(folder)), LISTS)
         classes = read_cla(source) if source else _folder_classes(files)
-        missing, surplus = sorted(classes.keys() - files.keys()), sorted(files.keys() - classes.keys())
+        missing, surplus = (
+            sorted(classes.keys() - files.keys()),
+            sorted(files.keys() - classes.keys()),
+        )
         if source and (missing or surplus):
             first = self.names.format(number=missing[0]).upper() if missing else ""
             what = f"there is no {first}" if missing else f"{files[surplus[0]].name} is extra"
-            raise DatasetError(f"{source} lists {len(classes)} models for {len(files)} meshes: {what}", _UNPACK)
+            raise DatasetError(
+                f"{source} lists {len(classes)} models for {len(files)} meshes: {what}", _UNPACK
+            )
         if len(files) != self.n_shapes:
-            raise DatasetError(f"{folder} holds {len(files)} shapes, not the official {self.n_shapes}", _UNPACK)
+            raise DatasetError(
+                f"{folder} holds {len(files)} shapes, not the official {self.n_shapes}", _UNPACK
+            )
         if not source and len(set(classes.values())) == 1:
-            raise DatasetError(f"{folder} holds no list of classes", "put the official .cla file there")
+            raise DatasetError(
+                f"{folder} holds no list of classes", "put the official .cla file there"
+            )
         official = self._official_names(classes, source or folder)
         for number in sorted(files):
             stem = mesh_stem(files[number])
@@ -154,14 +170,23 @@ class OfficialSet:
         """Return the official name of each listed class; raises ``DatasetError`` if its members are not official."""
         sizes = Counter(classes.values())
         if len(sizes) != self.classes:
-            raise DatasetError(f"{source} has {len(sizes)} classes, not the official {self.classes}", _UNPACK)
+            raise DatasetError(
+                f"{source} has {len(sizes)} classes, not the official {self.classes}", _UNPACK
+            )
         for name, size in sizes.items():
             if size != self.poses:
-                problem = f"class '{name}' of {source} has {size} models, not the official {self.poses}"
-                raise DatasetError(problem, "fetch the official list: a model stands in another class")
+                problem = (
+                    f"class '{name}' of {source} has {size} models, not the official {self.poses}"
+                )
+                raise DatasetError(
+                    problem, "fetch the official list: a model stands in another class"
+                )
         if not self.members:
             return {name: name for name in sizes}
-        digests = {name: members_digest(n for n, other in classes.items() if other == name) for name in sizes}
+        digests = {
+            name: members_digest(n for n, other in classes.items() if other == name)
+            for name in sizes
+        }
         if wrong := [f"'{name}'" for name, digest in digests.items() if digest not in self.members]:
             problem = f"classes {', '.join(wrong)} of {source} do not hold their official models"
             raise DatasetError(problem, "fetch the official list: some stand in another class")
@@ -169,14 +194,21 @@ class OfficialSet:
 
     def _classed(self, folder: Path) -> Iterator[Entry]:
         """Yield shapes whose names hold class and number, class by class."""
-        stems = {subject: self.names.format_map({"class": subject, "pose": 0}) for subject in self.subjects}
+        stems = {
+            subject: self.names.format_map({"class": subject, "pose": 0})
+            for subject in self.subjects
+        }
         files = _files(folder, {_form(stem) for stem in stems.values()})
         if not files:
-            raise DatasetError(f"no {self.title} meshes in {folder}", f"expected files such as {stems['cat']}.off")
+            raise DatasetError(
+                f"no {self.title} meshes in {folder}", f"expected files such as {stems['cat']}.off"
+            )
         for subject, stem in stems.items():
             keys = [key for key in files if _form(key) == _form(stem)]
             if not keys and not self.sizes:
-                raise DatasetError(f"{folder} holds no shape of class '{subject}', {stem[:-1]}1", _UNPACK)
+                raise DatasetError(
+                    f"{folder} holds no shape of class '{subject}', {stem[:-1]}1", _UNPACK
+                )
             for key in sorted(keys, key=natural_key):
                 yield Entry(mesh_stem(files[key]), subject, str(_number(key)), files[key])
 
@@ -187,7 +219,9 @@ SETS: Mapping[str, OfficialSet] = {name: OfficialSet(**facts) for name, facts in
 
 #: Sets that can be ranked, but have no table in the paper.
 EXTENDED = tuple(
-    name for name, known in SETS.items() if not known.other_use and name != "tosca" and not name.startswith("shrec14")
+    name
+    for name, known in SETS.items()
+    if not known.other_use and name != "tosca" and not name.startswith("shrec14")
 )
 
 
@@ -224,10 +258,15 @@ def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
             key = _key(mesh_stem(path))
             if _form(key) in forms and path_of.setdefault(key, path) != path:
                 one, other = path_of[key].relative_to(folder), path.relative_to(folder)
-                raise DatasetError(f"{folder} holds one shape as {one} and {other}", "keep one of them")
+                raise DatasetError(
+                    f"{folder} holds one shape as {one} and {other}", "keep one of them"
+                )
     return path_of
 
 
 def _folder_classes(files: Mapping[int, Path]) -> dict[int, str]:
     """Return the class of each number from its folder, or the parent of ``train`` and ``test``."""
-    return {number: path.parents[path.parent.name in ("train", "test")].name for number, path in files.items()}
+    return {
+        number: path.parents[path.parent.name in ("train", "test")].name
+        for number, path in files.items()
+    }

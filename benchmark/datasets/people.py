@@ -1,10 +1,10 @@
 """Generated people: ``people[draw=0]`` to ``people[draw=2]``, ``people[n=500]``, and ``humans-scanlike``.
 
 The subjects of ``people`` follow from a rule and a seed that were committed before any run, see
-``tests/datasets/test_people.py``. The bodies of ``people[n=N]`` keep a distance from all tested subjects, those of the
-earlier set ``humans`` included; a larger set begins with the bodies of the smaller one. The adults of
-``humans-scanlike`` are evenly distributed in phenotype space by an additive recurrence [Roberts 2018]. All sets but the
-last have the same 20 poses.
+``tests/datasets/test_people.py``. The bodies of ``people[n=N]`` keep a distance from all tested
+subjects, those of the earlier set ``humans`` included; a larger set begins with the bodies of the
+smaller one. The adults of ``humans-scanlike`` are evenly distributed in phenotype space by an
+additive recurrence [Roberts 2018]. All sets but the last have the same 20 poses.
 """
 
 from __future__ import annotations
@@ -17,7 +17,16 @@ from typing import Any
 import numpy as np
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.datasets.bodies import CAVITIES, POSES, SUBJECTS, Subject, body_mesh, describe, jittered, named_random
+from benchmark.datasets.bodies import (
+    CAVITIES,
+    POSES,
+    SUBJECTS,
+    Subject,
+    body_mesh,
+    describe,
+    jittered,
+    named_random,
+)
 from benchmark.errors import ConfigurationError
 from benchmark.files import file_digest
 from benchmark.geometry.mesh import FloatArray, Mesh
@@ -61,9 +70,13 @@ def people(draw: int = 0) -> ShapeSet:
 def many_people(n: int) -> ShapeSet:
     """Return ``n`` bodies drawn at random x 20 poses."""
     if not _FEWEST <= n <= _MOST:
-        raise ConfigurationError(f"people[n={n}] has no such number of bodies", f"choose {_FEWEST} to {_MOST}")
+        raise ConfigurationError(
+            f"people[n={n}] has no such number of bodies", f"choose {_FEWEST} to {_MOST}"
+        )
     names = [f"body-{number}" for number in range(n)]
-    return _bodies(names, _body, name=f"people[n={n}]", title=f"{n} people drawn at random", half_width=_WIDER)
+    return _bodies(
+        names, _body, name=f"people[n={n}]", title=f"{n} people drawn at random", half_width=_WIDER
+    )
 
 
 @functools.lru_cache(maxsize=_MOST)
@@ -75,7 +88,9 @@ def _body(name: str) -> Subject:
 def _bodies(subjects: list[str], body: Callable[[str], Subject], **facts: Any) -> ShapeSet:
     """Return bodies in all poses, with facts about their set."""
     return ShapeSet(
-        shapes=tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in subjects for pose in POSES),
+        shapes=tuple(
+            Entry(f"{subject}_{pose}", subject, pose) for subject in subjects for pose in POSES
+        ),
         load=lambda entry: body_mesh(body(entry.subject), POSES[entry.pose]),
         key=lambda entry: describe(body(entry.subject), POSES[entry.pose]),
         code=("benchmark.datasets.bodies",),
@@ -86,14 +101,19 @@ def _bodies(subjects: list[str], body: Callable[[str], Subject], **facts: Any) -
 def humans_scanlike() -> ShapeSet:
     """Return the stand-in for SHREC'14 real: scans of 40 adults x 10 poses.
 
-    The official set differs from the synthetic one by a domain shift: the bodies are adults of usual build and more
-    similar, nobody is symmetric or takes a pose exactly, fingers and toes are fused, and all tessellations differ.
+    The official set differs from the synthetic one by a domain shift: the bodies are adults of
+    usual build and more similar, nobody is symmetric or takes a pose exactly, fingers and toes are
+    fused, and all tessellations differ.
     """
     adults = SUBJECTS["humans-scanlike"]
     return ShapeSet(
         name="humans-scanlike",
         title="humans, scan-like (stand-in for SHREC'14 real)",
-        shapes=tuple(Entry(f"{subject}_{pose}", subject, pose) for subject in adults for pose in _SCANNED_POSES),
+        shapes=tuple(
+            Entry(f"{subject}_{pose}", subject, pose)
+            for subject in adults
+            for pose in _SCANNED_POSES
+        ),
         load=_scan,
         key=lambda entry: (
             f"scan of {entry.identifier}: {describe(adults[entry.subject], _angles(entry))} {file_digest(CAVITIES)}"
@@ -119,7 +139,11 @@ def _angles(entry: Entry) -> FloatArray:
 @functools.cache
 def _phenotypes(dataset: str) -> FloatArray:
     """Return the phenotypes of the subjects of a set, of one draw or over all draws."""
-    found = [bodies.values() for name, bodies in SUBJECTS.items() if dataset in (name, name.partition("[")[0])]
+    found = [
+        bodies.values()
+        for name, bodies in SUBJECTS.items()
+        if dataset in (name, name.partition("[")[0])
+    ]
     return np.array([astuple(body) for bodies in found for body in bodies])
 
 

@@ -42,7 +42,8 @@ _WHITE, _SMOOTH = 0.0002, 0.0003
 """Standard deviations in metres of white noise and of smooth noise."""
 
 _CORNERS = np.array(
-    [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], dtype=np.int64
+    [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)],
+    dtype=np.int64,
 )
 """Corners of a cube in the order of libigl's marching cubes."""
 
@@ -50,16 +51,19 @@ _CORNERS = np.array(
 def scanned(body: Mesh, subject: str, name: str) -> Mesh:
     """Return the scan of a posed body: about 15 000 vertices, one closed component, in metres, in its place.
 
-    The solid is sampled on a grid in a random position, gaps between fingers are closed, the boundary is extracted by
-    marching cubes [Lorensen and Cline 1987] and re-meshed isotropically [Botsch and Kobbelt 2004], and every vertex is
-    displaced along its normal by noise of a third of a millimetre.
+    The solid is sampled on a grid in a random position, gaps between fingers are closed, the
+    boundary is extracted by marching cubes [Lorensen and Cline 1987] and re-meshed isotropically
+    [Botsch and Kobbelt 2004], and every vertex is displaced along its normal by noise of a third of
+    a millimetre.
 
     Parameters
     ----------
     body
-        The body in its pose, with the vertices of the template; small self-intersections are harmless.
+        The body in its pose, with the vertices of the template; small self-intersections are
+        harmless.
     subject, name
-        Names of the subject, which seeds its asymmetry, and of the scan, which seeds its tessellation and noise.
+        Names of the subject, which seeds its asymmetry, and of the scan, which seeds its
+        tessellation and noise.
     """
     # Mouth, nostrils and eye sockets are cavities behind thin lids, invisible to a scanner.
     closed = membrane(body, _cavities())
@@ -67,7 +71,9 @@ def scanned(body: Mesh, subject: str, name: str) -> Mesh:
     uneven = closed.vertices + heights[:, np.newaxis] * vertex_normals(closed)
     random = named_random(name, "scan")
     angle = random.uniform(0, 2 * np.pi)
-    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    turn = np.array(
+        [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
+    )
     turned = uneven @ turn.T / CELL
     origin = turned.min(axis=0) - _MARGIN - random.uniform(0, 1, 3)
     points = turned - origin
@@ -79,7 +85,8 @@ def scanned(body: Mesh, subject: str, name: str) -> Mesh:
     for part in _FUSED:
         _close_gaps(solid, points[vertices_of(*part)])
     boundary = _boundary(solid)
-    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the resulting edges are slightly longer.
+    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the resulting edges
+    # are slightly longer.
     side = 0.97 * math.sqrt(boundary.area / N_VERTICES * 2 / math.sqrt(3))
     skin = isotropic_remesh(boundary, side, iterations=3, feature_degrees=180)
     return _noisy(skin.with_vertices(((skin.vertices + origin) * CELL) @ turn), random)
@@ -116,7 +123,9 @@ def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
         Mask of the free vertices, shape (n,).
     """
     tails, heads = sides_of(mesh.faces)
-    links = csr_array((np.ones(len(tails)), (tails, heads)), shape=(mesh.n_vertices, mesh.n_vertices))[free]
+    links = csr_array(
+        (np.ones(len(tails)), (tails, heads)), shape=(mesh.n_vertices, mesh.n_vertices)
+    )[free]
     degrees = np.asarray(links.sum(axis=1)).ravel()
     system = (diags_array(degrees) - links[:, free]).tocsc()
     vertices = mesh.vertices.copy()
@@ -128,8 +137,8 @@ def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
 def _count_crossings(points, faces, crossings):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Add to ``crossings[x, y, z]`` the orientation of each triangle that the line along z crosses just below node z.
 
-    Rows and spans are half-open, and each edge is always evaluated from its lower end, so that no line misses or hits
-    both of two adjacent triangles.
+    Rows and spans are half-open, and each edge is always evaluated from its lower end, so that no
+    line misses or hits both of two adjacent triangles.
     """
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -152,7 +161,8 @@ def _count_crossings(points, faces, crossings):  # type: ignore[no-untyped-def] 
             if x1 < x0:
                 x0, x1, z0, z1 = x1, x0, z1, z0
             for column in range(int(np.ceil(x0)), int(np.ceil(x1))):
-                # Between the ends of the span, hence inside the grid, which has a margin around all points.
+                # Between the ends of the span, hence inside the grid, which has a margin around all
+                # points.
                 height = z0 + (column - x0) / (x1 - x0) * (z1 - z0)
                 crossings[column, row, int(np.ceil(height))] += sign
 
@@ -180,14 +190,18 @@ def _boundary(solid: NDArray[np.bool_]) -> Mesh:
 
     density = gaussian_filter(solid.astype(np.float32), 1.0)
     inside = density > 0.5
-    blocks = [inside[x : x - 1 or None, y : y - 1 or None, z : z - 1 or None] for x, y, z in _CORNERS]
+    blocks = [
+        inside[x : x - 1 or None, y : y - 1 or None, z : z - 1 or None] for x, y, z in _CORNERS
+    ]
     mixed = functools.reduce(np.logical_or, (block != blocks[0] for block in blocks))
     corners = np.argwhere(mixed)[:, np.newaxis, :] + _CORNERS
     flat = np.ravel_multi_index(tuple(np.moveaxis(corners, 2, 0)), density.shape)
     used, cubes = np.unique(flat, return_inverse=True)
     nodes = np.stack(np.unravel_index(used, density.shape), axis=1).astype(np.float64)
     values = density.ravel()[used].astype(np.float64)
-    vertices, faces, _ = igl.marching_cubes(values, nodes, cubes.reshape(-1, 8).astype(np.int64), 0.5)
+    vertices, faces, _ = igl.marching_cubes(
+        values, nodes, cubes.reshape(-1, 8).astype(np.int64), 0.5
+    )
     # libigl orients the triangles towards larger values, i.e. inwards.
     return largest_component(Mesh(vertices, faces[:, ::-1]))
 
@@ -196,7 +210,9 @@ def _noisy(mesh: Mesh, random: np.random.Generator) -> Mesh:
     white, smooth = random.normal(0, 1, (2, mesh.n_vertices))
     smooth = _neighbour_mean(mesh, _neighbour_mean(mesh, smooth))
     amount = _WHITE * white + _SMOOTH * smooth / smooth.std()
-    return mesh.with_vertices(np.round(mesh.vertices + amount[:, np.newaxis] * vertex_normals(mesh), 6))
+    return mesh.with_vertices(
+        np.round(mesh.vertices + amount[:, np.newaxis] * vertex_normals(mesh), 6)
+    )
 
 
 def _neighbour_mean(mesh: Mesh, values: FloatArray) -> FloatArray:

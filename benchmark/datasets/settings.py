@@ -41,11 +41,12 @@ _KEYS = ("camera", "canonical_pose", "half_width", "normalise", "stand_in_for", 
 def with_settings(shapes: ShapeSet) -> ShapeSet:
     """Apply the ``dataset.toml`` of the folder of a set of meshes, if there is one.
 
-    All keys are optional: ``camera``, the name of a view, a table with ``direction`` and optionally ``up``, or a table
-    from class or shape to either; ``up`` (``"z"`` or ``"y"``), the up axis of the files for the named views;
-    ``canonical_pose``, a pose or a table from class to pose; ``half_width``, half the width of the camera's frame in
-    file units, or else in those that follow; ``unit``, a key of :data:`METRES`, a number of metres, or a table from
-    class or shape to either, which make all shapes metres; ``normalise = "area"``, which gives all unit area;
+    All keys are optional: ``camera``, the name of a view, a table with ``direction`` and optionally
+    ``up``, or a table from class or shape to either; ``up`` (``"z"`` or ``"y"``), the up axis of
+    the files for the named views; ``canonical_pose``, a pose or a table from class to pose;
+    ``half_width``, half the width of the camera's frame in file units, or else in those that
+    follow; ``unit``, a key of :data:`METRES`, a number of metres, or a table from class or shape to
+    either, which make all shapes metres; ``normalise = "area"``, which gives all unit area;
     ``stand_in_for``, the official set that generated shapes replace.
 
     Raises
@@ -66,9 +67,14 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
         changes["half_width"] = positive(values["half_width"], "half_width", path)
     changes["stand_in_for"] = str(values.get("stand_in_for", shapes.stand_in_for))
     if values.get("normalise", "area") != "area":
-        raise DatasetError(f"{path}: normalise is {values['normalise']!r}", 'write normalise = "area", or remove it')
+        raise DatasetError(
+            f"{path}: normalise is {values['normalise']!r}",
+            'write normalise = "area", or remove it',
+        )
     if "unit" in values or "normalise" in values:
-        units = _by_name(values.get("unit", 1), "unit", lambda value: _metres(value, path), shapes, path)
+        units = _by_name(
+            values.get("unit", 1), "unit", lambda value: _metres(value, path), shapes, path
+        )
 
         def factor(entry: Entry) -> float:
             return units(entry) or 1.0
@@ -79,9 +85,13 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
             return mesh.with_vertices(by * mesh.vertices)
 
         changes |= {"load": load, "code": (*shapes.code, __name__)}
-        changes["key"] = lambda entry: f"{shapes.key(entry)} {values.get('normalise') or factor(entry)}"
+        changes["key"] = lambda entry: (
+            f"{shapes.key(entry)} {values.get('normalise') or factor(entry)}"
+        )
     if "camera" in values:
-        cameras = _by_name(values["camera"], "camera", lambda value: _camera(value, up, path), shapes, path)
+        cameras = _by_name(
+            values["camera"], "camera", lambda value: _camera(value, up, path), shapes, path
+        )
         changes["camera"] = lambda entry: cameras(entry) or shapes.camera(entry)
     elif up == "y":
         changes["camera"] = lambda entry: _y_up(shapes.camera(entry))
@@ -118,12 +128,19 @@ def positive(value: Any, key: str, path: Path) -> float:
 
 def canonical_poses(value: Any, entries: Iterable[Entry], path: Path) -> dict[str, str]:
     """Return the canonical pose of each class that a settings file names, one for all or a table."""
-    poses = {subject: [entry.pose for entry in members] for subject, members in by_subject(entries).items()}
+    poses = {
+        subject: [entry.pose for entry in members]
+        for subject, members in by_subject(entries).items()
+    }
     chosen = {}
-    for subject, pose in (value if isinstance(value, dict) else dict.fromkeys(poses, value)).items():
+    for subject, pose in (
+        value if isinstance(value, dict) else dict.fromkeys(poses, value)
+    ).items():
         check_known(f"class under canonical_pose in {path}", [subject], poses)
         if isinstance(pose, bool) or not isinstance(pose, int | str):
-            raise DatasetError(f"{path}: the canonical pose of '{subject}' is {pose!r}", "write a pose in quotes")
+            raise DatasetError(
+                f"{path}: the canonical pose of '{subject}' is {pose!r}", "write a pose in quotes"
+            )
         check_known(f"pose of class '{subject}' in {path}", [str(pose)], poses[subject])
         chosen[subject] = str(pose)
     return chosen

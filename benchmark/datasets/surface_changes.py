@@ -1,6 +1,7 @@
 """Changes of a surface or a camera, as pure functions of an amount and a random generator.
 
-Random draws do not depend on the amount. Lengths are fractions of the longest side of the bounding box.
+Random draws do not depend on the amount. Lengths are fractions of the longest side of the bounding
+box.
 """
 
 from __future__ import annotations
@@ -21,25 +22,30 @@ HOLE_RADIUS = 0.02
 FEWEST_VERTICES = 50
 #: Re-meshing iterations.
 ROUNDS = 5
-#: Minimum distance along the edges between two triangles to be joined, and as a multiple of their Euclidean distance.
+#: Minimum distance along the edges between two triangles to be joined, and as a multiple of their
+#: Euclidean distance.
 FARTHEST, DETOUR = 0.3, 2.0
 #: Number of candidate triangles for one end of a shortcut.
 TRIED = 100
-#: Pixels per side of the perspective camera, share of them that the bounding sphere fills, and largest step in depth
-#: within a triangle of what it sees, as a fraction of the extent.
+#: Pixels per side of the perspective camera, share of them that the bounding sphere fills, and
+#: largest step in depth within a triangle of what it sees, as a fraction of the extent.
 PIXELS, FILL, STEP = 500, 0.95, 0.025
 
 
 def noise(mesh: Mesh, amount: float, random: Random) -> Mesh:
     """Add independent Gaussian noise to every vertex, with the given standard deviation per coordinate."""
-    return mesh.with_vertices(mesh.vertices + amount * extent_of(mesh) * random.standard_normal((mesh.n_vertices, 3)))
+    return mesh.with_vertices(
+        mesh.vertices + amount * extent_of(mesh) * random.standard_normal((mesh.n_vertices, 3))
+    )
 
 
 def holes(mesh: Mesh, amount: float, random: Random) -> Mesh:
     """Cut the given number of round holes at random positions; keep the largest piece."""
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     running = np.cumsum(mesh.face_areas)
-    centres = middles[np.searchsorted(running, running[-1] * random.uniform(size=int(amount)) * (1 - 1e-12))]
+    centres = middles[
+        np.searchsorted(running, running[-1] * random.uniform(size=int(amount)) * (1 - 1e-12))
+    ]
     radius, kept = HOLE_RADIUS * extent_of(mesh), np.ones(mesh.n_faces, dtype=bool)
     for centre in centres:
         kept &= np.linalg.norm(middles - centre, axis=1) >= radius
@@ -61,7 +67,9 @@ def resolution(mesh: Mesh, amount: float, _: Random) -> Mesh:
     """Change the number of vertices: halve all edges until there are enough, then collapse edges."""
     while mesh.n_vertices < amount:
         mesh = halved(mesh)
-    from benchmark.geometry.preparation import decimate  # which, as others here, takes half a second
+    from benchmark.geometry.preparation import (
+        decimate,
+    )  # which, as others here, takes half a second
 
     return decimate(mesh, int(amount))
 
@@ -89,8 +97,9 @@ def turned_by(camera: Camera, angle: float) -> Camera:
 def seen_from_near(mesh: Mesh, camera: Camera, amount: float) -> Mesh:
     """Return the surface that a perspective camera sees from a distance of the given number of extents.
 
-    The camera looks at the centre of the bounding box in the direction of the orthographic one. Its pixels become
-    vertices in the coordinates of the mesh; triangles across steps in depth are left out.
+    The camera looks at the centre of the bounding box in the direction of the orthographic one. Its
+    pixels become vertices in the coordinates of the mesh; triangles across steps in depth are left
+    out.
     """
     from benchmark.geometry.rasterise import depth_buffer
 
@@ -111,7 +120,9 @@ def seen_from_near(mesh: Mesh, camera: Camera, amount: float) -> Mesh:
     x, y = ((pixels + 0.5 - PIXELS / 2) * depth / focal for pixels in (columns, rows))
     seen = np.column_stack([x, y, amount * extent - depth]) @ camera.rotation + centre
     a, b, c, d = numbers[:-1, :-1], numbers[:-1, 1:], numbers[1:, 1:], numbers[1:, :-1]
-    faces = np.concatenate([np.stack(corners, axis=2).reshape(-1, 3) for corners in ((a, b, c), (a, c, d))])
+    faces = np.concatenate(
+        [np.stack(corners, axis=2).reshape(-1, 3) for corners in ((a, b, c), (a, c, d))]
+    )
     faces = faces[(faces >= 0).all(axis=1)]
     faces = faces[np.ptp(depth[faces], axis=1) < STEP * extent]
     return compact(seen, faces)
@@ -120,9 +131,9 @@ def seen_from_near(mesh: Mesh, camera: Camera, amount: float) -> Mesh:
 def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
     """Join the given number of triangle pairs, near in space and far along the surface, by tubes.
 
-    Nearby parts are fused as scanners and marching cubes fuse a hand and a hip. Among the candidates, the nearest pairs
-    are joined first. A tube replaces its two triangles by six, so the surface stays a manifold and its genus increases
-    by one.
+    Nearby parts are fused as scanners and marching cubes fuse a hand and a hip. Among the
+    candidates, the nearest pairs are joined first. A tube replaces its two triangles by six, so the
+    surface stays a manifold and its genus increases by one.
 
     Raises
     ------
@@ -142,7 +153,9 @@ def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
         if used[first].any() or used[second].any():
             continue
         # Adjacent tubes would act as a single shortcut.
-        used |= np.linalg.norm(mesh.vertices - middles[starts[number]], axis=1) < FARTHEST / 5 * extent
+        used |= (
+            np.linalg.norm(mesh.vertices - middles[starts[number]], axis=1) < FARTHEST / 5 * extent
+        )
         used[first], used[second] = True, True
         removed[[starts[number], partners[number]]] = True
         tubes.append(_tube(mesh.vertices, first, second))
@@ -152,12 +165,16 @@ def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
     return Mesh(mesh.vertices, np.concatenate([mesh.faces[~removed], *tubes]))
 
 
-def _partners(mesh: Mesh, middles: FloatArray, starts: NDArray[np.integer]) -> tuple[IntArray, FloatArray]:
+def _partners(
+    mesh: Mesh, middles: FloatArray, starts: NDArray[np.integer]
+) -> tuple[IntArray, FloatArray]:
     """Return the nearest triangle that each start can be joined with, and its distance; infinite if there is none."""
     from scipy.sparse.csgraph import dijkstra  # lazy
 
     normals = mesh.face_normals
-    if np.einsum("ij,ij", mesh.vertices[mesh.faces[:, 0]], normals) < 0:  # six times the volume of a mesh inside out
+    if (
+        np.einsum("ij,ij", mesh.vertices[mesh.faces[:, 0]], normals) < 0
+    ):  # six times the volume of a mesh inside out
         normals = -normals
     own, graph, extent = np.einsum("ij,ij->i", middles, normals), mesh.edge_graph(), extent_of(mesh)
     partners, gaps = np.zeros(len(starts), dtype=np.int64), np.full(len(starts), np.inf)
@@ -173,7 +190,9 @@ def _partners(mesh: Mesh, middles: FloatArray, starts: NDArray[np.integer]) -> t
     return partners, gaps
 
 
-def _tube(vertices: FloatArray, first: NDArray[np.integer], second: NDArray[np.integer]) -> IntArray:
+def _tube(
+    vertices: FloatArray, first: NDArray[np.integer], second: NDArray[np.integer]
+) -> IntArray:
     """Return six triangles between two facing triangles, with the rotation that gives the shortest tube."""
     turns = [np.roll(second[::-1], k) for k in range(3)]
     lengths = [np.linalg.norm(vertices[first] - vertices[turn], axis=1).sum() for turn in turns]

@@ -58,9 +58,10 @@ class ObservedObject:
     surface
         Surface of the object in metres: right, up, towards the camera, which looks level.
     notes
-        Details of the detection: ``mask`` ("found", "given" or its file), ``up`` ("floor", "sidecar" or "image"),
-        ``planes``, ``object_pixels``, ``flying_pixels``, ``distance`` (median depth) and ``size`` (longest side), in
-        metres; of files also ``unit`` and ``camera``.
+        Details of the detection: ``mask`` ("found", "given" or its file), ``up`` ("floor",
+        "sidecar" or "image"), ``planes``, ``object_pixels``, ``flying_pixels``, ``distance``
+        (median depth) and ``size`` (longest side), in metres; of files also ``unit`` and
+        ``camera``.
     """
 
     depths: Depths
@@ -85,23 +86,28 @@ def observe(
     intrinsics
         Intrinsics of the camera.
     mask
-        Shape (h, w), nonzero on the object; None segments the object, see :mod:`benchmark.depth.segmentation`.
+        Shape (h, w), nonzero on the object; None segments the object, see
+        :mod:`benchmark.depth.segmentation`.
     up
-        Up direction in the camera's frame (right, down, forward), used if no floor is detected; None for the image's.
+        Up direction in the camera's frame (right, down, forward), used if no floor is detected;
+        None for the image's.
     half_width
         Half the side of the frame that the object must fit, in metres.
 
     Raises
     ------
     DepthError
-        If intrinsics or mask do not match the image, no object is found, or it is larger than the frame.
+        If intrinsics or mask do not match the image, no object is found, or it is larger than the
+        frame.
     """
     height, width = depths.shape
     intrinsics.check_size(width, height)
     seen, rays = depths > 0, intrinsics.rays(width, height)
     coarse = np.s_[::_PLANE_STEP, ::_PLANE_STEP]
     chosen = None if mask is None else reading.checked_mask(mask, seen)
-    rest = seen if chosen is None else seen & ~chosen  # beside a mask, the scene only has to provide the floor
+    rest = (
+        seen if chosen is None else seen & ~chosen
+    )  # beside a mask, the scene only has to provide the floor
     planes = background_planes(unprojected(depths[coarse], rays[coarse]), rest[coarse])
     if chosen is None:
         chosen = find_object(unprojected(depths, rays), seen, planes)
@@ -120,7 +126,9 @@ def observe(
     return ObservedObject(depths, kept, surface, notes)
 
 
-def scale_of(values: NDArray[Any], intrinsics: Intrinsics, scale: float | None = None) -> float | None:
+def scale_of(
+    values: NDArray[Any], intrinsics: Intrinsics, scale: float | None = None
+) -> float | None:
     """Return the units per metre that are passed, or that the file of a camera states; None for the usual ones.
 
     Parameters
@@ -135,7 +143,8 @@ def scale_of(values: NDArray[Any], intrinsics: Intrinsics, scale: float | None =
     Raises
     ------
     DepthError
-        If the file's is neither a unit nor, in any of its readings, the usual scale of the image's type.
+        If the file's is neither a unit nor, in any of its readings, the usual scale of the image's
+        type.
     """
     stated = intrinsics.scales if scale is None else (scale,)
     if len(stated) > 1 and not np.isclose(stated, reading.usual_scale(values)).any():
@@ -169,7 +178,8 @@ def checked_up(direction: Up) -> FloatArray:
 def upright(up: FloatArray) -> Points:
     """Return the rotation from the camera's frame to an upright frame in which the camera looks level.
 
-    Its rows are right, up, and back towards the camera; ``up`` has unit length and is not along the optical axis.
+    Its rows are right, up, and back towards the camera; ``up`` has unit length and is not along the
+    optical axis.
     """
     back = np.array([0.0, 0.0, -1.0]) + up[2] * up
     back /= np.linalg.norm(back)
@@ -201,14 +211,21 @@ def without_flying_pixels(depths: Depths, mask: Mask) -> Mask:
 def _windows(shape: tuple[int, ...], count: int) -> list[tuple[slice, slice]]:
     """Return the shifted windows into an image padded by one, row by row, whose last one ends at its corner."""
     height, width = shape[0] + 3 - count, shape[1] + 3 - count
-    return [np.s_[down : down + height, right : right + width] for down in range(count) for right in range(count)]
+    return [
+        np.s_[down : down + height, right : right + width]
+        for down in range(count)
+        for right in range(count)
+    ]
 
 
-def object_surface(depths: Depths, rays: Rays, mask: Mask, rotation: Points, half_width: float) -> Mesh:
+def object_surface(
+    depths: Depths, rays: Rays, mask: Mask, rotation: Points, half_width: float
+) -> Mesh:
     """Return the surface of an object from its pixels.
 
-    Each pixel yields two triangles between its corners. The depth of a corner is the mean over the adjacent object
-    pixels; at a depth jump, each pixel gets its own corner, with the mean over the adjacent pixels on its side.
+    Each pixel yields two triangles between its corners. The depth of a corner is the mean over the
+    adjacent object pixels; at a depth jump, each pixel gets its own corner, with the mean over the
+    adjacent pixels on its side.
 
     Parameters
     ----------
@@ -264,8 +281,12 @@ def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, Faces]:
     outer = np.pad(rays, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
     of_corners = (outer[:-1, :-1] + outer[:-1, 1:] + outer[1:, :-1] + outer[1:, 1:]) / 4
     xy = np.concatenate([of_corners[whole], of_corners[row, column]]) * z[:, None]
-    corners = _windows((mask.shape[0] - 1, mask.shape[1] - 1), 2)  # of the pixels, of which each is on four sides
-    a, d, b, c = (of_side[corner][mask] for of_side, corner in zip(numbers[::-1], corners, strict=True))
+    corners = _windows(
+        (mask.shape[0] - 1, mask.shape[1] - 1), 2
+    )  # of the pixels, of which each is on four sides
+    a, d, b, c = (
+        of_side[corner][mask] for of_side, corner in zip(numbers[::-1], corners, strict=True)
+    )
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     return np.column_stack([xy, z]), faces
 
@@ -281,7 +302,8 @@ class FrameFiles:
     intrinsics
         Intrinsics of the camera; None searches for a file with a usual name.
     mask
-        Path of the object mask; None searches for a file with a usual name, and segments the object if there is none.
+        Path of the object mask; None searches for a file with a usual name, and segments the object
+        if there is none.
     scale
         Units of the image per metre; None for 1000 (integers) or 1 (floats).
     up
@@ -313,10 +335,16 @@ class FrameFiles:
         mask = reading.read_mask(mask_file) if mask_file else None
         with named_errors(self.image, "depth image", DepthError, "export the image again"):
             scale = scale_of(values, camera, self.scale)
-            observed = observe(reading.in_metres(values, scale), camera, mask, self.up, self.half_width)
-        observed.notes["unit"] = f"1 / {scale:g} m" if scale else f"assumed 1 / {reading.usual_scale(values):g} m"
+            observed = observe(
+                reading.in_metres(values, scale), camera, mask, self.up, self.half_width
+            )
+        observed.notes["unit"] = (
+            f"1 / {scale:g} m" if scale else f"assumed 1 / {reading.usual_scale(values):g} m"
+        )
         observed.notes["camera"] = (
-            "given" if self.intrinsics else os.path.relpath(self.intrinsics_file or "", self.image.parent)
+            "given"
+            if self.intrinsics
+            else os.path.relpath(self.intrinsics_file or "", self.image.parent)
         )
         if mask_file:
             observed.notes["mask"] = mask_file.name

@@ -18,23 +18,36 @@ from benchmark.files import check_different, decode, named_errors, parse_json, r
 
 Rays = NDArray[np.float64]
 
-#: Names of intrinsics files, in the folder of the image or in one of its two parents: not those of colour cameras.
+#: Names of intrinsics files, in the folder of the image or in one of its two parents: not those of
+#: colour cameras.
 CAMERA_FILES = re.compile(
-    r"(?=.*(camera|intrinsic|\bk\b))((camera|depth|info|intrinsics?|k|matrix)[-_ ]?)+\.(json|txt|ya?ml)", re.IGNORECASE
+    r"(?=.*(camera|intrinsic|\bk\b))((camera|depth|info|intrinsics?|k|matrix)[-_ ]?)+\.(json|txt|ya?ml)",
+    re.IGNORECASE,
 )
 
 CENTRAL = (0.4, 0.6)
 """Bounds of the principal point as fractions of width and height, if the intrinsics do not give the image size."""
 
-#: Coefficients of Brown's model with its rational extension, and its names in files; an empty name means this model.
+#: Coefficients of Brown's model with its rational extension, and its names in files; an empty name
+#: means this model.
 _BROWN = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
-_BROWN_NAMES = ("", "plumb_bob", "rational_polynomial", "brown_conrady", "brown", "radtan", "opencv", "pinhole")
+_BROWN_NAMES = (
+    "",
+    "plumb_bob",
+    "rational_polynomial",
+    "brown_conrady",
+    "brown",
+    "radtan",
+    "opencv",
+    "pinhole",
+)
 
-#: Models other than a pinhole camera, rejected with any coefficients; other unknown models may have zero coefficients.
+#: Models other than a pinhole camera, rejected with any coefficients; other unknown models may have
+#: zero coefficients.
 _BEYOND_PINHOLE = "fish_?eye|equidistant|kannala|f_?theta|omni|(^|_)mei(_|$)|unified|panoram"
 
-#: Keys by meaning, without their separators. A depth scale is in units per metre, in metres per unit (RealSense) or in
-#: millimetres per unit (BOP).
+#: Keys by meaning, without their separators. A depth scale is in units per metre, in metres per
+#: unit (RealSense) or in millimetres per unit (BOP).
 _KEYS = {
     "matrix": "k cameramatrix camk intrinsics intrinsic",
     "columns": "intrinsicmatrix",  # Open3D
@@ -50,7 +63,8 @@ _KEYS = {
 }
 _MEANINGS = {key: meaning for meaning, keys in _KEYS.items() for key in keys.split()}
 
-#: Words in keys that change neither where a pixel looks nor what its depth means; ``camera_angle_x`` repeats ``fl_x``.
+#: Words in keys that change neither where a pixel looks nor what its depth means;
+#: ``camera_angle_x`` repeats ``fl_x``.
 _IRRELEVANT = re.compile(
     r"(?<![a-z])(header|seq|stamp|n?secs?|nanosec|id|name|class|date|time|timestamp|version|comment|description|notes?|"
     r"serial|number|fps|rate|path|file|url|dt|"
@@ -61,7 +75,15 @@ _IRRELEVANT = re.compile(
 _POSE = re.compile("(?<![a-z])(extrinsics?|pose|rotation|translation|transform|[rt])(?![a-z])")
 
 #: Units per metre.
-_UNITS = {"m": 1.0, "cm": 100.0, "mm": 1e3, "um": 1e6, "meter": 1.0, "centimeter": 100.0, "millimeter": 1e3}
+_UNITS = {
+    "m": 1.0,
+    "cm": 100.0,
+    "mm": 1e3,
+    "um": 1e6,
+    "meter": 1.0,
+    "centimeter": 100.0,
+    "millimeter": 1e3,
+}
 
 #: Largest skew of a camera matrix that is rounding, in pixels.
 _LARGEST_SKEW = 1e-6
@@ -87,11 +109,11 @@ class Intrinsics:
     size
         Width and height of the image; None if unknown.
     distortion
-        Coefficients k1, k2, p1, p2, k3, k4, k5, k6 of Brown's model with its rational extension, in OpenCV's order;
-        empty for no distortion.
+        Coefficients k1, k2, p1, p2, k3, k4, k5, k6 of Brown's model with its rational extension, in
+        OpenCV's order; empty for no distortion.
     scales
-        Units of a depth image per metre, in all readings of a depth scale in the file of the camera; see
-        :func:`benchmark.depth.frame.scaled`.
+        Units of a depth image per metre, in all readings of a depth scale in the file of the
+        camera; see :func:`benchmark.depth.frame.scaled`.
     """
 
     fx: float
@@ -111,13 +133,23 @@ class Intrinsics:
     def check_size(self, width: int, height: int) -> None:
         """Raise ``DepthError`` if the intrinsics belong to an image of another size."""
         if self.size is not None and self.size != (width, height):
-            own, hint = " x ".join(map(str, self.size)), "pass those of the depth image at this resolution"
-            raise DepthError(f"the intrinsics are those of {own} pixels, the image has {width} x {height}", hint)
-        if not all(0.1 < length / side < 20 for length, side in ((self.fx, width), (self.fy, height))):
+            own, hint = (
+                " x ".join(map(str, self.size)),
+                "pass those of the depth image at this resolution",
+            )
+            raise DepthError(
+                f"the intrinsics are those of {own} pixels, the image has {width} x {height}", hint
+            )
+        if not all(
+            0.1 < length / side < 20 for length, side in ((self.fx, width), (self.fy, height))
+        ):
             problem = f"the focal lengths {self.fx:g}, {self.fy:g} are implausible for {width} x {height} pixels"
             raise DepthError(problem, "pass them in pixels of this image")
         low, high = (0.0, 1.0) if self.size else CENTRAL
-        if not (low * width <= self.cx + 0.5 <= high * width and low * height <= self.cy + 0.5 <= high * height):
+        if not (
+            low * width <= self.cx + 0.5 <= high * width
+            and low * height <= self.cy + 0.5 <= high * height
+        ):
             problem = f"the principal point {self.cx:g}, {self.cy:g} is far from the middle of {width} x {height}"
             hint = "pass the intrinsics of this image, not of one turned; for a part of one, add its width and height"
             raise DepthError(problem, hint)
@@ -142,10 +174,15 @@ def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
             x, y = rays[..., 0], rays[..., 1]
             r = x * x + y * y
             radial = (1 + r * (k4 + r * (k5 + r * k6))) / (1 + r * (k1 + r * (k2 + r * k3)))
-            shift = np.stack([2 * p1 * x * y + p2 * (r + 2 * x * x), p1 * (r + 2 * y * y) + 2 * p2 * x * y], axis=-1)
+            shift = np.stack(
+                [2 * p1 * x * y + p2 * (r + 2 * x * x), p1 * (r + 2 * y * y) + 2 * p2 * x * y],
+                axis=-1,
+            )
             rays = (seen - shift) * radial[..., None]
     if not (np.isfinite(rays).all() and np.abs(rays).max() < 100):
-        raise DepthError(f"distortion {coefficients} cannot be inverted on this image", "check its coefficients")
+        raise DepthError(
+            f"distortion {coefficients} cannot be inverted on this image", "check its coefficients"
+        )
     return rays
 
 
@@ -179,20 +216,26 @@ def read_intrinsics(path: Path) -> Intrinsics:
     Parameters
     ----------
     path
-        Text with the numbers of a 3 x 3 or 4 x 4 matrix, or fx, fy, cx and cy; ``camera.json`` of Open3D;
-        ``camera_info`` of ROS or a file of OpenCV, as YAML or JSON; or a mapping with ``fx``, ``fy``, ``cx``, ``cy``.
+        Text with the numbers of a 3 x 3 or 4 x 4 matrix, or fx, fy, cx and cy; ``camera.json`` of
+        Open3D; ``camera_info`` of ROS or a file of OpenCV, as YAML or JSON; or a mapping with
+        ``fx``, ``fy``, ``cx``, ``cy``.
 
     Raises
     ------
     DepthError
-        If the file is missing, holds no intrinsics, those of a lens that is not a pinhole with Brown's distortion, or
-        something else that may change where pixels look or what depths mean.
+        If the file is missing, holds no intrinsics, those of a lens that is not a pinhole with
+        Brown's distortion, or something else that may change where pixels look or what depths mean.
     """
     with named_errors(path, "file of intrinsics", DepthError, _HINT):
         contents = _parsed(text := decode(read_file(path, _LARGEST_FILE)))
-        cameras = {_of_mapping(each) if isinstance(each, Mapping) else parse_intrinsics(text) for each in contents}
+        cameras = {
+            _of_mapping(each) if isinstance(each, Mapping) else parse_intrinsics(text)
+            for each in contents
+        }
         if len(cameras) > 1:
-            raise DepthError(f"it holds {len(cameras)} different cameras", "keep that of the depth image")
+            raise DepthError(
+                f"it holds {len(cameras)} different cameras", "keep that of the depth image"
+            )
         return cameras.pop()
 
 
@@ -224,7 +267,9 @@ def _parsed(text: str) -> Sequence[Any]:
 
     plain = re.sub(r"(?m)^%.*$|!!opencv-\w+", "", text)
     documents = [content for content in load_all(plain, Loader) if content is not None]
-    return [each for each in documents if [*each] == [*documents[0]]] or [None]  # the last may be cut off
+    return [each for each in documents if [*each] == [*documents[0]]] or [
+        None
+    ]  # the last may be cut off
 
 
 def find_intrinsics(image: Path) -> Path | None:
@@ -239,7 +284,10 @@ def find_intrinsics(image: Path) -> Path | None:
         found = sorted(path for path in folder.glob("*.*") if CAMERA_FILES.fullmatch(path.name))
         if len(found) > 1:
             problem = f"{folder} holds the camera files {found[0].name} and {found[1].name}"
-            raise DepthError(problem, "keep that of the depth image, or name it: --intrinsics FILE, or in dataset.toml")
+            raise DepthError(
+                problem,
+                "keep that of the depth image, or name it: --intrinsics FILE, or in dataset.toml",
+            )
         if found:
             return found[0]
     return None
@@ -265,7 +313,9 @@ def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
     expected[:2, :3], expected[3:, 3:] = ((fx, 0, cx), (0, fy, cy)), matrix[3:, 3:]
     if not np.allclose(matrix, expected, rtol=0, atol=_LARGEST_SKEW):
         rows = " / ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
-        raise DepthError(f"{rows} is not a camera matrix without skew", "write fx 0 cx / 0 fy cy / 0 0 1")
+        raise DepthError(
+            f"{rows} is not a camera matrix without skew", "write fx 0 cx / 0 fy cy / 0 0 1"
+        )
     return Intrinsics(fx, fy, cx, cy, *facts)
 
 
@@ -273,7 +323,11 @@ def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
     """Read parsed JSON or YAML: ``camera.json`` of Open3D, ``camera_info`` of ROS, or named focal lengths."""
     values = _by_meaning(content)
     width, height = (int(_number(values.get(side, 0))) for side in ("width", "height"))
-    facts = (width, height) if width > 0 and height > 0 else None, tuple(_distortion(values)), _scales(values)
+    facts = (
+        (width, height) if width > 0 and height > 0 else None,
+        tuple(_distortion(values)),
+        _scales(values),
+    )
     numbers = [_flat(values["matrix"])] if "matrix" in values else []
     if "columns" in values:
         numbers.append(np.array(_flat(values["columns"])).reshape(3, 3).T.ravel().tolist())
@@ -285,7 +339,9 @@ def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
         rectified = camera_of([projection[place] for place in (0, 5, 2, 6)], *facts)
         if (cameras and rectified not in cameras) or (rectified.distortion and not cameras):
             hint = "leave that of the depth image; without the distortion, if it is rectified"
-            raise DepthError("K and distortion are those of raw images, P is that of rectified ones", hint)
+            raise DepthError(
+                "K and distortion are those of raw images, P is that of rectified ones", hint
+            )
         cameras.add(rectified)
     if len(cameras) != 1:
         problem = f"name no {' and no '.join(missing)}" if not cameras else "contradict each other"
@@ -307,7 +363,9 @@ def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
         if not meaning:
             _check_irrelevant(str(key), value)
         elif other := [name for name, each in found.items() if values.get(name, each) != each]:
-            raise DepthError(f"key '{key}' contradicts another one of {other[0]}", "keep the right one")
+            raise DepthError(
+                f"key '{key}' contradicts another one of {other[0]}", "keep the right one"
+            )
         else:
             values.update((name, each) for name, each in found.items() if each is not None)
     return values
@@ -341,7 +399,10 @@ def _scales(values: Mapping[str, Any]) -> tuple[float, ...]:
 
 def _flat(values: Any) -> list[float]:
     """Return the numbers of a list, a nested list, or the ``data`` of an OpenCV or ROS matrix."""
-    return [_number(value) for value in np.ravel(values["data"] if isinstance(values, Mapping) else values)]
+    return [
+        _number(value)
+        for value in np.ravel(values["data"] if isinstance(values, Mapping) else values)
+    ]
 
 
 def _distortion(values: Mapping[str, Any]) -> list[float]:
@@ -350,7 +411,8 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
     Raises
     ------
     DepthError
-        If the distortion model is another one, or the number of coefficients does not match Brown's model.
+        If the distortion model is another one, or the number of coefficients does not match Brown's
+        model.
     """
     lists = [_flat(values["coefficients"])] if "coefficients" in values else []
     given = [row for row in (*lists, [_number(values.get(name, 0)) for name in _BROWN]) if any(row)]
@@ -358,10 +420,18 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
         model = re.sub(r"[\W_]+", "_", named.lower()).removeprefix("distortion_")
         if re.search(_BEYOND_PINHOLE, model) or (model not in _BROWN_NAMES and given):
             problem = f"the distortion model is '{named:.60}'"
-            raise DepthError(problem, "rectify the image, and pass plumb_bob or rational_polynomial")
+            raise DepthError(
+                problem, "rectify the image, and pass plumb_bob or rational_polynomial"
+            )
     if not given:
         return []
-    if len(given) > 1 or len(given[0]) not in (4, 5, 8) or (values.get("k4") and "k6" not in values):
+    if (
+        len(given) > 1
+        or len(given[0]) not in (4, 5, 8)
+        or (values.get("k4") and "k6" not in values)
+    ):
         counts = " and ".join(str(len(row)) for row in given)
-        raise DepthError(f"{counts} coefficients of distortion", "pass 4, 5 or 8 of Brown's model, once")
+        raise DepthError(
+            f"{counts} coefficients of distortion", "pass 4, 5 or 8 of Brown's model, once"
+        )
     return given[0]

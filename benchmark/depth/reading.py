@@ -31,7 +31,8 @@ _LARGEST_FILE = 8 * LARGEST_SIDE**2 + 2**16
 NEAREST, FARTHEST = 0.05, 200.0
 """Bounds of a plausible median depth in metres; outside them, the scale is wrong."""
 
-#: Values that programs write for pixels without a reading, if nothing is farther; in floats also a thousandth of them.
+#: Values that programs write for pixels without a reading, if nothing is farther; in floats also a
+#: thousandth of them.
 _BACKGROUND = (9_999, 10_000, 32_767, 65_504, 65_535)
 
 #: No reading in any unit: smaller than the 1e10 of Blender, the largest float, and 2**31 - 1.
@@ -53,7 +54,8 @@ _OTHER_THAN_DEPTH = {
 
 #: Names of arrays beside depths that say what these mean, or where they are.
 _UNREAD = re.compile(
-    "scale|unit|offset|factor|crop|intrinsic|camera|mask|^k$|(^|_)(min|max|near|far)(_|$)", re.IGNORECASE
+    "scale|unit|offset|factor|crop|intrinsic|camera|mask|^k$|(^|_)(min|max|near|far)(_|$)",
+    re.IGNORECASE,
 )
 
 _END_OF_PNG = b"IEND\xaeB`\x82"
@@ -64,21 +66,24 @@ FEWEST_SEEN = 200
 MASK_FOLDERS = ("mask", "masks")
 """Names of mask folders."""
 
-#: Least number of values of a mask that JPEG or smoothing blurred, and most grey pixels with eight equal neighbours in
-#: it, as a share of the bright ones.
+#: Least number of values of a mask that JPEG or smoothing blurred, and most grey pixels with eight
+#: equal neighbours in it, as a share of the bright ones.
 _FEWEST_GREYS, _MOST_FLAT = 7, 0.05
 
 #: Tag of images that viewers turn.
 _ORIENTATION = 0x0112
 
-#: The word "mask" in a file name, as in ``0_mask``, ``masks3`` and ``depthMask``, but not in ``unmasked``.
+#: The word "mask" in a file name, as in ``0_mask``, ``masks3`` and ``depthMask``, but not in
+#: ``unmasked``.
 _MASK = re.compile("(?<![A-Za-z])(mask|MASK)(s|S)?(?![A-Za-z])|Masks?(?![a-z])")
 
 #: Extension of what may be a mask.
 _PICTURE = r"\.(png|jpe?g|tiff?|bmp|gif|webp|pbm|pgm|npy|npz)"
 
 #: Maximum value of a portable grey map, which Pillow stretches to 16 bits.
-_MAXIMUM = re.compile(rb"P[25](?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d{1,5})\s")
+_MAXIMUM = re.compile(
+    rb"P[25](?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d{1,5})\s"
+)
 
 
 def read_values(path: Path) -> NDArray[Any]:
@@ -87,7 +92,8 @@ def read_values(path: Path) -> NDArray[Any]:
     Parameters
     ----------
     path
-        A file with one of the :data:`EXTENSIONS`; an ``.npz`` holds one array, or one named ``depth``.
+        A file with one of the :data:`EXTENSIONS`; an ``.npz`` holds one array, or one named
+        ``depth``.
 
     Returns
     -------
@@ -102,7 +108,9 @@ def read_values(path: Path) -> NDArray[Any]:
     suffix = path.suffix.lower()
     with named_errors(path, f"{suffix[1:]} file", DepthError, "export the image again"):
         if suffix not in EXTENSIONS:
-            raise DepthError(f"unknown extension '{suffix}'", f"convert it to one of {', '.join(EXTENSIONS)}")
+            raise DepthError(
+                f"unknown extension '{suffix}'", f"convert it to one of {', '.join(EXTENSIONS)}"
+            )
         _check_name(path.stem)
         if not re.search("depth|plane", path.stem, re.IGNORECASE):
             _check_name(path.parent.name)
@@ -115,7 +123,10 @@ def _check_name(name: str) -> None:
     words = re.sub("(?<=[a-z])(?=[A-Z])", "_", name).lower()
     for what, pattern in _OTHER_THAN_DEPTH.items():
         if re.search(f"(?<![a-z])({pattern})", words):
-            raise DepthError(f"'{name}' names {what}", "convert them to depths along the optical axis, or rename it")
+            raise DepthError(
+                f"'{name}' names {what}",
+                "convert them to depths along the optical axis, or rename it",
+            )
 
 
 def usual_scale(values: NDArray[Any]) -> float:
@@ -129,18 +140,21 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
     Parameters
     ----------
     values
-        Shape (h, w) or (h, w, 1), integers or floats; see :func:`readings` for values that mark missing depth.
+        Shape (h, w) or (h, w, 1), integers or floats; see :func:`readings` for values that mark
+        missing depth.
     scale
         Units per metre; None for 1000 (integers) or 1 (floats).
 
     Raises
     ------
     DepthError
-        If the image has several channels, too few pixels with a depth, a constant depth, an implausible scale, or
-        without a scale values that look raw or scaled.
+        If the image has several channels, too few pixels with a depth, a constant depth, an
+        implausible scale, or without a scale values that look raw or scaled.
     """
     if scale is not None and not (np.isfinite(scale) and scale > 0):
-        raise DepthError(f"invalid depth scale {scale}", "pass a positive number of units per metre")
+        raise DepthError(
+            f"invalid depth scale {scale}", "pass a positive number of units per metre"
+        )
     depth = readings(values)
     units = scale or usual_scale(values)
     seen = depth[depth > 0]
@@ -149,15 +163,25 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
         seen = seen[seen < seen.max()]
     if len(seen) < FEWEST_SEEN:
         hint = "check that it is the depth image, and that 0, NaN and infinity mean that nothing was seen"
-        raise DepthError(f"too few pixels have a depth: {len(seen)} of {depth.size}, fewer than {FEWEST_SEEN}", hint)
+        raise DepthError(
+            f"too few pixels have a depth: {len(seen)} of {depth.size}, fewer than {FEWEST_SEEN}",
+            hint,
+        )
     median = float(np.median(seen)) / units
     if not NEAREST <= median <= FARTHEST:
         problem = f"the median depth is {median:g} m with {units:g} units per metre"
-        raise DepthError(problem, "pass the camera's --depth-scale: 1000 for millimetres, 5000 for TUM, 1 for metres")
+        raise DepthError(
+            problem,
+            "pass the camera's --depth-scale: 1000 for millimetres, 5000 for TUM, 1 for metres",
+        )
     if seen.min() == seen.max():
-        raise DepthError(f"all {len(seen)} pixels lie at {median:g} m", "pass a depth image, not a mask")
+        raise DepthError(
+            f"all {len(seen)} pixels lie at {median:g} m", "pass a depth image, not a mask"
+        )
     if looks := _looks_unlike_depths(seen, units) if scale is None else "":
-        hint = f"export depths in millimetres or metres, or pass --depth-scale {units:g} if they are"
+        hint = (
+            f"export depths in millimetres or metres, or pass --depth-scale {units:g} if they are"
+        )
         raise DepthError(f"the values {looks}", hint)
     return np.asarray(np.where(depth > far, 0, depth / units))
 
@@ -166,7 +190,11 @@ def _looks_unlike_depths(seen: Depths, units: float) -> str:
     """Return how values betray that they were scaled, or are what a sensor sends; "" if they do not."""
     top = int(seen.max())
     if units == 1:
-        return f"end at {seen.max():g}, as in a z-buffer or an image scaled to 1" if seen.max() <= 1 else ""
+        return (
+            f"end at {seen.max():g}, as in a z-buffer or an image scaled to 1"
+            if seen.max() <= 1
+            else ""
+        )
     if top >= 255 and top & (top + 1) == 0:
         bits = top.bit_length()
         return f"end at {top}, the largest of {bits} bits, as raw disparities of a Kinect (11) or scaled images do"
@@ -183,8 +211,9 @@ def readings(values: NDArray[Any]) -> Depths:
     Parameters
     ----------
     values
-        Shape (h, w) or (h, w, 1), integers or floats. Missing are masked, 0, negative, NaN and infinite values, 1e9 and
-        more, the largest value of the type, and 65535, 65504, 32767, 10000 and 9999 if nothing is farther.
+        Shape (h, w) or (h, w, 1), integers or floats. Missing are masked, 0, negative, NaN and
+        infinite values, 1e9 and more, the largest value of the type, and 65535, 65504, 32767, 10000
+        and 9999 if nothing is farther.
 
     Raises
     ------
@@ -203,7 +232,9 @@ def readings(values: NDArray[Any]) -> Depths:
     raw = values.astype(np.float64)
     with np.errstate(invalid="ignore"):
         raw[~((raw > 0) & (raw < _NO_READING)) | (values == largest)] = 0
-    while (top := raw.max(initial=0)) in _BACKGROUND or (is_float and round(1000 * top, 1) in _BACKGROUND):
+    while (top := raw.max(initial=0)) in _BACKGROUND or (
+        is_float and round(1000 * top, 1) in _BACKGROUND
+    ):
         raw[raw == top] = 0
     return raw
 
@@ -218,10 +249,15 @@ def _pixels(content: bytes) -> NDArray[Any]:
     with _opened(content) as image:
         _check_size(*image.size)
         if image.info.get("scale", 1) != 1:  # of a PFM
-            raise DepthError(f"its scale factor is {image.info['scale']:g}, not 1", "multiply the depths by it")
+            raise DepthError(
+                f"its scale factor is {image.info['scale']:g}, not 1", "multiply the depths by it"
+            )
         if image.mode != "F" and not image.mode.startswith("I"):
             kind = "8 bits" if image.mode in ("L", "1", "P") else f"colours ({image.mode})"
-            raise DepthError(f"the image holds {kind}, no depth", "export depth with 16 bits per pixel and one channel")
+            raise DepthError(
+                f"the image holds {kind}, no depth",
+                "export depth with 16 bits per pixel and one channel",
+            )
         values = np.array(image)
         if image.mode == "I" and image.format in ("PNG", "PPM"):  # 16 bits in 32
             head = _MAXIMUM.match(content[:1000])
@@ -235,7 +271,9 @@ def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
     if content[:2] == b"P2" and body[-1:].isdigit():
         raise ValueError("its last line has no line break, so it may be cut off")
     width = {b"P5": 1 if image.mode == "L" else 2, b"Pf": 4}.get(content[:2], np.inf)
-    count = len(re.sub(rb"#[^\n]*", b"", body).split()) if content[:2] == b"P2" else len(body) / width
+    count = (
+        len(re.sub(rb"#[^\n]*", b"", body).split()) if content[:2] == b"P2" else len(body) / width
+    )
     if count > image.size[0] * image.size[1] + 1:
         raise ValueError("numbers follow the pixels that its header announces")
 
@@ -246,7 +284,9 @@ def _opened(content: bytes) -> ImageFile.ImageFile:
 
     if content[12:16] == b"\x89PNG":
         problem = "it is compressedDepth of ROS, a PNG behind a header of 12 bytes"
-        raise DepthError(problem, "convert it: ros2 run image_transport republish compressedDepth raw")
+        raise DepthError(
+            problem, "convert it: ros2 run image_transport republish compressedDepth raw"
+        )
     with Image.open(io.BytesIO(content)) as image:
         image.verify()
         if image.format == "PPM":
@@ -255,9 +295,13 @@ def _opened(content: bytes) -> ImageFile.ImageFile:
             raise DepthError("the file is truncated", "export the image again")
     image = Image.open(io.BytesIO(content))
     if getattr(image, "n_frames", 1) != 1:
-        raise DepthError(f"it holds {getattr(image, 'n_frames', 1)} images", "write one image per file")
+        raise DepthError(
+            f"it holds {getattr(image, 'n_frames', 1)} images", "write one image per file"
+        )
     if image.getexif().get(_ORIENTATION, 1) != 1:
-        raise DepthError("its orientation tag turns it", "write the pixels as they are seen, without the tag")
+        raise DepthError(
+            "its orientation tag turns it", "write the pixels as they are seen, without the tag"
+        )
     return image
 
 
@@ -311,9 +355,14 @@ def read_mask(path: Path) -> Mask:
         If the file is unreadable, or holds more than one object.
     """
     hint = "pass a PNG that is white on the object and black elsewhere"
-    with named_errors(path, "mask", DepthError, hint), _opened(read_file(path, _LARGEST_FILE)) as image:
+    with (
+        named_errors(path, "mask", DepthError, hint),
+        _opened(read_file(path, _LARGEST_FILE)) as image,
+    ):
         _check_size(*image.size)
-        return _object(np.array(image.convert("RGBA") if image.mode in ("P", "PA", "LA", "RGBa") else image))
+        return _object(
+            np.array(image.convert("RGBA") if image.mode in ("P", "PA", "LA", "RGBa") else image)
+        )
 
 
 def _object(mask: NDArray[Any]) -> Mask:
@@ -325,13 +374,23 @@ def _object(mask: NDArray[Any]) -> Mask:
         colours = np.where(clear[..., None], 0, mask[..., :3]).astype(np.int64) @ (1, 2**16, 2**32)
         has_one = len(np.unique(colours)) <= 2
         is_grey = np.ptp(mask[..., :3], axis=-1).max(initial=0) == 0
-        mask = mask[..., 3] if clear.any() and not has_one else mask[..., 0] if is_grey and not clear.any() else colours
+        mask = (
+            mask[..., 3]
+            if clear.any() and not has_one
+            else mask[..., 0]
+            if is_grey and not clear.any()
+            else colours
+        )
     values = np.unique(mask)
     levels = values[values != 0]
     if len(levels) <= 1 and len(values) <= 2:
         return np.asarray(mask != 0)
     if not _is_blurred(mask, values):
-        held = "several colours" if levels[-1] >= 2**16 else ", ".join(f"{value:g}" for value in levels[:4])
+        held = (
+            "several colours"
+            if levels[-1] >= 2**16
+            else ", ".join(f"{value:g}" for value in levels[:4])
+        )
         problem = f"the mask holds {held}{' ...' * (len(levels) > 4)}, not one object"
         raise DepthError(problem, "write the pixels of the object alone, as 255 on 0")
     return np.asarray(mask > values[-1] / 2)
@@ -352,21 +411,28 @@ def _is_blurred(mask: NDArray[Any], values: NDArray[Any]) -> bool:
 def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
     """Return the object of a mask, restricted to pixels with a depth.
 
-    A mask has two values; a picture of white on black that JPEG or smoothing blurred is split at half.
+    A mask has two values; a picture of white on black that JPEG or smoothing blurred is split at
+    half.
 
     Raises
     ------
     DepthError
-        If the mask is empty, holds several values, has another size, or contains no pixel with a depth.
+        If the mask is empty, holds several values, has another size, or contains no pixel with a
+        depth.
     """
     mask = _object(mask)
     if mask.shape != seen.shape:
         sizes = [" x ".join(map(str, image.shape[::-1])) for image in (mask, seen)]
-        raise DepthError(f"the mask has {sizes[0]} pixels, the image {sizes[1]}", "pass a mask of the depth image")
+        raise DepthError(
+            f"the mask has {sizes[0]} pixels, the image {sizes[1]}",
+            "pass a mask of the depth image",
+        )
     if not mask.any():
         raise DepthError("the mask is empty", "let it be white on the object")
     if not (mask & seen).any():
-        raise DepthError("no pixel of the mask has a depth", "check that mask and image belong to one frame")
+        raise DepthError(
+            "no pixel of the mask has a depth", "check that mask and image belong to one frame"
+        )
     return np.asarray(mask & seen)
 
 
@@ -386,11 +452,25 @@ def find_mask(image: Path) -> Path | None:
         return sorted(path for path in folder.glob("*.*") if name.fullmatch(path.name))
 
     image = image.absolute()  # a relative one may lie in the folder above it
-    folders = [path for above in image.parents[:2] for path in above.glob("[mM]*") if path.name.lower() in MASK_FOLDERS]
+    folders = [
+        path
+        for above in image.parents[:2]
+        for path in above.glob("[mM]*")
+        if path.name.lower() in MASK_FOLDERS
+    ]
     whole = [path for folder in folders for path in named(folder, "(_mask)?")]
-    others = [path for folder in folders for path in named(folder, "_.*") if not image.with_name(path.name).exists()]
-    found = named(image.parent, "[._-]masks?([^a-z].*)?") + whole or others  # of which none is that of another image
+    others = [
+        path
+        for folder in folders
+        for path in named(folder, "_.*")
+        if not image.with_name(path.name).exists()
+    ]
+    found = (
+        named(image.parent, "[._-]masks?([^a-z].*)?") + whole or others
+    )  # of which none is that of another image
     if len(found) > 1:
-        listed = " and ".join(path.relative_to(image.parent.parent).as_posix() for path in found[:2])
+        listed = " and ".join(
+            path.relative_to(image.parent.parent).as_posix() for path in found[:2]
+        )
         raise DepthError(f"{image} has the masks {listed}", "keep that of the object")
     return found[0] if found else None

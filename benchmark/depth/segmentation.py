@@ -53,8 +53,8 @@ _HINT = "pass a mask of it with --mask, or put a PNG that ends in _mask.png besi
 def error_at(depths: Depths) -> Depths:
     """Return the maximum depth error in metres, for depths in metres.
 
-    The error is three standard deviations of a structured-light camera, 1.4 mm at 1 m and growing with the square of
-    the depth [Khoshelham and Elberink 2012], but at most 0.3 m.
+    The error is three standard deviations of a structured-light camera, 1.4 mm at 1 m and growing
+    with the square of the depth [Khoshelham and Elberink 2012], but at most 0.3 m.
     """
     return np.asarray(np.minimum(3 * 0.0014 * depths**2, 0.3))
 
@@ -91,7 +91,8 @@ class Plane:
     def slack(self, points: Points) -> FloatArray:
         """Return the tolerance on the distance of points to the plane, in metres.
 
-        Errors act along the depth, so that a plane at a grazing angle has a smaller tolerance than a frontal one.
+        Errors act along the depth, so that a plane at a grazing angle has a smaller tolerance than
+        a frontal one.
         """
         depths = np.maximum(points[..., 2], 1e-6)
         return np.asarray(UNEVEN - self.offset * error_at(depths) / depths)
@@ -104,8 +105,9 @@ class Plane:
 def background_planes(points: Points, seen: Mask) -> list[Plane]:
     """Find the planes that bound a scene by RANSAC with three-point samples [Fischler and Bolles 1981].
 
-    A background plane contains at least ``SHARE`` of the points, has almost no points behind it other than those of
-    other background planes, and reaches the image margins. The result is deterministic.
+    A background plane contains at least ``SHARE`` of the points, has almost no points behind it
+    other than those of other background planes, and reaches the image margins. The result is
+    deterministic.
 
     Parameters
     ----------
@@ -154,7 +156,11 @@ def _best_plane(points: Points, candidates: Mask, random: np.random.Generator) -
     corners = [(rows[first], columns[first])]
     for _ in range(2):  # neighbours share a plane more often than arbitrary points
         places = [
-            np.clip(place[first] + random.integers(-length // _REACH, length // _REACH + 1, _TRIALS), 0, length - 1)
+            np.clip(
+                place[first] + random.integers(-length // _REACH, length // _REACH + 1, _TRIALS),
+                0,
+                length - 1,
+            )
             for place, length in zip((rows, columns), candidates.shape, strict=True)
         ]
         corners.append((places[0], places[1]))
@@ -222,7 +228,9 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
         problem = f"no piece left of the scene holds {FEWEST:.1%} of the image, the largest {pixels.max()} pixels"
         raise DepthError(problem, _HINT)
     chosen = int(np.flatnonzero(large)[distances[large].argmin()])
-    group = _joined(labels, depths, np.full_like(depths, JOINED))  # an arm before a chest is a separate piece
+    group = _joined(
+        labels, depths, np.full_like(depths, JOINED)
+    )  # an arm before a chest is a separate piece
     return np.asarray(free & (group == group[chosen])[labels])
 
 
@@ -231,7 +239,11 @@ def _joined(labels: IntArray, depths: Depths, limits: Depths) -> IntArray:
     pairs = []
     for one, other in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
         limit = np.where(depths[one] <= depths[other], limits[one], limits[other])
-        close = (labels[one] >= 0) & (labels[other] >= 0) & (np.abs(depths[one] - depths[other]) <= limit)
+        close = (
+            (labels[one] >= 0)
+            & (labels[other] >= 0)
+            & (np.abs(depths[one] - depths[other]) <= limit)
+        )
         pairs.append(np.stack([labels[one][close], labels[other][close]]))
     first, second = np.concatenate(pairs, axis=1)
     return component_labels(first, second, int(labels.max()) + 1)

@@ -15,12 +15,14 @@ from benchmark.geometry.mesh import IntArray, Mesh
 def bridge_components(mesh: Mesh) -> tuple[Mesh, list[float]]:
     """Join all components into one along their minimum spanning tree.
 
-    The distance between two components is the shortest Euclidean distance between their vertices (boundary vertices
-    for an open component). Each link of the tree becomes a strip of two triangles between one boundary edge at each
-    end, so every edge has at most two faces. The edges of a bridge replace the boundary edges that it uses, so another
-    bridge can start at the same vertex. The strip joins boundary edges that run in opposite directions, if possible, to
-    keep the orientation consistent. Coincident ends are welded, and one triangle closes the gap between their boundary
-    edges. A closed component is first opened by removing the smallest triangle at the anchor.
+    The distance between two components is the shortest Euclidean distance between their vertices
+    (boundary vertices for an open component). Each link of the tree becomes a strip of two
+    triangles between one boundary edge at each end, so every edge has at most two faces. The edges
+    of a bridge replace the boundary edges that it uses, so another bridge can start at the same
+    vertex. The strip joins boundary edges that run in opposite directions, if possible, to keep the
+    orientation consistent. Coincident ends are welded, and one triangle closes the gap between
+    their boundary edges. A closed component is first opened by removing the smallest triangle at
+    the anchor.
 
     Parameters
     ----------
@@ -49,7 +51,8 @@ def bridge_components(mesh: Mesh) -> tuple[Mesh, list[float]]:
 def _links(mesh: Mesh, labels: IntArray) -> Iterator[tuple[float, int, int]]:
     """Yield the links of the minimum spanning tree of the components as they are found from component 0 [Prim 1957].
 
-    A link is the distance from a vertex of the joined components to one of a new component, and these two vertices.
+    A link is the distance from a vertex of the joined components to one of a new component, and
+    these two vertices.
     """
     anchors = _anchor_candidates(mesh, labels)
     points, component = mesh.vertices[anchors], labels[anchors]
@@ -86,9 +89,15 @@ class _Builder:
     def bridge(self, first: int, second: int) -> None:
         """Join two vertices of different components."""
         first, second = self._resolve(first), self._resolve(second)
-        pairs = [(a, b) for a in self._free_neighbours(first) for b in self._free_neighbours(second)]
+        pairs = [
+            (a, b) for a in self._free_neighbours(first) for b in self._free_neighbours(second)
+        ]
         a, b = min(
-            pairs, key=lambda pair: (self._runs(first, pair[0]) == self._runs(second, pair[1]), self._gap(*pair))
+            pairs,
+            key=lambda pair: (
+                self._runs(first, pair[0]) == self._runs(second, pair[1]),
+                self._gap(*pair),
+            ),
         )
         forward = self._runs(first, a)
         if self._gap(first, second) == 0:
@@ -101,7 +110,8 @@ class _Builder:
             strip = [(a, first, b), (first, second, b)]
         else:
             strip = [(a, first, second), (a, second, b)]
-        # If a side runs from first to a in its face, it must run from a to first in the new triangle.
+        # If a side runs from first to a in its face, it must run from a to first in the new
+        # triangle.
         for x, y, z in strip:
             self._add([x, y, z] if forward else [y, x, z])
 
@@ -121,7 +131,9 @@ class _Builder:
 
     def _weld(self, vertex: int, onto: int) -> None:
         for index in self._around[vertex]:
-            self._faces[index] = [onto if corner == vertex else corner for corner in self._faces[index]]
+            self._faces[index] = [
+                onto if corner == vertex else corner for corner in self._faces[index]
+            ]
         self._around[onto] += self._around[vertex]
         self._welded[vertex] = onto
 
@@ -133,21 +145,32 @@ class _Builder:
     def _free_neighbours(self, vertex: int) -> list[int]:
         """Return the far ends of the boundary edges at a vertex; open a closed fan by removing its smallest face."""
         if not self._boundary(vertex):
-            self._remove(min(self._around[vertex], key=lambda index: (self._pinches(index), self._area(index), index)))
+            self._remove(
+                min(
+                    self._around[vertex],
+                    key=lambda index: (self._pinches(index), self._area(index), index),
+                )
+            )
         return self._boundary(vertex)
 
     def _pinches(self, index: int) -> int:
         """Return at how many corners of a face two holes would meet without it."""
         corners = set(self._faces[index])
-        return sum(len(set(self._boundary(corner)) ^ (corners - {corner})) > 2 for corner in corners)
+        return sum(
+            len(set(self._boundary(corner)) ^ (corners - {corner})) > 2 for corner in corners
+        )
 
     def _boundary(self, vertex: int) -> list[int]:
-        ends = [end for index in self._around[vertex] for end in self._faces[index] if end != vertex]
+        ends = [
+            end for index in self._around[vertex] for end in self._faces[index] if end != vertex
+        ]
         return sorted(end for end in set(ends) if ends.count(end) == 1)
 
     def _runs(self, start: int, end: int) -> bool:
         """Return whether the boundary edge runs from start to end in its face."""
-        face = next(corners for index in self._around[start] if end in (corners := self._faces[index]))
+        face = next(
+            corners for index in self._around[start] if end in (corners := self._faces[index])
+        )
         return face[(face.index(start) + 1) % 3] == end
 
     def _gap(self, first: int, second: int) -> float:

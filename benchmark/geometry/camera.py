@@ -45,7 +45,9 @@ class Camera:
         height = np.linalg.norm(up)
         if not (np.isfinite(length) and length > 0 and np.isfinite(height) and height > 1e-9):
             problem = f"no camera looks along {self.direction} with {self.up} as up"
-            raise ConfigurationError(problem, "pass two finite vectors that are neither zero nor parallel")
+            raise ConfigurationError(
+                problem, "pass two finite vectors that are neither zero nor parallel"
+            )
         object.__setattr__(self, "direction", tuple(direction.tolist()))
         if abs(height - 1) > 1e-12:
             up = up / height

@@ -12,9 +12,9 @@ from benchmark.text import counted
 LARGEST_LOSS = 0.25
 """Maximum fraction of the area that preparation may lose.
 
-A leg is 18 % of the surface of a human body, an arm 9 % (the rule of nines of burn medicine): a shape that has lost
-more than a quarter no longer shows the subject. Ordinary data sets lose far less, see ``docs/data.md``.
-"""
+A leg is 18 % of the surface of a human body, an arm 9 % (the rule of nines of burn medicine): a
+shape that has lost more than a quarter no longer shows the subject. Ordinary data sets lose far
+less, see ``docs/data.md``. """
 
 COPIES = 4e-6
 """Distance below which vertices are copies of one, in units of the root of the area: what rounding moves apart.
@@ -25,11 +25,12 @@ In the data sets of the suite, different vertices are at least forty times as fa
 SEAM = 5
 """Distance between borders that are closed where copies were merged, in units of that of copies."""
 
-#: Height below which a triangle has no area, in the same units: rounding in preparation could turn it over.
+#: Height below which a triangle has no area, in the same units: rounding in preparation could turn
+#: it over.
 _FLAT = 2e-6
 
-#: Distance from the centre beyond which vertices are stray, in units of the median distance, if those within end at
-#: a tenth of it.
+#: Distance from the centre beyond which vertices are stray, in units of the median distance, if
+#: those within end at a tenth of it.
 _STRAY = 100
 
 #: Most copies of a vertex at different positions, and most rounds of splitting.
@@ -38,10 +39,12 @@ _MOST_COPIES, _MOST_ROUNDS = 1000, 4096
 #: Volume that has no sign, in units of the root of the area cubed.
 _NO_VOLUME = 1e-9
 
-#: Range of extents for which the areas of the shape and of its small triangles neither overflow nor underflow.
+#: Range of extents for which the areas of the shape and of its small triangles neither overflow nor
+#: underflow.
 _EXTENTS = (1e-100, 1e100)
 
-#: Distance between neighbouring numbers of single precision above which they move a shape, in units of its extent.
+#: Distance between neighbouring numbers of single precision above which they move a shape, in units
+#: of its extent.
 _COARSE = 1e-3
 
 #: Least number of coordinates that tell single precision from decimals.
@@ -51,23 +54,27 @@ _FEWEST_TELLING = 30
 def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
     """Merge copies of vertices; remove triangles without area, duplicate faces and unreferenced vertices.
 
-    Vertices within :data:`COPIES` of each other become one at their mean, and so do chains of such vertices. This joins
-    files that store each triangle or part separately, also where rounding moved the copies. Where three corners of a
-    triangle lie on a line, the triangles across its longest side are split at the third: no border opens.
+    Vertices within :data:`COPIES` of each other become one at their mean, and so do chains of such
+    vertices. This joins files that store each triangle or part separately, also where rounding
+    moved the copies. Where three corners of a triangle lie on a line, the triangles across its
+    longest side are split at the third: no border opens.
 
     Returns
     -------
     Mesh
-        The cleaned mesh; vertices and faces keep their relative order, except those of split triangles.
+        The cleaned mesh; vertices and faces keep their relative order, except those of split
+        triangles.
     dict
-        Counts: ``vertices_before`` and ``faces_before``; what was removed: ``merged`` (copies of vertices),
-        ``degenerate_faces`` (two corners coincide, or no area), ``duplicate_faces`` and ``unreferenced`` (vertices).
+        Counts: ``vertices_before`` and ``faces_before``; what was removed: ``merged`` (copies of
+        vertices), ``degenerate_faces`` (two corners coincide, or no area), ``duplicate_faces`` and
+        ``unreferenced`` (vertices).
 
     Raises
     ------
     InvalidMesh
-        If the extent of the mesh is zero, or so small or large that areas underflow or overflow, if vertices are stray,
-        or if coordinates in single precision are so far from the origin that they are rounded.
+        If the extent of the mesh is zero, or so small or large that areas underflow or overflow, if
+        vertices are stray, or if coordinates in single precision are so far from the origin that
+        they are rounded.
     """
     surface = compact(mesh.vertices, mesh.faces)
     extent_of(surface)
@@ -92,8 +99,8 @@ def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
 def topology(mesh: Mesh) -> dict[str, int]:
     """Return the counts of ``components``, ``boundary_edges``, ``holes`` and what is not manifold.
 
-    Boundary loops that share a vertex are one hole. One of ``non_manifold_edges`` has more than two faces, and the
-    faces of one of ``non_manifold_vertices`` do not form a single fan.
+    Boundary loops that share a vertex are one hole. One of ``non_manifold_edges`` has more than two
+    faces, and the faces of one of ``non_manifold_vertices`` do not form a single fan.
     """
     counts = mesh.edges.counts
     return {
@@ -123,7 +130,9 @@ def extent_of(mesh: Mesh) -> float:
     coarse = mesh.vertices[:, far * np.finfo(np.float32).eps > _COARSE * extent]
     if coarse.size and _were_single(coarse):
         problem = f"coordinates of {far.max():.7g} in single precision are too coarse for a size of {extent:.3g}"
-        raise InvalidMesh(problem, "move it to the origin, or export coordinates in double precision")
+        raise InvalidMesh(
+            problem, "move it to the origin, or export coordinates in double precision"
+        )
     return extent
 
 
@@ -132,9 +141,14 @@ def _were_single(numbers: FloatArray) -> bool:
     single = numbers.astype(np.float32)
     if ((single == numbers) | (single.astype(str).astype(np.float64) == numbers)).all():
         return True
-    decimals = next((places for places in range(10) if (numbers.round(places) == numbers).all()), 10)
+    decimals = next(
+        (places for places in range(10) if (numbers.round(places) == numbers).all()), 10
+    )
     is_telling = 2 * 10.0**-decimals < np.spacing(single)  # others would agree anyway
-    return bool((single.astype(np.float64).round(decimals) == numbers).all() and is_telling.sum() >= _FEWEST_TELLING)
+    return bool(
+        (single.astype(np.float64).round(decimals) == numbers).all()
+        and is_telling.sum() >= _FEWEST_TELLING
+    )
 
 
 def _check_stray(vertices: Points) -> None:
@@ -148,8 +162,9 @@ def _check_stray(vertices: Points) -> None:
 def make_manifold(mesh: Mesh) -> Mesh:
     """Return a mesh with at most two faces per edge and one fan of faces per vertex.
 
-    An edge with more than two faces keeps the two largest: internal walls and slivers are dropped, and the surface
-    around them stays connected. A vertex with several fans is split into one vertex per fan, at the same position.
+    An edge with more than two faces keeps the two largest: internal walls and slivers are dropped,
+    and the surface around them stays connected. A vertex with several fans is split into one vertex
+    per fan, at the same position.
     """
     faces, areas, edges = mesh.faces.astype(np.int64), mesh.face_areas, mesh.edges
     if (edges.counts > 2).any():
@@ -171,8 +186,8 @@ def make_manifold(mesh: Mesh) -> Mesh:
 def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, int]:
     """Orient the triangles of each piece of a manifold mesh alike.
 
-    A piece is closed if its border is at most as long as the root of its area; it is oriented outwards. An open piece,
-    or one without volume, keeps the orientation of most of its area.
+    A piece is closed if its border is at most as long as the root of its area; it is oriented
+    outwards. An open piece, or one without volume, keeps the orientation of most of its area.
 
     Parameters
     ----------
@@ -198,20 +213,30 @@ def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, i
         corners = np.sort(mesh.faces.astype(np.int64), axis=1)
         order = np.lexsort(corners.T[::-1])
         corners[order] = igl.bfs_orient(corners[order])[0]
-        second = mesh.faces[np.arange(len(order)), ((mesh.faces == corners[:, :1]).argmax(axis=1) + 1) % 3]
+        second = mesh.faces[
+            np.arange(len(order)), ((mesh.faces == corners[:, :1]).argmax(axis=1) + 1) % 3
+        ]
         signs = np.where(second == corners[:, 1], 1.0, -1.0)
     one_sided = len(np.unique(piece[one[against ^ (signs[one // 3] != signs[other // 3])] // 3]))
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     centres = weighted_means(middles, mesh.face_areas, piece)
-    outwards = np.bincount(piece, signs * np.einsum("fk,fk->f", middles - centres[piece], mesh.face_normals))
+    outwards = np.bincount(
+        piece, signs * np.einsum("fk,fk->f", middles - centres[piece], mesh.face_normals)
+    )
     lengths = np.linalg.norm(mesh.vertices[starts[rim]] - mesh.vertices[ends[rim]], axis=1)
     is_closed = np.bincount(piece[rim // 3], lengths, len(areas)) <= np.sqrt(areas)
     by_volume = is_closed & (np.abs(outwards) > _NO_VOLUME * areas**1.5)
-    signs *= np.where(np.where(by_volume, outwards, np.bincount(piece, signs * mesh.face_areas)) < 0, -1, 1)[piece]
+    signs *= np.where(
+        np.where(by_volume, outwards, np.bincount(piece, signs * mesh.face_areas)) < 0, -1, 1
+    )[piece]
     turned = signs < 0
     if not turned.any():
         return mesh, 0, one_sided
-    return Mesh(mesh.vertices, np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)), int(turned.sum()), one_sided
+    return (
+        Mesh(mesh.vertices, np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)),
+        int(turned.sum()),
+        one_sided,
+    )
 
 
 def connected_components(mesh: Mesh) -> IntArray:
@@ -225,7 +250,9 @@ def connected_components(mesh: Mesh) -> IntArray:
 def largest_component(mesh: Mesh) -> Mesh:
     """Return the component with the largest area."""
     areas, of_face = component_areas(mesh)
-    return compact(mesh.vertices, mesh.faces[of_face == int(np.argmax(areas))]) if len(areas) else mesh
+    return (
+        compact(mesh.vertices, mesh.faces[of_face == int(np.argmax(areas))]) if len(areas) else mesh
+    )
 
 
 def component_areas(mesh: Mesh) -> tuple[FloatArray, IntArray]:
@@ -245,7 +272,9 @@ def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
 
 def fans_per_vertex(mesh: Mesh) -> IntArray:
     """Return the number of fans of edge-connected faces at each vertex, shape (n,): 1 on a manifold."""
-    return np.bincount(_fans(mesh.faces.astype(np.int64), mesh.edges)[1], minlength=mesh.n_vertices).astype(np.int64)
+    return np.bincount(
+        _fans(mesh.faces.astype(np.int64), mesh.edges)[1], minlength=mesh.n_vertices
+    ).astype(np.int64)
 
 
 def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
@@ -259,8 +288,8 @@ def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
 def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
     """Merge vertices within a distance, transitively; as :func:`merge_duplicates`, at the mean of distinct positions.
 
-    Where this merges some, rounding may have moved others farther apart, and borders are closed that are within
-    :data:`SEAM` times the distance.
+    Where this merges some, rounding may have moved others farther apart, and borders are closed
+    that are within :data:`SEAM` times the distance.
     """
     distinct, place = merge_duplicates(surface.vertices)
     groups = _near_groups(distinct, distance)
@@ -283,7 +312,10 @@ def _near_groups(points: Points, distance: float) -> IntArray | None:
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     n_pairs = tree.count_neighbors(tree, distance)  # of ordered pairs, with each point itself
     if n_pairs > _MOST_COPIES * len(points):
-        raise InvalidMesh(f"most vertices lie within {distance:.3g} of {_MOST_COPIES} others", "remove stray faces")
+        raise InvalidMesh(
+            f"most vertices lie within {distance:.3g} of {_MOST_COPIES} others",
+            "remove stray faces",
+        )
     if n_pairs == len(points):
         return None
     tails, heads = tree.query_pairs(distance, output_type="ndarray").T
@@ -304,14 +336,17 @@ def _proper(faces: IntArray) -> IntArray:
 def _without_flat(vertices: Points, faces: IntArray, height: float) -> tuple[IntArray, int]:
     """Split triangles at their longest sides where a neighbour is flat; returns them and how many were flat.
 
-    In each round, all triangles at a longest side are split at the third corner of a flat one, which leaves nothing of
-    the flat one itself. Choices follow the positions of vertices, not their numbers.
+    In each round, all triangles at a longest side are split at the third corner of a flat one,
+    which leaves nothing of the flat one itself. Choices follow the positions of vertices, not their
+    numbers.
     """
     order, n_flat = np.arange(len(vertices)), 0
     for turn in range(_MOST_ROUNDS):
         corners = vertices[faces]
         lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-        doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+        doubled = np.linalg.norm(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+        )
         flat = np.flatnonzero(doubled <= height * lengths.max(axis=1))
         if not len(flat):
             return order[faces], n_flat
@@ -329,7 +364,9 @@ def _without_flat(vertices: Points, faces: IntArray, height: float) -> tuple[Int
         face, side = np.nonzero(third[at_sides] < len(vertices))
         start, end, opposite = (faces[face, (side + k) % 3] for k in range(3))
         middle = third[at_sides[face, side]]
-        halves = np.concatenate([np.stack([start, middle, opposite]), np.stack([middle, end, opposite])], axis=1).T
+        halves = np.concatenate(
+            [np.stack([start, middle, opposite]), np.stack([middle, end, opposite])], axis=1
+        ).T
         faces = np.concatenate([np.delete(faces, face, axis=0), _proper(halves)])
     raise InvalidMesh("triangles without area cannot be removed", "remove or re-export the mesh")
 
@@ -341,7 +378,9 @@ def _fans(faces: IntArray, edges: Edges) -> tuple[IntArray, IntArray]:
     previous = np.delete(edges.grouped_sides, edges.first + edges.counts - 1)
     vertex = faces.ravel()
     corners = np.stack(sides_of(np.arange(len(vertex)).reshape(-1, 3)))
-    corners = np.take_along_axis(corners, vertex[corners].argsort(axis=0), axis=0)  # of each side, smaller vertex first
+    corners = np.take_along_axis(
+        corners, vertex[corners].argsort(axis=0), axis=0
+    )  # of each side, smaller vertex first
     fan = component_labels(corners[:, sides].ravel(), corners[:, previous].ravel(), len(vertex))
     owner = np.zeros(int(fan.max(initial=-1)) + 1, dtype=np.int64)
     owner[fan] = vertex
@@ -353,4 +392,6 @@ def component_labels(tails: IntArray, heads: IntArray, count: int) -> IntArray:
     from scipy.sparse import coo_array, csgraph  # lazy: the import takes a third of a second
 
     graph = coo_array((np.ones(len(tails), dtype=np.int8), (tails, heads)), shape=(count, count))
-    return np.asarray(csgraph.connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64)
+    return np.asarray(
+        csgraph.connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64
+    )

@@ -1,10 +1,11 @@
 """Views of a shape from a single depth camera: a depth image, and the open 2.5-D surface behind its pixels.
 
-Rendering and back-projection share one convention. The camera is orthographic. Its frame is right-handed, with *x* to
-the right, *y* up and *z* towards the camera, and its origin at the centre of the shape's bounding box. The image shows
-the cube ``[-half_width, half_width]^3`` of that frame, so the near and far planes also lie at ``+-half_width``, and a
-depth of 0.5 is the centre of every shape. Nearer is larger, and 0 is background. All images of a data set share one
-half width and are therefore comparable pixel by pixel.
+Rendering and back-projection share one convention. The camera is orthographic. Its frame is
+right-handed, with *x* to the right, *y* up and *z* towards the camera, and its origin at the centre
+of the shape's bounding box. The image shows the cube ``[-half_width, half_width]^3`` of that frame,
+so the near and far planes also lie at ``+-half_width``, and a depth of 0.5 is the centre of every
+shape. Nearer is larger, and 0 is background. All images of a data set share one half width and are
+therefore comparable pixel by pixel.
 """
 
 from __future__ import annotations
@@ -38,9 +39,8 @@ FILL = 0.9
 OUTSIZE = 5.0
 """Maximum width of a shape, as a multiple of the median width, for it to affect the frame of its data set.
 
-Wrong units differ by factors of ten or more; children and adults, or a cat and a gorilla, by less than three. In the
-widest possible frame, the median shape still spans 90 of the 500 pixels.
-"""
+Wrong units differ by factors of ten or more; children and adults, or a cat and a gorilla, by less
+than three. In the widest possible frame, the median shape still spans 90 of the 500 pixels. """
 
 FEWEST_PIXELS = 200
 """Minimum number of foreground pixels: a tenth of the target number of samples of the surface."""
@@ -51,9 +51,8 @@ _TIE = 1e-6
 LARGEST_LOSS = 0.5
 """Maximum fraction of the visible surface that a view may lose, so that the larger part remains.
 
-Cutting at depth jumps also removes surface at grazing angles, so even valid shapes lose some: a sphere that fills the
-frame 26 %; ordinary data sets far less, see ``docs/data.md``.
-"""
+Cutting at depth jumps also removes surface at grazing angles, so even valid shapes lose some: a
+sphere that fills the frame 26 %; ordinary data sets far less, see ``docs/data.md``. """
 
 SPECK = 8
 """Minimum number of vertices of a piece; smaller pieces are dropped: slivers at grazing silhouettes, not limbs."""
@@ -101,7 +100,8 @@ def camera_coordinates(mesh: Mesh, camera: Camera) -> Points:
 def fit_half_width(mesh: Mesh, camera: Camera) -> float:
     """Return the half width of the frame in which the bounding box of a shape fills :data:`FILL`.
 
-    Depth counts in the same way as width and height, so that no shape reaches the near or far plane.
+    Depth counts in the same way as width and height, so that no shape reaches the near or far
+    plane.
 
     Parameters
     ----------
@@ -122,15 +122,18 @@ def fit_half_width(mesh: Mesh, camera: Camera) -> float:
     """
     extent = float(np.abs(camera_coordinates(mesh, camera)).max())
     if extent == 0:
-        raise DatasetError("the shape has no extent, so no frame fits", "check that the mesh is not empty")
+        raise DatasetError(
+            "the shape has no extent, so no frame fits", "check that the mesh is not empty"
+        )
     return extent / FILL
 
 
 def common_half_width(half_widths: Sequence[float]) -> float:
     """Return the common half width of a data set: the largest one that is not an outlier.
 
-    Otherwise, a single file in another unit or with a stray vertex would shrink all other shapes to a few pixels. A
-    shape is an outlier if it is more than ``OUTSIZE`` times as wide as the median one.
+    Otherwise, a single file in another unit or with a stray vertex would shrink all other shapes to
+    a few pixels. A shape is an outlier if it is more than ``OUTSIZE`` times as wide as the median
+    one.
 
     Parameters
     ----------
@@ -163,9 +166,9 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
     Returns
     -------
     numpy.ndarray
-        Shape (size, size), float32: (far - z) / (far - near) in (0, 1) on the shape, 0 elsewhere. With step
-        = 2 half_width / size, the centre of pixel (r, c) lies at x = (c + 1/2) step - half_width and
-        y = half_width - (r + 1/2) step.
+        Shape (size, size), float32: (far - z) / (far - near) in (0, 1) on the shape, 0 elsewhere.
+        With step = 2 half_width / size, the centre of pixel (r, c) lies at x = (c + 1/2) step -
+        half_width and y = half_width - (r + 1/2) step.
 
     Raises
     ------
@@ -173,7 +176,9 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
         If the shape has no faces, or does not fit the frame.
     """
     if mesh.n_faces == 0:
-        raise UnsupportedShape("a mesh without faces casts no depth image", "pass a surface, not a point cloud")
+        raise UnsupportedShape(
+            "a mesh without faces casts no depth image", "pass a surface, not a point cloud"
+        )
     points = camera_coordinates(mesh, camera) / half_width
     extent = float(np.abs(points).max())
     if not extent < 1:
@@ -193,10 +198,11 @@ def back_project(
 ) -> tuple[Mesh, dict[str, float]]:
     """Return the surface behind a depth image as a single connected component.
 
-    Every ``stride``-th pixel becomes a vertex. Each 2 x 2 block of samples yields two triangles, split along the
-    diagonal with the smaller depth difference, or one if a sample is background. Triangles with an edge across a depth
-    jump are left out: they would join an arm to the chest behind it. Separate pieces are bridged, so that no limb is
-    lost, and the result is a manifold with boundary.
+    Every ``stride``-th pixel becomes a vertex. Each 2 x 2 block of samples yields two triangles,
+    split along the diagonal with the smaller depth difference, or one if a sample is background.
+    Triangles with an edge across a depth jump are left out: they would join an arm to the chest
+    behind it. Separate pieces are bridged, so that no limb is lost, and the result is a manifold
+    with boundary.
 
     Parameters
     ----------
@@ -205,19 +211,21 @@ def back_project(
     half_width
         Half width used to render the image.
     stride
-        Pixels between samples, the first at ``stride // 2``; None for about 2000 samples, whatever the size of the
-        shape in the frame.
+        Pixels between samples, the first at ``stride // 2``; None for about 2000 samples, whatever
+        the size of the shape in the frame.
     jump
         Maximum depth difference along an edge, as a fraction of the half width.
 
     Returns
     -------
     mesh : Mesh
-        Open surface in camera coordinates and units of ``half_width``; the triangles face the camera.
+        Open surface in camera coordinates and units of ``half_width``; the triangles face the
+        camera.
     report : dict
-        ``foreground`` pixels; the ``stride`` between samples; connected ``pieces`` kept and the ``bridges`` between
-        them; ``specks``, pieces dropped because they have fewer than ``SPECK`` vertices; ``lost_samples``, foreground
-        samples missing from the surface, and ``lost_area``, their fraction.
+        ``foreground`` pixels; the ``stride`` between samples; connected ``pieces`` kept and the
+        ``bridges`` between them; ``specks``, pieces dropped because they have fewer than ``SPECK``
+        vertices; ``lost_samples``, foreground samples missing from the surface, and ``lost_area``,
+        their fraction.
 
     Raises
     ------
@@ -226,12 +234,20 @@ def back_project(
     UnsupportedShape
         If the image is empty, or has too few samples for a surface.
     """
-    if depth.ndim != 2 or depth.shape[0] != depth.shape[1] or not ((depth >= 0) & (depth <= 1)).all():
-        problem = f"a depth image of shape {depth.shape} is not square, or holds values outside [0, 1]"
+    if (
+        depth.ndim != 2
+        or depth.shape[0] != depth.shape[1]
+        or not ((depth >= 0) & (depth <= 1)).all()
+    ):
+        problem = (
+            f"a depth image of shape {depth.shape} is not square, or holds values outside [0, 1]"
+        )
         raise InvalidMesh(problem, "normalise it as `render_depth` does, with 0 outside")
     foreground = int(np.count_nonzero(depth))
     if foreground == 0:
-        raise UnsupportedShape("the depth image is empty", "check the camera and the half width of the data set")
+        raise UnsupportedShape(
+            "the depth image is empty", "check the camera and the half width of the data set"
+        )
     if stride is None:
         stride = max(1, round(math.sqrt(foreground / SAMPLES)))
     samples = depth[stride // 2 :: stride, stride // 2 :: stride].astype(np.float64)
@@ -241,15 +257,25 @@ def back_project(
     mesh, pieces, specks = _without_specks(points, _triangulate(samples, jump / 2))
     if mesh.n_faces == 0:
         problem = f"{foreground} pixels of foreground hold no piece of {SPECK} samples"
-        raise UnsupportedShape(problem, "check the half width of the data set or sample with a smaller stride")
+        raise UnsupportedShape(
+            problem, "check the half width of the data set or sample with a smaller stride"
+        )
     sampled = int(np.count_nonzero(samples))
     lost = sampled - len(np.unique(mesh.vertices[:, :2], axis=0))
     mesh, gaps = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
-    counts = {"foreground": foreground, "stride": stride, "pieces": pieces, "bridges": len(gaps), "specks": specks}
+    counts = {
+        "foreground": foreground,
+        "stride": stride,
+        "pieces": pieces,
+        "bridges": len(gaps),
+        "specks": specks,
+    }
     return mesh, {**counts, "lost_samples": lost, "lost_area": round(lost / sampled, 6)}
 
 
-def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None) -> View:
+def depth_surface(
+    mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None
+) -> View:
     """Render a shape and back-project its depth image; see :func:`render_depth` and :func:`back_project`.
 
     Parameters
@@ -262,7 +288,8 @@ def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSe
     Raises
     ------
     UnsupportedShape
-        If fewer than ``FEWEST_PIXELS`` pixels show the shape, or more than ``LARGEST_LOSS`` of its samples are lost.
+        If fewer than ``FEWEST_PIXELS`` pixels show the shape, or more than ``LARGEST_LOSS`` of its
+        samples are lost.
     """
     depth = render_depth(mesh, camera, half_width)
     if sensor is not None:
@@ -282,11 +309,15 @@ def depth_surface(mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSe
 def _triangulate(samples: Points, jump: float) -> Faces:
     """Return the triangles of the samples without background corners and without depth differences above ``jump``."""
     index = np.arange(samples.size, dtype=np.int32).reshape(samples.shape)
-    # Corners of each block, counter-clockwise in the image: a top left, b bottom left, c bottom right, d top right.
-    a, b, c, d = (block.ravel() for block in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
+    # Corners of each block, counter-clockwise in the image: a top left, b bottom left, c bottom
+    # right, d top right.
+    a, b, c, d = (
+        block.ravel() for block in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
+    )
     z = samples.ravel()
     seen = z > 0
-    # Exclude diagonals with a background end, so that the triangle of the other three corners survives.
+    # Exclude diagonals with a background end, so that the triangle of the other three corners
+    # survives.
     along_ac = np.where(seen[a] & seen[c], np.abs(z[a] - z[c]), np.inf)
     along_bd = np.where(seen[b] & seen[d], np.abs(z[b] - z[d]), np.inf)
     split_ac = (along_ac <= along_bd + _TIE)[:, np.newaxis]
@@ -300,7 +331,8 @@ def _triangulate(samples: Points, jump: float) -> Faces:
 
 def _without_specks(points: Points, faces: Faces) -> tuple[Mesh, int, int]:
     """Return the mesh without stray samples and small pieces, and the numbers of pieces kept and dropped."""
-    # Patches that touch in a single sample are separate: a surface pinched to a point is not a manifold.
+    # Patches that touch in a single sample are separate: a surface pinched to a point is not a
+    # manifold.
     surface = make_manifold(compact(points, faces))
     labels = connected_components(surface)
     large = np.bincount(labels) >= SPECK

@@ -10,10 +10,10 @@ from benchmark.geometry.mesh import Points
 def oriented(points: Points, areas: Points) -> Points:
     r"""Choose the signs of the axes of an embedding, shape (n, 3), by moments over the surface.
 
-    The first two axes point to the side of positive third moment :math:`\sum_i a_i x_i^3`. The third makes
-    :math:`\sum_i a_i x_i y_i z_i` positive, which chooses between the form and its mirror image. Where a plane across
-    an axis is one of symmetry, as for a bent tube, a moment is zero: then rounding decides, and the form may differ by
-    a reflection between processors.
+    The first two axes point to the side of positive third moment :math:`\sum_i a_i x_i^3`. The
+    third makes :math:`\sum_i a_i x_i y_i z_i` positive, which chooses between the form and its
+    mirror image. Where a plane across an axis is one of symmetry, as for a bent tube, a moment is
+    zero: then rounding decides, and the form may differ by a reflection between processors.
 
     Parameters
     ----------

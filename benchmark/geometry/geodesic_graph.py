@@ -8,35 +8,40 @@ from scipy.sparse import csr_array
 
 from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, sides_of
 
-# Default number of windows per vertex; and that of thin meshes, of which a tenth of the triangles are longer than THIN
-# times their height: rings reach far along them, not across. Measured in docs/measurements.md.
+# Default number of windows per vertex; and that of thin meshes, of which a tenth of the triangles
+# are longer than THIN times their height: rings reach far along them, not across. Measured in
+# docs/measurements.md.
 WINDOWS, WINDOWS_OF_THIN, THIN = 800, 2**16, 7.0
 
-# Tangent of the angle below which a vertex lies on the boundary ray of a window, not inside the window. The ray runs
-# through a vertex, whose own windows cover the surface behind it. Regular triangulations put many vertices on such
-# rays; without this margin, rounding would decide which of them split a window and thus how far windows reach.
+# Tangent of the angle below which a vertex lies on the boundary ray of a window, not inside the
+# window. The ray runs through a vertex, whose own windows cover the surface behind it. Regular
+# triangulations put many vertices on such rays; without this margin, rounding would decide which of
+# them split a window and thus how far windows reach.
 GRAZING = 1e-9
 
 
 def geodesic_graph(mesh: Mesh, windows: int | None = None) -> csr_array:
     """Return the graph of the straight geodesics between nearby vertices.
 
-    Every shortest path on a triangle mesh is a chain of straight geodesics between vertices [Mitchell, Mount and
-    Papadimitriou 1987], so the graph of *all* straight geodesics yields exact distances: the saddle vertex graph [Ying,
-    Wang and He 2013]. As in that work, each vertex keeps only the geodesics in its neighbourhood. From every vertex,
-    the surrounding triangles are unfolded strip by strip into the plane; a *window* is the cone of straight lines from
-    the vertex through a triangle side. A vertex inside the cone adds an arc of exactly its unfolded distance and splits
-    the window in two. Windows are followed breadth first, ring by ring, until at least ``windows`` have been followed:
-    the neighbourhood adapts to the size of the triangles and does not depend on the face order. Each arc is a path on
-    the surface, so distances are never too short.
+    Every shortest path on a triangle mesh is a chain of straight geodesics between vertices
+    [Mitchell, Mount and Papadimitriou 1987], so the graph of *all* straight geodesics yields exact
+    distances: the saddle vertex graph [Ying, Wang and He 2013]. As in that work, each vertex keeps
+    only the geodesics in its neighbourhood. From every vertex, the surrounding triangles are
+    unfolded strip by strip into the plane; a *window* is the cone of straight lines from the vertex
+    through a triangle side. A vertex inside the cone adds an arc of exactly its unfolded distance
+    and splits the window in two. Windows are followed breadth first, ring by ring, until at least
+    ``windows`` have been followed: the neighbourhood adapts to the size of the triangles and does
+    not depend on the face order. Each arc is a path on the surface, so distances are never too
+    short.
 
     Parameters
     ----------
     mesh
         Any triangle mesh; windows end at boundaries and at edges with more than two faces.
     windows
-        Number of windows to follow from each vertex; the ring that reaches it is completed. Larger values are slower
-        and more accurate. None means :data:`WINDOWS`, or :data:`WINDOWS_OF_THIN` for meshes of thin triangles.
+        Number of windows to follow from each vertex; the ring that reaches it is completed. Larger
+        values are slower and more accurate. None means :data:`WINDOWS`, or :data:`WINDOWS_OF_THIN`
+        for meshes of thin triangles.
 
     Returns
     -------
@@ -50,11 +55,13 @@ def geodesic_graph(mesh: Mesh, windows: int | None = None) -> csr_array:
         windows = WINDOWS_OF_THIN if is_thin.mean() > 0.1 else WINDOWS
     opposite = np.argsort(sides.apexes, kind="stable")
     first = np.concatenate(([0], np.cumsum(np.bincount(sides.apexes, minlength=mesh.n_vertices))))
-    # Successors of the last ring are neither followed nor stored. If that is the first ring, it has at most one window
-    # per triangle at the source. Otherwise, fewer than ``windows`` precede it, which include the previous ring, and a
-    # window has at most two successors. One extra entry, as a window is written before it is counted.
+    # Successors of the last ring are neither followed nor stored. If that is the first ring, it has
+    # at most one window per triangle at the source. Otherwise, fewer than ``windows`` precede it,
+    # which include the previous ring, and a window has at most two successors. One extra entry, as
+    # a window is written before it is counted.
     room = max(3 * windows, int(np.diff(first).max(initial=0))) + 1
-    # Around a thin fan, windows multiply at each turn: those are left out that a vertex beside them makes a detour.
+    # Around a thin fan, windows multiply at each turn: those are left out that a vertex beside them
+    # makes a detour.
     ends = np.empty((0, 2), np.int64)
     if windows == WINDOWS_OF_THIN:
         ends = np.stack((sides.starts, sides.ends, sides.ends, sides.starts), axis=1).reshape(-1, 2)
@@ -65,7 +72,12 @@ def geodesic_graph(mesh: Mesh, windows: int | None = None) -> csr_array:
 
 def _first_windows(sides: _Sides, opposite: IntArray) -> tuple[IntArray, FloatArray]:
     """Return, for each side opposite a vertex, its ends P and Q and the passage through it; and coordinates of P, Q."""
-    starts, ends, x, y = sides.starts[opposite], sides.ends[opposite], sides.apex_x[opposite], sides.apex_y[opposite]
+    starts, ends, x, y = (
+        sides.starts[opposite],
+        sides.ends[opposite],
+        sides.apex_x[opposite],
+        sides.apex_y[opposite],
+    )
     names = np.stack((starts, ends, _passage(sides, sides.twins[opposite], starts)), axis=1)
     return names, np.stack((-x, -y, sides.lengths[opposite] - x, -y), axis=1)
 
@@ -73,12 +85,20 @@ def _first_windows(sides: _Sides, opposite: IntArray) -> tuple[IntArray, FloatAr
 def _passages(sides: _Sides) -> tuple[IntArray, FloatArray]:
     """Return, for each passage, the third corner and the next passages past P and past Q; and the corner's coordinates.
 
-    Passage 2 s enters through side s with P at its start, passage 2 s + 1 with P at its end. Coordinates are parallel
-    and perpendicular to the vector from P to Q, in units of its length.
+    Passage 2 s enters through side s with P at its start, passage 2 s + 1 with P at its end.
+    Coordinates are parallel and perpendicular to the vector from P to Q, in units of its length.
     """
     last, following = _turn(sides.twins, 2), _turn(sides.twins, 1)
-    forward = (sides.apexes, _passage(sides, last, sides.starts), _passage(sides, following, sides.apexes))
-    backward = (sides.apexes, _passage(sides, following, sides.ends), _passage(sides, last, sides.apexes))
+    forward = (
+        sides.apexes,
+        _passage(sides, last, sides.starts),
+        _passage(sides, following, sides.apexes),
+    )
+    backward = (
+        sides.apexes,
+        _passage(sides, following, sides.ends),
+        _passage(sides, last, sides.apexes),
+    )
     width = np.where(sides.lengths > 0, sides.lengths, 1.0)
     along, beside = sides.apex_x / width, sides.apex_y / width
     names = np.stack((*forward, *backward), axis=1).reshape(-1, 3)
@@ -98,9 +118,10 @@ def _turn(of_sides: IntArray, steps: int) -> IntArray:
 class _Sides:
     """The sides of all triangles; side 3 f + k runs from corner k to corner k + 1 of face f.
 
-    ``starts``, ``ends`` and ``apexes`` are the vertices at both ends and at the opposite corner. ``twins`` is the side
-    of the adjacent triangle along the same edge, -1 if it is not unique. ``apex_x`` and ``apex_y`` are coordinates of
-    the opposite corner relative to the start of the side: parallel and perpendicular to it.
+    ``starts``, ``ends`` and ``apexes`` are the vertices at both ends and at the opposite corner.
+    ``twins`` is the side of the adjacent triangle along the same edge, -1 if it is not unique.
+    ``apex_x`` and ``apex_y`` are coordinates of the opposite corner relative to the start of the
+    side: parallel and perpendicular to it.
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -123,19 +144,22 @@ class _Sides:
 
 def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArray) -> csr_array:
     """Build a graph from arcs, at most one from each vertex to each other; opposite arcs get the shorter length."""
-    # In a sparse matrix, no entry means 0: the shorter arc needs the larger value. Bits of lengths rise with them.
+    # In a sparse matrix, no entry means 0: the shorter arc needs the larger value. Bits of lengths
+    # rise with them.
     largest = np.iinfo(np.int64).max
     arcs = csr_array((largest - lengths.view(np.int64), (tails, heads)), shape=(count, count))
     both = arcs.maximum(arcs.T.tocsr())
-    return csr_array(((largest - both.data).view(np.float64), both.indices, both.indptr), shape=(count, count))
+    return csr_array(
+        ((largest - both.data).view(np.float64), both.indices, both.indptr), shape=(count, count)
+    )
 
 
 @njit(cache=True, nogil=True)
 def _follow_windows(first_names, first_plane, passages, moves, ends, first, budget, room):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Collect the arcs of :func:`geodesic_graph`; the source lies at the origin of every unfolded plane.
 
-    A window consists of a passage through a side PQ and, in the plane, P, Q and the two rays that bound the cone. Q is
-    anticlockwise of P as seen from the source.
+    A window consists of a passage through a side PQ and, in the plane, P, Q and the two rays that
+    bound the cone. Q is anticlockwise of P as seen from the source.
     """
     count = first.size - 1
     # Room for 64 arcs per vertex to begin with; the arrays grow below if there are more.
@@ -144,15 +168,17 @@ def _follow_windows(first_names, first_plane, passages, moves, ends, first, budg
     squares = np.empty(64 * count, np.float64)
     arcs = 0
     best = np.full(count, np.inf)
-    # Distinct vertices with a finite ``best``, without the source; one extra entry, as a vertex is written before it is
-    # counted.
+    # Distinct vertices with a finite ``best``, without the source; one extra entry, as a vertex is
+    # written before it is counted.
     seen = np.empty(count, np.int64)
     queue = np.empty(room, np.int64)
     plane = np.empty((room, 8), np.float64)
     for source in range(count):
         best[source] = 0.0
         near = slice(first[source], first[source + 1])
-        n_seen, queued = _begin_windows(first_names[near], first_plane[near], seen, best, queue, plane)
+        n_seen, queued = _begin_windows(
+            first_names[near], first_plane[near], seen, best, queue, plane
+        )
         window = ring_end = 0
         last_ring = False
         while window < queued:
@@ -162,19 +188,35 @@ def _follow_windows(first_names, first_plane, passages, moves, ends, first, budg
                 ring_end = queued
                 last_ring = ring_end >= budget
             passage = queue[window]
-            p_x, p_y, q_x, q_y = plane[window, 0], plane[window, 1], plane[window, 2], plane[window, 3]
-            low_x, low_y, high_x, high_y = plane[window, 4], plane[window, 5], plane[window, 6], plane[window, 7]
-            is_detour = len(ends) and _is_detour(best[ends[passage, 0]], best[ends[passage, 1]], plane[window])
+            p_x, p_y, q_x, q_y = (
+                plane[window, 0],
+                plane[window, 1],
+                plane[window, 2],
+                plane[window, 3],
+            )
+            low_x, low_y, high_x, high_y = (
+                plane[window, 4],
+                plane[window, 5],
+                plane[window, 6],
+                plane[window, 7],
+            )
+            is_detour = len(ends) and _is_detour(
+                best[ends[passage, 0]], best[ends[passage, 1]], plane[window]
+            )
             window += 1
             if is_detour:
                 continue
             apex, past_p, past_q = passages[passage, 0], passages[passage, 1], passages[passage, 2]
             along, beside = moves[passage, 0], moves[passage, 1]
             width_x, width_y = q_x - p_x, q_y - p_y
-            a_x, a_y = p_x + along * width_x + beside * width_y, p_y + along * width_y - beside * width_x
+            a_x, a_y = (
+                p_x + along * width_x + beside * width_y,
+                p_y + along * width_y - beside * width_x,
+            )
             beyond_low = low_x * a_y - low_y * a_x > GRAZING * abs(low_x * a_x + low_y * a_y)
             before_high = a_x * high_y - a_y * high_x > GRAZING * abs(a_x * high_x + a_y * high_y)
-            # The apex side is unpredictable: writing first and counting afterwards is faster than branching.
+            # The apex side is unpredictable: writing first and counting afterwards is faster than
+            # branching.
             visible = beyond_low & before_high
             square = a_x * a_x + a_y * a_y if visible else np.inf
             seen[n_seen] = apex
@@ -184,16 +226,36 @@ def _follow_windows(first_names, first_plane, passages, moves, ends, first, budg
                 continue
             queue[queued] = past_p
             _place(
-                plane[queued], p_x, p_y, a_x, a_y, low_x, low_y, a_x if visible else high_x, a_y if visible else high_y
+                plane[queued],
+                p_x,
+                p_y,
+                a_x,
+                a_y,
+                low_x,
+                low_y,
+                a_x if visible else high_x,
+                a_y if visible else high_y,
             )
             queued += beyond_low & (past_p >= 0)
             queue[queued] = past_q
             _place(
-                plane[queued], a_x, a_y, q_x, q_y, a_x if visible else low_x, a_y if visible else low_y, high_x, high_y
+                plane[queued],
+                a_x,
+                a_y,
+                q_x,
+                q_y,
+                a_x if visible else low_x,
+                a_y if visible else low_y,
+                high_x,
+                high_y,
             )
             queued += before_high & (past_q >= 0)
         if arcs + n_seen > tails.size:
-            tails, heads, squares = _enlarged(tails, n_seen), _enlarged(heads, n_seen), _enlarged(squares, n_seen)
+            tails, heads, squares = (
+                _enlarged(tails, n_seen),
+                _enlarged(heads, n_seen),
+                _enlarged(squares, n_seen),
+            )
         _store_arcs(source, seen[:n_seen], best, tails[arcs:], heads[arcs:], squares[arcs:])
         arcs += n_seen
     return tails[:arcs], heads[:arcs], np.sqrt(squares[:arcs])
@@ -205,7 +267,10 @@ def _begin_windows(names, ends, seen, best, queue, plane):  # type: ignore[no-un
     n_seen = queued = 0
     for at in range(len(names)):
         p_x, p_y, q_x, q_y = ends[at, 0], ends[at, 1], ends[at, 2], ends[at, 3]
-        for vertex, square in ((names[at, 0], p_x * p_x + p_y * p_y), (names[at, 1], q_x * q_x + q_y * q_y)):
+        for vertex, square in (
+            (names[at, 0], p_x * p_x + p_y * p_y),
+            (names[at, 1], q_x * q_x + q_y * q_y),
+        ):
             seen[n_seen] = vertex
             n_seen += (square < np.inf) & (best[vertex] == np.inf)
             best[vertex] = min(best[vertex], square)
@@ -226,7 +291,10 @@ def _is_detour(square_p, square_q, row):  # type: ignore[no-untyped-def]  # noqa
     """Return whether all points behind a window are nearer by way of P or of Q [Xin and Wang 2009, theorem 3.2]."""
     p_x, p_y, q_x, q_y = row[0], row[1], row[2], row[3]
     low_x, low_y, high_x, high_y = row[4], row[5], row[6], row[7]
-    for square, v_x, v_y, ray_x, ray_y in ((square_p, p_x, p_y, high_x, high_y), (square_q, q_x, q_y, low_x, low_y)):
+    for square, v_x, v_y, ray_x, ray_y in (
+        (square_p, p_x, p_y, high_x, high_y),
+        (square_q, q_x, q_y, low_x, low_y),
+    ):
         from_p, from_q = ray_x * p_y - ray_y * p_x, ray_x * q_y - ray_y * q_x
         if square < np.inf and from_p != from_q:
             share = from_p / (from_p - from_q)

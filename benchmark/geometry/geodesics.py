@@ -18,9 +18,10 @@ from benchmark.geometry.mesh import FloatArray, IntArray, Mesh
 #: The graph of the latest mesh, for methods that request a few rows at a time.
 _graph_of = lru_cache(maxsize=1)(geodesic_graph)
 
-# Number of sources processed together. Their distances to a vertex are contiguous in memory, so the processor adds and
-# compares eight at a time. Changed neighbours are looked up once per block: with 1000 sources, that is cheap compared
-# to the arithmetic. Not a power of two, for which all entries of a column would compete for the same places in a cache.
+# Number of sources processed together. Their distances to a vertex are contiguous in memory, so the
+# processor adds and compares eight at a time. Changed neighbours are looked up once per block: with
+# 1000 sources, that is cheap compared to the arithmetic. Not a power of two, for which all entries
+# of a column would compete for the same places in a cache.
 _BLOCK = 1000
 
 
@@ -35,8 +36,8 @@ def all_pairs(mesh: Mesh) -> FloatArray:
     Returns
     -------
     numpy.ndarray
-        Shape (n, n), symmetric with zero diagonal, in units of the mesh. The two directions are averaged, as rounding
-        differs between them.
+        Shape (n, n), symmetric with zero diagonal, in units of the mesh. The two directions are
+        averaged, as rounding differs between them.
 
     Raises
     ------
@@ -84,8 +85,8 @@ def from_sources(mesh: Mesh, sources: ArrayLike) -> FloatArray:
 def rounded(matrix: FloatArray) -> FloatArray:
     """Round distances to single precision; the result is float64.
 
-    Seven digits are four more than the accuracy, and rounding removes most last-bit differences between
-    processors, so that methods start from the same numbers on any machine.
+    Seven digits are four more than the accuracy, and rounding removes most last-bit differences
+    between processors, so that methods start from the same numbers on any machine.
     """
     return matrix.astype(np.float32).astype(np.float64)
 
@@ -93,10 +94,11 @@ def rounded(matrix: FloatArray) -> FloatArray:
 def shortest_paths(graph: csr_array, sources: IntArray) -> FloatArray:
     """Return the lengths of the shortest paths from each source to all vertices.
 
-    Sources are processed in blocks of neighbours. Dijkstra's algorithm from the first source of a block yields a vertex
-    order that is nearly correct for the whole block. Alternating forward and backward Gauss-Seidel sweeps in that order
-    relax the arcs for the whole block until convergence, and skip unchanged vertices. Rounding is monotone, so the
-    result does not depend on the grouping of sources.
+    Sources are processed in blocks of neighbours. Dijkstra's algorithm from the first source of a
+    block yields a vertex order that is nearly correct for the whole block. Alternating forward and
+    backward Gauss-Seidel sweeps in that order relax the arcs for the whole block until convergence,
+    and skip unchanged vertices. Rounding is monotone, so the result does not depend on the grouping
+    of sources.
 
     Parameters
     ----------
@@ -118,7 +120,9 @@ def shortest_paths(graph: csr_array, sources: IntArray) -> FloatArray:
     distances = np.empty((len(sources), len(starts) - 1))
     waiting = np.arange(len(sources))
     while len(waiting):
-        reference = dijkstra(csr_array((lengths, heads, starts), shape=graph.shape), indices=sources[waiting[0]])
+        reference = dijkstra(
+            csr_array((lengths, heads, starts), shape=graph.shape), indices=sources[waiting[0]]
+        )
         nearest = np.argsort(reference[sources[waiting]], kind="stable")[:_BLOCK]
         block = waiting[nearest]
         rows = _relax(starts, heads, lengths, np.argsort(reference, kind="stable"), sources[block])
@@ -146,7 +150,8 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
             if _pull(rows, vertex, starts, heads, lengths, changed, since):
                 changed[vertex] = clock
                 settled = False
-        # A vertex between two sources is reached from one of them in this order, from the other in reverse order.
+        # A vertex between two sources is reached from one of them in this order, from the other in
+        # reverse order.
         order = order[::-1].copy()
     return rows
 
@@ -162,7 +167,12 @@ def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore
     row, improved = rows[vertex], False
     for at in range(0, count, 4):  # four at a time: the row is read and written a quarter as often
         i, j, k, m = arcs[at], arcs[at + 1], arcs[at + 2], arcs[at + 3]
-        first, second, third, fourth = rows[heads[i]], rows[heads[j]], rows[heads[k]], rows[heads[m]]
+        first, second, third, fourth = (
+            rows[heads[i]],
+            rows[heads[j]],
+            rows[heads[k]],
+            rows[heads[m]],
+        )
         to_first, to_second, to_third, to_fourth = lengths[i], lengths[j], lengths[k], lengths[m]
         shorter = 0
         for column in range(row.size):

@@ -18,12 +18,25 @@ from benchmark.geometry.mesh import FloatArray, IntArray
 Arrays = tuple[FloatArray, IntArray]
 Node = dict[str, Any]
 
-#: Extensions that change a surface or replace its data, and beginnings of the names of those that do not.
+#: Extensions that change a surface or replace its data, and beginnings of the names of those that
+#: do not.
 _UNREAD = (
-    *("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression", "EXT_mesh_gpu_instancing"),
+    *(
+        "KHR_draco_mesh_compression",
+        "EXT_meshopt_compression",
+        "KHR_meshopt_compression",
+        "EXT_mesh_gpu_instancing",
+    ),
     *("KHR_node_visibility", "KHR_gaussian_splatting"),
 )
-_HARMLESS = ("KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "EXT_texture_", "KHR_lights_", "KHR_xmp")
+_HARMLESS = (
+    "KHR_mesh_quantization",
+    "KHR_materials_",
+    "KHR_texture_",
+    "EXT_texture_",
+    "KHR_lights_",
+    "KHR_xmp",
+)
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
@@ -40,15 +53,20 @@ def read_gltf(data: bytes, path: Path) -> Arrays:
     ValueError
         If the file is damaged.
     UnreadableMesh
-        If it needs an extension, a skin, morph targets or sparse data, or a buffer is missing; the message names it.
+        If it needs an extension, a skin, morph targets or sparse data, or a buffer is missing; the
+        message names it.
     """
     text, binary = _chunks(data) if data[:4] == b"glTF" else (data, None)
     tree = parse_json(text)
-    if not isinstance(tree, dict) or not str(tree.get("asset", {}).get("version", "")).startswith("2."):
+    if not isinstance(tree, dict) or not str(tree.get("asset", {}).get("version", "")).startswith(
+        "2."
+    ):
         raise ValueError("it is not a glTF of version 2")
     unread = [name for name in tree.get("extensionsRequired", []) if not name.startswith(_HARMLESS)]
     if unread := unread or [name for name in _UNREAD if f'"{name}"'.encode() in text]:
-        raise UnreadableMesh(f"it needs the extension {unread[0]}, which is not read", "export it without")
+        raise UnreadableMesh(
+            f"it needs the extension {unread[0]}, which is not read", "export it without"
+        )
     file = _File(tree, binary, path)
     vertices, faces, start = [np.empty((0, 3))], [np.empty((0, 3), dtype=np.int64)], 0
     for points, corners in file.surfaces():
@@ -56,7 +74,9 @@ def read_gltf(data: bytes, path: Path) -> Arrays:
         faces.append(corners + start)
         start += len(points)
         if start > _MOST_VERTICES:
-            raise UnreadableMesh(f"its scene shows more than {_MOST_VERTICES} vertices", "export one shape")
+            raise UnreadableMesh(
+                f"its scene shows more than {_MOST_VERTICES} vertices", "export one shape"
+            )
     return np.concatenate(vertices), np.concatenate(faces)
 
 
@@ -91,13 +111,19 @@ def _matrix(node: Node) -> FloatArray:
     """Return the transform of a node, shape (4, 4), for column vectors."""
     if "matrix" in node:
         matrix: FloatArray = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-        if not np.allclose(matrix[3], (0, 0, 0, 1)) or not node.keys().isdisjoint(("rotation", "scale", "translation")):
-            raise ValueError("a node has a matrix that is not affine, or another transform beside it")
+        if not np.allclose(matrix[3], (0, 0, 0, 1)) or not node.keys().isdisjoint(
+            ("rotation", "scale", "translation")
+        ):
+            raise ValueError(
+                "a node has a matrix that is not affine, or another transform beside it"
+            )
         return matrix
     from scipy.spatial.transform import Rotation
 
     result = np.eye(4)
-    result[:3, :3] = Rotation.from_quat(node.get("rotation", [0, 0, 0, 1])).as_matrix() * node.get("scale", [1, 1, 1])
+    result[:3, :3] = Rotation.from_quat(node.get("rotation", [0, 0, 0, 1])).as_matrix() * node.get(
+        "scale", [1, 1, 1]
+    )
     result[:3, 3] = node.get("translation", [0, 0, 0])
     return result
 
@@ -137,21 +163,30 @@ class _File:
         nodes, scenes = self._tree.get("nodes", []), self._tree.get("scenes", [])
         if len(scenes) > 1 and "scene" not in self._tree:
             raise ValueError(f"it has {len(scenes)} scenes, and none is the default; export one")
-        roots = set(range(len(nodes))) - {child for node in nodes for child in node.get("children", [])}
+        roots = set(range(len(nodes))) - {
+            child for node in nodes for child in node.get("children", [])
+        }
         shown = scenes[self._tree.get("scene", 0)].get("nodes", []) if scenes else roots
         for number, transform in _placed(nodes, shown).items():
             node = nodes[number]
             mesh = self._tree["meshes"][node["mesh"]] if "mesh" in node else {"primitives": []}
             if "skin" in node or any(node.get("weights", mesh.get("weights", []))):
                 poser = "skin" if "skin" in node else "weights"
-                raise UnreadableMesh(f"'{poser}', which poses a mesh, is not read", "apply the pose, and export again")
+                raise UnreadableMesh(
+                    f"'{poser}', which poses a mesh, is not read",
+                    "apply the pose, and export again",
+                )
             for primitive in mesh["primitives"]:
                 vertices = self._accessor(primitive["attributes"]["POSITION"])
                 given = primitive.get("indices")
                 corners = np.arange(len(vertices)) if given is None else self._accessor(given)[:, 0]
                 if (mode := primitive.get("mode", 4)) not in range(5):
-                    raise UnreadableMesh(f"primitives of mode {mode} are not read", "export triangles, mode 4")
-                faces = corners.astype(np.int64)[: len(corners) if mode == 4 else 0].reshape(-1, 3)  # of points, none
+                    raise UnreadableMesh(
+                        f"primitives of mode {mode} are not read", "export triangles, mode 4"
+                    )
+                faces = corners.astype(np.int64)[: len(corners) if mode == 4 else 0].reshape(
+                    -1, 3
+                )  # of points, none
                 faces = faces[:, ::-1] if np.linalg.det(transform) < 0 else faces
                 yield vertices @ transform[:3, :3].T + transform[:3, 3], faces
 
@@ -161,7 +196,10 @@ class _File:
         if "sparse" in accessor or "bufferView" not in accessor:
             what = "is sparse, which is not read" if "sparse" in accessor else "has no data"
             raise UnreadableMesh(f"accessor {number} {what}", "export it in full")
-        kind, shape = np.dtype(_TYPES[accessor["componentType"]]), (accessor["count"], _WIDTHS[accessor["type"]])
+        kind, shape = (
+            np.dtype(_TYPES[accessor["componentType"]]),
+            (accessor["count"], _WIDTHS[accessor["type"]]),
+        )
         view = self._tree["bufferViews"][accessor["bufferView"]]
         start, size = view.get("byteOffset", 0), view["byteLength"]
         width, offset = kind.itemsize * shape[1], accessor.get("byteOffset", 0)
@@ -187,7 +225,9 @@ class _File:
             else:
                 found = self._beside(unquote(uri))
             if found is None or len(found) < buffer["byteLength"]:
-                raise ValueError(f"buffer {number} holds {len(found or b'')} of {buffer['byteLength']} bytes")
+                raise ValueError(
+                    f"buffer {number} holds {len(found or b'')} of {buffer['byteLength']} bytes"
+                )
             self._read[number] = found
         return self._read[number]
 

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-# Beyond this, an angle is below 0.06 degrees: one sliver would outweigh ten thousand good triangles and, with an obtuse
-# neighbour, make the matrix indefinite by rounding.
+# Beyond this, an angle is below 0.06 degrees: one sliver would outweigh ten thousand good triangles
+# and, with an obtuse neighbour, make the matrix indefinite by rounding.
 _LARGEST_COTANGENT = 1e3
 # An isolated or flattened vertex would have zero mass and an infinite eigenvalue.
 _SMALLEST_SHARE_OF_MEAN_MASS = 1e-6
@@ -28,18 +28,24 @@ class Laplacian:
     Parameters
     ----------
     stiffness
-        Symmetric positive semidefinite matrix, shape (n, n), rows sum to zero: ``x @ stiffness @ x`` is the Dirichlet
-        energy of the piecewise linear function with values ``x``. Dimensionless.
+        Symmetric positive semidefinite matrix, shape (n, n), rows sum to zero: ``x @ stiffness @
+        x`` is the Dirichlet energy of the piecewise linear function with values ``x``.
+        Dimensionless.
     mass
-        One third of the area of the triangles around each vertex (barycentric lumping), shape (n,), all positive, in
-        squared units of the mesh.
+        One third of the area of the triangles around each vertex (barycentric lumping), shape (n,),
+        all positive, in squared units of the mesh.
     """
 
     stiffness: csr_array
     mass: FloatArray
 
     def __post_init__(self) -> None:
-        for array in (self.stiffness.data, self.stiffness.indices, self.stiffness.indptr, self.mass):
+        for array in (
+            self.stiffness.data,
+            self.stiffness.indices,
+            self.stiffness.indptr,
+            self.mass,
+        ):
             read_only(array)
 
     def shared(self) -> Laplacian:
@@ -52,10 +58,11 @@ class Laplacian:
 def cotangent_laplacian(mesh: Mesh) -> Laplacian:
     """Assemble the cotangent Laplacian [Pinkall and Polthier 1993, equation 10; Meyer et al. 2003].
 
-    Obtuse angles keep their negative cotangents, so the matrix is the exact finite element matrix and positive
-    semidefinite. Only slivers are modified: if the cotangent of an angle exceeds 1000, all three cotangents of the
-    triangle are scaled down together, which keeps its energy positive semidefinite. Triangles with zero area contribute
-    nothing. A vertex with (almost) no area gets a millionth of the mean mass.
+    Obtuse angles keep their negative cotangents, so the matrix is the exact finite element matrix
+    and positive semidefinite. Only slivers are modified: if the cotangent of an angle exceeds 1000,
+    all three cotangents of the triangle are scaled down together, which keeps its energy positive
+    semidefinite. Triangles with zero area contribute nothing. A vertex with (almost) no area gets a
+    millionth of the mean mass.
 
     Parameters
     ----------
@@ -74,14 +81,20 @@ def cotangent_laplacian(mesh: Mesh) -> Laplacian:
     """
     count = mesh.n_vertices
     if not mesh.area > 0:
-        raise UnsupportedShape("the mesh has no area", "pass a surface with at least one proper triangle")
+        raise UnsupportedShape(
+            "the mesh has no area", "pass a surface with at least one proper triangle"
+        )
     corners = mesh.vertices[mesh.faces]
     towards_next = np.roll(corners, -1, axis=1) - corners
     towards_previous = np.roll(corners, 1, axis=1) - corners
     double_areas = 2.0 * mesh.face_areas
     flat = double_areas <= np.finfo(np.float64).eps * (towards_next**2).sum(axis=2).max(axis=1)
-    cotangents = (towards_next * towards_previous).sum(axis=2) / np.where(flat, np.inf, double_areas)[:, None]
-    cotangents *= np.minimum(1.0, _LARGEST_COTANGENT / np.maximum(np.abs(cotangents).max(axis=1, keepdims=True), 1.0))
+    cotangents = (towards_next * towards_previous).sum(axis=2) / np.where(
+        flat, np.inf, double_areas
+    )[:, None]
+    cotangents *= np.minimum(
+        1.0, _LARGEST_COTANGENT / np.maximum(np.abs(cotangents).max(axis=1, keepdims=True), 1.0)
+    )
 
     # The cotangent at a corner weighs the opposite edge.
     start, end = np.roll(mesh.faces, -1, axis=1).ravel(), np.roll(mesh.faces, 1, axis=1).ravel()
@@ -89,7 +102,10 @@ def cotangent_laplacian(mesh: Mesh) -> Laplacian:
     from scipy.sparse import csr_array, diags_array  # lazy: the import takes a third of a second
 
     adjacency = csr_array(
-        (np.concatenate((weights, weights)), (np.concatenate((start, end)), np.concatenate((end, start)))),
+        (
+            np.concatenate((weights, weights)),
+            (np.concatenate((start, end)), np.concatenate((end, start))),
+        ),
         shape=(count, count),
     )
     adjacency.sum_duplicates()
@@ -102,9 +118,9 @@ def cotangent_laplacian(mesh: Mesh) -> Laplacian:
 def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
     """Solve ``stiffness @ f = value * mass * f`` for the smallest eigenvalues.
 
-    The solver is shift-and-invert Lanczos (ARPACK) on ``M^-1/2 S M^-1/2`` with a fixed start vector for reproducible
-    results (dense for small meshes or large ``k``). The sign of each function, and the basis of a repeated eigenvalue,
-    are arbitrary.
+    The solver is shift-and-invert Lanczos (ARPACK) on ``M^-1/2 S M^-1/2`` with a fixed start vector
+    for reproducible results (dense for small meshes or large ``k``). The sign of each function, and
+    the basis of a repeated eigenvalue, are arbitrary.
 
     Parameters
     ----------
@@ -118,7 +134,8 @@ def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
     values : numpy.ndarray
         Shape (k,), ascending, at least 0, in inverse squared units of the mesh.
     functions : numpy.ndarray
-        Shape (n, k), mass-orthonormal: ``functions.T @ (mass[:, None] * functions)`` is the identity.
+        Shape (n, k), mass-orthonormal: ``functions.T @ (mass[:, None] * functions)`` is the
+        identity.
 
     Raises
     ------
@@ -127,7 +144,9 @@ def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
     """
     count = len(laplacian.mass)
     if not 1 <= k <= count:
-        raise UnsupportedShape(f"{k} eigenpairs of a mesh with {count} vertices", f"ask for 1 to {count}")
+        raise UnsupportedShape(
+            f"{k} eigenpairs of a mesh with {count} vertices", f"ask for 1 to {count}"
+        )
     from scipy.sparse import diags_array
     from scipy.sparse.linalg import eigsh
 
@@ -137,7 +156,8 @@ def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
     if k > count // 2 or count < 64:
         values, vectors = np.linalg.eigh(symmetric.toarray())
     else:
-        # The shift is below the spectrum by a fraction of its scale 1/area, which makes the factorised matrix definite.
+        # The shift is below the spectrum by a fraction of its scale 1/area, which makes the
+        # factorised matrix definite.
         shift = -1e-2 / laplacian.mass.sum()
         start = np.random.default_rng(0).standard_normal(count)
         values, vectors = eigsh(symmetric, k=k, sigma=shift, which="LM", v0=start, tol=0.0)

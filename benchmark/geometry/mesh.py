@@ -34,8 +34,8 @@ class Mesh:
     Raises
     ------
     InvalidMesh
-        If the arrays have the wrong shape, a coordinate is not a finite real number, or a vertex index is not an
-        integer or out of range. Arrays of an unsuitable type are never cast.
+        If the arrays have the wrong shape, a coordinate is not a finite real number, or a vertex
+        index is not an integer or out of range. Arrays of an unsuitable type are never cast.
     """
 
     vertices: Points
@@ -50,7 +50,10 @@ class Mesh:
             raise InvalidMesh(problem, "repair or re-export the mesh")
         if self.n_faces and self.faces.max() >= self.n_vertices:
             named = f"{self.faces.min()} to {self.faces.max()} of {self.n_vertices}, counted from 0"
-            raise InvalidMesh(f"faces name vertices {named}", "check whether the file counts from 1 or was truncated")
+            raise InvalidMesh(
+                f"faces name vertices {named}",
+                "check whether the file counts from 1 or was truncated",
+            )
 
     @property
     def n_vertices(self) -> int:
@@ -77,7 +80,9 @@ class Mesh:
     def vertex_areas(self) -> Points:
         """A third of the area of the triangles around each vertex, shape (n,), in squared units; read-only."""
         shares = np.repeat(self.face_areas / 3, 3)
-        return read_only(np.asarray(np.bincount(self.faces.ravel(), shares, self.n_vertices), dtype=np.float64))
+        return read_only(
+            np.asarray(np.bincount(self.faces.ravel(), shares, self.n_vertices), dtype=np.float64)
+        )
 
     @property
     def area(self) -> float:
@@ -100,7 +105,10 @@ class Mesh:
         from scipy.sparse import csr_array  # lazy
 
         tails, heads = np.concatenate([self.edges.ends, self.edges.ends[:, ::-1]]).T
-        return csr_array((np.tile(self.edge_lengths, 2), (tails, heads)), shape=(self.n_vertices, self.n_vertices))
+        return csr_array(
+            (np.tile(self.edge_lengths, 2), (tails, heads)),
+            shape=(self.n_vertices, self.n_vertices),
+        )
 
     def with_vertices(self, vertices: ArrayLike) -> Mesh:
         """Return a mesh with the same triangles and new vertex positions."""
@@ -125,16 +133,27 @@ def _checked(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[An
     try:
         values = np.ma.filled(array, np.nan)  # of masked numbers
     except (TypeError, ValueError, RuntimeError) as error:
-        raise InvalidMesh(f"{what} are no array: {error}", "pass an array of shape (count, 3)") from error
+        raise InvalidMesh(
+            f"{what} are no array: {error}", "pass an array of shape (count, 3)"
+        ) from error
     if values.size == 0:
         values = np.empty((0, 3), dtype)
     if values.ndim != 2 or values.shape[1] != 3:
-        raise InvalidMesh(f"{what} have shape {values.shape}, not (count, 3)", "pass triangles in three dimensions")
+        raise InvalidMesh(
+            f"{what} have shape {values.shape}, not (count, 3)",
+            "pass triangles in three dimensions",
+        )
     if values.dtype.kind not in kinds:
         expected = "real numbers" if "f" in kinds else "integers"
         raise InvalidMesh(f"{what} are of type {values.dtype}, not {expected}", f"pass {expected}")
-    if "f" not in kinds and values.size and not 0 <= values.min() <= values.max() <= np.iinfo(dtype).max:
-        raise InvalidMesh(f"{what} name vertices {values.min()} to {values.max()}", "count the vertices from 0")
+    if (
+        "f" not in kinds
+        and values.size
+        and not 0 <= values.min() <= values.max() <= np.iinfo(dtype).max
+    ):
+        raise InvalidMesh(
+            f"{what} name vertices {values.min()} to {values.max()}", "count the vertices from 0"
+        )
     return read_only(np.array(values, dtype=dtype, order="C", copy=True))
 
 
@@ -197,7 +216,9 @@ def edges_of(faces: NDArray[np.integer]) -> Edges:
     base = int(faces.max(initial=0)) + 1
     keys = np.minimum(starts, ends) * base + np.maximum(starts, ends)
     edges, of_sides, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    return Edges(np.stack(np.divmod(edges, base), axis=1), counts, of_sides, np.argsort(keys, kind="stable"))
+    return Edges(
+        np.stack(np.divmod(edges, base), axis=1), counts, of_sides, np.argsort(keys, kind="stable")
+    )
 
 
 def halved(mesh: Mesh) -> Mesh:
@@ -206,13 +227,16 @@ def halved(mesh: Mesh) -> Mesh:
     of_sides = edges.of_sides.reshape(-1, 3) + mesh.n_vertices
     middles = (mesh.vertices[edges.ends[:, 0]] + mesh.vertices[edges.ends[:, 1]]) / 2
     (a, b, c), (ab, bc, ca) = mesh.faces.T.astype(np.int64), of_sides.T
-    faces = np.concatenate([np.stack(f, axis=1) for f in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    faces = np.concatenate(
+        [np.stack(f, axis=1) for f in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
+    )
     return Mesh(np.concatenate([mesh.vertices, middles]), faces)
 
 
 #: Side of the grid cells for sorting vertices, far below the edge length of a prepared mesh.
 CELL = 1 / 256
-#: Offset of the grid in cells, which keeps coordinates of mirrored and regular shapes off the cell borders.
+#: Offset of the grid in cells, which keeps coordinates of mirrored and regular shapes off the cell
+#: borders.
 _OFFSET = (0.137, 0.389, 0.713)
 _BITS = 21
 _DECIMALS = 6
@@ -221,9 +245,9 @@ _DECIMALS = 6
 def in_spatial_order(mesh: Mesh) -> Mesh:
     """Sort the vertices of a prepared mesh along a Z-order curve, and its triangles by their vertices.
 
-    Ties within a cell are broken by coordinates, and ties in position by the adjacent triangles, so that the result
-    does not depend on the numbering in the file. Each triangle begins with its smallest vertex and keeps its
-    orientation.
+    Ties within a cell are broken by coordinates, and ties in position by the adjacent triangles, so
+    that the result does not depend on the numbering in the file. Each triangle begins with its
+    smallest vertex and keeps its orientation.
 
     References
     ----------
@@ -240,7 +264,8 @@ def in_spatial_order(mesh: Mesh) -> Mesh:
 def measurements(mesh: Mesh) -> str:
     """Return vertex and triangle counts, and moments of the distances from the centre over their root mean square.
 
-    Moments are rounded to six decimals and invariant to rigid motions, reflections, scaling and renumbering.
+    Moments are rounded to six decimals and invariant to rigid motions, reflections, scaling and
+    renumbering.
     """
     distances = np.linalg.norm(mesh.vertices - mesh.vertices.mean(axis=0), axis=1)
     relative = distances / (np.sqrt(np.mean(distances**2)) or 1.0)
@@ -264,4 +289,6 @@ def _means_around(mesh: Mesh) -> Points:
     corners = mesh.faces.ravel()
     sums = np.zeros((mesh.n_vertices, 3))
     np.add.at(sums, corners, np.repeat(mesh.vertices[mesh.faces].sum(axis=1), 3, axis=0))
-    return np.asarray(sums / np.maximum(3 * np.bincount(corners, minlength=mesh.n_vertices), 1)[:, np.newaxis])
+    return np.asarray(
+        sums / np.maximum(3 * np.bincount(corners, minlength=mesh.n_vertices), 1)[:, np.newaxis]
+    )

@@ -25,20 +25,45 @@ LARGEST_DEGENERATE_SHARE = 0.5
 DECIMALS = 6
 """Decimals of coordinates, in units of the root of the area: what a file says beyond seven digits is not the shape."""
 
-#: What preparation changes or leaves by its name in the report: how it is counted, and what happens.
+#: What preparation changes or leaves by its name in the report: how it is counted, and what
+#: happens.
 _CHANGES: dict[str, tuple[tuple[str, ...], str]] = {
     "merged": (("copy of a vertex", "copies of vertices"), "preparation merges them"),
-    "unreferenced": (("vertex without a face", "vertices without a face"), "preparation drops them"),
-    "degenerate_faces": (("face without area", "faces without area"), "preparation removes them and opens no border"),
+    "unreferenced": (
+        ("vertex without a face", "vertices without a face"),
+        "preparation drops them",
+    ),
+    "degenerate_faces": (
+        ("face without area", "faces without area"),
+        "preparation removes them and opens no border",
+    ),
     "duplicate_faces": (("duplicate face",), "preparation keeps one of each"),
-    "turned_faces": (("face the other way round", "faces the other way round"), "preparation turns them"),
-    "one_sided_components": (("one-sided piece",), "preparation leaves it, like a Moebius strip, as it is"),
-    "non_manifold_edges": (("non-manifold edge",), "preparation keeps the two largest faces of each"),
-    "non_manifold_vertices": (("non-manifold vertex", "non-manifold vertices"), "preparation splits them"),
+    "turned_faces": (
+        ("face the other way round", "faces the other way round"),
+        "preparation turns them",
+    ),
+    "one_sided_components": (
+        ("one-sided piece",),
+        "preparation leaves it, like a Moebius strip, as it is",
+    ),
+    "non_manifold_edges": (
+        ("non-manifold edge",),
+        "preparation keeps the two largest faces of each",
+    ),
+    "non_manifold_vertices": (
+        ("non-manifold vertex", "non-manifold vertices"),
+        "preparation splits them",
+    ),
     "boundary_edges": (("boundary edge",), "close the surface for methods that need it closed"),
-    "opened_edges": (("boundary edge opened by preparation", "boundary edges opened by preparation"), "see above"),
+    "opened_edges": (
+        ("boundary edge opened by preparation", "boundary edges opened by preparation"),
+        "see above",
+    ),
     "dropped_components": (("small piece",), "preparation drops the smallest pieces"),
-    "bridges": (("bridge between pieces", "bridges between pieces"), "preparation adds them where pieces are closest"),
+    "bridges": (
+        ("bridge between pieces", "bridges between pieces"),
+        "preparation adds them where pieces are closest",
+    ),
 }
 
 _LARGEST_MISS = 0.01
@@ -61,12 +86,12 @@ class Prepared:
     centre, scale
         Transform to file coordinates, ``centre + scale * point``; shape (3,), and a factor.
     report
-        Counts from preparation: ``vertices_before``, ``faces_before``, ``merged``, ``degenerate_faces``,
-        ``duplicate_faces``, ``unreferenced``, ``boundary_edges``, ``non_manifold_edges`` and
-        ``non_manifold_vertices`` of the cleaned mesh, ``components``, ``dropped_components``, ``lost_area`` (fraction
-        of the area lost with them or with faces at non-manifold edges), ``bridges``, ``largest_gap`` (the longest
-        bridge, in units of the root of the area), ``vertices`` and ``faces`` of the result,
-        ``euler_characteristic``.
+        Counts from preparation: ``vertices_before``, ``faces_before``, ``merged``,
+        ``degenerate_faces``, ``duplicate_faces``, ``unreferenced``, ``boundary_edges``,
+        ``non_manifold_edges`` and ``non_manifold_vertices`` of the cleaned mesh, ``components``,
+        ``dropped_components``, ``lost_area`` (fraction of the area lost with them or with faces at
+        non-manifold edges), ``bridges``, ``largest_gap`` (the longest bridge, in units of the root
+        of the area), ``vertices`` and ``faces`` of the result, ``euler_characteristic``.
     """
 
     mesh: Mesh
@@ -91,29 +116,43 @@ class Prepared:
             if self.report[name]
         ]
         if gap := self.scale * self.report["largest_gap"]:
-            found.append((f"bridges of length up to {gap:.3g}", "join the pieces if the surface should be in one"))
+            found.append(
+                (
+                    f"bridges of length up to {gap:.3g}",
+                    "join the pieces if the surface should be in one",
+                )
+            )
         if lost := self.report["lost_area"]:
-            found.append((f"{lost:.2%} of the area", "preparation drops it with small pieces and crowded edges"))
+            found.append(
+                (
+                    f"{lost:.2%} of the area",
+                    "preparation drops it with small pieces and crowded edges",
+                )
+            )
         return found
 
     def numbers_of(self, mesh: Mesh) -> IntArray | None:
         """Return the vertex of the prepared mesh at each vertex of the file, shape (n,); None if it was decimated."""
-        distances, nearest = cKDTree(self.mesh.vertices).query((mesh.vertices - self.centre) / self.scale)
+        distances, nearest = cKDTree(self.mesh.vertices).query(
+            (mesh.vertices - self.centre) / self.scale
+        )
         return nearest if distances.max(initial=0.0) <= cleaning.SEAM * cleaning.COPIES else None
 
     def vertex_map(self, mesh: Mesh) -> IntArray:
         """Return the nearest vertex of the file at each vertex of the prepared mesh, shape (n,)."""
-        tree = cKDTree((mesh.vertices - self.centre) / self.scale, balanced_tree=False, compact_nodes=False)
+        tree = cKDTree(
+            (mesh.vertices - self.centre) / self.scale, balanced_tree=False, compact_nodes=False
+        )
         return np.asarray(tree.query(self.mesh.vertices)[1])
 
 
 def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     """Clean, decimate and scale a mesh; the result depends on the shape alone, not on unit, place or order of the file.
 
-    The steps are: remove duplicates; centre, scale to unit area and round; sort by position; open non-manifold edges
-    and vertices; drop the smallest components, up to one per cent of the area in all; decimate to ``n_vertices`` by
-    quadric edge collapse [Garland and Heckbert 1997] (smaller meshes keep all vertices); bridge the other components;
-    scale to unit area and sort again.
+    The steps are: remove duplicates; centre, scale to unit area and round; sort by position; open
+    non-manifold edges and vertices; drop the smallest components, up to one per cent of the area in
+    all; decimate to ``n_vertices`` by quadric edge collapse [Garland and Heckbert 1997] (smaller
+    meshes keep all vertices); bridge the other components; scale to unit area and sort again.
 
     Parameters
     ----------
@@ -130,10 +169,11 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     Raises
     ------
     InvalidMesh
-        If the mesh has no area, most of its triangles have no area, fewer than four vertices remain, or the area loss
-        exceeds ``LARGEST_LOSS``.
+        If the mesh has no area, most of its triangles have no area, fewer than four vertices
+        remain, or the area loss exceeds ``LARGEST_LOSS``.
     """
-    # Prevents underflow of areas in any file unit; a power of two keeps all digits, so duplicates stay equal.
+    # Prevents underflow of areas in any file unit; a power of two keeps all digits, so duplicates
+    # stay equal.
     unit = 2.0 ** np.floor(np.log2(cleaning.extent_of(cleaning.compact(mesh.vertices, mesh.faces))))
     cleaned, removed = cleaning.clean(mesh.with_vertices(mesh.vertices / unit))
     if not cleaned.n_faces or removed["degenerate_faces"] > LARGEST_DEGENERATE_SHARE * mesh.n_faces:
@@ -155,7 +195,9 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     lost = max(0.0, round(1 - parts.area / whole.area * (opened.area / reduced.area), 6))
     if lost > cleaning.LARGEST_LOSS:
         problem = f"preparation would lose {lost:.0%} of the area: triangles overlap in edges"
-        raise InvalidMesh(problem, "join what belongs together, and remove what does not belong to the shape")
+        raise InvalidMesh(
+            problem, "join what belongs together, and remove what does not belong to the shape"
+        )
     joined, gaps = bridge_components(opened)
     if gaps:  # bridges may bring copies and triangles without area
         again = cleaning.make_manifold(cleaning.clean(joined)[0])
@@ -189,15 +231,19 @@ def _without_debris(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mes
     order = np.argsort(areas, kind="stable")
     debris = order[np.cumsum(areas[order]) <= DEBRIS * areas.sum()]
     kept = ~np.isin(piece, debris)
-    return (cleaning.compact(mesh.vertices, mesh.faces[kept]), len(debris)) if len(debris) else (mesh, 0)
+    return (
+        (cleaning.compact(mesh.vertices, mesh.faces[kept]), len(debris))
+        if len(debris)
+        else (mesh, 0)
+    )
 
 
 def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
     """Collapse edges by least quadric error until about ``n_vertices`` remain.
 
-    Topology is preserved; boundaries keep their shape, but not all their vertices. The face count for a given vertex
-    count depends on the boundary length after decimation, so the first target assumes no boundary and the surplus
-    vertices are removed in a few small steps.
+    Topology is preserved; boundaries keep their shape, but not all their vertices. The face count
+    for a given vertex count depends on the boundary length after decimation, so the first target
+    assumes no boundary and the surplus vertices are removed in a few small steps.
 
     Parameters
     ----------
@@ -283,7 +329,8 @@ def isotropic_remesh(mesh: Mesh, edge: float, *, iterations: int, feature_degree
 
     References
     ----------
-    Hoppe, DeRose, Duchamp, McDonald, Stuetzle, "Mesh optimization", 1993, as implemented in MeshLab.
+    Hoppe, DeRose, Duchamp, McDonald, Stuetzle, "Mesh optimization", 1993, as implemented in
+    MeshLab.
     """
     pymeshlab = import_pymeshlab()
     return filtered(

@@ -15,14 +15,16 @@ NOT_BEHIND: DepthImage = np.empty((0, 0), dtype=np.float32)
 def depth_buffer(points: ArrayLike, faces: ArrayLike, size: int, background: float) -> DepthImage:
     """Render the depth of the nearest surface at every pixel centre.
 
-    Triangles are two-sided, depth is interpolated linearly, and there is no anti-aliasing. Triangles that share an edge
-    leave no crack: the intersection of an edge with a pixel row is computed from the edge alone.
+    Triangles are two-sided, depth is interpolated linearly, and there is no anti-aliasing.
+    Triangles that share an edge leave no crack: the intersection of an edge with a pixel row is
+    computed from the edge alone.
 
     Parameters
     ----------
     points
-        Projected vertices, shape (n, 3): x to the right (columns) and y downwards (rows), both in pixels; z is the
-        depth in any unit, smaller is nearer. The centre of pixel (row r, column c) lies at x = c + 0.5, y = r + 0.5.
+        Projected vertices, shape (n, 3): x to the right (columns) and y downwards (rows), both in
+        pixels; z is the depth in any unit, smaller is nearer. The centre of pixel (row r, column c)
+        lies at x = c + 0.5, y = r + 0.5.
     faces
         Vertex indices, shape (m, 3), 0-based.
     size
@@ -53,7 +55,8 @@ def draw_triangles(
 ) -> None:
     """Lower every pixel of ``image`` to the depth of the nearest triangle over its centre.
 
-    The view from behind is drawn in the same pass, because a triangle covers the same pixels from both sides.
+    The view from behind is drawn in the same pass, because a triangle covers the same pixels from
+    both sides.
 
     Parameters
     ----------
@@ -62,16 +65,19 @@ def draw_triangles(
     faces
         As in :func:`depth_buffer`, int32; indices are not checked.
     image
-        Shape (height, width), float32, changed in place; initialise it with a depth behind everything.
+        Shape (height, width), float32, changed in place; initialise it with a depth behind
+        everything.
     behind
-        Like ``image``, for the opposite camera with the same up direction; depths run from 0 to 1, measured from that
-        camera. :data:`NOT_BEHIND` for none.
+        Like ``image``, for the opposite camera with the same up direction; depths run from 0 to 1,
+        measured from that camera. :data:`NOT_BEHIND` for none.
     """
-    # Rows and columns are clipped to the image before drawing, so vertices may lie arbitrarily far outside.
+    # Rows and columns are clipped to the image before drawing, so vertices may lie arbitrarily far
+    # outside.
     height, width = image.shape
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        # Sorted by y: edges are always traversed from the upper end, so both adjacent triangles compute the same x.
+        # Sorted by y: edges are always traversed from the upper end, so both adjacent triangles
+        # compute the same x.
         if points[j, 1] < points[i, 1]:
             i, j = j, i
         if points[k, 1] < points[j, 1]:
@@ -89,7 +95,8 @@ def draw_triangles(
             y = row + 0.5
             t = (y - y0) / (y2 - y0)
             left, left_depth = x0 + t * (x2 - x0), z0 + t * (z2 - z0)
-            # At the height of the middle vertex, use both short edges: a neighbour may share either of them.
+            # At the height of the middle vertex, use both short edges: a neighbour may share either
+            # of them.
             if y <= y1 and y0 != y1:
                 t = (y - y0) / (y1 - y0)
                 right, right_depth = x0 + t * (x1 - x0), z0 + t * (z1 - z0)
@@ -102,7 +109,14 @@ def draw_triangles(
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _draw_span(
-    image: DepthImage, behind: DepthImage, row: int, width: int, x0: float, z0: float, x1: float, z1: float
+    image: DepthImage,
+    behind: DepthImage,
+    row: int,
+    width: int,
+    x0: float,
+    z0: float,
+    x1: float,
+    z1: float,
 ) -> None:
     if x1 < x0:
         x0, x1, z0, z1 = x1, x0, z1, z0
@@ -113,4 +127,6 @@ def _draw_span(
         depth = z0 + (column + 0.5 - x0) * slope
         image[row, column] = min(np.float32(depth), image[row, column])
         if behind.shape[0]:
-            behind[row, width - 1 - column] = min(np.float32(1.0 - depth), behind[row, width - 1 - column])
+            behind[row, width - 1 - column] = min(
+                np.float32(1.0 - depth), behind[row, width - 1 - column]
+            )

@@ -1,7 +1,8 @@
 """Compiled kernels: remove those of older code, and choose a writable folder for them.
 
-numba keeps a compiled kernel until its own file changes, although kernels of other files, and values that a plugin read
-from anywhere, are compiled into it. So those of a plugin never outlive the process that compiled them.
+numba keeps a compiled kernel until its own file changes, although kernels of other files, and
+values that a plugin read from anywhere, are compiled into it. So those of a plugin never outlive
+the process that compiled them.
 """
 
 from __future__ import annotations
@@ -78,4 +79,6 @@ def choose_kernel_cache() -> None:
         status = folder.lstat()
         is_ours = status.st_uid == os.getuid() and stat.S_ISDIR(status.st_mode)
         is_private = is_ours and not status.st_mode & 0o022 and os.access(folder, os.W_OK)
-    os.environ[VARIABLE] = str(folder) if is_private else tempfile.mkdtemp(prefix="canonical-forms-")
+    os.environ[VARIABLE] = (
+        str(folder) if is_private else tempfile.mkdtemp(prefix="canonical-forms-")
+    )

@@ -1,7 +1,8 @@
 """Compile all kernels before the first run: ``python -m benchmark.kernels``.
 
-Kernels are compiled on first use and cached beside the code. The workers of a run start together, so each would compile
-all of them. Here one process compiles them by the steps of a run, so that they fit the types of its arrays.
+Kernels are compiled on first use and cached beside the code. The workers of a run start together,
+so each would compile all of them. Here one process compiles them by the steps of a run, so that
+they fit the types of its arrays.
 """
 
 from __future__ import annotations
@@ -28,7 +29,10 @@ def steps() -> Iterator[Callable[[], object]]:
     from benchmark.registry import Component, by_name, select_one
 
     source = figure()
-    prepared = {"mesh": prepare_mesh(source), "view": prepare_view(source, FRONT, fit_frame(source, FRONT))}
+    prepared = {
+        "mesh": prepare_mesh(source),
+        "view": prepare_view(source, FRONT, fit_frame(source, FRONT)),
+    }
     shapes = {input_: shape_of(arrays, "figure") for input_, arrays in prepared.items()}
 
     def apply(component: Component) -> None:

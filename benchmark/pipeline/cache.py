@@ -60,7 +60,8 @@ def writing(results: Path) -> Iterator[None]:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise StorageError(
-                f"another run is writing to {results}", "wait for its end, or choose another --results DIR"
+                f"another run is writing to {results}",
+                "wait for its end, or choose another --results DIR",
             ) from None
         except OSError:
             pass  # a file system without locks
@@ -91,7 +92,9 @@ class Cache:
         try:
             with zipfile.ZipFile(self._path(stage, key)) as archive:
                 names = {name.removesuffix(".npy") for name in archive.namelist()}
-                if archive.comment != str(len(names)).encode():  # the list, which has no checksum, is not complete
+                if (
+                    archive.comment != str(len(names)).encode()
+                ):  # the list, which has no checksum, is not complete
                     return None
                 wanted = names.intersection(only or names).difference(without)
                 files = {name: archive.read(f"{name}.npy") for name in wanted}
@@ -102,7 +105,10 @@ class Cache:
     def write(self, stage: Stage, key: str, arrays: Arrays) -> None:
         """Write the arrays under a key; raise :class:`StorageError` if that fails."""
         with storing(self.results):
-            write_atomically(self._path(stage, key), lambda file: _write_arrays(file, arrays, stage != "signatures"))
+            write_atomically(
+                self._path(stage, key),
+                lambda file: _write_arrays(file, arrays, stage != "signatures"),
+            )
 
     def get(self, stage: Stage, key: str, compute: Callable[[], Arrays]) -> Arrays:
         """Return the arrays under a key; compute and write them if they are missing."""
@@ -145,6 +151,10 @@ def _write_arrays(file: IO[bytes], arrays: Arrays, repetitive: bool) -> None:
         archive.comment = str(len(arrays)).encode()
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as part:
-                if not repetitive:  # a search for repetitions would take twice as long, for larger files
-                    vars(part)["_compressor"] = zlib.compressobj(1, zlib.DEFLATED, -15, 8, zlib.Z_HUFFMAN_ONLY)
+                if (
+                    not repetitive
+                ):  # a search for repetitions would take twice as long, for larger files
+                    vars(part)["_compressor"] = zlib.compressobj(
+                        1, zlib.DEFLATED, -15, 8, zlib.Z_HUFFMAN_ONLY
+                    )
                 np.lib.format.write_array(part, np.asanyarray(array), allow_pickle=False)

@@ -45,7 +45,11 @@ def records_of(records: Sequence[Record], words: Iterable[str]) -> list[Record]:
         path = path_of(word) if Path(base).exists() else ""
         here = [record for record in records if path and record.data.path == path]
         is_name = not (here and "/" in word)
-        named = [record for record in records if is_name and word in _words(record) and record not in here]
+        named = [
+            record
+            for record in records
+            if is_name and word in _words(record) and record not in here
+        ]
         several = [*dict.fromkeys(filter(None, [path, *(record.data.path for record in named)]))]
         if named and len(several) > 1:
             problem = f"'{word}' names results of {' and of '.join(several)}"
@@ -73,7 +77,9 @@ def _called(record: Record, label: str) -> Record:
     if label == name:
         return record
     gallery = label + record.gallery.removeprefix(name)
-    return msgspec.structs.replace(record, gallery=gallery, data=msgspec.structs.replace(record.data, name=label))
+    return msgspec.structs.replace(
+        record, gallery=gallery, data=msgspec.structs.replace(record.data, name=label)
+    )
 
 
 def _words(record: Record) -> tuple[str, ...]:

@@ -17,7 +17,11 @@ PACKAGES = ("numpy", "scipy", "numba", "libigl", "pymeshlab", "torch", "anny")
 @cache
 def packages() -> dict[str, str]:
     """Return the versions of Python and of the installed packages, and the machine."""
-    versions = {"python": platform.python_version(), "machine": platform.machine(), "system": platform.system()}
+    versions = {
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "system": platform.system(),
+    }
     for name in PACKAGES:
         with suppress(PackageNotFoundError):
             versions[name] = version(name)

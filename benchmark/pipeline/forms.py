@@ -1,6 +1,7 @@
 """Forms and descriptors of prepared shapes, as arrays.
 
-The code of this module and of all that it imports is in the key of each form; it imports no check of outputs.
+The code of this module and of all that it imports is in the key of each form; it imports no check
+of outputs.
 """
 
 from __future__ import annotations
@@ -33,13 +34,15 @@ class SharedResults:
     Parameters
     ----------
     uncharged
-        Context of work that is not charged to a method: geodesics. A form is charged to each method that uses it.
+        Context of work that is not charged to a method: geodesics. A form is charged to each method
+        that uses it.
     """
 
     def __init__(self, uncharged: Uncharged = lambda _: nullcontext()) -> None:
         self._uncharged = uncharged
         self._results: dict[Hashable, tuple[Any, FloatArray]] = {}
-        #: Seconds of the matrix that the current method used, and those that passed and are not its own.
+        #: Seconds of the matrix that the current method used, and those that passed and are not its
+        #: own.
         self.used = np.zeros(2)
         self.waited = np.zeros(2)
 
@@ -70,7 +73,9 @@ class SharedResults:
         return result
 
 
-def shape_of(arrays: Arrays, identifier: str, seed: int = 0, shared: SharedResults | None = None) -> Shape:
+def shape_of(
+    arrays: Arrays, identifier: str, seed: int = 0, shared: SharedResults | None = None
+) -> Shape:
     """Return the shape passed to methods, from its prepared arrays."""
     return Shape(
         identifier=identifier,
@@ -82,18 +87,21 @@ def shape_of(arrays: Arrays, identifier: str, seed: int = 0, shared: SharedResul
     )
 
 
-def output_arrays(compute: Callable[[], CanonicalForm | FloatArray], shape: Shape, shared: SharedResults) -> Arrays:
+def output_arrays(
+    compute: Callable[[], CanonicalForm | FloatArray], shape: Shape, shared: SharedResults
+) -> Arrays:
     """Compute the form or the descriptor of a shape; for a refused shape, the reason.
 
-    Coordinates are rounded to single precision, an error of 1e-7 that is negligible for all scorers. The scored form is
-    therefore the same whether it was just computed or read from the cache.
+    Coordinates are rounded to single precision, an error of 1e-7 that is negligible for all
+    scorers. The scored form is therefore the same whether it was just computed or read from the
+    cache.
 
     Returns
     -------
     dict
-        ``vertices``, shape (n, 3), float32, and ``faces`` if they differ from those of the shape; or ``descriptor``,
-        shape (k,); ``note:...`` for each note of the method; seconds of the method, and of the distances that it shares
-        with others.
+        ``vertices``, shape (n, 3), float32, and ``faces`` if they differ from those of the shape;
+        or ``descriptor``, shape (k,); ``note:...`` for each note of the method; seconds of the
+        method, and of the distances that it shares with others.
     """
 
     def arrays_of() -> Arrays:

@@ -25,8 +25,8 @@ class Merged(NamedTuple):
 def merge(folders: Iterable[Path], results: Path) -> Merged:
     """Add the records of other results folders; a result replaces a failure, and the later of two failures stays.
 
-    Records of a folder with the name, shapes and cameras of one here are of that one. Two results of one row that are
-    not the same are a conflict: the one here stays.
+    Records of a folder with the name, shapes and cameras of one here are of that one. Two results
+    of one row that are not the same are a conflict: the one here stays.
 
     Raises
     ------
@@ -37,16 +37,23 @@ def merge(folders: Iterable[Path], results: Path) -> Merged:
     added, n_known, conflicts = list[Record](), 0, list[tuple[Record, Record]]()
     for folder in folders:
         if not (folder / RUNS / "records").is_dir():
-            raise StorageError(f"{folder} holds no records", "name a results folder, which has runs/records")
+            raise StorageError(
+                f"{folder} holds no records", "name a results folder, which has runs/records"
+            )
         for theirs in read_records(folder, published=False):
             record = _of_data_here(theirs.without_files(), known.values())
             existing = known.get(record.row)
-            is_later = existing is None or record.status == "ok" or record.finished > existing.finished
+            is_later = (
+                existing is None or record.status == "ok" or record.finished > existing.finished
+            )
             if existing is None or (existing.status != "ok" and is_later):
                 known[record.row] = record
                 write_record(results, record, existing.key if existing else "")
                 added.append(record)
-            elif record.status == "ok" and (record.key, record.scores) != (existing.key, existing.scores):
+            elif record.status == "ok" and (record.key, record.scores) != (
+                existing.key,
+                existing.scores,
+            ):
                 conflicts.append((existing, record))
             else:
                 n_known += 1

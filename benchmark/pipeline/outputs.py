@@ -1,6 +1,7 @@
 """What methods, descriptors and scorers return, checked: values are never cast if that changes them.
 
-No key of a prepared shape or of a form contains this code: an edit of a check ranks again, and computes no form anew.
+No key of a prepared shape or of a form contains this code: an edit of a check ranks again, and
+computes no form anew.
 """
 
 from __future__ import annotations
@@ -13,7 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.contracts import CanonicalForm, Descriptor, FloatArray, Mesh, Method, MethodInfo, Shape
+from benchmark.api.contracts import (
+    CanonicalForm,
+    Descriptor,
+    FloatArray,
+    Mesh,
+    Method,
+    MethodInfo,
+    Shape,
+)
 from benchmark.api.scoring import Scorer, SignatureArrays
 from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, UnsupportedShape, one_line
 from benchmark.geometry.cleaning import connected_components
@@ -22,11 +31,14 @@ from benchmark.pipeline.forms import SharedResults, output_arrays
 from benchmark.pipeline.prepared import timed
 from benchmark.text import LONGEST_NAME, brief
 
-_FORM_HINT = "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
+_FORM_HINT = (
+    "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
+)
 _MATRIX_HINT = "return the distances of all pairs as a symmetric matrix of finite numbers"
 _SIGNATURE_HINT = "return a mapping from names to arrays of finite numbers"
 
-#: Fewest vertices of a form: three coordinates and a residual need four points, as any three points lie in a plane.
+#: Fewest vertices of a form: three coordinates and a residual need four points, as any three points
+#: lie in a plane.
 FEWEST_VERTICES = 4
 
 #: Most vertices for distances of all pairs: their 3 GiB fit into an ordinary memory a few times.
@@ -88,13 +100,24 @@ def compute_form(method: Method, shape: Shape) -> CanonicalForm:
             raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm")
         mesh = form.mesh
     except InvalidMesh as error:  # the shape is valid, so the method made it invalid
-        raise InvalidForm(f"{_name(method)} returned no canonical form: {error.problem}", _FORM_HINT) from error
+        raise InvalidForm(
+            f"{_name(method)} returned no canonical form: {error.problem}", _FORM_HINT
+        ) from error
     if not len(mesh.faces) or np.abs(mesh.vertices).max() > _LARGEST:
-        what = "coordinates too large for single precision" if len(mesh.faces) else "a form without triangles"
-        raise InvalidForm(f"{_name(method)} returned {what}", "keep the scale and the triangles of the shape")
+        what = (
+            "coordinates too large for single precision"
+            if len(mesh.faces)
+            else "a form without triangles"
+        )
+        raise InvalidForm(
+            f"{_name(method)} returned {what}", "keep the scale and the triangles of the shape"
+        )
     for name, value in form.notes.items():
         if name != brief(name, LONGEST_NAME):
-            raise InvalidForm(f"{_name(method)} returned a note called {name!r:.80}", "give it a short printable name")
+            raise InvalidForm(
+                f"{_name(method)} returned a note called {name!r:.80}",
+                "give it a short printable name",
+            )
         if not np.isscalar(value) or np.asarray(value).dtype.kind not in "biufU":
             problem = f"{_name(method)} returned {type(value).__name__} as note '{name}'"
             raise InvalidForm(problem, "notes must be numbers or strings")
@@ -119,17 +142,30 @@ def compute_signature(scorer: Scorer, form: Mesh) -> SignatureArrays:
     """
     signature, who = scorer.signature(form), _name(scorer)
     if not isinstance(signature, Mapping) or not signature:
-        raise InvalidSignature(f"{who} returned {type(signature).__name__}, not named arrays", _SIGNATURE_HINT)
+        raise InvalidSignature(
+            f"{who} returned {type(signature).__name__}, not named arrays", _SIGNATURE_HINT
+        )
     for name, value in signature.items():
         if not (isinstance(name, str) and name.isidentifier()):
-            raise InvalidSignature(f"{who} returned an array called {name!r:.80}", "name it like a variable")
-        if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf" or not np.isfinite(value).all():
-            raise InvalidSignature(f"{who} returned '{name}', not an array of finite numbers", _SIGNATURE_HINT)
+            raise InvalidSignature(
+                f"{who} returned an array called {name!r:.80}", "name it like a variable"
+            )
+        if (
+            not isinstance(value, np.ndarray)
+            or value.dtype.kind not in "biuf"
+            or not np.isfinite(value).all()
+        ):
+            raise InvalidSignature(
+                f"{who} returned '{name}', not an array of finite numbers", _SIGNATURE_HINT
+            )
     return dict(signature)
 
 
 def compute_distances(
-    comparing: Descriptor | Scorer, outputs: Sequence[Any], draw: int = 0, queries: Sequence[Any] | None = None
+    comparing: Descriptor | Scorer,
+    outputs: Sequence[Any],
+    draw: int = 0,
+    queries: Sequence[Any] | None = None,
 ) -> FloatArray:
     """Return the dissimilarities of all pairs of descriptors, or of signatures for one draw of their scorer.
 
@@ -141,7 +177,11 @@ def compute_distances(
         If they are anything but a matrix of finite real numbers, shape (N, N) without queries.
     """
     if queries is None:
-        matrix = comparing.compare(outputs, draw) if isinstance(comparing, Scorer) else comparing.distances(outputs)
+        matrix = (
+            comparing.compare(outputs, draw)
+            if isinstance(comparing, Scorer)
+            else comparing.distances(outputs)
+        )
         return _check_numbers(matrix, comparing, (len(outputs),) * 2, _MATRIX_HINT)
     if compare_to := getattr(comparing, "compare_to", None):
         shape = len(queries), len(outputs)
@@ -150,7 +190,9 @@ def compute_distances(
     return np.stack([matrix[-1, :-1].copy() for matrix in each])  # a view would keep its matrix
 
 
-def _check_numbers(output: object, component: object, shape: tuple[int, ...], hint: str) -> FloatArray:
+def _check_numbers(
+    output: object, component: object, shape: tuple[int, ...], hint: str
+) -> FloatArray:
     """Return an output as an array of finite real numbers of a shape; () stands for a vector that is not empty."""
     who = f"{_name(component)} returned"
     try:
@@ -169,4 +211,8 @@ def _name(component: Any) -> str:
     """Return file and name of a method or scorer, for messages."""
     file = getattr(sys.modules.get(type(component).__module__), "__file__", None)
     kind = "scorer" if isinstance(component, Scorer) else "method"
-    return f"{Path(file).name}: {kind} '{component.info.name}'" if file else f"{kind} '{component.info.name}'"
+    return (
+        f"{Path(file).name}: {kind} '{component.info.name}'"
+        if file
+        else f"{kind} '{component.info.name}'"
+    )

@@ -1,6 +1,7 @@
 """Prepare the shapes of a data set: the complete surface, or the part that a depth camera sees.
 
-The code of this module and of all that it imports is in the key of each prepared shape and form; it imports no check.
+The code of this module and of all that it imports is in the key of each prepared shape and form; it
+imports no check.
 """
 
 from __future__ import annotations
@@ -19,21 +20,31 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Input
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import code_of_modules, digest
-from benchmark.errors import BenchmarkError, InvalidForm, InvalidMesh, InvalidSignature, ShapeError, UnsupportedShape
+from benchmark.errors import (
+    BenchmarkError,
+    InvalidForm,
+    InvalidMesh,
+    InvalidSignature,
+    ShapeError,
+    UnsupportedShape,
+)
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Arrays
 
-#: Number of vertices of the prepared mesh, as usual for canonical forms (Lian et al. 2013, Pickup et al. 2018).
+#: Number of vertices of the prepared mesh, as usual for canonical forms (Lian et al. 2013, Pickup
+#: et al. 2018).
 N_VERTICES = 2000
 
 #: Prefix of the names of arrays that are notes on a shape.
 NOTE = "note:"
 
-#: Arrays that say why there is no result, and what it took (:func:`clock`); a scorer can call none of its own so.
+#: Arrays that say why there is no result, and what it took (:func:`clock`); a scorer can call none
+#: of its own so.
 REFUSED, SECONDS = ":refused", ":seconds"
 
-#: Problem of a shape whose key is not the planned one, and what to do without a result for a passing reason.
+#: Problem of a shape whose key is not the planned one, and what to do without a result for a
+#: passing reason.
 CHANGED, AGAIN = "changed during the run", "run again"
 
 
@@ -50,7 +61,8 @@ class Incomplete(BenchmarkError):
         super().__init__(problem, AGAIN)
 
 
-# Prepared shapes of a data set ---------------------------------------------------------------------------------------
+# Prepared shapes of a data set
+# ---------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +93,9 @@ class PreparedShapes:
         if self.shapes.framed:
             return PreparedShapes(self.shapes.framed, self.input).camera_key
         shapes = self.shapes
-        fitted = shapes.half_width or [(shapes.key(entry), repr(shapes.camera(entry))) for entry in shapes.shapes]
+        fitted = shapes.half_width or [
+            (shapes.key(entry), repr(shapes.camera(entry))) for entry in shapes.shapes
+        ]
         return digest([fitted, self._code_digest])
 
     @property
@@ -118,7 +132,9 @@ class PreparedShapes:
         """
         if self.shapes.framed:
             return PreparedShapes(self.shapes.framed, self.input).frame()
-        return self._while_unchanged(self.shapes.shapes, lambda: {"half_width": np.asarray(frame_of(self.shapes))})
+        return self._while_unchanged(
+            self.shapes.shapes, lambda: {"half_width": np.asarray(frame_of(self.shapes))}
+        )
 
     def prepare(self, entry: Entry, half_width: float) -> Arrays:
         """Return the arrays of a prepared shape, or the reason why its content is refused.
@@ -133,7 +149,9 @@ class PreparedShapes:
         def compute() -> Arrays:
             if self.input == "mesh":
                 return prepare_mesh(shapes.load(entry))
-            return prepare_view(shapes.load(entry), shapes.camera(entry), half_width, shapes.sensor(entry))
+            return prepare_view(
+                shapes.load(entry), shapes.camera(entry), half_width, shapes.sensor(entry)
+            )
 
         return self._while_unchanged([entry], lambda: timed(compute))
 
@@ -143,7 +161,9 @@ class PreparedShapes:
         arrays = compute()
         after = [last_change(self.shapes, entry) for entry in entries]
         now = replace(self)  # which has no key yet
-        if after != before or [now.key(entry) for entry in entries] != [self.key(entry) for entry in entries]:
+        if after != before or [now.key(entry) for entry in entries] != [
+            self.key(entry) for entry in entries
+        ]:
             raise Incomplete(CHANGED)
         return arrays
 
@@ -153,7 +173,9 @@ def frame_of(shapes: ShapeSet) -> float:
     from benchmark.geometry.depth import common_half_width
 
     def fitted(entry: Entry) -> Arrays:
-        return timed(lambda: {"width": np.asarray(fit_frame(shapes.load(entry), shapes.camera(entry)))})
+        return timed(
+            lambda: {"width": np.asarray(fit_frame(shapes.load(entry), shapes.camera(entry)))}
+        )
 
     if shapes.half_width is not None:
         return shapes.half_width
@@ -171,7 +193,9 @@ def last_change(shapes: ShapeSet, entry: Entry) -> int:
 def clock() -> NDArray[np.float64]:
     """Return seconds of the wall and of the processor, user and system, of this process and its ended children."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return np.array([time.perf_counter(), time.process_time() + children.ru_utime + children.ru_stime])
+    return np.array(
+        [time.perf_counter(), time.process_time() + children.ru_utime + children.ru_stime]
+    )
 
 
 def timed(compute: Callable[[], Arrays]) -> Arrays:
@@ -213,7 +237,8 @@ def require_result(arrays: Arrays) -> Arrays:
     return arrays
 
 
-# Meshes to arrays; what these functions import takes a second ---------------------------------------------------------
+# Meshes to arrays; what these functions import takes a second
+# ---------------------------------------------------------
 
 
 def prepare_mesh(source: Mesh) -> Arrays:
@@ -222,8 +247,9 @@ def prepare_mesh(source: Mesh) -> Arrays:
     Returns
     -------
     dict
-        ``vertices`` and ``faces`` of the prepared surface, of unit area; ``vertex_map``, the nearest vertex of the file
-        at each vertex; ``source_area`` in squared file units; ``note:...`` for each note of the preparation.
+        ``vertices`` and ``faces`` of the prepared surface, of unit area; ``vertex_map``, the
+        nearest vertex of the file at each vertex; ``source_area`` in squared file units;
+        ``note:...`` for each note of the preparation.
 
     Raises
     ------
@@ -242,7 +268,9 @@ def prepare_mesh(source: Mesh) -> Arrays:
     }
 
 
-def prepare_view(source: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None) -> Arrays:
+def prepare_view(
+    source: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None
+) -> Arrays:
     """Render a mesh and back-project the depth image.
 
     Parameters
@@ -292,5 +320,7 @@ def _surface(source: Mesh) -> Mesh:
 
     surface, cleaning = clean(source)
     if not surface.n_faces:
-        raise InvalidMesh(f"none of the {cleaning['faces_before']} triangles has an area", "export the mesh again")
+        raise InvalidMesh(
+            f"none of the {cleaning['faces_before']} triangles has an area", "export the mesh again"
+        )
     return surface

@@ -48,7 +48,9 @@ class DamagedFiles(Exception):
         self.files = files
 
 
-def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[dict[str, Any], Arrays]:
+def rank(
+    record: Record, cache: Cache, comparing: Descriptor | Scorer
+) -> tuple[dict[str, Any], Arrays]:
     """Rank a gallery whose shapes have all been processed.
 
     Parameters
@@ -65,7 +67,8 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
     dict
         What the record says of the outcome.
     dict
-        ``distances`` of the answered queries to the answered shapes, means over the draws; empty if there are none.
+        ``distances`` of the answered queries to the answered shapes, means over the draws; empty if
+        there are none.
 
     Raises
     ------
@@ -77,7 +80,9 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
     (answered, refused), (in_gallery, refused_there) = sides[0], sides[-1]
     if not (answered and in_gallery):
         return refused_there if answered else refused, {}
-    queries, gallery = ([[*stages.values()][-1] for stages in of.values()] for of in (answered, in_gallery))
+    queries, gallery = (
+        [[*stages.values()][-1] for stages in of.values()] for of in (answered, in_gallery)
+    )
     other = record.gallery_of_queries
     matrices = distances(comparing, gallery, queries if other else None)
     shown, first = np.unique(np.array([*in_gallery]) // record.sides[-1].views, return_index=True)
@@ -98,15 +103,21 @@ def rank(record: Record, cache: Cache, comparing: Descriptor | Scorer) -> tuple[
         **refused,
         **({"against": msgspec.to_builtins(other) | refused_there} if other else {}),
         "notes": _summarise_notes(answered.values()),
-        "machines": sorted({str(of[MACHINE]) for stages in answered.values() if MACHINE in (of := stages["forms"])}),
+        "machines": sorted(
+            {str(of[MACHINE]) for stages in answered.values() if MACHINE in (of := stages["forms"])}
+        ),
     }
-    spent = _median_seconds(list(answered.values())) | {STAGES["records"]: (clock() - start) / len(record.shapes)}
+    spent = _median_seconds(list(answered.values())) | {
+        STAGES["records"]: (clock() - start) / len(record.shapes)
+    }
     for place, name in enumerate(("seconds", "processor_seconds")):
         content[name] = {stage: round(float(of[place]), 4) for stage, of in spent.items()}
     return content, {"distances": total / draws}
 
 
-def _read(side: RankedShapes, cache: Cache) -> tuple[dict[int, dict[Stage, Arrays]], dict[str, Any]]:
+def _read(
+    side: RankedShapes, cache: Cache
+) -> tuple[dict[int, dict[Stage, Arrays]], dict[str, Any]]:
     """Return the stages of the shapes with a result by index, and what a record says of the others."""
     answered: dict[int, dict[Stage, Arrays]] = {}
     reasons: dict[int, tuple[Stage, str]] = {}
@@ -127,7 +138,9 @@ def _read(side: RankedShapes, cache: Cache) -> tuple[dict[int, dict[Stage, Array
     if damaged:
         raise DamagedFiles(damaged)
     shown = {index // side.views for index in answered}
-    refused = [(shape, *reasons[k * side.views]) for k, shape in enumerate(side.shapes) if k not in shown]
+    refused = [
+        (shape, *reasons[k * side.views]) for k, shape in enumerate(side.shapes) if k not in shown
+    ]
     return answered, {
         "unsupported": [(shape, reason) for shape, _, reason in refused],
         "unprepared": [shape for shape, stage, _ in refused if stage == "prepared"],
@@ -135,7 +148,9 @@ def _read(side: RankedShapes, cache: Cache) -> tuple[dict[int, dict[Stage, Array
 
 
 def distances(
-    comparing: Descriptor | Scorer, answers: Sequence[Arrays], queries: Sequence[Arrays] | None = None
+    comparing: Descriptor | Scorer,
+    answers: Sequence[Arrays],
+    queries: Sequence[Arrays] | None = None,
 ) -> Iterator[NDArray[np.float64]]:
     """Yield the distances of signatures for each draw of their scorer; of a descriptor, those of its vectors.
 
@@ -144,9 +159,16 @@ def distances(
     is_scorer = isinstance(comparing, Scorer)
 
     def compared(arrays: Arrays) -> Any:
-        return {name: of for name, of in arrays.items() if name != SECONDS} if is_scorer else arrays["descriptor"]
+        return (
+            {name: of for name, of in arrays.items() if name != SECONDS}
+            if is_scorer
+            else arrays["descriptor"]
+        )
 
-    of_gallery, of_queries = [*map(compared, answers)], None if queries is None else [*map(compared, queries)]
+    of_gallery, of_queries = (
+        [*map(compared, answers)],
+        None if queries is None else [*map(compared, queries)],
+    )
     if of_queries is None and len(answers) == 1:
         yield np.zeros((1, 1))
         return

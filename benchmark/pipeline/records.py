@@ -28,9 +28,12 @@ Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$", max_length=30_000)]
 Key = Annotated[str, Meta(pattern="^([0-9a-f]{32})?$")]
 
 #: ``"unavailable"`` is the state of a job in a plan; no record says it.
-Status = Literal["ok", "failed", "crashed", "timeout", "memory", "incomplete", "unavailable", "unsupported"]
+Status = Literal[
+    "ok", "failed", "crashed", "timeout", "memory", "incomplete", "unavailable", "unsupported"
+]
 
-#: Results folder of the suite, with its published records: in an installed package, or in the checkout.
+#: Results folder of the suite, with its published records: in an installed package, or in the
+#: checkout.
 SUITE_RESULTS = next(filter(Path.is_dir, [ROOT / "benchmark" / "results"]), ROOT / "results")
 
 #: Scorer of the tables.
@@ -84,7 +87,9 @@ class Note(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     max: float
 
 
-class RankedShapes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+class RankedShapes(
+    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True
+):
     """Shapes that a job ranks.
 
     Parameters
@@ -96,7 +101,8 @@ class RankedShapes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     data, shapes, labels
         Data set, shapes and their classes, in the order of the distance matrix.
     unsupported, unprepared
-        Shapes without a result, with the reason, and those of them that could not be prepared for any method.
+        Shapes without a result, with the reason, and those of them that could not be prepared for
+        any method.
     files
         Keys of the cached files of each shape, or of each of its views; in local records only.
     views
@@ -117,7 +123,11 @@ class RankedShapes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     @property
     def file_names(self) -> list[str]:
         """Names of the shapes, or of their views, in the order of the files."""
-        return [name_view(name, k) if self.views > 1 else name for name in self.shapes for k in range(self.views)]
+        return [
+            name_view(name, k) if self.views > 1 else name
+            for name in self.shapes
+            for k in range(self.views)
+        ]
 
     @property
     def answered(self) -> list[int]:
@@ -129,10 +139,14 @@ class RankedShapes(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     def keys(self) -> list[dict[Stage, str]]:
         """Keys of the cached files of each shape, in the order in which they are made."""
         rows = zip(*self.files.values(), strict=True)
-        return [{stage: key for stage, key in zip(self.files, row, strict=True) if key} for row in rows]
+        return [
+            {stage: key for stage, key in zip(self.files, row, strict=True) if key} for row in rows
+        ]
 
 
-class Record(RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True):
+class Record(
+    RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True
+):
     """What a finished job leaves: its scores, or why it has none; its shapes are the queries.
 
     Parameters
@@ -142,14 +156,15 @@ class Record(RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True
     status, reason, traceback
         Outcome of the job; what went wrong unless it is ``"ok"``.
     gallery_of_queries, keeps_same_names
-        The gallery, unless it is the queries, and whether a query leaves out no shape of its own name.
+        The gallery, unless it is the queries, and whether a query leaves out no shape of its own
+        name.
     method, title, family, cite, parameters, defaults, seed
         What ran; ``parameters`` are those that differ from their defaults, ``defaults`` all others.
     scorer, scorer_title
         What compared the forms; "" for a descriptor.
     scores, per_query
-        Each measure: its mean, and its values; None without another shape of the class. Published records have values
-        of the printed measures only.
+        Each measure: its mean, and its values; None without another shape of the class. Published
+        records have values of the printed measures only.
     draw_errors
         Standard error of each mean over the draws of the scorer; empty for a single draw.
     distances
@@ -161,7 +176,8 @@ class Record(RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True
     notes
         Mean and maximum of each number that preparation or method reported.
     seconds, processor_seconds
-        Median seconds per shape by stage: of the wall, and of the processor, which old records lack.
+        Median seconds per shape by stage: of the wall, and of the processor, which old records
+        lack.
     machines
         The machines that made the forms, none if they are unknown.
     finished, commit, packages
@@ -171,7 +187,8 @@ class Record(RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True
     published
         Whether it was read from the published records; never stored.
     checksum
-        Digest of all other fields in a file, in which a damaged digit would be another figure; "" in memory.
+        Digest of all other fields in a file, in which a damaged digit would be another figure; ""
+        in memory.
     """
 
     key: Annotated[str, Meta(pattern="^[0-9a-f]{32}$")]
@@ -226,19 +243,27 @@ class Record(RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True
         gallery = self.gallery_of_queries
         if gallery is None:
             return None
-        places = {} if self.keeps_same_names else {name: place for place, name in enumerate(gallery.shapes)}
+        places = (
+            {}
+            if self.keeps_same_names
+            else {name: place for place, name in enumerate(gallery.shapes)}
+        )
         return Targets(gallery.labels, [places.get(name, -1) for name in self.shapes])
 
     def without_files(self) -> Record:
         """Return the record for a folder that does not keep its files."""
-        gallery = self.gallery_of_queries and msgspec.structs.replace(self.gallery_of_queries, files={})
+        gallery = self.gallery_of_queries and msgspec.structs.replace(
+            self.gallery_of_queries, files={}
+        )
         return msgspec.structs.replace(self, files={}, gallery_of_queries=gallery)
 
     @property
     def are_queries(self) -> list[bool]:
         """Whether each query has something to find; those that have not count nowhere."""
         gallery = self.gallery_of_queries or self
-        own = set() if self.keeps_same_names else {*zip(gallery.shapes, gallery.labels, strict=True)}
+        own = (
+            set() if self.keeps_same_names else {*zip(gallery.shapes, gallery.labels, strict=True)}
+        )
         members, queries = Counter(gallery.labels), zip(self.shapes, self.labels, strict=True)
         return [members[label] > ((name, label) in own) for name, label in queries]
 
@@ -250,7 +275,10 @@ class Record(RankedShapes, frozen=True, kw_only=True, forbid_unknown_fields=True
     @property
     def refusals(self) -> str:
         """How many shapes were refused, and why the first one; "" if none was."""
-        return "".join(f"{len(self.unsupported)} refused, {shape}: {why}" for shape, why in self.unsupported[:1])
+        return "".join(
+            f"{len(self.unsupported)} refused, {shape}: {why}"
+            for shape, why in self.unsupported[:1]
+        )
 
 
 class Row(NamedTuple):
@@ -274,16 +302,20 @@ def key_at(result_key: str, paths: Sequence[str]) -> str:
     return digest([result_key, *paths]) if any(paths) else result_key
 
 
-# Reading -------------------------------------------------------------------------------------------------------------
+# Reading
+# ------------------------------------------------------------------------------------------------
 
 
 def read_records(results: Path, *, local: bool = True, published: bool = True) -> list[Record]:
     """Read the records of a results folder, one for each row, oldest first.
 
-    Those of jobs that ran here come with published ones for other rows, if no record of other shapes of their gallery
-    was made here. Damaged files and lines are named on stderr and passed over.
+    Those of jobs that ran here come with published ones for other rows, if no record of other
+    shapes of their gallery was made here. Damaged files and lines are named on stderr and passed
+    over.
     """
-    here = sorted(read_files((results / RUNS / "records").glob("*.json")), key=_age) if local else []
+    here = (
+        sorted(read_files((results / RUNS / "records").glob("*.json")), key=_age) if local else []
+    )
     elsewhere = read_files((results / "records").glob("*.jsonl")) if published else []
     digests = {record.gallery: record.gallery_digest for record in here}
     fitting = [
@@ -315,9 +347,15 @@ def read_files(paths: Iterable[Path]) -> list[Record]:
             try:
                 record, content = _decoder.decode(line), msgspec.json.decode(line)
                 if content.pop("checksum", "") != _checksum(content):
-                    raise msgspec.DecodeError("it was changed after it was written, or written by hand")
+                    raise msgspec.DecodeError(
+                        "it was changed after it was written, or written by hand"
+                    )
                 records.append(msgspec.structs.replace(record, checksum=""))
-            except (msgspec.DecodeError, UnicodeError, RecursionError) as error:  # ValidationError is one
+            except (
+                msgspec.DecodeError,
+                UnicodeError,
+                RecursionError,
+            ) as error:  # ValidationError is one
                 where = f"{path}:{number}" if path.suffix == ".jsonl" else path
                 _skip(f"{where}: it is not a record: {error}; remove it")
     return records
@@ -348,13 +386,17 @@ def record_of(content: Mapping[str, Any]) -> Record:
 
 def _escaped(value: Any) -> Any:
     if isinstance(value, Mapping):
-        return {clean(name): each if name == "traceback" else _escaped(each) for name, each in value.items()}
+        return {
+            clean(name): each if name == "traceback" else _escaped(each)
+            for name, each in value.items()
+        }
     if isinstance(value, list | tuple):
         return [_escaped(each) for each in value]
     return brief(value, LONGEST_MESSAGE) if isinstance(value, str) else value
 
 
-# Writing -------------------------------------------------------------------------------------------------------------
+# Writing
+# ------------------------------------------------------------------------------------------------
 
 
 def write_record(results: Path, record: Record, replaces: str = "") -> None:
@@ -377,7 +419,9 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
             (folder / f"{replaces}{suffix}").unlink(missing_ok=True)
 
 
-def unneeded(results: Path, is_unwanted: Callable[[Record], bool]) -> tuple[list[Record], list[Path]]:
+def unneeded(
+    results: Path, is_unwanted: Callable[[Record], bool]
+) -> tuple[list[Record], list[Path]]:
     """Return the records made here for which ``is_unwanted`` holds, and all files that no other record names."""
     runs = results / RUNS
     records = sorted(read_files((runs / "records").glob("*.json")), key=_age)
@@ -396,7 +440,8 @@ def _files_of(record: Record) -> Iterator[str]:
             yield from (f"{stage}/{key}.npz" for key in keys)
 
 
-# Files of a record ---------------------------------------------------------------------------------------------------
+# Files of a record
+# ------------------------------------------------------------------------------------------------
 
 
 #: Arrays of prepared shapes and forms that pages and figures read.
@@ -438,23 +483,37 @@ def read_prepared(results: Path, record: RankedShapes, shape: str) -> Mesh | Non
 
 def read_form(results: Path, record: RankedShapes, shape: str) -> Mesh | None:
     """Return the canonical form of a shape of a record; None if it is not kept here, or there is none."""
-    form, prepared = (_read_arrays(results, record, stage, shape) for stage in ("forms", "prepared"))
+    form, prepared = (
+        _read_arrays(results, record, stage, shape) for stage in ("forms", "prepared")
+    )
     arrays = prepared | form
-    return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in form and "faces" in arrays else None
+    return (
+        Mesh(arrays["vertices"], arrays["faces"])
+        if "vertices" in form and "faces" in arrays
+        else None
+    )
 
 
-def read_vertex_map(results: Path, record: Record, shape: str) -> tuple[NDArray[np.int64], bool] | None:
+def read_vertex_map(
+    results: Path, record: Record, shape: str
+) -> tuple[NDArray[np.int64], bool] | None:
     """Return the nearest vertex of the file at each vertex of a form, and whether each of the file is that of one.
 
     None means that the form has vertices of its own, as those of views have, or is not kept here.
     """
-    form, prepared = (_read_arrays(results, record, stage, shape) for stage in ("forms", "prepared"))
+    form, prepared = (
+        _read_arrays(results, record, stage, shape) for stage in ("forms", "prepared")
+    )
     if "vertex_map" not in prepared or "vertices" not in form or "faces" in form:
         return None
     numbers = prepared["vertex_map"].astype(np.int64)
-    return numbers, np.array_equal(np.sort(numbers), np.arange(int(prepared["note:vertices_before"])))
+    return numbers, np.array_equal(
+        np.sort(numbers), np.arange(int(prepared["note:vertices_before"]))
+    )
 
 
-def _read_arrays(results: Path, record: RankedShapes, stage: Stage, shape: str) -> dict[str, NDArray[Any]]:
+def _read_arrays(
+    results: Path, record: RankedShapes, stage: Stage, shape: str
+) -> dict[str, NDArray[Any]]:
     keys = dict(zip(record.shapes, record.files.get(stage, [])[:: record.views], strict=False))
     return Cache(results).read(stage, keys.get(shape, ""), only=_READ) or {}

@@ -32,8 +32,9 @@ class Hit(NamedTuple):
 class SearchResult(NamedTuple):
     """Shapes of the gallery that have a form, nearest first, and the form of the query; None for a descriptor.
 
-    ``margins`` are those of the nearest class before the second, one for each draw of the scorer, relative to the mean
-    distance of the second; empty without a second class, or if its distance is 0.
+    ``margins`` are those of the nearest class before the second, one for each draw of the scorer,
+    relative to the mean distance of the second; empty without a second class, or if its distance is
+    0.
     """
 
     hits: list[Hit]
@@ -87,10 +88,20 @@ def search(
         answer = require_result(sign(scorer, form))
     keys, cache, views = gallery.keys, Cache(results), gallery.views
     wanted = [index for index in gallery.answered if keys and gallery.shapes[index] not in without]
-    found = {(index, k): cache.read(stage, keys[index * views + k][stage]) for index in wanted for k in range(views)}
-    stored = {place: arrays for place, arrays in found.items() if arrays is not None and REFUSED not in arrays}
+    found = {
+        (index, k): cache.read(stage, keys[index * views + k][stage])
+        for index in wanted
+        for k in range(views)
+    }
+    stored = {
+        place: arrays
+        for place, arrays in found.items()
+        if arrays is not None and REFUSED not in arrays
+    }
     if not stored:
-        raise ConfigurationError(f"no form of {gallery.gallery} is kept in {results}", "run it again here")
+        raise ConfigurationError(
+            f"no form of {gallery.gallery} is kept in {results}", "run it again here"
+        )
     comparing = scorer if isinstance(method, Method) else method
     numbers, first = np.unique([index for index, _ in stored], return_index=True)
     draws = np.concatenate([*distances(comparing, [*stored.values()], [answer])])

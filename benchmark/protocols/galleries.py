@@ -10,11 +10,26 @@ from pathlib import Path
 from benchmark.api.contracts import Input
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Part, check_retrievable, thinned
-from benchmark.datasets.catalogue import check_ranked, is_present, open_dataset, require_known, table_name
+from benchmark.datasets.catalogue import (
+    check_ranked,
+    is_present,
+    open_dataset,
+    require_known,
+    table_name,
+)
 from benchmark.datasets.changes import CHANGES, LEVELS, changed_name, split_name
 from benchmark.errors import ConfigurationError, DatasetError, check_known
 from benchmark.protocols.models import MissingModel, Model, TooNear, UnusableModel, find_models
-from benchmark.protocols.tables import AGAINST, CAMERAS, INPUTS, PARTS, TABLES, Table, gallery_name, own_table
+from benchmark.protocols.tables import (
+    AGAINST,
+    CAMERAS,
+    INPUTS,
+    PARTS,
+    TABLES,
+    Table,
+    gallery_name,
+    own_table,
+)
 from benchmark.protocols.trainings import NoFolds
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry import Component
@@ -79,9 +94,14 @@ class Gallery:
         """Return the gallery with a shape for each view of a shape; itself without cameras."""
         if not self.cameras:
             return self
-        source, wanted = f"{self.source}{self.cameras}", {entry.identifier for entry in self.entries}
+        source, wanted = (
+            f"{self.source}{self.cameras}",
+            {entry.identifier for entry in self.entries},
+        )
         dataset = open_dataset(source, self.data_root)
-        entries = tuple(entry for entry in dataset.shapes if entry.identifier.rpartition("@")[0] in wanted)
+        entries = tuple(
+            entry for entry in dataset.shapes if entry.identifier.rpartition("@")[0] in wanted
+        )
         return replace(self, source=source, dataset=dataset, entries=entries, cameras="")
 
     @property
@@ -103,7 +123,12 @@ class Gallery:
         return replace(self, entries=entries, part=f"{', '.join(subjects)} {self.part}".strip())
 
     def rows(
-        self, input_: Input, methods: Iterable[Component], trained_here: Path | None = None, *, named: bool = False
+        self,
+        input_: Input,
+        methods: Iterable[Component],
+        trained_here: Path | None = None,
+        *,
+        named: bool = False,
     ) -> list[Component]:
         """Return the methods that are tested on it; networks with each of their trainings that has a model.
 
@@ -116,7 +141,8 @@ class Gallery:
         trained_here
             Folder of the models that were trained here, in addition to the shipped ones.
         named
-            Whether they were selected by name: they have a row in every table, like those of plugins.
+            Whether they were selected by name: they have a row in every table, like those of
+            plugins.
         """
         chosen: list[Component] = []
         for method in methods:
@@ -140,7 +166,9 @@ class Gallery:
             is_default &= name in QUICK_ROWS or method.learns
         return is_default and (not self.quick or name in QUICK_ROWS)
 
-    def _trainings(self, method: Component, trained_here: Path | None, is_wanted: bool) -> Iterator[Component]:
+    def _trainings(
+        self, method: Component, trained_here: Path | None, is_wanted: bool
+    ) -> Iterator[Component]:
         """Yield a method; a network also with other seeds, and that of the paper as printed, where it has models."""
         is_papers = method.base_name == NETWORK
         if not method.learns or is_papers or is_wanted or self._has_models(method, trained_here):
@@ -149,7 +177,9 @@ class Gallery:
             return
         seeds = SEEDS if hasattr(method.load(), "training_seed") else ()
         variants: list[dict[str, object]] = [{"training_seed": seed} for seed in seeds]
-        variants += [{"configuration": "as_printed"}] if is_papers and not self.table.is_ablation else []
+        variants += (
+            [{"configuration": "as_printed"}] if is_papers and not self.table.is_ablation else []
+        )
         others = map(method.with_parameters, variants)
         yield from (other for other in others if self._has_models(other, trained_here))
 
@@ -181,16 +211,17 @@ def galleries(
 ) -> list[Gallery]:
     """Return the galleries of a selection.
 
-    The paper's data set is used if it is available and its stand-in otherwise, never both in one table. A table that
-    accompanies another one is omitted if the data set lacks its classes, unless it was selected by name.
+    The paper's data set is used if it is available and its stand-in otherwise, never both in one
+    table. A table that accompanies another one is omitted if the data set lacks its classes, unless
+    it was selected by name.
 
     Parameters
     ----------
     tables
         Identifiers of tables; empty for all.
     datasets
-        Names of data sets or paths of folders; empty for those of the tables. A data set that no table uses gets its
-        own table.
+        Names of data sets or paths of folders; empty for those of the tables. A data set that no
+        table uses gets its own table.
     data_root
         The folder of the official data sets.
     quick
@@ -198,9 +229,9 @@ def galleries(
     subjects, input
         Subjects, or the input, that are meant; all of them by default.
     gallery, gallery_views, same_names
-        Data set of the gallery whose queries the data sets are, which lacks shapes with the name of the query for
-        ``same_names``. With ``gallery_views``, it is rendered from so many cameras around each shape; by default it is
-        the data set.
+        Data set of the gallery whose queries the data sets are, which lacks shapes with the name of
+        the query for ``same_names``. With ``gallery_views``, it is rendered from so many cameras
+        around each shape; by default it is the data set.
 
     Raises
     ------
@@ -212,19 +243,30 @@ def galleries(
     sets, chosen = [*datasets], list[Gallery]()
     if gallery or same_names or gallery_views:
         if not ((gallery or gallery_views) and sets) or [*tables]:
-            raise ConfigurationError("--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER")
+            raise ConfigurationError(
+                "--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER"
+            )
         seen = f"{gallery_views} cameras{' around ' * bool(gallery)}" if gallery_views else ""
         for name in sets:
             words = f"{seen}{gallery and table_name(gallery)}{' without same names' * same_names}"
-            own, is_other = own_table(table_name(name), f"{AGAINST}{words}"), bool(gallery) and not same_names
+            own, is_other = (
+                own_table(table_name(name), f"{AGAINST}{words}"),
+                bool(gallery) and not same_names,
+            )
             table = replace(own, gallery=gallery, keeps_same_names=is_other)
             if gallery_views:
-                table = replace(table, columns=table.columns[1:], cameras=f"[cameras={gallery_views}]")
+                table = replace(
+                    table, columns=table.columns[1:], cameras=f"[cameras={gallery_views}]"
+                )
             chosen += _galleries(table, name, data_root, quick=quick)
     else:
         chosen = _of_tables([*tables], sets, data_root, quick=quick)
     if subjects:  # some tables show a part of a data set: those that have the subjects are meant
-        having = [gallery for gallery in chosen if {entry.subject for entry in gallery.entries}.issuperset(subjects)]
+        having = [
+            gallery
+            for gallery in chosen
+            if {entry.subject for entry in gallery.entries}.issuperset(subjects)
+        ]
         chosen = [gallery.of_subjects(subjects) for gallery in having or chosen]
     if input is None:
         return chosen
@@ -235,19 +277,31 @@ def galleries(
     return fitting
 
 
-def _of_tables(wanted: Sequence[str], sets: Sequence[str], data_root: Path | None, *, quick: bool) -> list[Gallery]:
+def _of_tables(
+    wanted: Sequence[str], sets: Sequence[str], data_root: Path | None, *, quick: bool
+) -> list[Gallery]:
     """Return the galleries of tables, by their names or by those of data sets."""
     check_known("table", wanted, [table.identifier for table in TABLES] + ["extended"])
     for name in wanted:
         if quick and any(table.identifier == name and table.is_ablation for table in TABLES):
-            raise ConfigurationError(f"table {name} is a mean over all folds, and --quick has one", "drop --quick")
+            raise ConfigurationError(
+                f"table {name} is a mean over all folds, and --quick has one", "drop --quick"
+            )
     selected = [table for table in TABLES if _is_selected(table, wanted, sets, quick)]
     if sets:
-        places = [(table, name) for name in sets for table in _tables_of(name, selected, own=not wanted)]
+        places = [
+            (table, name) for name in sets for table in _tables_of(name, selected, own=not wanted)
+        ]
     else:
-        places = [(table, name) for table in selected if (name := _source(table, data_root, wanted))]
+        places = [
+            (table, name) for table in selected if (name := _source(table, data_root, wanted))
+        ]
     if not places:
-        problem = f"no selected table uses {', '.join(sets)}" if sets else "the selected tables have no data"
+        problem = (
+            f"no selected table uses {', '.join(sets)}"
+            if sets
+            else "the selected tables have no data"
+        )
         raise ConfigurationError(problem, "drop -t or -d, or choose ones that belong together")
     chosen: list[Gallery] = []
     for table, name in places:
@@ -265,12 +319,18 @@ def _is_selected(table: Table, tables: Sequence[str], sets: Sequence[str], quick
         return table.identifier in tables or (table.part_of in tables and not quick)
     if table.runs in ("named", "alone"):
         return table.runs == "named" and bool(set(table.datasets) & set(sets))
-    return table.runs == "quick" or not quick or (bool(sets) and not table.part_of and not table.is_ablation)
+    return (
+        table.runs == "quick"
+        or not quick
+        or (bool(sets) and not table.part_of and not table.is_ablation)
+    )
 
 
 def _source(table: Table, data_root: Path | None, asked_for: Sequence[str]) -> str:
     """Return the data set of a table; "" for one that is absent, where the table was not asked for by its name."""
-    if is_present(table.dataset, data_root) or (not table.stand_ins and table.identifier in asked_for):
+    if is_present(table.dataset, data_root) or (
+        not table.stand_ins and table.identifier in asked_for
+    ):
         return table.dataset
     return table.stand_ins[0] if table.stand_ins else ""
 
@@ -283,7 +343,9 @@ def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table
     return [table for table in selected if table.shows(name) or table.is_robustness]
 
 
-def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) -> Iterator[Gallery]:
+def _galleries(
+    table: Table, name: str, data_root: Path | None, *, quick: bool
+) -> Iterator[Gallery]:
     """Yield the galleries of a table on a data set; with ``quick``, of the columns with folds if there are any."""
     with_folds = tuple(column for column in table.columns if len(column.parts) > 1) if quick else ()
     for column in with_folds or table.columns:
@@ -297,12 +359,27 @@ def _galleries(table: Table, name: str, data_root: Path | None, *, quick: bool) 
             inputs = tuple(input_ for input_ in dataset.inputs if input_ in wanted)
             for part in column.parts[: 1 if quick else None]:
                 entries = Part(PARTS.get(part, ())).of(dataset)
-                against = _known(table, source, part, data_root, quick=quick) if part.startswith(AGAINST) else None
+                against = (
+                    _known(table, source, part, data_root, quick=quick)
+                    if part.startswith(AGAINST)
+                    else None
+                )
                 if against is None:
                     check_retrievable(dataset, entries if part else None)
                 some = thinned(entries, QUICK_POSES) if quick else entries
                 is_quick = len(some) < len(entries)
-                yield Gallery(table, source, dataset, some, is_quick, part, data_root, inputs, is_split, against)
+                yield Gallery(
+                    table,
+                    source,
+                    dataset,
+                    some,
+                    is_quick,
+                    part,
+                    data_root,
+                    inputs,
+                    is_split,
+                    against,
+                )
 
 
 def _known(table: Table, source: str, part: str, data_root: Path | None, *, quick: bool) -> Gallery:
@@ -313,10 +390,15 @@ def _known(table: Table, source: str, part: str, data_root: Path | None, *, quic
     entries = thinned(dataset.shapes, QUICK_POSES) if quick else dataset.shapes
     cameras = CAMERAS.get(part, table.cameras)
     inputs = ("view",) if cameras else dataset.inputs[:1]
-    return Gallery(table, name, dataset, entries, quick, data_root=data_root, inputs=inputs, cameras=cameras)
+    return Gallery(
+        table, name, dataset, entries, quick, data_root=data_root, inputs=inputs, cameras=cameras
+    )
 
 
 def _conditions(name: str) -> list[str]:
     """Return a data set, and the same under each change of its meshes at three strengths, by name or path."""
     shown = [change for change, what in CHANGES.items() if what.of_mesh and change != "jitter"]
-    return [name, *(changed_name(name, change, level) for change in shown for level in list(LEVELS)[::2])]
+    return [
+        name,
+        *(changed_name(name, change, level) for change in shown for level in list(LEVELS)[::2]),
+    ]

@@ -16,10 +16,16 @@ from benchmark.datasets.catalogue import catalogued, is_known, is_present, open_
 from benchmark.datasets.people import CLEARANCE, TESTED
 from benchmark.errors import ConfigurationError
 from benchmark.files import file_digest
-from benchmark.protocols.trainings import TRAININGS, find_training, set_of_subjects, trainings_by_shape
+from benchmark.protocols.trainings import (
+    TRAININGS,
+    find_training,
+    set_of_subjects,
+    trainings_by_shape,
+)
 from benchmark.registry import Component
 
-#: Environment variable of a folder of models with the layout of the repository, for installations without all models.
+#: Environment variable of a folder of models with the layout of the repository, for installations
+#: without all models.
 MODELS_VARIABLE = "CANONICAL_FORMS_MODELS"
 
 #: Sets whose trainings contain people only.
@@ -64,8 +70,8 @@ class Model:
     def has_seen(self, entry: Entry, dataset: str) -> bool:
         """Return whether a shape, or another one of its subject, was in the training data.
 
-        Names are compared if both data sets show the same subjects, or if the shape is from a folder, which may contain
-        anything. Names in two different known data sets are unrelated.
+        Names are compared if both data sets show the same subjects, or if the shape is from a
+        folder, which may contain anything. Names in two different known data sets are unrelated.
         """
         shown = set_of_subjects(dataset)
         if shown and shown != set_of_subjects(find_training(self.training).dataset):
@@ -75,8 +81,9 @@ class Model:
     def check(self, dataset: str, data_root: Path | None) -> None:
         """Check that a model may be tested on a data set.
 
-        The card states the smallest distance between the training bodies and the subjects of generated data sets. A
-        data set that it does not name passes, unless the bodies were sampled.
+        The card states the smallest distance between the training bodies and the subjects of
+        generated data sets. A data set that it does not name passes, unless the bodies were
+        sampled.
 
         Raises
         ------
@@ -92,10 +99,16 @@ class Model:
             has = "has" if {exact, shown} & stated.keys() else "may have"
             problem = f"training '{self.training}' {has} bodies within {CLEARANCE} of the subjects of {shown}"
             raise TooNear(problem, "take a model of another training")
-        if self.card.tested and is_known(training.dataset) and is_present(training.dataset, data_root):
+        if (
+            self.card.tested
+            and is_known(training.dataset)
+            and is_present(training.dataset, data_root)
+        ):
             tested = training.tested.of(open_dataset(training.dataset, data_root))
             if self.card.tested != digest_of({entry.subject for entry in tested}):
-                raise UnusableModel(f"the model in {self.folder} is for other subjects", "train it again")
+                raise UnusableModel(
+                    f"the model in {self.folder} is for other subjects", "train it again"
+                )
 
     def summary(self) -> dict[str, Any]:
         """Facts about the model for a record."""
@@ -109,7 +122,11 @@ class Model:
 
 
 def find_models(
-    spec: Component, dataset: ShapeSet, entries: Iterable[Entry], data_root: Path | None, trained_here: Path | None
+    spec: Component,
+    dataset: ShapeSet,
+    entries: Iterable[Entry],
+    data_root: Path | None,
+    trained_here: Path | None,
 ) -> dict[str, Model]:
     """Return the model for each of some shapes, by identifier; empty for a method that does not learn.
 
@@ -127,7 +144,8 @@ def find_models(
     Raises
     ------
     MissingModel
-        If a model is missing or unusable; for a missing one, the hint is the command that trains it.
+        If a model is missing or unusable; for a missing one, the hint is the command that trains
+        it.
     NoFolds
         If the learner has a model for each fold, but the data set has no folds.
     TooNear
@@ -194,7 +212,9 @@ def model_places(learner: Learner, trained_here: Path | None = None) -> list[Pat
 
 def _finished(learner: Learner, training: str, trained_here: Path | None) -> Path | None:
     """Return the folder of the finished model of a training, by precedence; None if there is none."""
-    folders = (place / training / learner.model_name for place in model_places(learner, trained_here))
+    folders = (
+        place / training / learner.model_name for place in model_places(learner, trained_here)
+    )
     return next((folder for folder in folders if (folder / CARD).is_file()), None)
 
 
@@ -206,7 +226,9 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
     if spec.plugin:
         words += ["--plugin", str(spec.plugin)]
     folder = "/".join(learner.shipped_models.parts[-2:])
-    hint = f"run `{shlex.join(words)}`, or name the folder {folder} of a checkout in {MODELS_VARIABLE}"
+    hint = (
+        f"run `{shlex.join(words)}`, or name the folder {folder} of a checkout in {MODELS_VARIABLE}"
+    )
     return MissingModel(f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}", hint)
 
 

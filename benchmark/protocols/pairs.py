@@ -37,7 +37,10 @@ def trainings_of(learner: Learner, target: str, data_root: Path | None) -> list[
         return [TRAININGS[target]]
     check_known("table or training", [target], [*NUMERALS, *TRAININGS])
     tested = galleries([target], data_root=data_root)
-    of_shapes = [trainings_by_shape(learner, gallery.dataset, gallery.entries, data_root) for gallery in tested]
+    of_shapes = [
+        trainings_by_shape(learner, gallery.dataset, gallery.entries, data_root)
+        for gallery in tested
+    ]
     return list(dict.fromkeys(training for of_shape in of_shapes for training in of_shape.values()))
 
 
@@ -61,12 +64,18 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
         If the training data would include a test subject, or would be empty.
     """
     if training.is_sampled:
-        raise ConfigurationError(f"the bodies of '{training.name}' are not generated any more", "take its model")
+        raise ConfigurationError(
+            f"the bodies of '{training.name}' are not generated any more", "take its model"
+        )
     dataset = open_dataset(training.dataset, data_root)
     trained, tested = training.trained.of(dataset), training.tested.of(dataset)
-    subjects, tested_subjects = (tuple(dict.fromkeys(entry.subject for entry in part)) for part in (trained, tested))
+    subjects, tested_subjects = (
+        tuple(dict.fromkeys(entry.subject for entry in part)) for part in (trained, tested)
+    )
     if not subjects:
-        raise ConfigurationError(f"training '{training.name}' has no pairs", "check the data set with 'data check'")
+        raise ConfigurationError(
+            f"training '{training.name}' has no pairs", "check the data set with 'data check'"
+        )
     if both := sorted({*subjects} & {*tested_subjects}):
         problem = f"training '{training.name}' would include test subjects of its models: {', '.join(both[:5])}"
         raise ConfigurationError(problem, "keep the subjects of the data set apart")
@@ -95,17 +104,25 @@ def _clearances(subjects: Sequence[str], dataset: str) -> dict[str, float]:
     """Return the clearances of the bodies; those of ``people`` from each draw, because draws are not kept apart."""
     bodies = [_PHENOTYPES[name] for name in subjects if name in _PHENOTYPES]
     sets = [name for name in TESTED if name != "people"]
-    sets += [f"people[draw={draw}]" for draw in range(len(PEOPLE))] if dataset.startswith("people") else ["people"]
+    sets += (
+        [f"people[draw={draw}]" for draw in range(len(PEOPLE))]
+        if dataset.startswith("people")
+        else ["people"]
+    )
     return clearances(bodies, sets) if bodies else {}
 
 
-def _rendered(entries: Iterable[Entry], dataset: ShapeSet, half_width: float, say: Say) -> Iterator[TrainingPair]:
+def _rendered(
+    entries: Iterable[Entry], dataset: ShapeSet, half_width: float, say: Say
+) -> Iterator[TrainingPair]:
     """Yield the pairs, without those that cannot be rendered."""
     canonical = canonical_shapes(dataset)
 
     @lru_cache(maxsize=32)  # the shapes of a subject are adjacent, and share a target
     def render(entry: Entry) -> NDArray[np.float32]:
-        return prepare_view(dataset.load(entry), dataset.camera(entry), half_width, dataset.sensor(entry))["depth"]
+        return prepare_view(
+            dataset.load(entry), dataset.camera(entry), half_width, dataset.sensor(entry)
+        )["depth"]
 
     for entry in entries:
         target = canonical[entry.subject]

@@ -17,23 +17,27 @@ INPUTS: tuple[Input, ...] = ("mesh", "view")
 
 Kind = Literal["form", "network", "descriptor", "external"]
 
-#: Stand-ins for the synthetic humans: the first one has folds and networks; the whole galleries of all are averaged.
+#: Stand-ins for the synthetic humans: the first one has folds and networks; the whole galleries of
+#: all are averaged.
 SYNTHETIC_HUMANS = ("people[draw=0]", "people[draw=1]", "people[draw=2]")
 
 FOLDS = tuple(f"fold {number}" for number in range(len(SUBJECT_FOLDS)))
 CATS_AND_HORSES = "held out"
 
-#: How the names of parts begin whose shapes are ranked in another gallery; that of tables of the suite.
+#: How the names of parts begin whose shapes are ranked in another gallery; that of tables of the
+#: suite.
 AGAINST = "against "
 SURFACES = f"{AGAINST}complete surfaces"
 
-#: Parts whose gallery is rendered from several cameras around each surface, with the change of the data set.
+#: Parts whose gallery is rendered from several cameras around each surface, with the change of the
+#: data set.
 CAMERAS: Mapping[str, str] = {
     f"{AGAINST}12 cameras": "[cameras=12]",
     f"{AGAINST}12 cameras and their own": "[cameras-and-own=12]",
 }
 
-#: Subjects of each part of a data set, by name or by index in the data set; all of them for the whole one, "".
+#: Subjects of each part of a data set, by name or by index in the data set; all of them for the
+#: whole one, "".
 PARTS: Mapping[str, tuple[int | str, ...]] = {
     "": (),
     SURFACES: (),
@@ -42,7 +46,8 @@ PARTS: Mapping[str, tuple[int | str, ...]] = {
     **dict(zip(FOLDS, SUBJECT_FOLDS, strict=True)),
 }
 
-#: Beginnings of the names of the suite's networks, which stand in their block also where they have no model.
+#: Beginnings of the names of the suite's networks, which stand in their block also where they have
+#: no model.
 NETWORKS = ("learned", "deformation-field")
 
 #: Parameters of networks over whose values rows are averaged.
@@ -73,11 +78,17 @@ TITLES: Mapping[str, str] = {
     "learned-flat": "flat in the predicted mask",
 }
 
-#: Rows of the ablation: those of the paper, one about which it makes a claim without figures, and without any depth.
+#: Rows of the ablation: those of the paper, one about which it makes a claim without figures, and
+#: without any depth.
 CONTROLS = ("learned-average", "learned-flat")
 ABLATION = (
-    "learned-strict", "learned-without-srf", "learned-without-lrf", "learned-without-weighting", "learned", *CONTROLS,
-)  # fmt: skip
+    "learned-strict",
+    "learned-without-srf",
+    "learned-without-lrf",
+    "learned-without-weighting",
+    "learned",
+    *CONTROLS,
+)
 
 #: Networks that have rows only in the ablation, and in tables that add them.
 ONLY_ABLATED = frozenset(ABLATION) - {"learned"}
@@ -85,8 +96,16 @@ ONLY_ABLATED = frozenset(ABLATION) - {"learned"}
 #: Forms that the paper does not compare, which run by default on animals alone.
 OTHER_FORMS = ("accelerated-mds", "fast-classical-scaling", "feature-preserved")
 
-#: Rows of the tables whose gallery is seen from around: networks, no form, the best form, and the area.
-ROUND = ("identity", "mesh-unfolding", "learned", "learned-wide-extra", "learned-streamed", "surface-area")
+#: Rows of the tables whose gallery is seen from around: networks, no form, the best form, and the
+#: area.
+ROUND = (
+    "identity",
+    "mesh-unfolding",
+    "learned",
+    "learned-wide-extra",
+    "learned-streamed",
+    "surface-area",
+)
 
 #: Rows of robustness: four methods at three strengths of each change.
 ROBUST = ("classic-mds", "gps", "mesh-unfolding", "shape-dna")
@@ -103,7 +122,8 @@ class Column:
     parts
         Parts of the data set that are ranked, each by itself; see :data:`PARTS`.
     input
-        ``"mesh"`` or ``"view"`` for all rows; ``"as printed"``: complete surfaces, but a view for networks.
+        ``"mesh"`` or ``"view"`` for all rows; ``"as printed"``: complete surfaces, but a view for
+        networks.
     over_draws
         Whether the mean is over all stand-ins of the table; networks see only the first one.
     """
@@ -130,7 +150,8 @@ class Table:
     dataset
         Name or path of the data set.
     stand_ins
-        Generated data sets that replace it if it is missing; only columns over draws use others than the first.
+        Generated data sets that replace it if it is missing; only columns over draws use others
+        than the first.
     columns
         Groups of scores.
     has_paper
@@ -142,7 +163,8 @@ class Table:
     omits
         Methods that run on its data only if they are selected by name.
     runs
-        Runs that make it by default: all, full ones, or only those that name it or its data set, or it alone.
+        Runs that make it by default: all, full ones, or only those that name it or its data set, or
+        it alone.
     part_of
         Table with which it is also made; "" if there is none.
     all_unseen
@@ -152,7 +174,8 @@ class Table:
     changes
         Changes of its data set that have a table each, too.
     gallery, cameras, keeps_same_names
-        Data set of the gallery of its queries, and whether a query leaves out no shape of its own name.
+        Data set of the gallery of its queries, and whether a query leaves out no shape of its own
+        name.
     """
 
     identifier: str
@@ -195,11 +218,17 @@ class Table:
 
     def shows(self, dataset: str) -> bool:
         """Return whether it can be made for a data set; one of queries and another gallery, also for changed views."""
-        return dataset in self.datasets or (self.is_cross and split_name(dataset)[0] in self.datasets)
+        return dataset in self.datasets or (
+            self.is_cross and split_name(dataset)[0] in self.datasets
+        )
 
     def includes(self, base_name: str) -> bool:
         """Return whether a method may have a row if none was selected by name."""
-        return base_name in self.names if self.names else base_name not in ONLY_ABLATED.difference(self.adds)
+        return (
+            base_name in self.names
+            if self.names
+            else base_name not in ONLY_ABLATED.difference(self.adds)
+        )
 
 
 _FAIR = "all methods on one depth view"
@@ -212,44 +241,84 @@ _ALL, _FEW = "15 subjects", "5 subjects"
 _synthetic = partial(Table, dataset="shrec14-synthetic", stand_ins=SYNTHETIC_HUMANS)
 _real = partial(Table, dataset="shrec14-real", stand_ins=("humans-scanlike",), omits=OTHER_FORMS)
 _animals = partial(Table, dataset="tosca", stand_ins=("animals",), all_unseen=False)
-_official = partial(Table, caption="Retrieval on a further official set", part_of="extended", all_unseen=False)
+_official = partial(
+    Table, caption="Retrieval on a further official set", part_of="extended", all_unseen=False
+)
 
 TABLES: tuple[Table, ...] = (
     _synthetic(
-        "I", "Retrieval of synthetic humans", columns=(Column(_ALL, over_draws=True), Column(_FEW, FOLDS)),
-        has_paper=True, runs="quick", omits=OTHER_FORMS,
+        "I",
+        "Retrieval of synthetic humans",
+        columns=(Column(_ALL, over_draws=True), Column(_FEW, FOLDS)),
+        has_paper=True,
+        runs="quick",
+        omits=OTHER_FORMS,
     ),
     _real("II", "Retrieval of real humans", has_paper=True),
     _animals("III", "Retrieval of animals and people", has_paper=True, runs="quick"),
     _synthetic(
-        "I-view", f"Synthetic humans, {_FAIR}", part_of="I", omits=OTHER_FORMS, adds=CONTROLS,
+        "I-view",
+        f"Synthetic humans, {_FAIR}",
+        part_of="I",
+        omits=OTHER_FORMS,
+        adds=CONTROLS,
         columns=(Column(_ALL, input="view"), Column(_FEW, FOLDS, "view")),
     ),
-    _real("II-view", f"Real humans, {_FAIR}", part_of="II", columns=(Column("ours", input="view"),)),
+    _real(
+        "II-view", f"Real humans, {_FAIR}", part_of="II", columns=(Column("ours", input="view"),)
+    ),
     _animals(
-        "III-view", f"Animals and people, {_FAIR}", part_of="III",
-        columns=(Column("all shapes", input="view"), Column("cats and horses", (CATS_AND_HORSES,), "view")),
+        "III-view",
+        f"Animals and people, {_FAIR}",
+        part_of="III",
+        columns=(
+            Column("all shapes", input="view"),
+            Column("cats and horses", (CATS_AND_HORSES,), "view"),
+        ),
     ),
     _synthetic(
-        "IV", "Ablation of the depth network", columns=(Column("ours", FOLDS, "view"),), has_paper=True, names=ABLATION
+        "IV",
+        "Ablation of the depth network",
+        columns=(Column("ours", FOLDS, "view"),),
+        has_paper=True,
+        names=ABLATION,
     ),
-    _synthetic("I-cross", f"Synthetic humans, {_CROSS}", columns=_BOTH_GALLERIES, runs="alone", omits=OTHER_FORMS),
+    _synthetic(
+        "I-cross",
+        f"Synthetic humans, {_CROSS}",
+        columns=_BOTH_GALLERIES,
+        runs="alone",
+        omits=OTHER_FORMS,
+    ),
     _real("II-cross", f"Real humans, {_CROSS}", columns=_BOTH_GALLERIES, runs="alone"),
     _animals(
-        "III-cross", f"Animals and people, {_CROSS}", columns=_BOTH_GALLERIES, runs="alone",
+        "III-cross",
+        f"Animals and people, {_CROSS}",
+        columns=_BOTH_GALLERIES,
+        runs="alone",
         changes=("[view-angle=3]", "[view-angle=5]"),
     ),
     _real("II-cameras", f"Real humans, {_AROUND}", columns=_CAMERAS, names=ROUND, runs="alone"),
     _animals(
-        "III-cameras", f"Animals and people, {_AROUND}", columns=_CAMERAS, names=ROUND, runs="alone",
+        "III-cameras",
+        f"Animals and people, {_AROUND}",
+        columns=_CAMERAS,
+        names=ROUND,
+        runs="alone",
         changes=("[view-angle=3]", "[view-angle=5]"),
     ),
     *(_official(name, dataset=name, columns=BOTH_INPUTS, runs="named") for name in EXTENDED),
     Table(
-        "robustness", "Robustness to changes of the shapes", "animals-few", columns=(Column("mesh", input="mesh"),),
-        names=ROBUST, runs="alone", all_unseen=False, is_robustness=True,
+        "robustness",
+        "Robustness to changes of the shapes",
+        "animals-few",
+        columns=(Column("mesh", input="mesh"),),
+        names=ROBUST,
+        runs="alone",
+        all_unseen=False,
+        is_robustness=True,
     ),
-)  # fmt: skip
+)
 
 
 def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
@@ -263,7 +332,10 @@ def own_table(dataset: str, part: str = "") -> Table:
     With a part that begins with :data:`AGAINST`, its shapes are queries of another gallery.
     """
     if part.startswith(AGAINST):
-        columns, name = tuple(replace(column, parts=(part,)) for column in BOTH_INPUTS), f"{dataset} {part}"
+        columns, name = (
+            tuple(replace(column, parts=(part,)) for column in BOTH_INPUTS),
+            f"{dataset} {part}",
+        )
         return Table(name, f"Retrieval on {name}", dataset, columns=columns, all_unseen=False)
     name = f"{dataset}-folder" if any(dataset == table.identifier for table in TABLES) else dataset
     return Table(name, f"Retrieval on {dataset}", dataset, columns=BOTH_INPUTS, all_unseen=False)

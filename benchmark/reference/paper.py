@@ -1,8 +1,8 @@
 """Tables I to IV as printed in the paper, its claims, and the sources of methods and data.
 
-"Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic Vision and SLAM-Aware
-Perception": nearest neighbour (NN), first tier (FT), second tier (ST), discounted cumulative gain (DCG). The paper does
-not say which input its baselines had.
+"Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic
+Vision and SLAM-Aware Perception": nearest neighbour (NN), first tier (FT), second tier (ST),
+discounted cumulative gain (DCG). The paper does not say which input its baselines had.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ AS_PRINTED = "learned[configuration=as_printed]"
 def _table(text: str) -> dict[str, dict[str, float]]:
     """Parse lines of a method and "NN FT ST DCG"."""
     rows = (line.rsplit(maxsplit=4) for line in text.strip().splitlines())
-    return {name.strip(): dict(zip(MEASURES, map(float, figures), strict=True)) for name, *figures in rows}
+    return {
+        name.strip(): dict(zip(MEASURES, map(float, figures), strict=True))
+        for name, *figures in rows
+    }
 
 
 PRINTED: dict[str, dict[str, dict[str, float]]] = {
@@ -102,22 +105,41 @@ _WITHOUT_ST = ("NN", "FT", "DCG")
 
 CLAIMS: tuple[Claim, ...] = (
     *(Claim("The network beats all classical forms.", "I", name, CLASSICAL) for name in NETWORKS),
-    *(Claim("The network beats all classical forms.", "II", name, CLASSICAL, _WITHOUT_ST) for name in NETWORKS),
-    *(Claim("The network beats all classical forms.", "III", name, CLASSICAL, _WITHOUT_ST) for name in NETWORKS),
+    *(
+        Claim("The network beats all classical forms.", "II", name, CLASSICAL, _WITHOUT_ST)
+        for name in NETWORKS
+    ),
+    *(
+        Claim("The network beats all classical forms.", "III", name, CLASSICAL, _WITHOUT_ST)
+        for name in NETWORKS
+    ),
     Claim("Short-range features help.", "IV", "learned", ("learned-without-srf",)),
     Claim("Long-range features help.", "IV", "learned", ("learned-without-lrf",)),
-    Claim("Progressive weighting of the losses helps.", "IV", "learned", ("learned-without-weighting",)),
+    Claim(
+        "Progressive weighting of the losses helps.",
+        "IV",
+        "learned",
+        ("learned-without-weighting",),
+    ),
     Claim("Poses seen in training are found better.", "IV", "learned", ("learned-strict",)),
     Claim(
-        "GPS has the highest NN of the classical forms.", "I", "gps",
-        tuple(name for name in CLASSICAL if name != "gps"), ("NN",),
+        "GPS has the highest NN of the classical forms.",
+        "I",
+        "gps",
+        tuple(name for name in CLASSICAL if name != "gps"),
+        ("NN",),
     ),
-)  # fmt: skip
+)
 
 
-#: Beginning of a BibTeX entry, with its key; a field; and commands beyond accents, which no entry from outside needs.
-_HEAD = re.compile(r"@(?!comment|preamble|string)[a-z]+\s*\{\s*([\w:./+-]+)\s*,", re.IGNORECASE | re.ASCII)
-_FIELD = re.compile(r"(\w+)\s*=\s*(?:\{((?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*)\}|\"([^\"]*)\"|(\d+))")
+#: Beginning of a BibTeX entry, with its key; a field; and commands beyond accents, which no entry
+#: from outside needs.
+_HEAD = re.compile(
+    r"@(?!comment|preamble|string)[a-z]+\s*\{\s*([\w:./+-]+)\s*,", re.IGNORECASE | re.ASCII
+)
+_FIELD = re.compile(
+    r"(\w+)\s*=\s*(?:\{((?:[^{}]|\{(?:[^{}]|\{[^{}]*\})*\})*)\}|\"([^\"]*)\"|(\d+))"
+)
 _COMMAND = re.compile(r"\\(?!url\b|emph\b)[A-Za-z]{3,}|\^\^")  # ^^5c is a backslash
 
 
@@ -130,15 +152,22 @@ def source_of(cite: str) -> str:
     named = f"{', '.join(others)} and {last}" if others else last
     if year := fields.get("year"):
         named = f"{named} ({year})".strip()
-    place = next((fields[name] for name in ("journal", "booktitle", "publisher", "note") if name in fields), "")
+    place = next(
+        (fields[name] for name in ("journal", "booktitle", "publisher", "note") if name in fields),
+        "",
+    )
     return ". ".join(filter(None, (named, fields.get("title", ""), place))) or cite
 
 
 def entry_of(cite: str) -> tuple[str, str]:
     """Return key and text of a BibTeX entry, or of the entry of the bibliography with this key; "" if there is none."""
-    known = {match[1]: entry for entry in bibliography().split("\n\n") if (match := _HEAD.match(entry))}
+    known = {
+        match[1]: entry for entry in bibliography().split("\n\n") if (match := _HEAD.match(entry))
+    }
     entry = known.get(cite, cleandoc(cite)).strip()
-    depths = [*accumulate({"{": 1, "}": -1}.get(character, 0) for character in entry.partition("{")[2])]
+    depths = [
+        *accumulate({"{": 1, "}": -1}.get(character, 0) for character in entry.partition("{")[2])
+    ]
     is_whole = -1 in depths and depths.index(-1) == len(depths) - 1 and not _COMMAND.search(entry)
     match = _HEAD.match(entry)
     return (match[1], entry) if match and is_whole else ("", "")
@@ -147,4 +176,8 @@ def entry_of(cite: str) -> tuple[str, str]:
 @cache
 def bibliography() -> str:
     """Return the BibTeX file of the sources of methods, scorers and data."""
-    return resources.files("benchmark.reference").joinpath("references.bib").read_text(encoding="utf-8")
+    return (
+        resources.files("benchmark.reference")
+        .joinpath("references.bib")
+        .read_text(encoding="utf-8")
+    )

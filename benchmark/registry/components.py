@@ -13,7 +13,12 @@ from types import FunctionType
 from typing import Any, Literal, Self
 
 from benchmark.api.contracts import Descriptor, Method, MethodInfo, canonical_form
-from benchmark.api.parameters import declared_parameters, format_value, non_default_values, parameter_values
+from benchmark.api.parameters import (
+    declared_parameters,
+    format_value,
+    non_default_values,
+    parameter_values,
+)
 from benchmark.api.scoring import Scorer, ScorerInfo
 from benchmark.code_digest import FIRST_PARTY, code_digest, code_of, is_installed, plugin_file
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
@@ -27,9 +32,14 @@ Kind = Literal["method", "scorer"]
 #: Process of the objects of a Python program: the program itself.
 THIS_PROCESS = "this process"
 
-#: For each kind of class: the type of its ``info``, what an object must be, and what it lacks otherwise.
+#: For each kind of class: the type of its ``info``, what an object must be, and what it lacks
+#: otherwise.
 _CONTRACTS: Mapping[Kind, tuple[type[Any], tuple[type[Any], ...], str]] = {
-    "method": (MethodInfo, (Method, Descriptor), "neither 'canonicalise' nor 'describe' and 'distances'"),
+    "method": (
+        MethodInfo,
+        (Method, Descriptor),
+        "neither 'canonicalise' nor 'describe' and 'distances'",
+    ),
     "scorer": (ScorerInfo, (Scorer,), "no 'signature' or no 'compare'"),
 }
 
@@ -47,12 +57,14 @@ class Component:
     target
         ``"module:attribute"``, or ``"/path/to/file.py:attribute"`` for a plugin file.
     parameters
-        Parameters as text or values; only values other than the defaults are stored, normalised and in the order of the
-        fields, so that equal components are equal objects however they are written.
+        Parameters as text or values; only values other than the defaults are stored, normalised and
+        in the order of the fields, so that equal components are equal objects however they are
+        written.
     given, state
         The object itself, if a Python program passed one, and a text that identifies it.
     is_unknown
-        Whether the object may depend on anything: it stays in its process, and is never known again.
+        Whether the object may depend on anything: it stays in its process, and is never known
+        again.
 
     Raises
     ------
@@ -99,14 +111,21 @@ class Component:
         return f"{self.info.title} ({chosen})" if chosen else str(self.info.title)
 
     def _chosen(self, separator: str) -> str:
-        texts = {key: quoted(v) if isinstance(v, str) else format_value(v) for key, v in self.parameters.items()}
+        texts = {
+            key: quoted(v) if isinstance(v, str) else format_value(v)
+            for key, v in self.parameters.items()
+        }
         return separator.join(f"{key}={text}" for key, text in texts.items())
 
     @property
     def defaults(self) -> dict[str, Any]:
         """Parameters that have their defaults."""
         every = declared_parameters(self.load()).items()
-        return {name: value for name, (_, value) in every if name not in self.parameters and value is not MISSING}
+        return {
+            name: value
+            for name, (_, value) in every
+            if name not in self.parameters and value is not MISSING
+        }
 
     @property
     def plugin(self) -> Path | None:
@@ -156,10 +175,14 @@ class Component:
         attribute = self.target.rpartition(":")[2]
         found = getattr(load_module(self.target), attribute, None)
         if found is None:
-            raise ConfigurationError(f"{self.target.rpartition(':')[0]} has no '{attribute}'", "correct the name")
+            raise ConfigurationError(
+                f"{self.target.rpartition(':')[0]} has no '{attribute}'", "correct the name"
+            )
         info_type = _CONTRACTS[self.kind][0]
         if not isinstance(getattr(found, "info", None), info_type):
-            raise ConfigurationError(f"{self.target} has no 'info: ClassVar[{info_type.__name__}]'", "add one")
+            raise ConfigurationError(
+                f"{self.target} has no 'info: ClassVar[{info_type.__name__}]'", "add one"
+            )
         return found
 
     def create(self) -> Any:
@@ -180,11 +203,19 @@ class Component:
         except BenchmarkError:
             raise
         except (Exception, SystemExit) as error:
-            hint = "choose other parameters" if self.parameters else "give every parameter a valid default"
-            raise ConfigurationError(f"{self.name} cannot be created: {locate(error)}", hint) from error
+            hint = (
+                "choose other parameters"
+                if self.parameters
+                else "give every parameter a valid default"
+            )
+            raise ConfigurationError(
+                f"{self.name} cannot be created: {locate(error)}", hint
+            ) from error
         _, contract, lacking = _CONTRACTS[self.kind]
         if not isinstance(created, contract):
-            raise ConfigurationError(f"{self.target} has {lacking}", "add it: see docs/reference/plugins.md")
+            raise ConfigurationError(
+                f"{self.target} has {lacking}", "add it: see docs/reference/plugins.md"
+            )
         return created
 
     def missing_packages(self) -> tuple[str, ...]:
@@ -201,7 +232,9 @@ class Component:
     def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
         """Return the same component with additional parameters, as text or values; raise for a given object."""
         if self.given is not None:
-            raise ConfigurationError(f"'{self.name}' is an object with parameters of its own", "create another one")
+            raise ConfigurationError(
+                f"'{self.name}' is an object with parameters of its own", "create another one"
+            )
         return replace(self, parameters={**self.parameters, **parameters})
 
     def code(self) -> dict[str, str]:
@@ -220,11 +253,15 @@ class Component:
         }
 
 
-def watching_component(component: Component, allowed: Iterable[Path] = ()) -> AbstractContextManager[object]:
+def watching_component(
+    component: Component, allowed: Iterable[Path] = ()
+) -> AbstractContextManager[object]:
     """Return the context in which the code of a plugin is watched; see :func:`benchmark.reads.watching`."""
     if component.is_unknown or not component.plugin:
         return nullcontext()
-    return watching(component.target, [*(component.plugin.parent / name for name in component.files), *allowed])
+    return watching(
+        component.target, [*(component.plugin.parent / name for name in component.files), *allowed]
+    )
 
 
 def component_of(value: Any) -> Component:
@@ -239,23 +276,37 @@ def component_of(value: Any) -> Component:
         return value
     if isinstance(value, FunctionType) and value.__name__ != "<lambda>":
         title = value.__name__.replace("_", " ").strip()
-        value = canonical_form(name=title.replace(" ", "-").lower(), title=title.capitalize())(value)
+        value = canonical_form(name=title.replace(" ", "-").lower(), title=title.capitalize())(
+            value
+        )
     try:
         value = value() if isinstance(value, type) else value
     except Exception as error:
-        raise ConfigurationError(f"{value} cannot be created: {locate(error)}", "pass an object of it") from error
+        raise ConfigurationError(
+            f"{value} cannot be created: {locate(error)}", "pass an object of it"
+        ) from error
     info, cls = getattr(value, "info", None), type(value)
     kind: Kind = "scorer" if isinstance(info, ScorerInfo) else "method"
     info_type, contract, lacking = _CONTRACTS[kind]
     if not (isinstance(value, contract) and isinstance(info, info_type)):
-        problem = f"an object of type {cls.__name__} is no method or scorer: it has {lacking}, or no info"
-        raise ConfigurationError(problem, "pass a function with a name or a dataclass: see docs/reference/plugins.md")
+        problem = (
+            f"an object of type {cls.__name__} is no method or scorer: it has {lacking}, or no info"
+        )
+        raise ConfigurationError(
+            problem, "pass a function with a name or a dataclass: see docs/reference/plugins.md"
+        )
     parameters, attributes = parameter_values(value), getattr(value, "__dict__", None)
     chosen, target = non_default_values(cls, parameters), f"{cls.__module__}:{cls.__qualname__}"
     is_plain = attributes == parameters
-    if hasattr(value, "train") and any(of for name, of in (attributes or {}).items() if name not in parameters):
-        raise ConfigurationError(f"'{info.name}' has a model already, and a run looks for it", "pass it without one")
+    if hasattr(value, "train") and any(
+        of for name, of in (attributes or {}).items() if name not in parameters
+    ):
+        raise ConfigurationError(
+            f"'{info.name}' has a model already, and a run looks for it", "pass it without one"
+        )
     if is_plain and is_installed(cls.__module__ or "__main__"):
         return Component(kind, str(info.name), target, chosen)  # its name says all
     # An object of the user depends on whatever the program may change, so it is never known again.
-    return Component(kind, str(info.name), target, chosen, value, secrets.token_hex(8), is_unknown=True)
+    return Component(
+        kind, str(info.name), target, chosen, value, secrets.token_hex(8), is_unknown=True
+    )

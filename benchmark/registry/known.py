@@ -1,7 +1,7 @@
 """Methods and scorers that are known by name.
 
-Each name maps to a target ``"module:attribute"``. The module is imported only when it is needed, so a heavy method does
-not delay the others.
+Each name maps to a target ``"module:attribute"``. The module is imported only when it is needed, so
+a heavy method does not delay the others.
 """
 
 from __future__ import annotations
@@ -59,10 +59,14 @@ class Known(dict[str, Component]):
         self._kind = kind
         for component in components:
             if component.name == EVERY:
-                raise ConfigurationError(f"a {kind} is called '{EVERY}', which stands for all", "rename it")
+                raise ConfigurationError(
+                    f"a {kind} is called '{EVERY}', which stands for all", "rename it"
+                )
             if component.name in self:
                 both = f"{self[component.name].target} and {component.target}"
-                raise ConfigurationError(f"two {kind}s are called '{component.name}': {both}", "rename one")
+                raise ConfigurationError(
+                    f"two {kind}s are called '{component.name}': {both}", "rename one"
+                )
             self[component.name] = component
 
     def __missing__(self, name: str) -> NoReturn:
@@ -81,7 +85,9 @@ def by_name(kind: Kind, plugins: Iterable[Path] = ()) -> Known:
     """
     built_in = BUILT_IN if kind == "method" else SCORERS
     ours = [Component(kind, name, target) for name, target in built_in.items()]
-    of_files = [component for path in plugins for component in in_file(path) if component.kind == kind]
+    of_files = [
+        component for path in plugins for component in in_file(path) if component.kind == kind
+    ]
     return Known(kind, [*ours, *of_files])
 
 
@@ -100,7 +106,9 @@ def in_file(path: Path) -> list[Component]:
     for attribute, value in vars(module).items():
         if isinstance(value, ShapeSet):
             problem = f"{path} makes a data set, which is a folder of meshes and no plugin"
-            hint = "write a folder, as examples/bent_ellipsoids.py does: python bent_ellipsoids.py DIR"
+            hint = (
+                "write a folder, as examples/bent_ellipsoids.py does: python bent_ellipsoids.py DIR"
+            )
             raise ConfigurationError(problem, hint)
         info = getattr(value, "info", None)
         is_own = isinstance(value, type) and value.__module__ == module.__name__

@@ -20,10 +20,12 @@ from benchmark.kernels import remove_kernels, suite_sources
 from benchmark.reads import UndeclaredFile, watching
 from benchmark.text import Printed
 
-#: Contents of the sources of each plugin module when it was imported, and of the files that its methods name.
+#: Contents of the sources of each plugin module when it was imported, and of the files that its
+#: methods name.
 _imported: dict[str, list[str]] = {}
 
-#: Environment variables that plugin files changed when they were imported, as they were before; None for new ones.
+#: Environment variables that plugin files changed when they were imported, as they were before;
+#: None for new ones.
 _changed: dict[str, str | None] = {}
 
 #: Held while a plugin file is imported: standard output belongs to all threads.
@@ -33,14 +35,15 @@ _importing = threading.RLock()
 def load_module(target: str) -> ModuleType:
     """Import the module of a target such as ``"baselines.gps:GPS"`` or ``"/path/smooth.py:Smooth"``.
 
-    A plugin file gets a name of its own, so that ``random.py`` does not replace the standard module. If its code, or a
-    file that its methods name, was edited since it was imported, it is imported again. What it prints goes to stderr.
+    A plugin file gets a name of its own, so that ``random.py`` does not replace the standard
+    module. If its code, or a file that its methods name, was edited since it was imported, it is
+    imported again. What it prints goes to stderr.
 
     Raises
     ------
     ConfigurationError
-        If there is no such module, it cannot be imported, a module beside it has the name of another one, or it imports
-        a module that is not in its code.
+        If there is no such module, it cannot be imported, a module beside it has the name of
+        another one, or it imports a module that is not in its code.
     """
     path = plugin_file(target)
     name = target.partition(":")[0] if path is None else _unique_name(path)
@@ -56,15 +59,23 @@ def load_module(target: str) -> ModuleType:
     except UndeclaredFile:
         raise
     except (Exception, SystemExit) as error:
-        hint = "" if isinstance(error, BenchmarkError) else "correct it"  # which has a hint of its own
+        hint = (
+            "" if isinstance(error, BenchmarkError) else "correct it"
+        )  # which has a hint of its own
         if isinstance(error, ModuleNotFoundError) and error.name:
-            hint = f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
-        raise ConfigurationError(f"{path or name} cannot be imported: {locate(error)}", hint) from error
+            hint = (
+                f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
+            )
+        raise ConfigurationError(
+            f"{path or name} cannot be imported: {locate(error)}", hint
+        ) from error
 
 
 def environment() -> dict[str, str]:
     """Return the environment of other processes: what a plugin changes in it is for its own, which imports it anew."""
-    return {variable: value for variable, value in (os.environ | _changed).items() if value is not None}
+    return {
+        variable: value for variable, value in (os.environ | _changed).items() if value is not None
+    }
 
 
 def import_plugins_anew() -> None:
@@ -83,7 +94,9 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
             Path(importlib.util.cache_from_source(source)).unlink(missing_ok=True)
     remove_kernels(sources)
     names, files = {source.name for source in sources}, {source.resolve() for source in sources}
-    for known in [known for known, module in sys.modules.items() if _file_of(module, names) in files]:
+    for known in [
+        known for known, module in sys.modules.items() if _file_of(module, names) in files
+    ]:
         if not is_installed(known):
             del sys.modules[known]
     contents, before = _contents(target), dict(os.environ)
@@ -116,8 +129,14 @@ def _contents(target: str, files: Iterable[str] = ()) -> list[str]:
 
 def named_files(module: ModuleType) -> tuple[str, ...]:
     """Return the files that the methods and scorers of a plugin name, relative to its folder."""
-    own = (value for value in vars(module).values() if getattr(value, "__module__", "") == module.__name__)
-    return tuple({name: None for value in own for name in getattr(getattr(value, "info", None), "files", ())})
+    own = (
+        value
+        for value in vars(module).values()
+        if getattr(value, "__module__", "") == module.__name__
+    )
+    return tuple(
+        {name: None for value in own for name in getattr(getattr(value, "info", None), "files", ())}
+    )
 
 
 def _check_helpers(path: Path) -> None:
@@ -126,7 +145,9 @@ def _check_helpers(path: Path) -> None:
         spec = importlib.util.find_spec(helper)
         if spec is not None and Path(spec.origin or "").resolve() != file.resolve():
             other = spec.origin or "another package"
-            raise ConfigurationError(f"{path} imports {file}, but '{helper}' is also the name of {other}", "rename one")
+            raise ConfigurationError(
+                f"{path} imports {file}, but '{helper}' is also the name of {other}", "rename one"
+            )
 
 
 def _execute(name: str, path: Path) -> ModuleType:

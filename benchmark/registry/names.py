@@ -31,8 +31,9 @@ def split_name(name: str) -> tuple[str, str]:
 def combinations(text: str) -> list[dict[str, str]]:
     """Return all combinations of one value for each parameter, the last one varying fastest.
 
-    ``|`` separates values of one parameter, commas separate parameters. Both are literal inside parentheses, which
-    enclose a value of several numbers, and inside quotes, which enclose text and are removed.
+    ``|`` separates values of one parameter, commas separate parameters. Both are literal inside
+    parentheses, which enclose a value of several numbers, and inside quotes, which enclose text and
+    are removed.
 
     Parameters
     ----------
@@ -47,7 +48,8 @@ def combinations(text: str) -> list[dict[str, str]]:
     Raises
     ------
     ConfigurationError
-        If a name or a value is missing, a name is given twice, or a quote or a parenthesis is not closed.
+        If a name or a value is missing, a name is given twice, or a quote or a parenthesis is not
+        closed.
 
     Examples
     --------
@@ -56,7 +58,9 @@ def combinations(text: str) -> list[dict[str, str]]:
     """
     given = assignments(text)
     values = {name: _values(name, split(text, "|") or [""]) for name, text in given.items()}
-    return [dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())]
+    return [
+        dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())
+    ]
 
 
 def quoted(text: str) -> str:
@@ -70,5 +74,10 @@ def quoted(text: str) -> str:
 def _values(name: str, parts: list[str]) -> list[str]:
     texts = [part.strip() for part in parts]
     if len(texts) > 1 and not all(texts):
-        raise ConfigurationError(f"'{name}' has an empty value", "write VALUE|VALUE, or '' for an empty text")
-    return [text[1:-1] if len(text) > 1 and text[0] in "'\"" and text[0] == text[-1] else text for text in texts]
+        raise ConfigurationError(
+            f"'{name}' has an empty value", "write VALUE|VALUE, or '' for an empty text"
+        )
+    return [
+        text[1:-1] if len(text) > 1 and text[0] in "'\"" and text[0] == text[-1] else text
+        for text in texts
+    ]

@@ -19,9 +19,10 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
     Parameters
     ----------
     names
-        Names, optionally with parameters, of which ``|`` separates several values: ``"fast-mds[sweeps=1|5]"``;
-        ``"all"`` stands for all methods. In Python also objects, classes and functions from a shape to positions.
-        Without any, the methods of the plugin files, or all methods if there are none.
+        Names, optionally with parameters, of which ``|`` separates several values:
+        ``"fast-mds[sweeps=1|5]"``; ``"all"`` stands for all methods. In Python also objects,
+        classes and functions from a shape to positions. Without any, the methods of the plugin
+        files, or all methods if there are none.
     plugins
         Plugin files; if no method of a file is named, all of them are added.
 
@@ -35,14 +36,26 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
     for name in names:
         if not isinstance(name, str):
             chosen.append(component_of(name))
-            if (base := chosen[-1].base_name) in known and known[base].load() is not chosen[-1].load():
-                raise ConfigurationError(f"there is another method '{base}', {known[base].target}", "rename yours")
+            if (base := chosen[-1].base_name) in known and known[base].load() is not chosen[
+                -1
+            ].load():
+                raise ConfigurationError(
+                    f"there is another method '{base}', {known[base].target}", "rename yours"
+                )
         else:
             chosen += known.values() if name.strip() == EVERY else variants(name, known)
     named = {component.plugin for component in chosen}
-    chosen += [component for component in known.values() if component.plugin and component.plugin not in named]
+    chosen += [
+        component
+        for component in known.values()
+        if component.plugin and component.plugin not in named
+    ]
     order = list(known)
-    chosen.sort(key=lambda component: order.index(component.base_name) if component.base_name in known else len(order))
+    chosen.sort(
+        key=lambda component: (
+            order.index(component.base_name) if component.base_name in known else len(order)
+        )
+    )
     selected: dict[str, Component] = {}
     for component in chosen or known.values():
         if selected.setdefault(component.name, component) != component:
@@ -60,7 +73,9 @@ def select_one(name: str, plugins: Iterable[Path] = (), kind: Kind = "method") -
     """
     first, *others = variants(name, by_name(kind, plugins))
     if others:
-        raise ConfigurationError(f"'{name}' stands for {len(others) + 1} {kind}s", f"name one: {first.name}")
+        raise ConfigurationError(
+            f"'{name}' stands for {len(others) + 1} {kind}s", f"name one: {first.name}"
+        )
     return first
 
 
@@ -68,7 +83,9 @@ def variants(name: str, known: Mapping[str, Component]) -> list[Component]:
     """Return the components for a name with parameters, one for each combination of their values, each once."""
     base, inside = split_name(name)
     component = known[base]
-    chosen = [component.with_parameters(given) if given else component for given in combinations(inside)]
+    chosen = [
+        component.with_parameters(given) if given else component for given in combinations(inside)
+    ]
     for variant in chosen:
         if variant.parameters and not variant.missing_packages():
             variant.create()  # lets the class refuse invalid combinations now
@@ -81,7 +98,8 @@ def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
     Parameters
     ----------
     name
-        Path of a plugin file, or a name; both optionally with parameters in brackets, which methods take.
+        Path of a plugin file, or a name; both optionally with parameters in brackets, which methods
+        take.
     plugins
         Plugin files.
 
@@ -94,7 +112,13 @@ def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
     if base.endswith(".py"):
         components = in_file(Path(base))
         own = {component.name: component for component in components if component.kind == "method"}
-        return [variant for c in own for variant in variants(f"{c}[{inside}]", own)] if inside else components
+        return (
+            [variant for c in own for variant in variants(f"{c}[{inside}]", own)]
+            if inside
+            else components
+        )
     groups = [by_name(kind, plugins) for kind in get_args(Kind)]
-    having = [known for known in groups if base in known] or groups[:1]  # which says what an unknown name may mean
+    having = [known for known in groups if base in known] or groups[
+        :1
+    ]  # which says what an unknown name may mean
     return [component for known in having for component in variants(name, known)]

@@ -10,7 +10,13 @@ from pandas import DataFrame, Series, concat
 
 from benchmark.errors import ConfigurationError
 from benchmark.reference.paper import MEASURES
-from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, class_intervals, permutation_test, sign_flip_test
+from benchmark.report.statistics import (
+    ALPHA,
+    FEWEST_CLASSES,
+    class_intervals,
+    permutation_test,
+    sign_flip_test,
+)
 from benchmark.report.tables import SAME, Row, TableView, least_difference
 
 ALONE, AMONG = "planned alone", "among the {} rows of the table"
@@ -25,8 +31,9 @@ LEGEND = (
 def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFrame:
     """Return the differences of a row to another one, or to all rows of its tables in their order; a line a measure.
 
-    Compared are the queries of classes on which neither row was trained. A verdict does not depend on which of the two
-    is named first, or whether others are: it is that of all rows of their blocks.
+    Compared are the queries of classes on which neither row was trained. A verdict does not depend
+    on which of the two is named first, or whether others are: it is that of all rows of their
+    blocks.
 
     Parameters
     ----------
@@ -38,11 +45,12 @@ def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFra
     Returns
     -------
     pandas.DataFrame
-        ``place`` (table and column), ``method``, ``other``, ``title`` of the other row, ``measure``, ``score``,
-        ``other_score``, ``difference``, ``low`` and ``high`` (its interval), ``p``, ``verdict`` (``"certain"``, ``"not
-        distinguishable (9 classes)"``, or why there is none) among the ``rows`` tested at once, ``p_alone`` and
-        ``verdict_alone`` of the two planned alone, and numbers: ``queries``, those ``differing`` and those left out
-        because they were ``seen`` in training, and ``classes``.
+        ``place`` (table and column), ``method``, ``other``, ``title`` of the other row,
+        ``measure``, ``score``, ``other_score``, ``difference``, ``low`` and ``high`` (its
+        interval), ``p``, ``verdict`` (``"certain"``, ``"not distinguishable (9 classes)"``, or why
+        there is none) among the ``rows`` tested at once, ``p_alone`` and ``verdict_alone`` of the
+        two planned alone, and numbers: ``queries``, those ``differing`` and those left out because
+        they were ``seen`` in training, and ``classes``.
 
     Raises
     ------
@@ -52,10 +60,17 @@ def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFra
     known = {row.method for view in views for row in view.rows if row.scored}
     for name in filter(None, (first, second)):
         if name not in known:
-            old = [text for view in views for text in view.left_out if text.startswith(f"{name} on ")]
+            old = [
+                text for view in views for text in view.left_out if text.startswith(f"{name} on ")
+            ]
             what = f"{old[0]} ranks another version of the data" if old else f"{name} has no scores"
             raise ConfigurationError(what, f"run it, or choose among {', '.join(sorted(known))}")
-    found = [each for view in views for column in view.columns for each in _frames(view, column.title, first, second)]
+    found = [
+        each
+        for view in views
+        for column in view.columns
+        for each in _frames(view, column.title, first, second)
+    ]
     if not found:
         what = f"no table has scores of both {first} and {second or 'another method'}"
         raise ConfigurationError(what, "run both on one data set")
@@ -71,29 +86,45 @@ def _frames(view: TableView, column: str, first: str, second: str) -> Iterator[D
     for name in rows if first in rows else ():
         if name in ({second} if second else rows.keys() - {first}):
             names = {"place": place, "method": first, "other": name, "title": rows[name].title}
-            yield DataFrame(names | _differences(rows, column, first, name, tested, quick=view.quick))
+            yield DataFrame(
+                names | _differences(rows, column, first, name, tested, quick=view.quick)
+            )
 
 
 def _differences(
-    rows: Mapping[str, Row], column: str, first: str, second: str, tested: dict[Any, Any], *, quick: bool
+    rows: Mapping[str, Row],
+    column: str,
+    first: str,
+    second: str,
+    tested: dict[Any, Any],
+    *,
+    quick: bool,
 ) -> dict[str, Any]:
     """Return the differences of two rows, tested among all rows of their blocks that have a result for each shape."""
     pair = mine, other = [rows[name].scored[column] for name in (first, second)]
     seen, kinds = mine.seen_classes | other.seen_classes, {rows[first].kind, rows[second].kind}
-    shared = min(mine.labels, other.labels, key=len)  # of several galleries, networks rank the first
+    shared = min(
+        mine.labels, other.labels, key=len
+    )  # of several galleries, networks rank the first
     judged = [place for place, label in enumerate(shared) if label not in seen]
     labels = [shared[place] for place in judged]
     names = [
-        name for name, row in rows.items()
+        name
+        for name, row in rows.items()
         if name in (first, second) or (row.kind in kinds and row.scored[column].is_rival(seen))
-    ]  # fmt: skip
+    ]
     a, b = names.index(first), names.index(second)
     if (family := (seen, *names)) not in tested:
-        tested[family] = permutation_test([rows[name].scored[column].values[judged] for name in names], labels)
+        tested[family] = permutation_test(
+            [rows[name].scored[column].values[judged] for name in names], labels
+        )
     scores = [one.values[judged].sum(axis=0) / max(1, len(judged)) for one in pair]
     gains = mine.values[judged] - other.values[judged]
     p_values = {"": tested[family][a, b], "_alone": sign_flip_test(gains, labels)}
-    n_classes, (least, why) = len(set(labels)), least_difference([rows[name].scored[column] for name in names])
+    n_classes, (least, why) = (
+        len(set(labels)),
+        least_difference([rows[name].scored[column] for name in names]),
+    )
     undecided = "incomplete" if mine.missing or other.missing else "not decided (quick run)" * quick
     undecided = undecided or f"not decidable ({n_classes} classes)" * (n_classes < FEWEST_CLASSES)
     ends = np.full((len(MEASURES), 2), np.nan)
@@ -102,16 +133,28 @@ def _differences(
     small = np.abs(scores[0] - scores[1]) <= least + SAME
     verdicts = {
         f"verdict{test}": undecided
-        or np.where(p >= ALPHA, f"not distinguishable ({n_classes} classes)", np.where(small, why, "certain"))
+        or np.where(
+            p >= ALPHA,
+            f"not distinguishable ({n_classes} classes)",
+            np.where(small, why, "certain"),
+        )
         for test, p in p_values.items()
     }
     return {
-        "measure": MEASURES, "score": scores[0], "other_score": scores[1], "difference": scores[0] - scores[1],
-        "low": ends[:, 0], "high": ends[:, 1], **{f"p{test}": p for test, p in p_values.items()}, **verdicts,
-        "rows": len(names), "queries": len(judged),
+        "measure": MEASURES,
+        "score": scores[0],
+        "other_score": scores[1],
+        "difference": scores[0] - scores[1],
+        "low": ends[:, 0],
+        "high": ends[:, 1],
+        **{f"p{test}": p for test, p in p_values.items()},
+        **verdicts,
+        "rows": len(names),
+        "queries": len(judged),
         "differing": np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > SAME),
-        "seen": len(shared) - len(judged), "classes": n_classes,
-    }  # fmt: skip
+        "seen": len(shared) - len(judged),
+        "classes": n_classes,
+    }
 
 
 def details(frame: DataFrame) -> Iterator[str]:
@@ -122,10 +165,21 @@ def details(frame: DataFrame) -> Iterator[str]:
         seen = f"; {first.seen} queries are of classes seen in training" * bool(first.seen)
         yield f"{place}: {first.differing} of {first.queries} queries differ{seen}"
         figures = of_pair[["measure", "score", "other_score", "difference", "low", "high"]].assign(
-            alone=_with_p(of_pair.verdict_alone, of_pair.p_alone), among=_with_p(of_pair.verdict, of_pair.p)
+            alone=_with_p(of_pair.verdict_alone, of_pair.p_alone),
+            among=_with_p(of_pair.verdict, of_pair.p),
         )
-        names = [first.method, first.other, "difference", "low", "high", ALONE, AMONG.format(first["rows"])]
-        lines = figures.to_string(index=False, header=["", *names], float_format="{:.3f}".format, na_rep="")
+        names = [
+            first.method,
+            first.other,
+            "difference",
+            "low",
+            "high",
+            ALONE,
+            AMONG.format(first["rows"]),
+        ]
+        lines = figures.to_string(
+            index=False, header=["", *names], float_format="{:.3f}".format, na_rep=""
+        )
         yield from lines.splitlines() if first.queries else ()
     if frame.p.notna().any():
         yield LEGEND
@@ -145,7 +199,9 @@ def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
         ]
         least, most = of_column["rows"].min(), of_column["rows"].max()
         among = AMONG.format(most if least == most else f"{least} to {most}")
-        heading = f"{place}: {frame.method[0]} - each row, {of_column.queries.max()} queries, {among}"
+        heading = (
+            f"{place}: {frame.method[0]} - each row, {of_column.queries.max()} queries, {among}"
+        )
         yield heading, [["", *MEASURES, ""], *rows]
 
 

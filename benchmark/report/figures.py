@@ -48,8 +48,20 @@ _TALLEST, _HEAD = 0.85, 0.44
 #: Measure of pages and figures that show one.
 MEASURE = "DCG"
 
-#: Colours of classes, in turn, and of lines: contrast with white of at least 3, as WCAG asks of graphics.
-COLOURS = ("#3a6ea5", "#c8553d", "#3d8a5f", "#8a5fa8", "#9c6b14", "#128391", "#b0457f", "#66751c", "#5b5b5b", "#222222")
+#: Colours of classes, in turn, and of lines: contrast with white of at least 3, as WCAG asks of
+#: graphics.
+COLOURS = (
+    "#3a6ea5",
+    "#c8553d",
+    "#3d8a5f",
+    "#8a5fa8",
+    "#9c6b14",
+    "#128391",
+    "#b0457f",
+    "#66751c",
+    "#5b5b5b",
+    "#222222",
+)
 GREY = "#737373"
 
 #: Colour of a shape whose nearest match is wrong.
@@ -69,7 +81,9 @@ def shown_rows(view: TableView) -> list[tuple[Row, Scored]]:
     """Return printed rows with their scores in the first column that has some; titles name another than the table's."""
     found = []
     for row in view.printed_rows:
-        if column := next((column.title for column in view.columns if column.title in row.scored), ""):
+        if column := next(
+            (column.title for column in view.columns if column.title in row.scored), ""
+        ):
             title = row.title if column == view.columns[0].title else f"{row.title}, {column}"
             found.append((replace(row, title=clean(title)), row.scored[column]))
     return found
@@ -88,7 +102,8 @@ def class_means(view: TableView) -> DataFrame:
 def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
     """Draw the shapes as points whose distances have the order of those of each row, and lines to the mean of a class.
 
-    A ring marks a shape whose nearest match is of another class. Points lead to the queries of a page, if it is named.
+    A ring marks a shape whose nearest match is of another class. Points lead to the queries of a
+    page, if it is named.
 
     Raises
     ------
@@ -96,7 +111,9 @@ def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
         If no distances of shapes among each other are stored.
     """
     each = [(row, of, read_distances(forms.folder, of)) for row, of in first_records(view).items()]
-    known = [(row, of, matrix) for row, of, matrix in each if matrix is not None and len(of.sides) == 1]
+    known = [
+        (row, of, matrix) for row, of, matrix in each if matrix is not None and len(of.sides) == 1
+    ]
     if not known:
         raise ConfigurationError("no distances of this table are stored here", "run it here")
     n_columns = min(len(known), 3)
@@ -110,26 +127,36 @@ def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
         near = matrix + np.diag(np.full(len(matrix), np.inf))
         is_missed = labels[near.argmin(axis=1)] != labels
         order = squareform(rankdata(squareform((matrix + matrix.T) / 2, checks=False)))
-        points = MDS(metric_mds=True, metric="precomputed", init="classical_mds", n_init=1).fit_transform(order)
+        points = MDS(
+            metric_mds=True, metric="precomputed", init="classical_mds", n_init=1
+        ).fit_transform(order)
         named: list[tuple[str, NDArray[np.float64], float, str]] = []
-        for count, label in enumerate(sorted(np.unique(labels), key=lambda label: -is_missed[labels == label].sum())):
+        for count, label in enumerate(
+            sorted(np.unique(labels), key=lambda label: -is_missed[labels == label].sum())
+        ):
             mine = points[labels == label]
             centre = mine.mean(axis=0)
             lines = np.stack([np.broadcast_to(centre, mine.shape), mine], axis=1)
             place.add_collection(LineCollection([*lines], colors=GREY, lw=0.5, zorder=0))
             if count < 15:  # most wrong matches are of these
-                colour = COLOURS[int(np.searchsorted(np.unique(record.labels), label)) % len(COLOURS)]
+                colour = COLOURS[
+                    int(np.searchsorted(np.unique(record.labels), label)) % len(COLOURS)
+                ]
                 named.append((clean(label), centre, mine[:, 1].max(), colour))
         _annotate(place, named, points)
         place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED)
         addresses = [f"{page}-{file_name(name)}" for name in names.tolist()] if page else None
-        colours = np.resize(COLOURS, len(record.labels))[np.searchsorted(np.unique(record.labels), labels)]
+        colours = np.resize(COLOURS, len(record.labels))[
+            np.searchsorted(np.unique(record.labels), labels)
+        ]
         place.scatter(points[:, 0], points[:, 1], 9, colours, urls=addresses)
         place.set_title(fill(row.title, 30), fontsize=_SIZE, parse_math=False)
     return figure
 
 
-def _annotate(place: Axes, named: Sequence[tuple[str, NDArray[np.float64], float, str]], points: Points) -> None:
+def _annotate(
+    place: Axes, named: Sequence[tuple[str, NDArray[np.float64], float, str]], points: Points
+) -> None:
     """Write names above their points, in their colours, moved up where they would overlap."""
     height, width = 0.055 * np.ptp(points[:, 1]), 0.03 * np.ptp(points[:, 0])
     taken: list[tuple[float, float, float]] = []
@@ -138,8 +165,17 @@ def _annotate(place: Axes, named: Sequence[tuple[str, NDArray[np.float64], float
         while any(abs(x - x_) < half + half_ and abs(y - y_) < height for x_, y_, half_ in taken):
             y += height / 4
         taken.append((x, y, half))
-        place.annotate(name, (x, y), fontsize=_SIZE, ha="center", va="center", parse_math=False, color=colour,
-                       weight="bold", path_effects=[withStroke(linewidth=2, foreground="white")])  # fmt: skip
+        place.annotate(
+            name,
+            (x, y),
+            fontsize=_SIZE,
+            ha="center",
+            va="center",
+            parse_math=False,
+            color=colour,
+            weight="bold",
+            path_effects=[withStroke(linewidth=2, foreground="white")],
+        )
 
 
 def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()) -> Figure:
@@ -152,16 +188,21 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
     forms
         Reader of the forms.
     shapes
-        Names of the shapes; by default three poses of the first class. Several subjects are named, side by side.
+        Names of the shapes; by default three poses of the first class. Several subjects are named,
+        side by side.
 
     Raises
     ------
     ConfigurationError
         If there is no such shape, or no form of these shapes is stored.
     """
-    records = {row.title: of for row, of in first_records(view).items() if row.kind in ("form", "network")}
+    records = {
+        row.title: of for row, of in first_records(view).items() if row.kind in ("form", "network")
+    }
     if not records:
-        raise ConfigurationError(f"no selected row of table {view.table.identifier} has forms", "select another method")
+        raise ConfigurationError(
+            f"no selected row of table {view.table.identifier} has forms", "select another method"
+        )
     first = next(iter(records.values()))
     labels = dict(zip(first.shapes, first.labels, strict=True))
     names = list(shapes) or some_shapes(first)
@@ -172,10 +213,15 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
     for subject, head in zip(subjects, heads, strict=True):
         poses = [name for name in names if labels[name] == subject]
         columns.append((head, [forms.shape(first, name) for name in poses]))
-        columns += [(title, [forms.form(record, name) for name in poses]) for title, record in records.items()]
+        columns += [
+            (title, [forms.form(record, name) for name in poses])
+            for title, record in records.items()
+        ]
     columns = [(title, drawn) for title, drawn in columns if any(drawn)]
     if {title for title, _ in columns} <= {*heads}:
-        raise ConfigurationError("no forms of these shapes are stored here", "run the methods here, then draw again")
+        raise ConfigurationError(
+            "no forms of these shapes are stored here", "run the methods here, then draw again"
+        )
     return _pictures(columns, UPRIGHT if first.input == "mesh" else OBLIQUE)
 
 
@@ -185,13 +231,22 @@ def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera)
     panels = []
     for title, drawn in columns:
         frame = np.concatenate([each.mesh.vertices for each in drawn if each])
-        pictures = [each and shaded(each.mesh, camera, round(side * DPI), each.values, frame) for each in drawn]
+        pictures = [
+            each and shaded(each.mesh, camera, round(side * DPI), each.values, frame)
+            for each in drawn
+        ]
         panels.append((fill(title, round(18 * side)), pictures))
     figure = grid(panels, side)
     for number, (_, drawn) in enumerate(columns):
         for place, each in zip(figure.axes[number :: len(columns)], drawn, strict=False):
-            place.text(0.5, 0, "mirrored" * (each is not None and each.is_mirrored), ha="center", fontsize=5,
-                       transform=place.transAxes)  # fmt: skip
+            place.text(
+                0.5,
+                0,
+                "mirrored" * (each is not None and each.is_mirrored),
+                ha="center",
+                fontsize=5,
+                transform=place.transAxes,
+            )
     return figure
 
 
@@ -229,7 +284,11 @@ def some_shapes(record: Record, n_classes: int = 1, n_shapes: int = 3) -> list[s
     classes: dict[str, list[str]] = {}
     for number in record.answered:
         classes.setdefault(record.labels[number], []).append(record.shapes[number])
-    return [shape for of_class in _some([*classes.values()], n_classes) for shape in _some(of_class, n_shapes)]
+    return [
+        shape
+        for of_class in _some([*classes.values()], n_classes)
+        for shape in _some(of_class, n_shapes)
+    ]
 
 
 def save(figure: Figure, path: Path) -> None:

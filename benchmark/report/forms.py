@@ -22,10 +22,12 @@ from benchmark.report.drawing import outwardness
 from benchmark.report.frames import file_name
 from retrieval.views import CUBE_SYMMETRIES
 
-#: A form is drawn mirrored, or turned more, if it comes nearer by this factor: bodies nearly equal their mirror images.
+#: A form is drawn mirrored, or turned more, if it comes nearer by this factor: bodies nearly equal
+#: their mirror images.
 NEARER = 0.9
 
-#: Steps of an alignment with all points, and before that with a few; points, and starts that are refined.
+#: Steps of an alignment with all points, and before that with a few; points, and starts that are
+#: refined.
 _STEPS, _FEW, _FEW_STEPS, _DRAWN, _KEPT = 10, 100, 6, 600, 4
 
 
@@ -42,7 +44,8 @@ class Drawn:
     is_mirrored
         Whether it is the mirror image of the form that a method made.
     apart
-        Mean distance of its points from the form of the first pose, both ways, where it was turned to it.
+        Mean distance of its points from the form of the first pose, both ways, where it was turned
+        to it.
     """
 
     mesh: Mesh
@@ -147,16 +150,22 @@ def turned(form: Drawn, target: Drawn) -> Drawn:
     How far points are from the centre of the body tells a head from a foot.
     """
     points, others = (np.column_stack([each.mesh.vertices, each.values]) for each in (form, target))
-    points, others = (each[np.linspace(0, len(each) - 1, _DRAWN).astype(int)] for each in (points, others))
+    points, others = (
+        each[np.linspace(0, len(each) - 1, _DRAWN).astype(int)] for each in (points, others)
+    )
     distances, turns = alignments(points, others)
     mirrored = alignments(points * [-1, -1, -1, 1], others)
     is_mirrored = bool(mirrored[0].min() < NEARER * distances.min())
     if is_mirrored:
         distances, turns = mirrored[0], -mirrored[1]
-    near = turns[NEARER * distances <= distances.min() + 1e-6]  # front and back of a body hardly differ
+    near = turns[
+        NEARER * distances <= distances.min() + 1e-6
+    ]  # front and back of a body hardly differ
     turn = near[np.trace(near, axis1=1, axis2=2).argmax()]
     away, _ = _nearer(form.mesh.vertices, target.mesh.vertices, turn[None], 0)
-    return Drawn(form.mesh.with_vertices(form.mesh.vertices @ turn), form.body, is_mirrored, float(away[0]))
+    return Drawn(
+        form.mesh.with_vertices(form.mesh.vertices @ turn), form.body, is_mirrored, float(away[0])
+    )
 
 
 def alignments(points: Points, target: Points) -> tuple[NDArray[np.float64], Points]:
@@ -170,18 +179,25 @@ def alignments(points: Points, target: Points) -> tuple[NDArray[np.float64], Poi
     axes, others = (np.linalg.svd(each[:, :3].T @ each[:, :3])[0] for each in (points, target))
     turns = axes @ CUBE_SYMMETRIES @ others.T
     few = slice(None, None, max(1, len(points) // _FEW))
-    distances, turns = _nearer(points[few], target[few], turns[np.linalg.det(turns) > 0], _FEW_STEPS)
+    distances, turns = _nearer(
+        points[few], target[few], turns[np.linalg.det(turns) > 0], _FEW_STEPS
+    )
     return _nearer(points, target, turns[np.argsort(distances, kind="stable")[:_KEPT]], _STEPS)
 
 
-def _nearer(points: Points, target: Points, turns: Points, steps: int) -> tuple[NDArray[np.float64], Points]:
+def _nearer(
+    points: Points, target: Points, turns: Points, steps: int
+) -> tuple[NDArray[np.float64], Points]:
     """Return distances and rotations, shape (k, 3, 3), after some steps of iterative closest points, both ways."""
     trees = cKDTree(points), cKDTree(target)
     for step in range(steps + 1):
         away, nearest = trees[1].query(_moved(points, turns))
         back, nearest_back = trees[0].query(_moved(target, turns.transpose(0, 2, 1)))
         if step < steps:
-            pairs = points[:, :3].T @ target[nearest, :3] + points[nearest_back, :3].transpose(0, 2, 1) @ target[:, :3]
+            pairs = (
+                points[:, :3].T @ target[nearest, :3]
+                + points[nearest_back, :3].transpose(0, 2, 1) @ target[:, :3]
+            )
             left, _, right = np.linalg.svd(pairs)
             left[..., 2] *= np.linalg.det(left @ right)[:, None]  # no mirror image
             turns = left @ right

@@ -55,7 +55,9 @@ def fold_of(record: Record) -> str:
 def row_of(record: Record) -> str:
     """Return the row of a record: its method, without what rows are averaged over."""
     base, bracket, parameters = record.method.partition("[")
-    rest = [part for part in parameters.removesuffix("]").split(",") if not part.startswith(AVERAGED)]
+    rest = [
+        part for part in parameters.removesuffix("]").split(",") if not part.startswith(AVERAGED)
+    ]
     return f"{base}[{','.join(rest)}]" if bracket and any(rest) else base
 
 
@@ -111,8 +113,12 @@ def two_scorers() -> dict[tuple[str, str, str], dict[str, float]]:
     """Return published scores of methods on TOSCA by input, scorer and measure."""
     path = SUITE_RESULTS / "figures" / "two-scorers.csv"
     found: dict[tuple[str, str, str], dict[str, float]] = {}
-    for line in csv.DictReader(path.read_text(encoding="utf-8").splitlines() if path.is_file() else ()):
-        of_measure = found.setdefault((line.get("input", "mesh"), line["scorer"], line["measure"]), {})
+    for line in csv.DictReader(
+        path.read_text(encoding="utf-8").splitlines() if path.is_file() else ()
+    ):
+        of_measure = found.setdefault(
+            (line.get("input", "mesh"), line["scorer"], line["measure"]), {}
+        )
         of_measure[line["method"]] = float(line["value"])
     return found
 
@@ -140,9 +146,10 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
     Returns
     -------
     pandas.DataFrame
-        ``table``, ``dataset``, ``method``, ``input`` (``"mesh"``, ``"view"``, or ``"paper"`` for what it prints),
-        ``scorer`` ("" for descriptors, and for the paper), ``seed``, ``fold`` (part of the data set; "" for the whole
-        one), ``measure``, ``value``: the mean over queries, and over seeds of a training.
+        ``table``, ``dataset``, ``method``, ``input`` (``"mesh"``, ``"view"``, or ``"paper"`` for
+        what it prints), ``scorer`` ("" for descriptors, and for the paper), ``seed``, ``fold``
+        (part of the data set; "" for the whole one), ``measure``, ``value``: the mean over queries,
+        and over seeds of a training.
     """
     from pandas import DataFrame
 
@@ -153,7 +160,15 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
         for table in tables_of(dataset, fold):
             if table.is_cross and not record.gallery_of_queries:
                 continue  # it shows scores of another table
-            where = table.identifier, dataset, row_of(record), record.input, record.scorer, record.seed, fold
+            where = (
+                table.identifier,
+                dataset,
+                row_of(record),
+                record.input,
+                record.scorer,
+                record.seed,
+                fold,
+            )
             rows += [(*where, measure, value) for measure, value in record.scores.items()]
             with_paper |= {(table.identifier, dataset)} if table.has_paper else set()
     for numeral, dataset in sorted(with_paper):
@@ -161,4 +176,8 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
             of_paper = numeral, dataset, method, "paper", "", "", ""
             rows += [(*of_paper, measure, value) for measure, value in figures.items()]
     names = ["table", "dataset", "method", "input", "scorer", "seed", "fold", "measure", "value"]
-    return DataFrame(rows, columns=names).groupby(names[:-1], sort=False, as_index=False)["value"].mean()
+    return (
+        DataFrame(rows, columns=names)
+        .groupby(names[:-1], sort=False, as_index=False)["value"]
+        .mean()
+    )

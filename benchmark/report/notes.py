@@ -30,18 +30,28 @@ def table_notes(view: TableView) -> list[str]:
     rows = view.printed_rows
     incomplete = [(row, one) for row in rows for one in row.scored.values() if one.missing]
     crossed = {
-        title for title, records in view.samples.items() if (of := records[0].gallery_of_queries) and of.input == "mesh"
+        title
+        for title, records in view.samples.items()
+        if (of := records[0].gallery_of_queries) and of.input == "mesh"
     }
     facts = {
         "{}": " ".join([view.by.note, *_columns(view)]).strip(),
-        "No form of a surface: {}.": listed(r.title for r in rows if r.kind == "network" and crossed - {*r.scored}),
+        "No form of a surface: {}.": listed(
+            r.title for r in rows if r.kind == "network" and crossed - {*r.scored}
+        ),
         "No difference is certain: {}.": listed(_undecided(view)),
         "No result: {}.": listed(_failed(view, rows, crossed)),
         "Cannot be read or prepared, and count 0: {}.": listed(_unreadable(view, rows), "; "),
         "Refused shapes, which count 0: {}.": listed(_refused(rows), "; "),
-        "Trained on the classes of: {}; they stay in the gallery, and decide no claim.": listed(_seen(rows)),
-        "Missing, and counts 0: {}.": listed(f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete),
-        "Left out, because they rank another version of the data: {}; run them again.": listed(view.left_out),
+        "Trained on the classes of: {}; they stay in the gallery, and decide no claim.": listed(
+            _seen(rows)
+        ),
+        "Missing, and counts 0: {}.": listed(
+            f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete
+        ),
+        "Left out, because they rank another version of the data: {}; run them again.": listed(
+            view.left_out
+        ),
         "Ranks by spherical harmonics: {}.": _moves(view),
         "Published with the suite, not run here: {}.": _published(rows),
         "Trained with one seed, so no spread over seeds: {}.": listed(_trained_once(rows), "; "),
@@ -49,7 +59,9 @@ def table_notes(view: TableView) -> list[str]:
     tested = [len({*next(iter(rivals.values())).labels}) for rivals, _ in view.tests.values()]
     fewest = min([n for n in tested if n >= FEWEST_CLASSES], default=0)
     marks = FEW.format(fewest) * (fewest <= FEW_CLASSES) + MARKS
-    found = [marks] * bool(view.marks) + [words.format(text) for words, text in facts.items() if text]
+    found = [marks] * bool(view.marks) + [
+        words.format(text) for words, text in facts.items() if text
+    ]
     return [*found, "How a method departs from its source: 'python -m benchmark describe METHOD'."]
 
 
@@ -64,15 +76,22 @@ def leads(view: TableView) -> list[str]:
         row, n_behind = block_lead(view, title, kind)
         score = f"{MEASURES[-1]} ({hundredths(rivals[row.method].means[MEASURES[-1]])}"
         worse = f"{n_behind or 'none'} of {len(rivals) - 1}"
-        said.setdefault(title, []).append(f"{BLOCKS[kind]}: {row.title} leads in {score}; certainly worse: {worse})")
-    return [f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "." for title, of in said.items()]
+        said.setdefault(title, []).append(
+            f"{BLOCKS[kind]}: {row.title} leads in {score}; certainly worse: {worse})"
+        )
+    return [
+        f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "."
+        for title, of in said.items()
+    ]
 
 
 def block_lead(view: TableView, title: str, kind: Kind) -> tuple[Row, int]:
     """Return the best row of a tested block in a column, and before how many others it certainly is."""
     rivals, certain = view.tests[title, kind]
     best = max(rivals, key=lambda method: rivals[method].means[MEASURES[-1]])
-    return next(row for row in view.rows if row.method == best), int(certain[[*rivals].index(best), :, -1].sum())
+    return next(row for row in view.rows if row.method == best), int(
+        certain[[*rivals].index(best), :, -1].sum()
+    )
 
 
 def _columns(view: TableView) -> Iterator[str]:
@@ -87,7 +106,11 @@ def _columns(view: TableView) -> Iterator[str]:
     if view.table.is_ablation:
         yield "The paper's row stands beside the network whose parts were left out, at 128 x 128 pixels."
     for column in view.columns:
-        of_rows = {row.title: one.records.values() for row in view.rows if (one := row.scored.get(column.title))}
+        of_rows = {
+            row.title: one.records.values()
+            for row in view.rows
+            if (one := row.scored.get(column.title))
+        }
         draws = len(max(of_rows.values(), key=len, default=()))
         if column.over_draws and draws > 1:
             ranges = [
@@ -98,11 +121,23 @@ def _columns(view: TableView) -> Iterator[str]:
             apart, where = max(ranges)
             alone = "; networks: one draw" * (min(map(len, of_rows.values())) == 1)
             yield f"{column.title}: mean of {draws} draws, at most {hundredths(apart)} apart ({where}){alone}."
-    if any(view.of_folds(row, column.title) for row in view.printed_rows for column in view.columns):
+    if any(
+        view.of_folds(row, column.title) for row in view.printed_rows for column in view.columns
+    ):
         yield "Beside means over folds: the least and the greatest fold."
     if any(row.method in view.seconds for row in view.printed_rows):
-        timed = [record for row in view.printed_rows for record in row.records if seconds_of(record) is not None]
-        names = listed(dict.fromkeys(brief(name) for record in timed for name in record.machines or ["unknown"]), "; ")
+        timed = [
+            record
+            for row in view.printed_rows
+            for record in row.records
+            if seconds_of(record) is not None
+        ]
+        names = listed(
+            dict.fromkeys(
+                brief(name) for record in timed for name in record.machines or ["unknown"]
+            ),
+            "; ",
+        )
         yield f"s: median processor seconds per shape for form and geodesics; machine: {names}."
 
 
@@ -116,7 +151,9 @@ def _undecided(view: TableView) -> Iterable[str]:
         if (n_classes := len({*next(iter(rivals.values())).labels})) < FEWEST_CLASSES:
             undecided[f"{title} (not decidable: {n_classes} classes)"] = None
         elif not certain.any():
-            alone = ": one training each" * bool(np.isinf(least_difference([*rivals.values()])[0][0]))
+            alone = ": one training each" * bool(
+                np.isinf(least_difference([*rivals.values()])[0][0])
+            )
             undecided[f"{BLOCKS[kind]} ({title}{alone})"] = None
     return undecided
 
@@ -131,9 +168,15 @@ def _failed(view: TableView, rows: Iterable[Row], crossed: Container[str]) -> li
                 reason = f"{record.status}: {brief(record.reason)}"
                 break
             else:
-                if column.title in row.scored or (row.kind == "network" and column.title in crossed):
+                if column.title in row.scored or (
+                    row.kind == "network" and column.title in crossed
+                ):
                     continue
-                reason = "no model was trained for this data, or it was not run" if row.kind == "network" else "not run"
+                reason = (
+                    "no model was trained for this data, or it was not run"
+                    if row.kind == "network"
+                    else "not run"
+                )
                 reason = "no record yet" if has_any else reason
             where = f"{column.title}: " * (has_any and len(view.columns) > 1)
             reasons.setdefault(where + reason, []).append(row.title)
@@ -144,7 +187,12 @@ def _unreadable(view: TableView, rows: Sequence[Row]) -> Iterable[str]:
     """Name the shapes that no method could use, with the columns and inputs for which that holds."""
     places: dict[str, dict[str, None]] = {}
     for column in view.columns:
-        records = [record for row in rows if (one := row.scored.get(column.title)) for record in one.all_records]
+        records = [
+            record
+            for row in rows
+            if (one := row.scored.get(column.title))
+            for record in one.all_records
+        ]
         inputs = {record.input for record in records}
         for record in records:
             where = [column.title] * (len(view.columns) > 1) + [record.input] * (len(inputs) > 1)
@@ -159,7 +207,12 @@ def _refused(rows: Iterable[Row]) -> Iterator[str]:
     for row in rows:
         for title, one in row.scored.items():
             sides = [side for record in one.all_records for side in record.sides]
-            refused = {name: why for side in sides for name, why in side.unsupported if name not in side.unprepared}
+            refused = {
+                name: why
+                for side in sides
+                for name, why in side.unsupported
+                if name not in side.unprepared
+            }
             for name, why in [*refused.items()][:1]:
                 yield f"{row.title} {len(refused)} ({title}; {name}: {brief(why)})"
 
@@ -184,9 +237,15 @@ def _moves(view: TableView) -> str:
         return "no record yet" * view.has_ranks
     moved = []
     for row in view.rows:
-        far = [f"{name} {a} to {b}" for name, (a, b) in view.ranks.get(row.method, {}).items() if abs(a - b) >= 3]
+        far = [
+            f"{name} {a} to {b}"
+            for name, (a, b) in view.ranks.get(row.method, {}).items()
+            if abs(a - b) >= 3
+        ]
         moved += [f"{row.title} ({', '.join(far)})"] * bool(far)
-    return f"those of {len(view.ranks)} rows; three or more from those by CM-BOF: {', '.join(moved)}"
+    return (
+        f"those of {len(view.ranks)} rows; three or more from those by CM-BOF: {', '.join(moved)}"
+    )
 
 
 def _published(rows: Iterable[Row]) -> str:

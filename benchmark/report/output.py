@@ -48,7 +48,9 @@ def table_files(
     """
     files, suffix = dict[str, str](), scored_by(records).suffix
     if "latex" in formats:
-        files |= {f"{view.stem}.tex": latex(view) for view in views} | {f"references{suffix}.bib": bibliography(views)}
+        files |= {f"{view.stem}.tex": latex(view) for view in views} | {
+            f"references{suffix}.bib": bibliography(views)
+        }
     if "markdown" in formats:
         files |= {f"{view.stem}.md": markdown(view) for view in views}
         if verdicts and (text := verdicts_markdown(views)):
@@ -56,13 +58,17 @@ def table_files(
         if robustness and (text := robustness_markdown(records)):
             files[f"robustness{suffix}.md"] = text
     if "csv" in formats:
-        files[f"scores{suffix}.csv"] = scores_frame(records).to_csv(index=False, float_format="%.6f")
+        files[f"scores{suffix}.csv"] = scores_frame(records).to_csv(
+            index=False, float_format="%.6f"
+        )
     if "json" in formats:
         files[f"tables{suffix}.json"] = json.dumps(as_json(views), indent=1) + "\n"
     return files
 
 
-def write_files(folder: Path, files: Mapping[str, str | bytes], *, force: bool = False, listed: str = LIST) -> None:
+def write_files(
+    folder: Path, files: Mapping[str, str | bytes], *, force: bool = False, listed: str = LIST
+) -> None:
     """Write files into a folder, and remove those that the last command wrote there and this one does not.
 
     Parameters
@@ -79,15 +85,24 @@ def write_files(folder: Path, files: Mapping[str, str | bytes], *, force: bool =
     Raises
     ------
     ConfigurationError
-        Before anything is written, if a file would be replaced that was edited or that no command has written.
+        Before anything is written, if a file would be replaced that was edited or that no command
+        has written.
     """
-    contents = {name: text.encode() if isinstance(text, str) else text for name, text in files.items()}
+    contents = {
+        name: text.encode() if isinstance(text, str) else text for name, text in files.items()
+    }
     earlier = _earlier(folder / listed)
     for name, data in contents.items():
         present = _digest(folder / name)
-        if present and not force and present not in (earlier.get(name), hashlib.sha256(data).hexdigest()):
+        if (
+            present
+            and not force
+            and present not in (earlier.get(name), hashlib.sha256(data).hexdigest())
+        ):
             what = "was edited" if name in earlier else "was not written by this command"
-            raise ConfigurationError(f"{folder / name} {what}", "choose another folder with -o, or pass --force")
+            raise ConfigurationError(
+                f"{folder / name} {what}", "choose another folder with -o, or pass --force"
+            )
     for name, data in contents.items():
         write_atomically(folder / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
     for name in earlier.keys() - contents.keys():

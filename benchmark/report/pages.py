@@ -38,22 +38,28 @@ KINDS = {"": "Scores", "-forms": "Forms", "-queries": "Queries"}
 #: Groups of the columns of the overview.
 GROUPS = ("Complete surfaces", "One depth view", "View against surfaces")
 
-#: Classes, and shapes of each, on a page of forms; vertices of a form in 3D, and pixels of its picture.
+#: Classes, and shapes of each, on a page of forms; vertices of a form in 3D, and pixels of its
+#: picture.
 CLASSES, POSES, VERTICES, SIDE = 3, 2, 2000, 240
 
-#: Matches of a query, and failed queries whose forms are drawn, the hardest ones; pixels of the picture of a shape.
+#: Matches of a query, and failed queries whose forms are drawn, the hardest ones; pixels of the
+#: picture of a shape.
 MATCHES, HARDEST, _SMALL = 5, 20, 96
 
-#: Matches of queries by number: number, rank, and distance over that of the first of the class, unless it is 0.
+#: Matches of queries by number: number, rank, and distance over that of the first of the class,
+#: unless it is 0.
 Nearest = Mapping[int, Sequence[tuple[int, int, float | None]]]
 
 #: What follows the class in the name of a shape whose pose has a name.
 _POSE = re.compile(r"[_/-]([^\W\d_][^\d]*)")
 
 _TEMPLATES = Environment(
-    loader=PackageLoader("benchmark.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True,
+    loader=PackageLoader("benchmark.report"),
+    autoescape=True,
+    trim_blocks=True,
+    lstrip_blocks=True,
     finalize=lambda value: "" if value is None else clean(value) if type(value) is str else value,
-)  # fmt: skip
+)
 _TEMPLATES.globals |= {"measure": MEASURE, "measures": MEASURES, "side": SIDE, "kind_names": KINDS}
 _TEMPLATES.globals |= {"intervals": INTERVALS, "palette": PALETTE, "viewing": OBLIQUE.direction}
 _TEMPLATES.filters |= {"anchor": file_name, "hundredths": hundredths}
@@ -83,16 +89,24 @@ class Pages:
         for view in self.views:
             if self.main(view) is view:
                 own = view.table.identifier == view.dataset
-                groups.setdefault(_data_title(view), {})[view.stem] = "own" if own else view.table.identifier
+                groups.setdefault(_data_title(view), {})[view.stem] = (
+                    "own" if own else view.table.identifier
+                )
         content |= {"groups": groups, "has_overview": len(self.views) > 1}
-        self.files[name] = _TEMPLATES.get_template(template).render(title=title, here=name, **content)
+        self.files[name] = _TEMPLATES.get_template(template).render(
+            title=title, here=name, **content
+        )
 
     def main(self, view: TableView) -> TableView:
         """Return the table on whose pages another one stands: that of the unchanged views."""
         base = (changed(view.dataset) or [""])[0] if view.table.is_cross else ""
-        return next((main for main in self.views if (main.table, main.dataset) == (view.table, base)), view)
+        return next(
+            (main for main in self.views if (main.table, main.dataset) == (view.table, base)), view
+        )
 
-    def picture(self, name: str, drawn: Drawn | None, size: int, *, is_coloured: bool = False) -> str:
+    def picture(
+        self, name: str, drawn: Drawn | None, size: int, *, is_coloured: bool = False
+    ) -> str:
         """Return the name of the picture of a surface, which is drawn once; "" without a surface."""
         file = f"pictures/{file_name(name)}.webp" if drawn else ""
         if drawn and file not in self.files:
@@ -101,7 +115,9 @@ class Pages:
         return file
 
 
-def report_files(results: Path, views: Sequence[TableView], data_root: Path | None = None) -> dict[str, str | bytes]:
+def report_files(
+    results: Path, views: Sequence[TableView], data_root: Path | None = None
+) -> dict[str, str | bytes]:
     """Return the files of a report by name.
 
     Parameters
@@ -116,7 +132,13 @@ def report_files(results: Path, views: Sequence[TableView], data_root: Path | No
     pages = Pages(StoredForms(results, data_root), views)
     pages.files |= {name: fixed_file(name) for name in ("style.css", "table.css", "report.js")}
     listed = [_add_table(pages, view) for view in views if pages.main(view) is view]
-    pages.add("index.html", "index.html", "Canonical forms benchmark", stem="index", matrix=_matrix(pages, views))
+    pages.add(
+        "index.html",
+        "index.html",
+        "Canonical forms benchmark",
+        stem="index",
+        matrix=_matrix(pages, views),
+    )
     if len(views) == 1:
         pages.files["index.html"] = pages.files[f"{views[0].stem}.html"]
     if any("Forms" in kinds.values() for kinds in listed):
@@ -133,7 +155,9 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     of_angles = [other for other in pages.views if pages.main(other) is view]
     scores = _scores(view, forms, queries)
     scores["classes"] = [(facet.columns[0].title, figures.class_means(facet)) for facet in facets]
-    scores["maps"] = {facet.columns[0].title: name for facet in facets if (name := _map(pages, facet))}
+    scores["maps"] = {
+        facet.columns[0].title: name for facet in facets if (name := _map(pages, facet))
+    }
     for row in view.printed_rows:
         if (anchor := file_name(row.method)) not in scores["pictures"]:
             published = thumbnail(pages.forms.folder, view.dataset, row.method)
@@ -142,11 +166,17 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
                 pages.files[scores["pictures"][anchor]] = published.read_bytes()
     scores["matrix"] = _matrix(pages, of_angles) if len(of_angles) > 1 else {}
     content = {"": scores, "-forms": {"facets": forms}, "-queries": {"facets": queries}}
-    kinds = {f"{view.stem}{ending}.html": KINDS[ending] for ending, shown in content.items() if any(shown.values())}
+    kinds = {
+        f"{view.stem}{ending}.html": KINDS[ending]
+        for ending, shown in content.items()
+        if any(shown.values())
+    }
     for name, kind in kinds.items():
         ending = name.removeprefix(view.stem).removesuffix(".html")
         title = _title(view) + (ending and f": {kind.lower()}")
-        pages.add(name, f"{kind.lower()}.html", title, kinds=kinds, stem=view.stem, **content[ending])
+        pages.add(
+            name, f"{kind.lower()}.html", title, kinds=kinds, stem=view.stem, **content[ending]
+        )
     return kinds
 
 
@@ -159,11 +189,17 @@ def _matrix(pages: Pages, views: Iterable[TableView]) -> dict[str, Any]:
     places = sorted(columns, key=lambda place: place[0])  # stable
     rows: dict[str, dict[str, list[tuple[Row, Scored, bool] | None]]] = {}
     for kind, name in BLOCKS.items():
-        of = [_column_scores(kind, *columns[place], views_apart=(1, place[1]) in columns) for place in places]
+        of = [
+            _column_scores(kind, *columns[place], views_apart=(1, place[1]) in columns)
+            for place in places
+        ]
         if titles := dict.fromkeys(chain(*of)):
             rows[name] = {title: [scores.get(title) for scores in of] for title in titles}
     groups = {name: sum(GROUPS[group] == name for group, _ in places) for name in GROUPS}
-    shown = [(label, pages.main(columns[group, label][0]).stem, *columns[group, label]) for group, label in places]
+    shown = [
+        (label, pages.main(columns[group, label][0]).stem, *columns[group, label])
+        for group, label in places
+    ]
     return {"columns": shown, "groups": groups, "rows": rows, "leads": _leads(columns)}
 
 
@@ -176,7 +212,9 @@ def _leads(columns: Mapping[tuple[int, str], tuple[TableView, Column]]) -> list[
                 continue
             row, n_behind = block_lead(view, title, kind)
             if n_behind == len(rivals) - 1:
-                found.setdefault(f"{BLOCKS[kind]}, {GROUPS[group].lower()}: {row.title}", []).append(label)
+                found.setdefault(
+                    f"{BLOCKS[kind]}, {GROUPS[group].lower()}: {row.title}", []
+                ).append(label)
     return [f"{leader} on {'; '.join(labels)}." for leader, labels in sorted(found.items())]
 
 
@@ -194,16 +232,27 @@ def _column_scores(
 ) -> dict[str, tuple[Row, Scored, bool]]:
     """Return the rows of a block by title with their scores in a column, and whether these are of views.
 
-    In a column of complete surfaces, networks have scores of views; with ``views_apart``, these stand in their own.
+    In a column of complete surfaces, networks have scores of views; with ``views_apart``, these
+    stand in their own.
     """
     rows = [
-        (row, row.scored[column.title]) for row in view.printed_rows if row.kind == kind and column.title in row.scored
+        (row, row.scored[column.title])
+        for row in view.printed_rows
+        if row.kind == kind and column.title in row.scored
     ]
-    is_view = {row: column.input == "as printed" and one.all_records[0].input == "view" for row, one in rows}
-    return {row.title: (row, one, is_view[row]) for row, one in rows if not (views_apart and is_view[row])}
+    is_view = {
+        row: column.input == "as printed" and one.all_records[0].input == "view"
+        for row, one in rows
+    }
+    return {
+        row.title: (row, one, is_view[row])
+        for row, one in rows
+        if not (views_apart and is_view[row])
+    }
 
 
-# Scores --------------------------------------------------------------------------------------------------------------
+# Scores
+# ------------------------------------------------------------------------------------------------
 
 
 def fixed_file(name: str) -> str:
@@ -216,16 +265,25 @@ def table_html(view: TableView) -> str:
     return _TEMPLATES.get_template("table.html").render(_scores(view))
 
 
-def _scores(view: TableView, forms: Sequence[Any] = (), queries: Sequence[Any] = ()) -> dict[str, Any]:
+def _scores(
+    view: TableView, forms: Sequence[Any] = (), queries: Sequence[Any] = ()
+) -> dict[str, Any]:
     """Return what ``table.html`` shows of a table, whose rows link to their forms and queries."""
     made = {anchor: shown for facet in forms[::-1] for _, anchor, shown in facet["rows"]}
     pictures = {anchor: next(filter(None, shown))["picture"] for anchor, shown in made.items()}
-    linked = {"-forms": made, "-queries": {anchor for facet in queries for _, anchor in facet["rows"]}}
+    linked = {
+        "-forms": made,
+        "-queries": {anchor for facet in queries for _, anchor in facet["rows"]},
+    }
     rows = {clean(row.title): row for row in view.printed_rows}
     every = [one for row in rows.values() for one in row.scored.values()]
     ranges = [end for one in every for end in (one.means[MEASURE], *one.intervals.get(MEASURE, ()))]
     papers = [scores[MEASURE] for scores in view.paper.values()]
-    least = min([1.0, *ranges, *papers, *(chance[MEASURE] for chance in view.chance.values())]) // 0.1 / 10
+    least = (
+        min([1.0, *ranges, *papers, *(chance[MEASURE] for chance in view.chance.values())])
+        // 0.1
+        / 10
+    )
     return {
         "least": least,
         "ticks": [number / 10 for number in range(round(10 * least), 11, 2 if least < 0.7 else 1)],
@@ -239,7 +297,8 @@ def _scores(view: TableView, forms: Sequence[Any] = (), queries: Sequence[Any] =
     }
 
 
-# Forms and queries ---------------------------------------------------------------------------------------------------
+# Forms and queries
+# ------------------------------------------------------------------------------------------------
 
 
 def _forms(pages: Pages, view: TableView) -> dict[str, Any]:
@@ -250,11 +309,23 @@ def _forms(pages: Pages, view: TableView) -> dict[str, Any]:
     rows = [
         (row.title, file_name(row.method), made)
         for row, record in records.items()
-        if any(made := [_form(pages, record, shape, f" by {row.title}", forms.form(record, shape)) for shape in shapes])
+        if any(
+            made := [
+                _form(pages, record, shape, f" by {row.title}", forms.form(record, shape))
+                for shape in shapes
+            ]
+        )
     ]
     if not first or not rows:
         return {}
-    rows.insert(0, ("Shape", "shape", [_form(pages, first, shape, "", forms.shape(first, shape)) for shape in shapes]))
+    rows.insert(
+        0,
+        (
+            "Shape",
+            "shape",
+            [_form(pages, first, shape, "", forms.shape(first, shape)) for shape in shapes],
+        ),
+    )
     return {"title": view.columns[0].title, "shapes": shapes, "rows": rows}
 
 
@@ -274,7 +345,13 @@ def _form(pages: Pages, record: Record, shape: str, by: str, drawn: Drawn | None
     pages.files[file] = f"show('{file}', {json.dumps(surface, separators=(',', ':'))});"
     picture = pages.picture(name, drawn, SIDE, is_coloured=True)
     says = (f"Form of {shape}{by}" if by else shape) + ", mirrored" * drawn.is_mirrored
-    return {"picture": picture, "mesh": file, "says": says, "is_mirrored": drawn.is_mirrored, "apart": drawn.apart}
+    return {
+        "picture": picture,
+        "mesh": file,
+        "says": says,
+        "is_mirrored": drawn.is_mirrored,
+        "apart": drawn.apart,
+    }
 
 
 def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
@@ -288,9 +365,14 @@ def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
         return {}
     first = rows[0][1]
     every = [number for number, score in enumerate(first.per_query[MEASURE]) if score is not None]
-    cells = {number: [_outcome(record, nearest, number) for _, record, nearest in rows] for number in every}
+    cells = {
+        number: [_outcome(record, nearest, number) for _, record, nearest in rows]
+        for number in every
+    }
     worst = {number: min(cells[number])[0] for number in every}
-    order = sorted(every, key=lambda number: (worst[number], sum(score for _, score in cells[number])))
+    order = sorted(
+        every, key=lambda number: (worst[number], sum(score for _, score in cells[number]))
+    )
     missed = [number for number in order if worst[number] < 2][:HARDEST]
     return {
         "title": view.columns[0].title,
@@ -299,7 +381,9 @@ def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
         "kept": [_kept_pose(record, nearest) for _, record, nearest in rows],
         "data": {
             "sides": [_shapes(pages, side) for side in first.sides],
-            "rows": [(row.title, near, _drawn(pages, record, near, missed)) for row, record, near in rows],
+            "rows": [
+                (row.title, near, _drawn(pages, record, near, missed)) for row, record, near in rows
+            ],
         },
     }
 
@@ -307,7 +391,10 @@ def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
 def _shapes(pages: Pages, side: RankedShapes) -> list[tuple[str, str, str]]:
     """Return names, classes and pictures of shapes that are queries or ranked."""
     place = f"{side.input}-{side.data.name}"
-    pictures = [pages.picture(f"{place}-{shape}", pages.forms.shape(side, shape), _SMALL) for shape in side.shapes]
+    pictures = [
+        pages.picture(f"{place}-{shape}", pages.forms.shape(side, shape), _SMALL)
+        for shape in side.shapes
+    ]
     return [*zip(map(clean, side.shapes), map(clean, side.labels), pictures, strict=True)]
 
 
@@ -322,7 +409,9 @@ def _nearest(record: Record, matrix: NDArray[np.float64]) -> Nearest:
         unit = float(distances[order[own[0]]]) if own else 0.0
         ranks = [*range(min(MATCHES, len(order))), *(rank for rank in own if rank >= MATCHES)]
         ratios = [round(float(distances[order[k]]) / unit, 3) if unit else None for k in ranks]
-        found[query] = [(int(numbers[order[k]]), k + 1, ratio) for k, ratio in zip(ranks, ratios, strict=True)]
+        found[query] = [
+            (int(numbers[order[k]]), k + 1, ratio) for k, ratio in zip(ranks, ratios, strict=True)
+        ]
     return found
 
 
@@ -333,18 +422,28 @@ def _kept_pose(record: Record, nearest: Nearest) -> list[float]:
     """
     last = record.sides[-1]
     poses = [
-        [_POSE.fullmatch(shape.removeprefix(label)) for shape, label in zip(side.shapes, side.labels, strict=True)]
+        [
+            _POSE.fullmatch(shape.removeprefix(label))
+            for shape, label in zip(side.shapes, side.labels, strict=True)
+        ]
         for side in record.sides
     ]
     if not all(map(all, poses)):
         return []
     names = [[pose[1] for pose in of_side if pose] for of_side in poses]
     labels, every = np.array(last.labels), np.array(names[-1])
-    failed = [(query, of[0][0]) for query, of in nearest.items() if of and labels[of[0][0]] != record.labels[query]]
+    failed = [
+        (query, of[0][0])
+        for query, of in nearest.items()
+        if of and labels[of[0][0]] != record.labels[query]
+    ]
     others = [every[labels != record.labels[query]] == names[0][query] for query, _ in failed]
     if not any(map(np.any, others)):
         return []
-    shares = [every[match] == names[0][query] for query, match in failed], [of.mean() for of in others]
+    shares = (
+        [every[match] == names[0][query] for query, match in failed],
+        [of.mean() for of in others],
+    )
     return [float(np.mean(of)) for of in shares]
 
 
@@ -356,7 +455,8 @@ def _drawn(pages: Pages, record: Record, nearest: Nearest, missed: Sequence[int]
     forms = {of: pages.forms.upright(record, record.shapes[of]) for of in sorted(shown)}
     name = f"{record.input}-{record.data.name}-{record.method}-near"
     files = {
-        of: pages.picture(f"{name}-{record.shapes[of]}", form, _SMALL, is_coloured=True) for of, form in forms.items()
+        of: pages.picture(f"{name}-{record.shapes[of]}", form, _SMALL, is_coloured=True)
+        for of, form in forms.items()
     }
     return {of: file for of, file in files.items() if file}
 
@@ -370,7 +470,10 @@ def _outcome(record: Record, nearest: Nearest, number: int) -> tuple[int, float]
 
 def _map(pages: Pages, view: TableView) -> str:
     """Add the map of a column as a file whose points lead to queries, and return its name; "" without distances."""
-    name, title = f"{view.stem}-map-{file_name(view.columns[0].title.replace(' ', '-'))}.svg", view.columns[0].title
+    name, title = (
+        f"{view.stem}-map-{file_name(view.columns[0].title.replace(' ', '-'))}.svg",
+        view.columns[0].title,
+    )
     try:
         page = f"{view.stem}-queries.html#{file_name(title)}"
         svg = figures.encode(figures.map_figure(view, pages.forms, page), ".svg")
@@ -394,5 +497,9 @@ def _label(view: TableView) -> str:
 def _data_title(view: TableView) -> str:
     """Return a short name of the data of a table."""
     title = next(iter(view.samples.values()))[0].data.title
-    title = re.sub(r" \((stand-in|generated)[^)]*\)", " (generated)", re.sub(r", draw \d+", "", title))
-    return clean(re.sub(r"view angle: largest angle in degrees (\d+)$", r"cameras turned up to \1°", title))
+    title = re.sub(
+        r" \((stand-in|generated)[^)]*\)", " (generated)", re.sub(r", draw \d+", "", title)
+    )
+    return clean(
+        re.sub(r"view angle: largest angle in degrees (\d+)$", r"cameras turned up to \1°", title)
+    )

@@ -20,7 +20,14 @@ from pandas import DataFrame, concat
 from benchmark.errors import ConfigurationError, check_known
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.data_names import label_data_sets
-from benchmark.pipeline.records import DEFAULT_SCORER, Record, read_distances, read_form, read_records, read_vertex_map
+from benchmark.pipeline.records import (
+    DEFAULT_SCORER,
+    Record,
+    read_distances,
+    read_form,
+    read_records,
+    read_vertex_map,
+)
 from benchmark.report.frames import fold_of, kind_of, scores_frame, seconds_of
 
 __all__ = ["Results", "open_results"]
@@ -45,9 +52,9 @@ class Results:
     def scores(self) -> DataFrame:
         """All scores of full runs, one value a line, beside those that the paper prints.
 
-        Columns: ``table``, ``dataset``, ``method``, ``input`` ("mesh", "view", or "paper" for what it prints),
-        ``scorer`` ("" for descriptors and the paper), ``seed``, ``fold`` (part of the data set; "" for the whole one),
-        ``measure``, and ``value`` in [0, 1], a mean over queries.
+        Columns: ``table``, ``dataset``, ``method``, ``input`` ("mesh", "view", or "paper" for what
+        it prints), ``scorer`` ("" for descriptors and the paper), ``seed``, ``fold`` (part of the
+        data set; "" for the whole one), ``measure``, and ``value`` in [0, 1], a mean over queries.
         """
         return scores_frame(record for record in self.records if not record.data.quick)
 
@@ -55,12 +62,23 @@ class Results:
     def jobs(self) -> DataFrame:
         """One line a job, indexed by its key.
 
-        Columns: ``dataset``, ``fold``, ``quick``, ``kind``, ``input``, ``method``, ``title``, ``scorer``, ``seed``,
-        ``status`` ("ok", "failed", ...), ``reason`` (or that of a refused shape), ``published``, ``commit``,
-        ``finished``, ``coverage`` (share of shapes with a result), the measures (NaN without scores), ``n_shapes``,
-        ``n_classes``, ``seconds`` and ``processor_seconds`` (NaN in old records) per shape, ``machine``.
+        Columns: ``dataset``, ``fold``, ``quick``, ``kind``, ``input``, ``method``, ``title``,
+        ``scorer``, ``seed``, ``status`` ("ok", "failed", ...), ``reason`` (or that of a refused
+        shape), ``published``, ``commit``, ``finished``, ``coverage`` (share of shapes with a
+        result), the measures (NaN without scores), ``n_shapes``, ``n_classes``, ``seconds`` and
+        ``processor_seconds`` (NaN in old records) per shape, ``machine``.
         """
-        facts = ("input", "method", "title", "scorer", "seed", "status", "published", "commit", "finished")
+        facts = (
+            "input",
+            "method",
+            "title",
+            "scorer",
+            "seed",
+            "status",
+            "published",
+            "commit",
+            "finished",
+        )
         rows = {
             record.key: {
                 "dataset": record.data.name,
@@ -84,24 +102,40 @@ class Results:
     def queries(self) -> DataFrame:
         """One line for each shape of each job with scores.
 
-        Columns: ``job``, ``dataset``, ``fold``, ``input``, ``method``, ``scorer``, ``seed``, ``shape``, ``class``, and
-        the measures.
+        Columns: ``job``, ``dataset``, ``fold``, ``input``, ``method``, ``scorer``, ``seed``,
+        ``shape``, ``class``, and the measures.
         """
         frames = [
-            DataFrame({
-                "job": record.key, "dataset": record.data.name, "fold": fold_of(record), "input": record.input,
-                "method": record.method, "scorer": record.scorer, "seed": record.seed, "shape": record.shapes,
-                "class": record.labels, **record.per_query,
-            })
+            DataFrame(
+                {
+                    "job": record.key,
+                    "dataset": record.data.name,
+                    "fold": fold_of(record),
+                    "input": record.input,
+                    "method": record.method,
+                    "scorer": record.scorer,
+                    "seed": record.seed,
+                    "shape": record.shapes,
+                    "class": record.labels,
+                    **record.per_query,
+                }
+            )
             for record in self.records
             if record.status == "ok"
-        ]  # fmt: skip
+        ]
         return concat(frames, ignore_index=True) if frames else DataFrame()
 
     def job(
-        self, method: str, dataset: str, input: str = "mesh", fold: str = "", *, quick: bool = False, seed: int = 0,
+        self,
+        method: str,
+        dataset: str,
+        input: str = "mesh",
+        fold: str = "",
+        *,
+        quick: bool = False,
+        seed: int = 0,
         scorer: str = "",
-    ) -> str:  # fmt: skip
+    ) -> str:
         """Return the key of a job, by CM-BOF if several scorers ranked it and none is named.
 
         Raises
@@ -110,11 +144,18 @@ class Results:
             If it is not finished.
         """
         jobs = self.jobs.query("seed == @seed and quick == @quick and status == 'ok'")
-        found = jobs[(jobs[["method", "dataset", "input", "fold"]] == [method, dataset, input, fold]).all(axis=1)]
+        found = jobs[
+            (jobs[["method", "dataset", "input", "fold"]] == [method, dataset, input, fold]).all(
+                axis=1
+            )
+        ]
         of_scorer = found[found["scorer"].isin(["", scorer or DEFAULT_SCORER])]
         found = of_scorer if scorer or len(of_scorer) else found
         if found.empty:
-            problem = f"{self.folder} has no scores of {method} on {dataset} {fold}".rstrip() + f", {input}"
+            problem = (
+                f"{self.folder} has no scores of {method} on {dataset} {fold}".rstrip()
+                + f", {input}"
+            )
             raise ConfigurationError(problem, f"run -d {dataset} -m {method}")
         return str(found.index[0])
 
@@ -124,19 +165,25 @@ class Results:
         Raises
         ------
         ConfigurationError
-            If there is no such job, or its distances are not stored here, as those of most published jobs.
+            If there is no such job, or its distances are not stored here, as those of most
+            published jobs.
         """
         record = self._record(job)
         matrix = read_distances(self.folder, record)
         if matrix is None:
-            raise ConfigurationError(f"the distances of {record.method} are not in {self.folder}", "run it here")
-        rows, *columns = ([side.shapes[number] for number in side.answered] for side in record.sides)
+            raise ConfigurationError(
+                f"the distances of {record.method} are not in {self.folder}", "run it here"
+            )
+        rows, *columns = (
+            [side.shapes[number] for number in side.answered] for side in record.sides
+        )
         return DataFrame(matrix, index=rows, columns=columns[0] if columns else rows)
 
     def form(self, job: str, shape: str) -> Mesh:
         """Return the canonical form of a shape.
 
-        It has the vertices of the file in their order, unless some were removed; see :meth:`vertex_map`.
+        It has the vertices of the file in their order, unless some were removed; see
+        :meth:`vertex_map`.
 
         Raises
         ------
@@ -147,7 +194,9 @@ class Results:
         check_known("shape", [shape], record.shapes)
         form = read_form(self.folder, record, shape)
         if form is None:
-            raise ConfigurationError(f"the form of {shape} by {record.method} is not in {self.folder}", "run it here")
+            raise ConfigurationError(
+                f"the form of {shape} by {record.method} is not in {self.folder}", "run it here"
+            )
         numbers, are_all = read_vertex_map(self.folder, record, shape) or (np.empty(0), False)
         return Mesh(form.vertices[np.argsort(numbers)], numbers[form.faces]) if are_all else form  # type: ignore[arg-type]
 
@@ -162,7 +211,9 @@ class Results:
         found = read_vertex_map(self.folder, self._record(job), shape)
         if found is None:
             problem = f"the form of {shape} has vertices of its own, or is not in {self.folder}"
-            raise ConfigurationError(problem, "run a method that keeps the vertices of complete surfaces")
+            raise ConfigurationError(
+                problem, "run a method that keeps the vertices of complete surfaces"
+            )
         return np.sort(found[0]) if found[1] else found[0]
 
     def matches(self, job: str, query: str, count: int = 5) -> DataFrame:
@@ -173,7 +224,11 @@ class Results:
         order = np.argsort(row.to_numpy(), kind="stable")[:count]
         labels = dict(zip(record.sides[-1].shapes, record.sides[-1].labels, strict=True))
         shapes = [str(name) for name in row.index[order]]
-        columns = {"rank": range(1, len(shapes) + 1), "shape": shapes, "class": [labels[name] for name in shapes]}
+        columns = {
+            "rank": range(1, len(shapes) + 1),
+            "shape": shapes,
+            "class": [labels[name] for name in shapes],
+        }
         return DataFrame(columns | {"distance": row.to_numpy()[order]})
 
     def _record(self, job: str) -> Record:

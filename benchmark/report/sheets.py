@@ -36,12 +36,21 @@ def frame_picture(depths: Depths, mask: Mask, surface: Mesh, form: Mesh) -> Figu
     known = depths > 0
     near, far = np.percentile(depths[known], (1, 99)) if known.any() else (0.0, 1.0)
     shade = 0.9 - 0.75 * np.clip((depths - near) / max(far - near, 1e-9), 0, 1)
-    grey = np.repeat(np.where(known, shade, 1.0)[..., None], 3, axis=2)  # near points are bright, missing values white
-    marked = np.where(mask[..., None], 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey)
+    grey = np.repeat(
+        np.where(known, shade, 1.0)[..., None], 3, axis=2
+    )  # near points are bright, missing values white
+    marked = np.where(
+        mask[..., None], 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey
+    )
     canonical = render_depth(form, UPRIGHT, fit_half_width(form, UPRIGHT), DPI)
     depth, drawn = np.where(canonical > 0, canonical, np.nan), upright(form, seen(surface, UPRIGHT))
     picture = shaded(drawn.mesh, OBLIQUE, DPI, drawn.values)
-    pictures = {"depth": grey, "object": marked, "canonical depth": depth, "canonical form": picture}
+    pictures = {
+        "depth": grey,
+        "object": marked,
+        "canonical depth": depth,
+        "canonical form": picture,
+    }
     return grid([(title, [picture]) for title, picture in pictures.items()])
 
 
@@ -53,4 +62,6 @@ def mesh_picture(mesh: Mesh, form: Mesh) -> Figure:
 
 def retrieved_picture(panels: Sequence[tuple[str, Drawn | None]]) -> Figure:
     """Draw forms side by side, each below its lines of text; None is no picture."""
-    return grid([(text, [form and shaded(form.mesh, OBLIQUE, DPI, form.values)]) for text, form in panels])
+    return grid(
+        [(text, [form and shaded(form.mesh, OBLIQUE, DPI, form.values)]) for text, form in panels]
+    )

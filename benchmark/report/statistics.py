@@ -1,15 +1,15 @@
 """Intervals of means over queries, and tests of the differences between rows.
 
-Queries of one class are dependent. All statistics therefore take whole classes, and speak of other subjects.
+Queries of one class are dependent. All statistics therefore take whole classes, and speak of other
+subjects.
 
 References
 ----------
-Korn & Graubard, "Confidence intervals for proportions with small expected number of positive counts estimated from
-survey data", Survey Methodology 24, 1998 (t on the scale of logits).
-Chung & Romano, "Exact and asymptotically robust permutation tests", Annals of Statistics 41, 2013 (why statistics are
-studentised).
-Carterette, "Multiple testing in statistical analysis of systems-based information retrieval experiments", ACM
-Transactions on Information Systems 30, 2012.
+Korn & Graubard, "Confidence intervals for proportions with small expected number of positive counts
+estimated from survey data", Survey Methodology 24, 1998 (t on the scale of logits). Chung & Romano,
+"Exact and asymptotically robust permutation tests", Annals of Statistics 41, 2013 (why statistics
+are studentised). Carterette, "Multiple testing in statistical analysis of systems-based information
+retrieval experiments", ACM Transactions on Information Systems 30, 2012.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ ALPHA = 0.05
 #: Fewest classes from which a difference is tested.
 FEWEST_CLASSES = 8
 
-#: What intervals of scores cover: simulated for 9 to 40 classes, equal, unequal and with skewed means.
+#: What intervals of scores cover: simulated for 9 to 40 classes, equal, unequal and with skewed
+#: means.
 INTERVALS = "nominal 95 %, from eight classes on; it covers 90 to 97 % of simulated scores"
 
 #: Values have six decimals. Sums of whole millionths do not depend on their order.
@@ -42,7 +43,9 @@ _MILLION = 1e6
 _EQUAL = 1e-9
 
 
-def class_sums(values: ArrayLike, labels: Sequence[Hashable]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def class_sums(
+    values: ArrayLike, labels: Sequence[Hashable]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the sums over the queries of each class, in millionths, and the sizes of the classes.
 
     Parameters
@@ -65,8 +68,9 @@ def class_intervals(
 ) -> NDArray[np.float64]:
     """Return intervals of means over queries: t on the residuals of whole classes, on the scale of logits.
 
-    A residual is the sum over a class less the mean times its size. See :data:`INTERVALS` for what they cover;
-    where few of nine classes differ, intervals of differences cover 72 to 82 %. A mean of 0 or 1 has no width.
+    A residual is the sum over a class less the mean times its size. See :data:`INTERVALS` for what
+    they cover; where few of nine classes differ, intervals of differences cover 72 to 82 %. A mean
+    of 0 or 1 has no width.
 
     Parameters
     ----------
@@ -90,21 +94,26 @@ def class_intervals(
     means, shares = sums.sum(axis=0) / sizes.sum() / _MILLION, sizes / sizes.sum()
     residuals = sums / _MILLION / sizes.sum() - np.outer(shares, means)
     with np.errstate(all="ignore"):
-        half = np.sqrt((residuals**2 / (1 - shares)[:, None]).sum(axis=0)) * stdtrit(len(sizes) - 1, (1 + level) / 2)
+        half = np.sqrt((residuals**2 / (1 - shares)[:, None]).sum(axis=0)) * stdtrit(
+            len(sizes) - 1, (1 + level) / 2
+        )
         ends = np.clip([means - half, means + half], -1, 1)
         if not are_gains:
             slope = means * (1 - means)
-            ends = np.where(slope > 0, expit([logit(means) - half / slope, logit(means) + half / slope]), means)
+            ends = np.where(
+                slope > 0, expit([logit(means) - half / slope, logit(means) + half / slope]), means
+            )
     return np.asarray(ends.T)
 
 
 def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.float64]:
     """Return p-values of the differences between all rows: a studentised permutation test over whole classes.
 
-    With the difference d of two rows, summed over the queries of a class, the statistic is the modulus of the sum of d
-    over the classes, divided by the root of the sum of its squares. In each of :data:`DRAWS` permutations, the rows are
-    exchanged within every class, in the same way for all its queries and measures; a statistic must reach the largest
-    one over all pairs and measures. If all rows are equal, the probability that any p is below 0.05 is at most 0.05.
+    With the difference d of two rows, summed over the queries of a class, the statistic is the
+    modulus of the sum of d over the classes, divided by the root of the sum of its squares. In each
+    of :data:`DRAWS` permutations, the rows are exchanged within every class, in the same way for
+    all its queries and measures; a statistic must reach the largest one over all pairs and
+    measures. If all rows are equal, the probability that any p is below 0.05 is at most 0.05.
 
     Parameters
     ----------
@@ -130,11 +139,17 @@ def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[n
     first, second = np.array([*combinations(range(n_rows), 2)]).reshape(-1, 2).T
     generator = np.random.default_rng(0)
     small = np.min_scalar_type(n_rows)
-    orders = np.stack([generator.random((DRAWS, n_rows)).argsort(axis=1).astype(small) for _ in sums], axis=1)
-    from_first = np.moveaxis(sums - sums[:, :1], 2, 0)  # integers, so that all sums and products are exact
+    orders = np.stack(
+        [generator.random((DRAWS, n_rows)).argsort(axis=1).astype(small) for _ in sums], axis=1
+    )
+    from_first = np.moveaxis(
+        sums - sums[:, :1], 2, 0
+    )  # integers, so that all sums and products are exact
     largest = np.zeros(DRAWS)
     for draws in np.split(np.arange(DRAWS), range(_AT_A_TIME, DRAWS, _AT_A_TIME)):
-        rows = from_first[:, np.arange(len(sums))[:, None], orders[draws]]  # (M, draws, classes, rows)
+        rows = from_first[
+            :, np.arange(len(sums))[:, None], orders[draws]
+        ]  # (M, draws, classes, rows)
         totals, products = rows.sum(axis=2), rows.swapaxes(2, 3) @ rows
         of_row = products.diagonal(axis1=2, axis2=3)
         squares = of_row[..., first] + of_row[..., second] - 2 * products[..., first, second]
@@ -143,7 +158,9 @@ def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[n
     largest.sort()
     differences = sums[:, first] - sums[:, second]
     observed = _studentised(differences.sum(axis=0), (differences**2).sum(axis=0))
-    p_values[first, second] = (DRAWS - np.searchsorted(largest, observed - _EQUAL) + 1) / (DRAWS + 1)
+    p_values[first, second] = (DRAWS - np.searchsorted(largest, observed - _EQUAL) + 1) / (
+        DRAWS + 1
+    )
     p_values[second, first] = p_values[first, second]
     return p_values
 
@@ -151,8 +168,9 @@ def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[n
 def sign_flip_test(gains: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.float64]:
     """Return p-values of the differences of two rows that were planned alone, shape (M,).
 
-    The statistic is that of :func:`permutation_test`. The signs of whole classes are flipped in all ways, or in
-    :data:`DRAWS` random ones if they are more; a statistic must reach the largest one over the measures.
+    The statistic is that of :func:`permutation_test`. The signs of whole classes are flipped in all
+    ways, or in :data:`DRAWS` random ones if they are more; a statistic must reach the largest one
+    over the measures.
 
     Parameters
     ----------
@@ -168,7 +186,9 @@ def sign_flip_test(gains: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.f
     if 2**n_classes <= DRAWS:
         signs = np.array([*product((1, -1), repeat=n_classes)])
     else:
-        signs = np.concatenate([signs, np.random.default_rng(0).choice((1, -1), (DRAWS, n_classes))])
+        signs = np.concatenate(
+            [signs, np.random.default_rng(0).choice((1, -1), (DRAWS, n_classes))]
+        )
     largest = _studentised(signs @ sums, (sums**2).sum(axis=0)).max(axis=1)
     observed = _studentised(sums.sum(axis=0), (sums**2).sum(axis=0))
     return np.asarray((largest[:, None] >= observed - _EQUAL).mean(axis=0))

@@ -31,7 +31,7 @@ from benchmark.report.frames import (
     seconds_of,
     tables_of,
     two_scorers,
-)  # fmt: skip
+)
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, class_intervals, permutation_test
 from benchmark.text import brief
 from retrieval.measures import chance_levels
@@ -42,14 +42,17 @@ PAPER = "paper"
 SECOND = "ranks by spherical harmonics"
 
 BLOCKS: Mapping[Kind, str] = {
-    "form": "Canonical forms", "network": "Networks", "descriptor": "Descriptors", "external": "Other programs",
-}  # fmt: skip
+    "form": "Canonical forms",
+    "network": "Networks",
+    "descriptor": "Descriptors",
+    "external": "Other programs",
+}
 
 #: Differences below half a unit of the last decimal of records are none.
 SAME = 5e-7
 
-#: Standard errors of means over three draws of the codebook, for records that do not hold theirs: those of four methods
-#: on complete surfaces of TOSCA, over twelve draws.
+#: Standard errors of means over three draws of the codebook, for records that do not hold theirs:
+#: those of four methods on complete surfaces of TOSCA, over twelve draws.
 DRAW_ERRORS = {"NN": 0.011, "FT": 0.004, "ST": 0.006, "DCG": 0.003}
 
 
@@ -60,7 +63,8 @@ class Scored:
     Parameters
     ----------
     records
-        Records with scores, by gallery; several of a gallery are trainings, over which it is averaged.
+        Records with scores, by gallery; several of a gallery are trainings, over which it is
+        averaged.
     missing
         Names of galleries without scores, which count as 0.
     values
@@ -80,8 +84,13 @@ class Scored:
     @cached_property
     def of_galleries(self) -> NDArray[np.float64]:
         """Scores of each gallery, means over trainings, shape (galleries, measures); 0 for a missing one."""
-        each = [[[r.scores[name] for name in MEASURES] for r in records] for records in self.records.values()]
-        return np.array([*(np.mean(of, axis=0) for of in each), *[np.zeros(len(MEASURES))] * len(self.missing)])
+        each = [
+            [[r.scores[name] for name in MEASURES] for r in records]
+            for records in self.records.values()
+        ]
+        return np.array(
+            [*(np.mean(of, axis=0) for of in each), *[np.zeros(len(MEASURES))] * len(self.missing)]
+        )
 
     @cached_property
     def means(self) -> dict[str, float]:
@@ -96,14 +105,24 @@ class Scored:
     @property
     def trainings(self) -> list[NDArray[np.float64]]:
         """Measures of all queries by training; galleries with fewer trainings repeat theirs."""
-        each = [[query_measures([record]) for record in records] for records in self.records.values()]
-        return [np.concatenate([of[k % len(of)] for of in each]) for k in range(max(map(len, each)))]
+        each = [
+            [query_measures([record]) for record in records] for records in self.records.values()
+        ]
+        return [
+            np.concatenate([of[k % len(of)] for of in each]) for k in range(max(map(len, each)))
+        ]
 
     @cached_property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """Interval of each mean of enough classes; see :data:`benchmark.report.statistics.INTERVALS`."""
-        ends = class_intervals(self.values, self.labels) if len({*self.labels}) >= FEWEST_CLASSES else np.empty(0)
-        return {name: (low, high) for name, (low, high) in zip(MEASURES, ends.tolist(), strict=False)}
+        ends = (
+            class_intervals(self.values, self.labels)
+            if len({*self.labels}) >= FEWEST_CLASSES
+            else np.empty(0)
+        )
+        return {
+            name: (low, high) for name, (low, high) in zip(MEASURES, ends.tolist(), strict=False)
+        }
 
     @property
     def is_complete(self) -> bool:
@@ -124,7 +143,9 @@ class Scored:
     def seen_classes(self) -> frozenset[str]:
         """Classes of which a model was trained on a shape, with their gallery."""
         records = self.all_records
-        return frozenset(f"{record.gallery} {label}" for record in records for label in seen_classes(record))
+        return frozenset(
+            f"{record.gallery} {label}" for record in records for label in seen_classes(record)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +260,9 @@ class TableView:
     def caption(self) -> str:
         """Caption with the data; it says if they are a stand-in."""
         quick = ", quick run with some of the poses" if self.quick else ""
-        is_named = any(f"{mark}{self.title}" in self.table.caption for mark in " /")  # a folder is its own table
+        is_named = any(
+            f"{mark}{self.title}" in self.table.caption for mark in " /"
+        )  # a folder is its own table
         named = "" if is_named else f": {self.title}"
         return f"{self.table.caption}{named} ({self.size}{quick}){self.by.caption}"
 
@@ -254,9 +277,13 @@ class TableView:
     @cached_property
     def chance(self) -> dict[str, dict[str, float]]:
         """Scores of a random order, by column: means over galleries."""
-        each = {title: [chance_levels(one.labels, one.targets) for one in of] for title, of in self.samples.items()}
+        each = {
+            title: [chance_levels(one.labels, one.targets) for one in of]
+            for title, of in self.samples.items()
+        }
         return {
-            title: {name: statistics.fmean(one[name] for one in of) for name in MEASURES} for title, of in each.items()
+            title: {name: statistics.fmean(one[name] for one in of) for name in MEASURES}
+            for title, of in each.items()
         }
 
     @cached_property
@@ -267,12 +294,19 @@ class TableView:
     @property
     def groups(self) -> list[str]:
         """Titles of the groups of scores: the paper's, ours, and ranks by a second scorer."""
-        return [*[PAPER] * bool(self.paper), *(column.title for column in self.columns), *[SECOND] * bool(self.ranks)]
+        return [
+            *[PAPER] * bool(self.paper),
+            *(column.title for column in self.columns),
+            *[SECOND] * bool(self.ranks),
+        ]
 
     @property
     def has_ranks(self) -> bool:
         """Whether a second scorer belongs to the table: it is III or III-view of TOSCA, by the default scorer."""
-        return (self.table.part_of or self.table.identifier, self.dataset) == ("III", "tosca") and not self.by.caption
+        return (self.table.part_of or self.table.identifier, self.dataset) == (
+            "III",
+            "tosca",
+        ) and not self.by.caption
 
     @cached_property
     def ranks(self) -> dict[str, dict[str, tuple[int, int]]]:
@@ -280,10 +314,18 @@ class TableView:
         ranks: dict[str, dict[str, tuple[int, int]]] = {}
         input_, title = "view" if self.table.part_of else "mesh", self.columns[0].title
         for name in MEASURES if self.has_ranks else ():
-            each = [two_scorers().get((input_, scorer, name), {}) for scorer in (DEFAULT_SCORER, "spherical-harmonics")]
+            each = [
+                two_scorers().get((input_, scorer, name), {})
+                for scorer in (DEFAULT_SCORER, "spherical-harmonics")
+            ]
             for row in self.rows:
-                if abs(self.scores(row, title).get(name, np.nan) - each[0].get(row.method, np.nan)) < 1e-6:
-                    first, second = (1 + sum(of[row.method] < score for score in of.values()) for of in each)
+                if (
+                    abs(self.scores(row, title).get(name, np.nan) - each[0].get(row.method, np.nan))
+                    < 1e-6
+                ):
+                    first, second = (
+                        1 + sum(of[row.method] < score for score in of.values()) for of in each
+                    )
                     ranks.setdefault(row.method, {})[name] = first, second
         return ranks
 
@@ -307,7 +349,9 @@ class TableView:
         """By column and block, its rivals by method if there are several, and whether their differences are certain."""
         tests = {}
         for column, kind in product(self.columns, BLOCKS):
-            of_block = {row.method: row.scored.get(column.title) for row in self.rows if row.kind == kind}
+            of_block = {
+                row.method: row.scored.get(column.title) for row in self.rows if row.kind == kind
+            }
             rivals = {name: one for name, one in of_block.items() if one and one.is_rival()}
             if len(rivals) > 1:
                 rows = [*rivals.values()]
@@ -331,23 +375,33 @@ class TableView:
 def least_difference(rows: Sequence[Scored]) -> tuple[NDArray[np.float64], str]:
     """Return the difference, by measure, that a certain one must exceed, and what a smaller one may come from.
 
-    It is twice the standard error of a difference over draws of the codebook; between networks, also the largest range
-    of the scores of a row over its seeds and folds. A test over classes says nothing about either.
+    It is twice the standard error of a difference over draws of the codebook; between networks,
+    also the largest range of the scores of a row over its seeds and folds. A test over classes says
+    nothing about either.
     """
     each = [one.all_records for one in rows]
-    errors = [np.square([_draw_errors(record) for record in of]).sum(axis=0) / len(of) ** 2 for of in each]
+    errors = [
+        np.square([_draw_errors(record) for record in of]).sum(axis=0) / len(of) ** 2 for of in each
+    ]
     least = np.asarray(2 * np.sqrt(2 * np.mean(errors, axis=0)))
     if {kind_of(of[0]) for of in each} != {"network"}:
         return least, "within the scatter of codebooks"
-    scores = [[[record.scores[name] for name in MEASURES] for record in of] for of in each if len(of) > 1]
+    scores = [
+        [[record.scores[name] for name in MEASURES] for record in of] for of in each if len(of) > 1
+    ]
     if not scores:
         return np.full(len(MEASURES), np.inf), "one training each"
-    return np.maximum(least, np.max([np.ptp(of, axis=0) for of in scores], axis=0)), "within the spread of trainings"
+    return np.maximum(
+        least, np.max([np.ptp(of, axis=0) for of in scores], axis=0)
+    ), "within the spread of trainings"
 
 
 def _draw_errors(record: Record) -> list[float]:
     is_default = record.scorer.partition("[")[0] == DEFAULT_SCORER
-    return [(record.draw_errors or (DRAW_ERRORS if is_default else {})).get(name, 0.0) for name in MEASURES]
+    return [
+        (record.draw_errors or (DRAW_ERRORS if is_default else {})).get(name, 0.0)
+        for name in MEASURES
+    ]
 
 
 def table_views(
@@ -363,7 +417,8 @@ def table_views(
     Parameters
     ----------
     records
-        Records of one scorer and seed, one a job; see :func:`benchmark.report.frames.chosen_records`.
+        Records of one scorer and seed, one a job; see
+        :func:`benchmark.report.frames.chosen_records`.
     tables
         Identifiers of tables, whose companions are added; empty for all.
     methods
@@ -386,10 +441,17 @@ def table_views(
                 by_table.setdefault((table, main), []).append(record)
     order = {table: place for place, table in enumerate(TABLES)}
     own = [
-        key for key, of in by_table.items() if not key[0].is_cross or any(record.gallery_of_queries for record in of)
+        key
+        for key, of in by_table.items()
+        if not key[0].is_cross or any(record.gallery_of_queries for record in of)
     ]
-    keys = sorted(own, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1]))
-    every = [replace(_view(table, main, by_table[table, main], shown, by), never_ran=paper) for table, main in keys]
+    keys = sorted(
+        own, key=lambda key: (order.get(key[0], len(order)), key[0].dataset != key[1], key[1])
+    )
+    every = [
+        replace(_view(table, main, by_table[table, main], shown, by), never_ran=paper)
+        for table, main in keys
+    ]
     views = [view for view in every if any(row.scored or row.failed for row in view.rows)]
     return [view for view in views if not wanted or sets or _is_preferred(view, views)]
 
@@ -410,20 +472,31 @@ def _marks(rivals: Sequence[Scored], certain: NDArray[np.bool_]) -> NDArray[np.s
 def _is_preferred(view: TableView, views: Sequence[TableView]) -> bool:
     """Return whether a table that was asked for is shown on this data: where it ran here, else the official ones."""
     rivals = [other for other in views if other.table == view.table]
-    here = [other for other in rivals if any(row.scored and not row.is_published for row in other.rows)]
+    here = [
+        other for other in rivals if any(row.scored and not row.is_published for row in other.rows)
+    ]
     return view in here if here else view is rivals[0]
 
 
-def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozenset[str], by: ScoredBy) -> TableView:
+def _view(
+    table: Table, dataset: str, records: Sequence[Record], shown: frozenset[str], by: ScoredBy
+) -> TableView:
     """Return one table with its rows, of which none may have scores or have failed."""
     current = {gallery: _of_newest_version(of) for gallery, of in by_gallery(records).items()}
     newest = [record for of in current.values() for record in of]
-    left_out = [f"{r.method} on {r.gallery}, {r.input}" for r in records if r not in current[r.gallery]]
+    left_out = [
+        f"{r.method} on {r.gallery}, {r.input}" for r in records if r not in current[r.gallery]
+    ]
     sample = next((record for record in newest if record.data.name == dataset), newest[0])
-    samples = {gallery: next((record for record in of if record.labels), of[0]) for gallery, of in current.items()}
+    samples = {
+        gallery: next((record for record in of if record.labels), of[0])
+        for gallery, of in current.items()
+    }
     labels = {gallery: ranked_classes(record) for gallery, record in samples.items()}
     quick = sample.data.quick
-    galleries = {column: _galleries(table, column, dataset, labels, quick=quick) for column in table.columns}
+    galleries = {
+        column: _galleries(table, column, dataset, labels, quick=quick) for column in table.columns
+    }
     printed = PRINTED[table.identifier] if table.has_paper and not quick else {}
     rows = {method: list[Record]() for method in printed}
     for record in newest:
@@ -432,26 +505,47 @@ def _view(table: Table, dataset: str, records: Sequence[Record], shown: frozense
             rows.setdefault(row_of(record), []).append(record)
     every = _excuse([_row(method, of, galleries, labels) for method, of in rows.items()])
     listed = [row for row in every if row.scored or row.failed or row.method in printed]
-    listed = _arranged(listed, {method: place for place, method in enumerate(dict.fromkeys([*printed, *TITLES]))})
+    listed = _arranged(
+        listed, {method: place for place, method in enumerate(dict.fromkeys([*printed, *TITLES]))}
+    )
     titles = Counter(row.title for row in listed)
-    listed = [replace(row, title=f"{row.title} ({row.method})") if titles[row.title] > 1 else row for row in listed]
-    ranked = {column: [samples[name] for name in names if name in samples] for column, names in galleries.items()}
+    listed = [
+        replace(row, title=f"{row.title} ({row.method})") if titles[row.title] > 1 else row
+        for row in listed
+    ]
+    ranked = {
+        column: [samples[name] for name in names if name in samples]
+        for column, names in galleries.items()
+    }
     known = [column for column in table.columns if ranked[column]]
     scored = tuple(column for column in known if any(column.title in row.scored for row in listed))
     columns = scored or tuple(sorted(known, key=lambda column: column.input != sample.input)[:1])
     return TableView(
-        table, dataset, _title(sample), quick, columns, {column.title: ranked[column] for column in known},
-        tuple(listed), printed, shown, tuple(dict.fromkeys(left_out)), by,
-    )  # fmt: skip
+        table,
+        dataset,
+        _title(sample),
+        quick,
+        columns,
+        {column.title: ranked[column] for column in known},
+        tuple(listed),
+        printed,
+        shown,
+        tuple(dict.fromkeys(left_out)),
+        by,
+    )
 
 
 def _of_newest_version(records: Sequence[Record]) -> list[Record]:
     """Return the records of a gallery that rank the same shapes as its newest local one, or newest published one."""
-    newest = max(records, key=lambda record: (record.status == "ok", not record.published, record.finished))
+    newest = max(
+        records, key=lambda record: (record.status == "ok", not record.published, record.finished)
+    )
     return [record for record in records if record.gallery_digest == newest.gallery_digest]
 
 
-def _galleries(table: Table, column: Column, dataset: str, known: Container[str], *, quick: bool) -> list[str]:
+def _galleries(
+    table: Table, column: Column, dataset: str, known: Container[str], *, quick: bool
+) -> list[str]:
     """Return the names of the galleries of a column; a quick run has only the first fold."""
     sets = table.stand_ins if column.over_draws and dataset in table.stand_ins else (dataset,)
     names = [gallery_name(name, part, quick=quick) for name in sets for part in column.parts]
@@ -459,10 +553,14 @@ def _galleries(table: Table, column: Column, dataset: str, known: Container[str]
 
 
 def _row(
-    method: str, records: Sequence[Record], galleries: Mapping[Column, Sequence[str]],
+    method: str,
+    records: Sequence[Record],
+    galleries: Mapping[Column, Sequence[str]],
     labels: Mapping[str, Sequence[str]],
-) -> Row:  # fmt: skip
-    kind: Kind = kind_of(records[0]) if records else "network" if method.startswith("learned") else "form"
+) -> Row:
+    kind: Kind = (
+        kind_of(records[0]) if records else "network" if method.startswith("learned") else "form"
+    )
     first = min(records, key=lambda record: len(record.method), default=None)
     title = TITLES.get(method) or (brief(first.title) if first else method)
     scored, failed = {}, {}
@@ -480,7 +578,11 @@ def _row(
             scored[column.title] = Scored(having, missing, np.concatenate(values), classes)
         if of_failed := [record for record in part if record.status != "ok"]:
             failed[column.title] = of_failed
-    chosen = {name: value for name, value in first.parameters.items() if f"{name}=" not in AVERAGED} if first else {}
+    chosen = (
+        {name: value for name, value in first.parameters.items() if f"{name}=" not in AVERAGED}
+        if first
+        else {}
+    )
     return Row(method, title, kind, scored, failed, chosen, first.defaults if first else {})
 
 
@@ -491,7 +593,13 @@ def _excuse(rows: Sequence[Row]) -> list[Row]:
         for title, one in row.scored.items():
             lacking[title, row.kind] = lacking.get((title, row.kind), one.refused) & one.refused
     return [
-        replace(row, scored={name: replace(one, excused=lacking[name, row.kind]) for name, one in row.scored.items()})
+        replace(
+            row,
+            scored={
+                name: replace(one, excused=lacking[name, row.kind])
+                for name, one in row.scored.items()
+            },
+        )
         for row in rows
     ]
 
@@ -504,11 +612,18 @@ def _arranged(rows: Sequence[Row], order: Mapping[str, int]) -> list[Row]:
             swept.setdefault(row.base, {}).update(dict.fromkeys(row.parameters))
     placed = []
     for row in rows:
-        values = {name: {**row.defaults, **row.parameters}.get(name) for name in swept.get(row.base, ())}
-        ranks = [(0, value, "") if isinstance(value, int | float) else (1, 0, str(value)) for value in values.values()]
+        values = {
+            name: {**row.defaults, **row.parameters}.get(name) for name in swept.get(row.base, ())
+        }
+        ranks = [
+            (0, value, "") if isinstance(value, int | float) else (1, 0, str(value))
+            for value in values.values()
+        ]
         place = order.get(row.method, order.get(row.base, len(order)))
         key = list(BLOCKS).index(row.kind), place, row.title.partition(" (")[0], ranks, row.title
-        texts = [f"{name}={format_value(row.defaults[name])}" for name in values if name in row.defaults]
+        texts = [
+            f"{name}={format_value(row.defaults[name])}" for name in values if name in row.defaults
+        ]
         own = row.title.removesuffix(")") + ", " if row.parameters else f"{row.title} ("
         placed.append((key, replace(row, title=f"{own}{', '.join(texts)})") if texts else row))
     return [row for _, row in sorted(placed, key=lambda pair: pair[0])]
@@ -525,19 +640,26 @@ def _input(column: Column, kind: Kind, available: set[str]) -> str:
 def seen_classes(record: Record) -> set[str]:
     """Return the classes of which a model of a record was trained on a shape."""
     seen = frozenset(record.seen)
-    return {label for shape, label in zip(record.shapes, record.labels, strict=True) if shape in seen}
+    return {
+        label for shape, label in zip(record.shapes, record.labels, strict=True) if shape in seen
+    }
 
 
 def ranked_classes(record: Record) -> list[str]:
     """Return the classes of the queries that have something to find; the others count nowhere."""
-    return [label for label, counts in zip(record.labels, record.are_queries, strict=True) if counts]
+    return [
+        label for label, counts in zip(record.labels, record.are_queries, strict=True) if counts
+    ]
 
 
 def query_measures(records: Sequence[Record], labels: Sequence[str] = ()) -> NDArray[np.float64]:
     """Return the measures of each query of a gallery, averaged over trainings; 0 without records."""
     if not records:
         return np.zeros((len(labels), len(MEASURES)))
-    each = [np.array([record.per_query[name] for name in MEASURES], dtype=np.float64).T for record in records]
+    each = [
+        np.array([record.per_query[name] for name in MEASURES], dtype=np.float64).T
+        for record in records
+    ]
     values = np.mean(each, axis=0)
     return np.asarray(values[~np.isnan(values).any(axis=1)])
 

@@ -1,7 +1,8 @@
 """What of the paper holds: its figures for TOSCA, the only official set here, and its claims.
 
-:data:`TOLERANCE` was committed with its first outcome (394cbf19), a day after our scores of TOSCA (769b38d8). Stand-ins
-give no verdicts on figures, because an equal figure on other data shows nothing; claims and orders can be compared.
+:data:`TOLERANCE` was committed with its first outcome (394cbf19), a day after our scores of TOSCA
+(769b38d8). Stand-ins give no verdicts on figures, because an equal figure on other data shows
+nothing; claims and orders can be compared.
 """
 
 from __future__ import annotations
@@ -22,8 +23,8 @@ from benchmark.report.frames import hundredths, kind_of
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, permutation_test
 from benchmark.report.tables import SAME, Scored, TableView, least_difference, query_measures
 
-#: Largest difference of a reproduced score from the paper's: two hundredths more than the standard deviation of NN over
-#: draws of the codebook on a hundred shapes (median .026).
+#: Largest difference of a reproduced score from the paper's: two hundredths more than the standard
+#: deviation of NN over draws of the codebook on a hundred shapes (median .026).
 TOLERANCE = 0.05
 
 
@@ -34,7 +35,12 @@ def classical_figures(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame]
     """
     for view in views:
         if (view.table.identifier, view.dataset) == ("III", "tosca"):
-            complete = {row.method: one.means for row in view.rows for one in row.scored.values() if one.is_complete}
+            complete = {
+                row.method: one.means
+                for row in view.rows
+                for one in row.scored.values()
+                if one.is_complete
+            }
             printed = DataFrame({name: PRINTED["III"][name] for name in CLASSICAL}).T
             return printed, DataFrame(complete, index=MEASURES).T.reindex(index=printed.index)
     return None
@@ -72,14 +78,16 @@ class AssessedClaim:
     claim
         The claim.
     decision
-        Supported: the row leads in every comparison, and each lead is certain. Contradicted: it is certainly behind in
-        at least one. Undecided: neither. Not decidable: too few classes. Not comparable.
+        Supported: the row leads in every comparison, and each lead is certain. Contradicted: it is
+        certainly behind in at least one. Undecided: neither. Not decidable: too few classes. Not
+        comparable.
     queries, n_queries
         Queries of classes that no compared row has seen in training, and all queries.
     leads, certain, n_comparisons
         Comparisons (rows times measures) in which it leads, that are certain, and all.
     trainings
-        Choices of a seed for each row, times folds, all of which have to agree; 0 without a network.
+        Choices of a seed for each row, times folds, all of which have to agree; 0 without a
+        network.
     """
 
     claim: Claim
@@ -107,7 +115,9 @@ def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
     labels = [rows[0].labels[place] for place in unseen]
     if not unseen:
         return AssessedClaim(claim, "not comparable", 0, len(rows[0].labels))
-    leads, certain, trainings = _leads(rows, labels, np.ix_(unseen, [MEASURES.index(name) for name in claim.measures]))
+    leads, certain, trainings = _leads(
+        rows, labels, np.ix_(unseen, [MEASURES.index(name) for name in claim.measures])
+    )
     decision = "undecided"
     if (n_classes := len(set(labels))) < FEWEST_CLASSES:
         decision = f"not decidable: {n_classes} classes"
@@ -124,14 +134,24 @@ def _leads(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], int]:
     """Return the total leads of the first row, which of them are certain, and the trainings that must agree on these.
 
-    A lead is certain if it is so with each choice of one seed for each row. Each fold of a network is a network of its
-    own, and must have the same sign.
+    A lead is certain if it is so with each choice of one seed for each row. Each fold of a network
+    is a network of its own, and must have the same sign.
     """
     is_network = any(kind_of(one.all_records[0]) == "network" for one in rows)
-    sizes = [len(query_measures(of)) for of in rows[0].records.values()] if is_network else [len(rows[0].labels)]
+    sizes = (
+        [len(query_measures(of)) for of in rows[0].records.values()]
+        if is_network
+        else [len(rows[0].labels)]
+    )
     folds = np.repeat(np.arange(len(sizes)), sizes)[chosen[0].ravel()]
-    lead, least = _lead(np.array([one.values[chosen] for one in rows])), least_difference(rows)[0][chosen[1].ravel()]
-    certain, choices = np.abs(lead) / len(labels) > least + SAME, [*product(*(one.trainings for one in rows))]
+    lead, least = (
+        _lead(np.array([one.values[chosen] for one in rows])),
+        least_difference(rows)[0][chosen[1].ravel()],
+    )
+    certain, choices = (
+        np.abs(lead) / len(labels) > least + SAME,
+        [*product(*(one.trainings for one in rows))],
+    )
     for trainings in choices:
         values = np.array([training[chosen] for training in trainings])
         certain &= permutation_test(values, labels)[0, 1:] < ALPHA
@@ -147,7 +167,10 @@ def _lead(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def claims(views: Sequence[TableView]) -> list[AssessedClaim]:
     """Judge the paper's claims, all methods on one view, on official data or the stand-in."""
     first = {view.table.identifier: view for view in reversed(views)}
-    return [assess(claim, first.get("IV" if claim.table == "IV" else f"{claim.table}-view")) for claim in CLAIMS]
+    return [
+        assess(claim, first.get("IV" if claim.table == "IV" else f"{claim.table}-view"))
+        for claim in CLAIMS
+    ]
 
 
 def verdicts_markdown(views: Sequence[TableView]) -> str:
@@ -160,18 +183,23 @@ def verdicts_markdown(views: Sequence[TableView]) -> str:
         near = is_near(printed.to_numpy(), ours.to_numpy())
         lines += wrap(
             f"Table III, TOSCA, complete surfaces: {near.sum()} of {near.size} classical figures are reproduced (`=`, "
-            f"at most .05 apart). {_exchanged(printed, ours)}Each cell: the paper's figure, ours.", 100,
-        )  # fmt: skip
+            f"at most .05 apart). {_exchanged(printed, ours)}Each cell: the paper's figure, ours.",
+            100,
+        )
         cells = printed.map(hundredths) + " " + ours.map(hundredths) + np.where(near, " =", "")
-        body = [[TITLES[str(name)], *of_row] for name, of_row in zip(cells.index, cells.to_numpy(), strict=True)]
+        body = [
+            [TITLES[str(name)], *of_row]
+            for name, of_row in zip(cells.index, cells.to_numpy(), strict=True)
+        ]
         lines += ["", *markdown_table(["Method", *MEASURES], body), ""]
     lines += wrap(
         "The paper's claims, all methods on one depth view. Queries: those of classes on which no compared network was "
         "trained. Leads: comparisons (rows times measures) in which the row is ahead; certain: those significant among "
         "these rows and measures, in either direction (5 %; studentised permutation test over whole classes), larger "
         "than codebooks and trainings scatter, and of one sign in all trainings: seeds of the networks times folds. "
-        f"Below {FEWEST_CLASSES} classes, nothing is decided.", 100,
-    )  # fmt: skip
+        f"Below {FEWEST_CLASSES} classes, nothing is decided.",
+        100,
+    )
     rows = []
     for one in claims(views):
         is_tested = one.decision in ("supported", "contradicted", "undecided")

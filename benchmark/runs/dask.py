@@ -52,14 +52,20 @@ class DaskPool:
 
     def __init__(self, url: str, timeout: float) -> None:
         if find_spec("distributed") is None:
-            raise ConfigurationError("--dask needs the package distributed", "pip install 'dask[distributed]'")
+            raise ConfigurationError(
+                "--dask needs the package distributed", "pip install 'dask[distributed]'"
+            )
         from distributed import Client
 
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # this module reports errors itself
+        logging.getLogger("distributed").setLevel(
+            logging.CRITICAL
+        )  # this module reports errors itself
         try:
             self._client = Client(url, timeout=10, set_as_default=False)
         except Exception as error:  # the type depends on the kind of address
-            raise ConfigurationError(f"no dask scheduler answers at {url}", "start one or correct --dask") from error
+            raise ConfigurationError(
+                f"no dask scheduler answers at {url}", "start one or correct --dask"
+            ) from error
         self._timeout, self._run = timeout, secrets.token_hex(8)
         self._tasks: dict[Any, Task] = {}
         self._process = ""
@@ -74,7 +80,9 @@ class DaskPool:
         threads = max(sum(self._client.nthreads().values()), 1)
         while len(self._tasks) < 2 * threads and (task := queue.take_any([self._process])):
             self._process = task.process  # the next one of the same may find its process at work
-            future = self._client.submit(run_in_worker, task, self._run, self._timeout, threads, pure=False, retries=0)
+            future = self._client.submit(
+                run_in_worker, task, self._run, self._timeout, threads, pure=False, retries=0
+            )
             self._tasks[future] = task
         done = [future for future in self._tasks if future.done()]
         if not done:

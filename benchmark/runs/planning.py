@@ -19,7 +19,15 @@ from benchmark.pipeline.cache import Stage
 from benchmark.pipeline.data_names import path_of
 from benchmark.pipeline.prepared import PreparedShapes
 from benchmark.pipeline.ranking import STAGES
-from benchmark.pipeline.records import SUITE_RESULTS, RankedShapes, Record, Row, key_at, read_records, record_of
+from benchmark.pipeline.records import (
+    SUITE_RESULTS,
+    RankedShapes,
+    Record,
+    Row,
+    key_at,
+    read_records,
+    record_of,
+)
 from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import NoFolds
@@ -27,7 +35,9 @@ from benchmark.registry import Component, select, select_one
 from benchmark.runs.tasks import CODE, Job, Step, code_of_step
 from benchmark.text import EVERY, clean, listed
 
-State = Literal["finished", "failed", "missing", "stale", "incomplete", "unavailable", "unsupported"]
+State = Literal[
+    "finished", "failed", "missing", "stale", "incomplete", "unavailable", "unsupported"
+]
 
 #: Trained model of each view of a gallery; None for a method that does not learn.
 Models = Sequence[Model | None]
@@ -42,8 +52,8 @@ class Planned:
     sides
         What it is at its queries, and at the shapes of the gallery if these are others.
     frames, codes
-        Keys of the frames of the camera that are fitted to the sides, "" where none is; digest of the code that makes
-        files of a stage.
+        Keys of the frames of the camera that are fitted to the sides, "" where none is; digest of
+        the code that makes files of a stage.
     galleries
         The shapes, once for each table that shows them.
     record
@@ -51,10 +61,11 @@ class Planned:
     models
         Folder of the trained model for each shape.
     state, reason
-        ``finished``: it has a record. ``failed``: its record says that it failed. ``stale``: its record is of other
-        code, data or parameters; the reason names them. ``incomplete``: shapes have no result for a reason that is not
-        in their content. ``missing``: it has no record. ``unavailable``: a package or a trained model is missing.
-        ``unsupported``: the method does not take the input.
+        ``finished``: it has a record. ``failed``: its record says that it failed. ``stale``: its
+        record is of other code, data or parameters; the reason names them. ``incomplete``: shapes
+        have no result for a reason that is not in their content. ``missing``: it has no record.
+        ``unavailable``: a package or a trained model is missing. ``unsupported``: the method does
+        not take the input.
     before
         The record that its own replaces.
     is_pending
@@ -79,8 +90,12 @@ class Planned:
             first = (Step(job, "prepared", frame),) if frame else ()
             for number, (shape, keys) in enumerate(zip(side.file_names, side.keys, strict=True)):
                 source_shape, model = side.shapes[number // side.views], next(models)
-                of_shape = partial(Step, job, shape=shape, keys=keys, model=model, source_shape=source_shape)
-                steps = (of_shape(stage, keys[stage], code=self.codes.get(stage, "")) for stage in keys)
+                of_shape = partial(
+                    Step, job, shape=shape, keys=keys, model=model, source_shape=source_shape
+                )
+                steps = (
+                    of_shape(stage, keys[stage], code=self.codes.get(stage, "")) for stage in keys
+                )
                 chains.append((*first, *steps))
         return chains
 
@@ -144,7 +159,9 @@ def plan_selection(
                 if first is not job:
                     jobs[job.record.key] = replace(first, galleries=(*first.galleries, gallery))
     if not jobs:
-        raise ConfigurationError("no selected method belongs to a selected table", "drop -m, -t or --input")
+        raise ConfigurationError(
+            "no selected method belongs to a selected table", "drop -m, -t or --input"
+        )
     return list(jobs.values())
 
 
@@ -152,9 +169,13 @@ def _check_pair(record: Record) -> None:
     """Raise ``DatasetError`` unless another gallery has two classes, and a query another shape of its own in it."""
     gallery = record.gallery_of_queries
     if gallery and (len({*gallery.labels}) < 2 or not any(record.are_queries)):
-        shown, there = (", ".join(sorted({*labels})[:3]) for labels in (record.labels, gallery.labels))
+        shown, there = (
+            ", ".join(sorted({*labels})[:3]) for labels in (record.labels, gallery.labels)
+        )
         problem = f"nothing can be retrieved: queries are of {shown}, and shapes of {gallery.gallery} of {there}"
-        raise DatasetError(problem, "name the classes of both alike, and give the gallery two or more")
+        raise DatasetError(
+            problem, "name the classes of both alike, and give the gallery two or more"
+        )
 
 
 class _Side(NamedTuple):
@@ -169,7 +190,9 @@ class _Side(NamedTuple):
 def _side_of(gallery: Gallery, input_: Input) -> _Side:
     seen = gallery.seen
     shapes = PreparedShapes(seen.dataset, input_)
-    return _Side(gallery, _absolute(seen.source), shapes, [shapes.key(entry) for entry in seen.entries])
+    return _Side(
+        gallery, _absolute(seen.source), shapes, [shapes.key(entry) for entry in seen.entries]
+    )
 
 
 @dataclass
@@ -184,11 +207,15 @@ class _Planning:
 
     def __post_init__(self) -> None:
         self._key, self._code = cache(Component.key), cache(Component.code)
-        self._forms, self._ranking = (code_of_modules([CODE[stage]]) for stage in ("forms", "records"))
+        self._forms, self._ranking = (
+            code_of_modules([CODE[stage]]) for stage in ("forms", "records")
+        )
         self._code_of_step = cache(code_of_step)
         self._records = {record.row: record for record in self.records if not record.published}
 
-    def jobs(self, gallery: Gallery, input_: Input, methods: Iterable[Component]) -> Iterator[Planned]:
+    def jobs(
+        self, gallery: Gallery, input_: Input, methods: Iterable[Component]
+    ) -> Iterator[Planned]:
         """Yield the job of each method with its state."""
         facts, sides = gallery_facts(gallery, input_), [_side_of(gallery, input_)]
         if other := gallery.gallery_of_queries:
@@ -199,28 +226,54 @@ class _Planning:
     def _job(self, facts: dict[str, Any], sides: Sequence[_Side], method: Component) -> Planned:
         gallery, paths = sides[0].gallery, tuple(path_of(side.gallery.source) for side in sides)
         scorer = None if method.missing_packages() or method.describes else self.scorer
-        row = Row(gallery.name, facts["input"], method.name, self.seed, scorer.name if scorer else "", paths)
+        row = Row(
+            gallery.name,
+            facts["input"],
+            method.name,
+            self.seed,
+            scorer.name if scorer else "",
+            paths,
+        )
         before = self._records.get(row)
         state, reason, models, seen = self._models(sides, method)
         content = facts | self._facts(method, scorer)
         content |= {"key": digest(["unavailable", row]), "seen": seen}
-        content["models"] = [model.summary() for model in dict.fromkeys(filter(None, chain(*models)))]
+        content["models"] = [
+            model.summary() for model in dict.fromkeys(filter(None, chain(*models)))
+        ]
         codes: dict[Stage, str] = {}
         if state is None:
             codes = self._codes(method, scorer)
-            files = [self._files(side.prepared, of, method, scorer) for side, of in zip(sides, models, strict=True)]
+            files = [
+                self._files(side.prepared, of, method, scorer)
+                for side, of in zip(sides, models, strict=True)
+            ]
             keys = [keys for of_side in files for keys in zip(*of_side.values(), strict=True)]
             titles = [method.title, scorer.title if scorer else ""]
-            result_key = digest([row._replace(paths=()), titles, facts["gallery_digest"], keys, self._ranking])
-            parts = self._parts(sides, models, method, scorer) | {"the data": facts["gallery_digest"]}
-            content |= {"key": key_at(result_key, paths), "result_key": result_key, "parts": parts, "files": files[0]}
+            result_key = digest(
+                [row._replace(paths=()), titles, facts["gallery_digest"], keys, self._ranking]
+            )
+            parts = self._parts(sides, models, method, scorer) | {
+                "the data": facts["gallery_digest"]
+            }
+            content |= {
+                "key": key_at(result_key, paths),
+                "result_key": result_key,
+                "parts": parts,
+                "files": files[0],
+            }
             if sides[1:]:
                 content["against"] = facts["against"] | {"files": files[1]}
             state, reason = _state(before, content["key"], parts)
         data_root = gallery.data_root and gallery.data_root.absolute()
-        job = Job(content["key"], row, sides[0].source, data_root, method, self.scorer, self.results)
+        job = Job(
+            content["key"], row, sides[0].source, data_root, method, self.scorer, self.results
+        )
         return Planned(
-            tuple(replace(job, source=side.source, row=row._replace(input=side.shapes.input)) for side in sides),
+            tuple(
+                replace(job, source=side.source, row=row._replace(input=side.shapes.input))
+                for side in sides
+            ),
             tuple(side.shapes.frame_key for side in sides),
             codes,
             (gallery,),
@@ -232,14 +285,21 @@ class _Planning:
             is_pending=state in ("missing", "stale", "incomplete", *self.rerun),
         )
 
-    def _models(self, sides: Sequence[_Side], method: Component) -> tuple[State | None, str, list[Models], list[str]]:
+    def _models(
+        self, sides: Sequence[_Side], method: Component
+    ) -> tuple[State | None, str, list[Models], list[str]]:
         """Return why a job cannot run, the model of each view of each side, and the queries seen in training."""
         obstacles = [_obstacle(side, method, self.results / "models") for side in sides]
-        state, reason = next(((state, reason) for state, reason, _ in obstacles if state), (None, ""))
+        state, reason = next(
+            ((state, reason) for state, reason, _ in obstacles if state), (None, "")
+        )
         gallery, models = sides[0].gallery, [of_side for *_, of_side in obstacles]
         seen = _seen(gallery, models[0])
         if seen and gallery.table.all_unseen:
-            state, reason = "unsupported", f"{len(seen)} shapes were seen in training, such as {seen[0]}"
+            state, reason = (
+                "unsupported",
+                f"{len(seen)} shapes were seen in training, such as {seen[0]}",
+            )
             reason += "; take a model of another training"
         return state, reason, models, seen
 
@@ -261,7 +321,9 @@ class _Planning:
     def _codes(self, method: Component, scorer: Component | None) -> dict[Stage, str]:
         of_stages: dict[Stage, Component] = {"forms": method, "records": scorer or method}
         of_stages |= {"signatures": scorer} if scorer else {}
-        return {stage: self._code_of_step(component, stage) for stage, component in of_stages.items()}
+        return {
+            stage: self._code_of_step(component, stage) for stage, component in of_stages.items()
+        }
 
     def _files(
         self, prepared: list[str], models: Models, method: Component, scorer: Component | None
@@ -275,7 +337,11 @@ class _Planning:
         return {"prepared": prepared, "forms": forms, "signatures": signatures}
 
     def _parts(
-        self, sides: Sequence[_Side], models: Sequence[Models], method: Component, scorer: Component | None
+        self,
+        sides: Sequence[_Side],
+        models: Sequence[Models],
+        method: Component,
+        scorer: Component | None,
     ) -> dict[str, str]:
         """Return what determines the scores, by names that a user understands."""
         parts = self._code(method) | self._forms | self._ranking
@@ -284,8 +350,12 @@ class _Planning:
             parts = side.shapes.code | parts | {"the camera": side.shapes.camera_key}
         for name, component in (("its", method), ("the scorer's", self.scorer)):
             parts[f"{name} title"] = component.info.title
-            parts[f"{name} parameters"] = json.dumps(dict(component.parameters), sort_keys=True, default=str)
-        return parts | {f"the model {model.training}": model.digest for model in chain(*models) if model}
+            parts[f"{name} parameters"] = json.dumps(
+                dict(component.parameters), sort_keys=True, default=str
+            )
+        return parts | {
+            f"the model {model.training}": model.digest for model in chain(*models) if model
+        }
 
 
 def _as_json(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -306,11 +376,20 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
         both = [queries["gallery_digest"], against["gallery_digest"], against["input"], keeps]
         both += filter(None, [gallery.gallery_of_queries.cameras])
         against |= {"views": gallery.gallery_of_queries.n_views}
-        return queries | {"against": against, "keeps_same_names": keeps, "gallery_digest": digest(both)}
+        return queries | {
+            "against": against,
+            "keeps_same_names": keeps,
+            "gallery_digest": digest(both),
+        }
     shapes = gallery.dataset
-    content: list[object] = [(entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries]
+    content: list[object] = [
+        (entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries
+    ]
     if path := path_of(gallery.source):
-        content += [shapes.half_width, *((repr(shapes.camera(of)), repr(shapes.sensor(of))) for of in gallery.entries)]
+        content += [
+            shapes.half_width,
+            *((repr(shapes.camera(of)), repr(shapes.sensor(of))) for of in gallery.entries),
+        ]
     return {
         "gallery": gallery.name,
         "gallery_digest": digest(content),
@@ -329,13 +408,17 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
     }
 
 
-def _obstacle(side: _Side, method: Component, trained_here: Path) -> tuple[State | None, str, Models]:
+def _obstacle(
+    side: _Side, method: Component, trained_here: Path
+) -> tuple[State | None, str, Models]:
     """Return why a job cannot run, as a state with the reason, or None with the model of each view."""
     gallery, input_, none = side.gallery, side.shapes.input, [None] * len(side.prepared)
     if missing := method.missing_packages():
         return "unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}", none
     if input_ not in method.info.inputs:
-        hint = "; pass --gallery-views 12 to see meshes as views" if gallery.gallery_of_queries else ""
+        hint = (
+            "; pass --gallery-views 12 to see meshes as views" if gallery.gallery_of_queries else ""
+        )
         return "unsupported", f"does not take the {input_} input{hint}", none
     try:
         model_of = gallery.models(method, trained_here)
@@ -343,13 +426,25 @@ def _obstacle(side: _Side, method: Component, trained_here: Path) -> tuple[State
         return "unavailable", str(error), none
     except (NoFolds, TooNear) as error:
         return "unsupported", str(error), none
-    return None, "", [model_of.get(entry.identifier) for entry in gallery.entries for _ in range(gallery.n_views)]
+    return (
+        None,
+        "",
+        [
+            model_of.get(entry.identifier)
+            for entry in gallery.entries
+            for _ in range(gallery.n_views)
+        ],
+    )
 
 
 def _seen(gallery: Gallery, models: Models) -> list[str]:
     """Return the names of the shapes that the model for them was trained on."""
     pairs = zip(gallery.entries, models, strict=True)
-    return [entry.identifier for entry, model in pairs if model and model.has_seen(entry, gallery.dataset.name)]
+    return [
+        entry.identifier
+        for entry, model in pairs
+        if model and model.has_seen(entry, gallery.dataset.name)
+    ]
 
 
 def _state(record: Record | None, key: str, parts: Mapping[str, str]) -> tuple[State, str]:
@@ -357,21 +452,33 @@ def _state(record: Record | None, key: str, parts: Mapping[str, str]) -> tuple[S
     if record is None:
         return "missing", "never run"
     if record.key != key and record.parts.get("its code"):
-        return "stale", "it ran in the process of a program, or with -j 0, of which nothing is reused"
+        return (
+            "stale",
+            "it ran in the process of a program, or with -j 0, of which nothing is reused",
+        )
     if record.key != key:
         return "stale", describe_change(record.parts, parts)
     if record.status == "incomplete":
         return "incomplete", record.reason
-    return ("finished", record.refusals) if record.status == "ok" else ("failed", f"{record.status}: {record.reason}")
+    return (
+        ("finished", record.refusals)
+        if record.status == "ok"
+        else ("failed", f"{record.status}: {record.reason}")
+    )
 
 
 def describe_change(before: Mapping[str, str], now: Mapping[str, str]) -> str:
     """Say which parts of a key changed: ``gps.py, numpy changed``."""
-    changed = [Path(name).name for name in sorted(before.keys() | now.keys()) if before.get(name) != now.get(name)]
+    changed = [
+        Path(name).name
+        for name in sorted(before.keys() | now.keys())
+        if before.get(name) != now.get(name)
+    ]
     return f"{listed(dict.fromkeys(changed)) or 'the code'} changed"
 
 
-# Time ----------------------------------------------------------------------------------------------------------------
+# Time
+# ------------------------------------------------------------------------------------------------
 
 
 class Estimate(NamedTuple):
@@ -381,34 +488,50 @@ class Estimate(NamedTuple):
     unknown: int
 
 
-def estimate(planned: Sequence[Planned], records: Iterable[Record], published: Path = SUITE_RESULTS) -> Estimate:
+def estimate(
+    planned: Sequence[Planned], records: Iterable[Record], published: Path = SUITE_RESULTS
+) -> Estimate:
     """Estimate the work of a plan as if nothing were in the cache; a form that several galleries rank counts once.
 
-    Seconds a shape are those of the same method and input on the same gallery or data set, otherwise the median over
-    all galleries, of the method with any parameters if need be. Jobs here, in ``records``, count before published ones.
+    Seconds a shape are those of the same method and input on the same gallery or data set,
+    otherwise the median over all galleries, of the method with any parameters if need be. Jobs
+    here, in ``records``, count before published ones.
     """
     pending = [job.record for job in planned if job.is_pending]
     here = [record for record in records if not record.published]
     every = [*read_records(published, local=False), *here] if pending else []
     finished = [record for record in every if record.seconds and not record.gallery_of_queries]
-    unknown, spent = set[str](), dict[str, float]()  # seconds of each file of the cache, which several jobs may take
+    unknown, spent = (
+        set[str](),
+        dict[str, float](),
+    )  # seconds of each file of the cache, which several jobs may take
     for job, side in [(one, of) for one in pending for of in one.sides]:
         seconds = _seconds_a_shape(job.method, side, finished)
         unknown |= set() if seconds else {job.key}
         for stage, keys in side.files.items():
-            of_file = seconds.get(STAGES[stage], 0.0) + (seconds.get("geodesics", 0.0) if stage == "prepared" else 0.0)
+            of_file = seconds.get(STAGES[stage], 0.0) + (
+                seconds.get("geodesics", 0.0) if stage == "prepared" else 0.0
+            )
             spent |= {key: max(spent.get(key, 0.0), of_file) for key in filter(None, keys)}
-        spent[f"{job.key} {side.gallery}"] = seconds.get(STAGES["records"], 0.0) * len(side.file_names)
+        spent[f"{job.key} {side.gallery}"] = seconds.get(STAGES["records"], 0.0) * len(
+            side.file_names
+        )
     return Estimate(sum(spent.values()), len(unknown))
 
 
-def _seconds_a_shape(method: str, side: RankedShapes, finished: Sequence[Record]) -> dict[str, float]:
+def _seconds_a_shape(
+    method: str, side: RankedShapes, finished: Sequence[Record]
+) -> dict[str, float]:
     """Return seconds by stage; empty if they are unknown."""
     timed = [record for record in finished if record.input == side.input]
     alike = [record for record in timed if record.method == method]
-    alike = alike or [record for record in timed if record.method.partition("[")[0] == method.partition("[")[0]]
+    alike = alike or [
+        record for record in timed if record.method.partition("[")[0] == method.partition("[")[0]
+    ]
     of_gallery = [record for record in alike if record.gallery == side.gallery]
     of_data = of_gallery or [record for record in alike if record.data.name == side.data.name]
     seconds = [record.seconds for record in of_data[-1:] or alike]
     stages = set[str]().union(*seconds)
-    return {stage: statistics.median(of_job.get(stage, 0.0) for of_job in seconds) for stage in stages}
+    return {
+        stage: statistics.median(of_job.get(stage, 0.0) for of_job in seconds) for stage in stages
+    }

@@ -95,7 +95,9 @@ def result_of(job: Planned, ended: Mapping[str, Record]) -> Record | None:
     return None if job.state == "unsupported" else ended.get(job.record.key, job.before)
 
 
-def with_results(records: Sequence[Record], planned: Iterable[Planned], ended: Mapping[str, Record]) -> list[Record]:
+def with_results(
+    records: Sequence[Record], planned: Iterable[Planned], ended: Mapping[str, Record]
+) -> list[Record]:
     """Return records of before a run with those of its jobs in their place; a job that cannot run replaces none."""
     merged = {record.row: record for record in records}
     for job in planned:
@@ -113,7 +115,10 @@ def _workers(size: int, timeout: float, dask: str) -> Any:
         return DaskPool(dask, timeout)
     possible = max(1, min(size, memory_per_process() // _SMALLEST))
     if possible < size:
-        say(f"only {possible} of {size} processes run at a time: there is no memory for more", err=True)
+        say(
+            f"only {possible} of {size} processes run at a time: there is no memory for more",
+            err=True,
+        )
     return Pool(possible, memory_per_process(possible), timeout)
 
 
@@ -163,7 +168,11 @@ class _Run:
 
         Jobs that lack no file go on at once; see :meth:`_finish`.
         """
-        exists, steps, needs = cache(Cache(self.results).has), dict[File, Step](), dict[File, File | None]()
+        exists, steps, needs = (
+            cache(Cache(self.results).has),
+            dict[File, Step](),
+            dict[File, File | None](),
+        )
         for key in keys:
             for of_shape in self.jobs[key].steps():
                 made = [step.file for step in of_shape]
@@ -263,7 +272,9 @@ class _Run:
     def _announce(self, step: Step, reason: str) -> None:
         """Say once why a shape has no result."""
         file, _, problem = reason.partition(": ")
-        is_file = mesh_suffix(Path(file)) in READABLE + EXTENSIONS  # its name when this content was first read
+        is_file = (
+            mesh_suffix(Path(file)) in READABLE + EXTENSIONS
+        )  # its name when this content was first read
         text = problem if is_file else reason
         message = step.job.source, text if text.startswith(step.shape) else f"{step.shape}: {text}"
         if message not in self.announced:
@@ -281,7 +292,9 @@ class _Run:
             **(outcome.content or {"reason": reason, "traceback": outcome.traceback}),
         }
         record, before = record_of(content), planned.before
-        says_less = record.status == "incomplete" or (before is not None and before.key == record.key)
+        says_less = record.status == "incomplete" or (
+            before is not None and before.key == record.key
+        )
         if record.status == "ok" or before is None or before.status != "ok" or not says_less:
             write_record(self.results, record, before.key if before else "")
         del self.jobs[record.key], self.left[record.key]

@@ -1,10 +1,11 @@
 """Tasks, into which jobs are divided, and the program of a worker that runs them.
 
-Each file of the cache is made by one step, in a process of its maker: prepared shapes by the suite, a form by the suite
-or by the plugin of its method, a signature by that of its scorer. So what a plugin changes in its process, such as a
-constant of the suite, changes no file of anybody else.
+Each file of the cache is made by one step, in a process of its maker: prepared shapes by the suite,
+a form by the suite or by the plugin of its method, a signature by that of its scorer. So what a
+plugin changes in its process, such as a constant of the suite, changes no file of anybody else.
 
-Messages of a worker are the name of work that begins and is charged to no method, None when it ends, and outcomes.
+Messages of a worker are the name of work that begins and is charged to no method, None when it
+ends, and outcomes.
 """
 
 from __future__ import annotations
@@ -32,14 +33,22 @@ from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.pipeline import forms
 from benchmark.pipeline.cache import RUNS, Arrays, Cache, Stage, StorageError
 from benchmark.pipeline.outputs import compute_output, sign
-from benchmark.pipeline.prepared import AGAIN, CHANGED, REFUSED, Incomplete, PreparedShapes, last_change
+from benchmark.pipeline.prepared import (
+    AGAIN,
+    CHANGED,
+    REFUSED,
+    Incomplete,
+    PreparedShapes,
+    last_change,
+)
 from benchmark.pipeline.ranking import DamagedFiles, rank
 from benchmark.pipeline.records import Record, Row
 from benchmark.reads import watch_this_process
 from benchmark.registry.components import THIS_PROCESS, Component, watching_component
 from benchmark.text import Printed, clean_lines
 
-#: Modules with the code of the suite that makes files of a stage, beside that of preparation and of the component.
+#: Modules with the code of the suite that makes files of a stage, beside that of preparation and of
+#: the component.
 CODE: Mapping[Stage, str] = {"forms": forms.__name__, "records": rank.__module__}
 
 T = TypeVar("T")
@@ -47,7 +56,8 @@ T = TypeVar("T")
 #: A file of the cache.
 File = tuple[Stage, str]
 
-# What a worker gets and gives ----------------------------------------------------------------------------------------
+# What a worker gets and gives
+# ----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -107,7 +117,11 @@ class Step(NamedTuple):
 
     def __str__(self) -> str:
         work = "preparation" if self.stage == "prepared" else self.job.method.name
-        return f"{work}, {self.shape or 'camera'}" if self.stage != "records" else f"ranking {self.job.row}"
+        return (
+            f"{work}, {self.shape or 'camera'}"
+            if self.stage != "records"
+            else f"ranking {self.job.row}"
+        )
 
     @property
     def file(self) -> File:
@@ -117,7 +131,9 @@ class Step(NamedTuple):
     @property
     def component(self) -> Component:
         """The method or scorer that makes the file, unless preparation does."""
-        return self.job.method if self.stage == "forms" or not self.job.row.scorer else self.job.scorer
+        return (
+            self.job.method if self.stage == "forms" or not self.job.row.scorer else self.job.scorer
+        )
 
     @property
     def process(self) -> str:
@@ -148,9 +164,9 @@ class Outcome(NamedTuple):
     Parameters
     ----------
     status
-        ``"ok"``, ``"refused"`` (the content of the shape), ``"incomplete"`` (no result, for a reason that is neither in
-        the shape nor in the method), ``"stopped"`` (the run cannot go on), or the status of the record of a job that
-        failed.
+        ``"ok"``, ``"refused"`` (the content of the shape), ``"incomplete"`` (no result, for a
+        reason that is neither in the shape nor in the method), ``"stopped"`` (the run cannot go
+        on), or the status of the record of a job that failed.
     reason, traceback
         Why there is no result.
     of_shape
@@ -203,14 +219,15 @@ class Queue:
         return next(filter(None, map(self.take, [*processes, *others])), None)
 
 
-# Steps ---------------------------------------------------------------------------------------------------------------
+# Steps
+# ------------------------------------------------------------------------------------------------
 
 
 class RunContext:
     """What a process keeps in memory for one run: open data sets, methods with their models, and scorers.
 
-    It is made for a run and ends with it, in the program, in a worker and on a cluster alike, so that a later run sees
-    plugins that were edited and files that were written since.
+    It is made for a run and ends with it, in the program, in a worker and on a cluster alike, so
+    that a later run sees plugins that were edited and files that were written since.
 
     Parameters
     ----------
@@ -222,7 +239,9 @@ class RunContext:
         self.uncharged = uncharged
         self._components: dict[tuple[Component, Path | None, str], Any] = {}
         self._open = cache(_open)
-        self._prepare = cache(lambda source, data_root, input_: PreparedShapes(self._open(source, data_root), input_))
+        self._prepare = cache(
+            lambda source, data_root, input_: PreparedShapes(self._open(source, data_root), input_)
+        )
 
     def created(self, step: Step) -> Any:
         """Return the method of a step with its model, or its scorer; raise ``CodeChanged`` if the plan saw another."""
@@ -253,7 +272,9 @@ class CodeChanged(BenchmarkError):
 
 def _check_code(step: Step) -> None:
     if code_of_step(step.component, step.stage) != step.code:
-        raise CodeChanged("its code changed during the run, or is another one on this machine", AGAIN)
+        raise CodeChanged(
+            "its code changed during the run, or is another one on this machine", AGAIN
+        )
 
 
 def _open(source: str, data_root: Path | None) -> ShapeSet:
@@ -297,7 +318,8 @@ class Work:
         Raises
         ------
         KeyboardInterrupt
-            If the run is interrupted, which no method is to blame for; so is ``BdbQuit``, with which a debugger ends.
+            If the run is interrupted, which no method is to blame for; so is ``BdbQuit``, with
+            which a debugger ends.
         """
         try:
             return self._rank(step, self.task.record) if self.task.record else self._make(step)
@@ -310,16 +332,25 @@ class Work:
         except DamagedFiles as error:
             for file in error.files:
                 Cache(step.job.results).remove(*file)
-            return Outcome("incomplete", str(Incomplete(f"a file of {step.shape or 'the gallery'} was damaged")))
+            return Outcome(
+                "incomplete",
+                str(Incomplete(f"a file of {step.shape or 'the gallery'} was damaged")),
+            )
         except Incomplete as error:
-            return Outcome("incomplete", f"{step.shape} {error}".strip(), of_shape=isinstance(error, forms.NoGeodesics))
+            return Outcome(
+                "incomplete",
+                f"{step.shape} {error}".strip(),
+                of_shape=isinstance(error, forms.NoGeodesics),
+            )
         except BaseException as error:  # SystemExit included: a method must not end its worker
             out_of_memory = "out of memory" if isinstance(error, MemoryError) else ""
             if step.stage == "prepared":  # of the suite, so that no method is to blame
                 problem = f"{step.shape or 'the camera'} was not prepared: {out_of_memory or locate(error)}"
                 return Outcome("incomplete", str(Incomplete(problem)))
             if out_of_memory:
-                return Outcome("memory", "out of memory; run with fewer jobs (-j 1) or on a larger machine")
+                return Outcome(
+                    "memory", "out of memory; run with fewer jobs (-j 1) or on a larger machine"
+                )
             if isinstance(error, BenchmarkError):
                 return Outcome("failed", str(error))
             return Outcome("failed", locate(error), clean_lines(traceback.format_exc()))
@@ -329,15 +360,24 @@ class Work:
         before, make = self._MAKERS[step.stage]
         arrays = self._read(step, before) if before else {}
         if REFUSED not in arrays:
-            arrays = Cache(step.job.results).get(step.stage, step.key, lambda: self._watched(step, make))
+            arrays = Cache(step.job.results).get(
+                step.stage, step.key, lambda: self._watched(step, make)
+            )
             self._files[step.file] = arrays
         refused = arrays.get(REFUSED)
-        return Outcome("ok") if refused is None else Outcome("refused", "; ".join(filter(None, refused.tolist())))
+        return (
+            Outcome("ok")
+            if refused is None
+            else Outcome("refused", "; ".join(filter(None, refused.tolist())))
+        )
 
     def _watched(self, step: Step, make: Callable[[Any, Step], T]) -> T:
         """Return what a step makes; raise ``ConfigurationError`` if a plugin reads what it does not declare."""
         allowed = filter(None, [step.job.results / RUNS, step.model])
-        with chdir("."), watching_component(step.component, allowed) if step.process else nullcontext():
+        with (
+            chdir("."),
+            watching_component(step.component, allowed) if step.process else nullcontext(),
+        ):
             return make(self, step)
 
     def _read(self, step: Step, stage: Stage) -> Arrays:
@@ -357,7 +397,10 @@ class Work:
             if prepared_shapes.frame_key != step.key:
                 raise Incomplete(f"the camera was not prepared: the data set {CHANGED}")
             return prepared_shapes.frame()
-        entry, half_width = prepared_shapes.find(step.shape, step.key), prepared_shapes.shapes.half_width or 0.0
+        entry, half_width = (
+            prepared_shapes.find(step.shape, step.key),
+            prepared_shapes.shapes.half_width or 0.0,
+        )
         if prepared_shapes.input == "view" and prepared_shapes.frame_key:
             frame = step._replace(keys={"prepared": prepared_shapes.frame_key})
             half_width = float(self._read(frame, "prepared")["half_width"])
@@ -366,13 +409,21 @@ class Work:
     def _form(self, step: Step) -> Arrays:
         method, key = self._context.created(step), step.keys["prepared"]
         if key not in self._shapes:
-            prepared, shared = self._read(step, "prepared"), forms.SharedResults(self._context.uncharged)
-            self._shapes[key] = forms.shape_of(prepared, step.shape, step.job.row.seed, shared), shared
+            prepared, shared = (
+                self._read(step, "prepared"),
+                forms.SharedResults(self._context.uncharged),
+            )
+            self._shapes[key] = (
+                forms.shape_of(prepared, step.shape, step.job.row.seed, shared),
+                shared,
+            )
         return compute_output(method, *self._shapes[key])
 
     def _signature(self, step: Step) -> Arrays:
         scorer, form = self._context.created(step), self._read(step, "forms")
-        return sign(scorer, forms.mesh_of(form, {} if "faces" in form else self._read(step, "prepared")))
+        return sign(
+            scorer, forms.mesh_of(form, {} if "faces" in form else self._read(step, "prepared"))
+        )
 
     #: By stage of a file: the one of the same shape that it is made from, and how.
     _MAKERS: ClassVar[Mapping[Stage, tuple[Stage | None, Callable[[Any, Step], Arrays]]]] = {
@@ -384,16 +435,21 @@ class Work:
     def _rank(self, step: Step, record: Record) -> Outcome:
         """Rank the gallery of a job, and keep its distances."""
         kept = Cache(step.job.results)
-        content, distances = self._watched(step, lambda _, of: rank(record, kept, self._context.created(of)))
+        content, distances = self._watched(
+            step, lambda _, of: rank(record, kept, self._context.created(of))
+        )
         if not distances:
             name, reason = content["unsupported"][0]
             number = len(content["unsupported"])
-            return Outcome("unsupported", f"none of {number} shapes could be processed; {name}: {reason}")
+            return Outcome(
+                "unsupported", f"none of {number} shapes could be processed; {name}: {reason}"
+            )
         kept.write(*step.file, distances)
         return Outcome("ok", content=content)
 
 
-# The program of a worker ---------------------------------------------------------------------------------------------
+# The program of a worker
+# ---------------------------------------------------------------------------------------------
 
 
 def serve(descriptor: int, memory: int, parent: int) -> None:
@@ -433,13 +489,17 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
                 try:
                     outcome = work.outcome(step)
                 except (KeyboardInterrupt, BdbQuit) as error:  # there is no terminal here
-                    outcome = Outcome("failed", f"it raises {type(error).__name__}: use a debugger with -j 0")
+                    outcome = Outcome(
+                        "failed", f"it raises {type(error).__name__}: use a debugger with -j 0"
+                    )
                 connection.send(outcome)
 
 
 def _die_with(parent: int) -> None:
     """Let the system end this process with its parent, also if that is killed."""
-    with suppress(AttributeError, OSError):  # only Linux has it; elsewhere, a worker ends after its task
+    with suppress(
+        AttributeError, OSError
+    ):  # only Linux has it; elsewhere, a worker ends after its task
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
     if os.getppid() != parent:
         sys.exit(1)

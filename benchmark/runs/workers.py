@@ -20,10 +20,12 @@ from benchmark.registry.components import THIS_PROCESS
 from benchmark.registry.modules import environment
 from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 
-#: Seconds between looks at the workers, and most of them that count between two: a machine may be paused.
+#: Seconds between looks at the workers, and most of them that count between two: a machine may be
+#: paused.
 INTERVAL, _LONGEST_INTERVAL = 0.2, 1.0
 
-#: Most bytes of a message: what a plugin writes into the connection of its worker may announce any number of them.
+#: Most bytes of a message: what a plugin writes into the connection of its worker may announce any
+#: number of them.
 _LONGEST_MESSAGE = 2**28
 
 #: Shapes of any data set.
@@ -32,16 +34,26 @@ _MANY = 10**6
 #: Seconds of waiting work for which another process of the same code starts.
 _STARTING = 1.0
 
-#: Work during which nothing is stopped: kernels may take minutes to compile, and the program has imported plugins, too.
+#: Work during which nothing is stopped: kernels may take minutes to compile, and the program has
+#: imported plugins, too.
 _UNLIMITED = frozenset({"starting", "loading", "compiling"})
 
 #: Signals that a process gets for what its own code does; all others come from outside.
 _OWN_SIGNALS = frozenset(
-    {signal.SIGSEGV, signal.SIGABRT, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGTRAP, signal.SIGSYS}
+    {
+        signal.SIGSEGV,
+        signal.SIGABRT,
+        signal.SIGBUS,
+        signal.SIGFPE,
+        signal.SIGILL,
+        signal.SIGTRAP,
+        signal.SIGSYS,
+    }
 )
 
-#: The program of a worker; a module of its own would exist twice in it, as ``__main__``. The main program stops it;
-#: batch systems send SIGINT to every process, and a file in the current folder replaces no module of Python.
+#: The program of a worker; a module of its own would exist twice in it, as ``__main__``. The main
+#: program stops it; batch systems send SIGINT to every process, and a file in the current folder
+#: replaces no module of Python.
 _PROGRAM = (
     "import sys; sys.path.append(sys.path.pop(0)); import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "
     "from benchmark.runs.tasks import serve; serve(*map(int, sys.argv[1:]))"
@@ -84,7 +96,9 @@ class Worker:
             self._start()
         self.task, self.waiting = task, deque(task.steps)
         is_of_shape = bool(task.steps[0].shape)  # the camera takes as long as its data set is large
-        self._limit = self._timeout * (len(task.record.shapes) if task.record else 1 if is_of_shape else _MANY)
+        self._limit = self._timeout * (
+            len(task.record.shapes) if task.record else 1 if is_of_shape else _MANY
+        )
         self._restart_clock()
         with suppress(OSError):  # it has just died; outcomes() says so
             self.connection.send(task)
@@ -96,10 +110,14 @@ class Worker:
                 numbers = theirs.fileno(), self._memory, os.getpid()
                 command = [sys.executable, "-c", _PROGRAM, *map(str, numbers)]
                 self._process = _starter.submit(
-                    subprocess.Popen, command,
-                    stdin=subprocess.DEVNULL, stdout=2, pass_fds=[theirs.fileno()], start_new_session=True,
+                    subprocess.Popen,
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=2,
+                    pass_fds=[theirs.fileno()],
+                    start_new_session=True,
                     env=environment(),
-                ).result()  # fmt: skip
+                ).result()
         except OSError as error:
             problem = f"no process can be started: {error.strerror}"
             raise BenchmarkError(problem, "end other programs, or use -j 0") from error
@@ -139,16 +157,26 @@ class Worker:
             code = self._process.returncode
             ending = signal.Signals(-code).name if code < 0 else f"exit code {code}"
             is_own = "starting" not in self._uncharged and (code >= 0 or -code in _OWN_SIGNALS)
-            yield self._blame("crashed" if is_own else "incomplete", f"the process ended with {ending}")
+            yield self._blame(
+                "crashed" if is_own else "incomplete", f"the process ended with {ending}"
+            )
         elif self.waiting and self._left < 0:
             self.close()
-            yield self._blame("timeout", f"stopped after {self._limit:g} s; pass a longer --timeout")
+            yield self._blame(
+                "timeout", f"stopped after {self._limit:g} s; pass a longer --timeout"
+            )
 
     def _blame(self, status: str, reason: str) -> tuple[Step, Outcome]:
         """Blame the method of the step at work, unless the process ended from outside, or over what is the suite's."""
         step, in_geodesics = self.waiting.popleft(), "geodesics" in self._uncharged
         if step.stage == "prepared" or in_geodesics or status == "incomplete":
-            work = "its geodesics: " if in_geodesics else "its preparation: " if step.stage == "prepared" else ""
+            work = (
+                "its geodesics: "
+                if in_geodesics
+                else "its preparation: "
+                if step.stage == "prepared"
+                else ""
+            )
             what = "the ranking" if self.task.record else step.shape or "the camera"
             problem = Incomplete(f"{what} has no result: {work}{reason}")
             return step, Outcome("incomplete", str(problem), of_shape=in_geodesics)

@@ -40,8 +40,8 @@ def as_labels(labels: Any) -> tuple[Labels, Orders]:
     Parameters
     ----------
     labels
-        A mapping by name (or a pandas Series), a sequence, or the path of a ``.cla`` file, of text with lines ``label``
-        or ``name label``, or of a folder of shapes.
+        A mapping by name (or a pandas Series), a sequence, or the path of a ``.cla`` file, of text
+        with lines ``label`` or ``name label``, or of a folder of shapes.
 
     Raises
     ------
@@ -77,7 +77,10 @@ def _orders_of_numbers(names: Iterable[str]) -> Orders:
 def _folder_labels(folder: Path) -> tuple[dict[str, str], Orders]:
     shapes = folder_set(folder).shapes
     labels = {entry.identifier: entry.subject for entry in shapes}
-    listing = [entry.identifier for entry in sorted(shapes, key=lambda entry: entry.path.parts if entry.path else ())]
+    listing = [
+        entry.identifier
+        for entry in sorted(shapes, key=lambda entry: entry.path.parts if entry.path else ())
+    ]
     orders = {"listing": listing, "natural": list(labels)}
     if source := class_list([folder]):
         by_number = dict(zip(sorted(numbers := read_cla(source)), labels, strict=True))
@@ -94,18 +97,21 @@ def as_distances(
     Parameters
     ----------
     distances
-        A path, an array, or a pandas frame whose index or columns name the shapes. The diagonal of a square matrix may
-        hold anything.
+        A path, an array, or a pandas frame whose index or columns name the shapes. The diagonal of
+        a square matrix may hold anything.
     count, n_columns
-        Numbers of labels, which decide if the first row and column of a text file may be names or distances; 0 columns
-        for a square matrix.
+        Numbers of labels, which decide if the first row and column of a text file may be names or
+        distances; 0 columns for a square matrix.
 
     Raises
     ------
     ConfigurationError
-        If a file cannot be read, or they are not one matrix of real numbers, N x N if it has to be square.
+        If a file cannot be read, or they are not one matrix of real numbers, N x N if it has to be
+        square.
     """
-    content: Any = _read(Path(distances), count, n_columns) if isinstance(distances, str | Path) else distances
+    content: Any = (
+        _read(Path(distances), count, n_columns) if isinstance(distances, str | Path) else distances
+    )
     what = str(distances) if isinstance(distances, str | Path) else "the distances"
     rows, columns = tuple[str, ...](), tuple[str, ...]()
     if hasattr(content, "columns"):
@@ -119,7 +125,9 @@ def as_distances(
                 np.fill_diagonal(matrix, 0)
             matrix = matrix.astype(np.float64)
     except (TypeError, ValueError) as error:
-        raise ConfigurationError(f"{what}: not a matrix of numbers: {one_line(error)}", _HINT) from error
+        raise ConfigurationError(
+            f"{what}: not a matrix of numbers: {one_line(error)}", _HINT
+        ) from error
     is_matrix = matrix.ndim == 2 and (n_columns or matrix.shape[0] == matrix.shape[1])
     if not is_matrix or not matrix.size or matrix.dtype.kind not in "iufb":
         needed = "M x N" if n_columns else "N x N"
@@ -144,7 +152,9 @@ def _without_names(frame: Any, *, is_square: bool) -> tuple[Any, tuple[str, ...]
 
 def are_row_numbers(names: Sequence[str]) -> bool:
     """Return whether names merely count from 0 or 1, as pandas and R write for rows without names."""
-    return any([*names] == [str(number) for number in range(first, first + len(names))] for first in (0, 1))
+    return any(
+        [*names] == [str(number) for number in range(first, first + len(names))] for first in (0, 1)
+    )
 
 
 def _read(path: Path, count: int, n_columns: int) -> Any:
@@ -166,7 +176,9 @@ def _read(path: Path, count: int, n_columns: int) -> Any:
                 return _matrix_of(archive, (count, n_columns))
         if suffix == ".mat":
             check_expansion(content)
-            variables = loadmat(io.BytesIO(content))  # all of them, which finds where the file is cut
+            variables = loadmat(
+                io.BytesIO(content)
+            )  # all of them, which finds where the file is cut
             return _matrix_of(variables, (count, n_columns))
         if suffix == ".matrix" and content.translate(None, _NUMERALS):
             return _read_psb(content, (count, n_columns))
@@ -177,11 +189,24 @@ def _matrix_of(found: Mapping[str, Any], size: tuple[int, int]) -> Any:
     """Return the only matrix of a file, with names if a list of as many different texts there names its rows."""
     from pandas import DataFrame
 
-    arrays = {name: value for name, value in found.items() if isinstance(value, np.ndarray) and value.size > 1}
+    arrays = {
+        name: value
+        for name, value in found.items()
+        if isinstance(value, np.ndarray) and value.size > 1
+    }
     real = {name: value.shape for name, value in arrays.items() if value.dtype.kind in "iuf"}
-    matrix = arrays[_only([name for name, shape in real.items() if shape == (size if size[1] else shape[:1] * 2)])]
-    for texts in (value.ravel() for value in arrays.values() if value.dtype.kind in "SUO" and not size[1]):
-        names = [str(np.squeeze(text)).strip() for text in (texts.astype("U") if texts.dtype.kind == "S" else texts)]
+    matrix = arrays[
+        _only(
+            [name for name, shape in real.items() if shape == (size if size[1] else shape[:1] * 2)]
+        )
+    ]
+    for texts in (
+        value.ravel() for value in arrays.values() if value.dtype.kind in "SUO" and not size[1]
+    ):
+        names = [
+            str(np.squeeze(text)).strip()
+            for text in (texts.astype("U") if texts.dtype.kind == "S" else texts)
+        ]
         if len({*names}) == len(matrix) == len(names):
             return DataFrame(matrix, names, names)
     return matrix
@@ -189,9 +214,13 @@ def _matrix_of(found: Mapping[str, Any], size: tuple[int, int]) -> Any:
 
 def _read_psb(content: bytes, size: tuple[int, int]) -> NDArray[np.float32]:
     """Read the distances of the tools of the Princeton Shape Benchmark: N x N floats, rows in the order of the list."""
-    matrix = np.frombuffer(content, dtype="<f4").reshape(size if size[1] else (math.isqrt(len(content) // 4),) * 2)
+    matrix = np.frombuffer(content, dtype="<f4").reshape(
+        size if size[1] else (math.isqrt(len(content) // 4),) * 2
+    )
     if ((matrix != 0) & (np.abs(matrix) < _SMALLEST)).any():
-        raise ConfigurationError(f"it has numbers below {_SMALLEST}", "write it with the lowest byte first")
+        raise ConfigurationError(
+            f"it has numbers below {_SMALLEST}", "write it with the lowest byte first"
+        )
     return matrix
 
 
@@ -209,8 +238,12 @@ def _read_text(lines: Sequence[str], size: tuple[int, int]) -> Any:
 
     count, n_columns = size
     try:
-        plain = [line.encode("ascii").replace(b"_", b"?").decode() for line in lines]  # Python takes 1_0 as a number
-        matrix = np.loadtxt(plain, delimiter=separator_of(lines), ndmin=2)  # the fast way, for most files
+        plain = [
+            line.encode("ascii").replace(b"_", b"?").decode() for line in lines
+        ]  # Python takes 1_0 as a number
+        matrix = np.loadtxt(
+            plain, delimiter=separator_of(lines), ndmin=2
+        )  # the fast way, for most files
         if matrix.shape == (size if n_columns else matrix.shape[:1] * 2):
             return matrix
     except ValueError:
@@ -226,7 +259,9 @@ def _read_text(lines: Sequence[str], size: tuple[int, int]) -> Any:
     if n_columns:
         top = len(rows) == count + 1 or not all(map(_is_number, rows[0][1:]))
         left = width == n_columns + 1 or not all(_is_number(row[0]) for row in rows[1:])
-    elif len(rows) == width:  # if numbers may be names or distances, the corner or else the number of labels decides
+    elif (
+        len(rows) == width
+    ):  # if numbers may be names or distances, the corner or else the number of labels decides
         top = left = not _is_number(rows[0][0]) and (inner or count == width - 1)
     else:
         top, left = len(rows) == width + 1, len(rows) == width - 1
@@ -234,7 +269,9 @@ def _read_text(lines: Sequence[str], size: tuple[int, int]) -> Any:
     values = np.array(_numbers(body), dtype=object)
     if not (top or left):
         return values
-    return DataFrame(values, [row[0] for row in rows[top:]] if left else None, rows[0][left:] if top else None)
+    return DataFrame(
+        values, [row[0] for row in rows[top:]] if left else None, rows[0][left:] if top else None
+    )
 
 
 def _is_number(cell: str) -> bool:
@@ -244,7 +281,9 @@ def _is_number(cell: str) -> bool:
 def _number(cell: str) -> Any:
     """Return a cell as a number, in which a comma is decimal; what is none stays, as it may lie on the diagonal."""
     try:
-        return repr(cell) if "_" in cell or not cell.isascii() else float(cell.replace(",", "."))  # 1_0 is none
+        return (
+            repr(cell) if "_" in cell or not cell.isascii() else float(cell.replace(",", "."))
+        )  # 1_0 is none
     except ValueError:
         return cell
 
@@ -254,5 +293,7 @@ def _numbers(rows: Sequence[Sequence[str]]) -> list[list[Any]]:
     if commas := [cell for cell in cells if "," in cell and _is_number(cell)]:
         may_be_thousands = all(re.fullmatch(r"[1-9]\d{0,2},\d{3}", cell) for cell in commas)
         if may_be_thousands or any("." in cell for cell in cells):
-            raise ConfigurationError("commas may be decimal or divide thousands", "write decimal points")
+            raise ConfigurationError(
+                "commas may be decimal or divide thousands", "write decimal points"
+            )
     return [[_number(cell) for cell in row] for row in rows]

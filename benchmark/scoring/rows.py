@@ -43,7 +43,9 @@ def method_name(title: str) -> str:
     return f"{EXTERNAL}-{words[:50].rstrip('-')}"
 
 
-def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: str, input_: Input) -> Record:
+def keep_distances(
+    results: Path, evaluation: Evaluation, title: str, dataset: str, input_: Input
+) -> Record:
     """Store distances as a row beside those of a data set, and return its record.
 
     Parameters
@@ -53,8 +55,8 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
     evaluation
         Distances with the names and classes of their shapes.
     title, dataset, input_
-        Title of the row; name of the data set or gallery, and the input of the rows beside it. A name that is not known
-        makes a table of its own.
+        Title of the row; name of the data set or gallery, and the input of the rows beside it. A
+        name that is not known makes a table of its own.
 
     Raises
     ------
@@ -63,20 +65,28 @@ def keep_distances(results: Path, evaluation: Evaluation, title: str, dataset: s
     """
     if evaluation.queries.index.dtype.kind == "i":  # numbers of rows
         hint = "name rows and columns in a CSV, or pass labels with lines 'name label' in the order of the rows"
-        raise ConfigurationError("rows are paired by the names of shapes, and these distances have none", hint)
+        raise ConfigurationError(
+            "rows are paired by the names of shapes, and these distances have none", hint
+        )
     labels = evaluation.queries["class"].to_dict()
     facts = _facts(record_beside(results, dataset, input_, title), dataset, labels)
     known = dict(zip(facts["shapes"], facts["labels"], strict=True))
     if known != labels:
         other = [name for name in labels if known.get(name) != labels[name]]
-        what = f"the first that differs is '{other[0]}'" if other else f"they are {len(labels)}, not {len(known)}"
+        what = (
+            f"the first that differs is '{other[0]}'"
+            if other
+            else f"they are {len(labels)}, not {len(known)}"
+        )
         first = " ".join(next(iter(known.items())))
         hint = f"name them with their classes as there ({first}, ...), or another --dataset"
         raise ConfigurationError(f"the shapes are not those of '{facts['gallery']}': {what}", hint)
     order = evaluation.queries.index.get_indexer(list(known))
     matrix = evaluation.distances[np.ix_(order, order)]
     ranking = code_of_modules([CODE["records"]])
-    key = digest([facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), ranking])
+    key = digest(
+        [facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), ranking]
+    )
     content = {
         **facts,
         **score_draws([matrix], facts["labels"]),
@@ -114,21 +124,28 @@ def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Rec
     whole = [record for record in every if not (fold_of(record) or record.data.quick)]
     of_data = {record.key for record in records_of(label_data_sets(whole), [dataset])}
     of_gallery = [record for record in every if record.key in of_data or record.gallery == dataset]
-    rows = [record for record in of_gallery if record.input == input_ and not record.gallery_of_queries]
+    rows = [
+        record for record in of_gallery if record.input == input_ and not record.gallery_of_queries
+    ]
     if beside := [record for record in rows if record.status == "ok" and record.method != method]:
         return beside[-1]
     if is_known(dataset) or Path(dataset).is_dir():
         problem = f"no row of '{dataset}', {input_}, is here, so its shapes are unknown"
         raise ConfigurationError(problem, "run a method on it first, or omit --dataset")
     if "/" in dataset or not dataset.strip() or not dataset.isprintable():
-        raise ConfigurationError(f"'{dataset}' is neither a data set nor a folder", "name the table: --dataset mine")
+        raise ConfigurationError(
+            f"'{dataset}' is neither a data set nor a folder", "name the table: --dataset mine"
+        )
     return None
 
 
 def _facts(beside: Record | None, dataset: str, labels: Mapping[str, str]) -> dict[str, Any]:
     """Return the facts of the gallery of a record, or of a table of its own."""
     if beside:
-        return {fact: getattr(beside, fact) for fact in ("gallery", "gallery_digest", "data", "shapes", "labels")}
+        return {
+            fact: getattr(beside, fact)
+            for fact in ("gallery", "gallery_digest", "data", "shapes", "labels")
+        }
     return {
         "gallery": dataset,
         "gallery_digest": digest([dataset, *labels.items()]),
@@ -166,7 +183,9 @@ class Forms:
 
     def file_of(self, name: str) -> Path | None:
         """Return the mesh file of a shape; None if there is none."""
-        return next(filter(Path.is_file, (self.folder / f"{name}{suffix}" for suffix in READABLE)), None)
+        return next(
+            filter(Path.is_file, (self.folder / f"{name}{suffix}" for suffix in READABLE)), None
+        )
 
 
 def forms_of(folder: Path, title: str) -> Component:
@@ -175,13 +194,17 @@ def forms_of(folder: Path, title: str) -> Component:
         raise ConfigurationError(f"{folder} is not a folder", "name the folder of the forms")
     files = tuple(sorted(str(path) for path in folder.resolve().rglob("*") if path.is_file()))
     info = MethodInfo(name=method_name(title), title=brief(title), family="external", files=files)
-    return Component("method", info.name, f"{__name__}:Forms", given=Forms(info, folder.resolve()), state=title)
+    return Component(
+        "method", info.name, f"{__name__}:Forms", given=Forms(info, folder.resolve()), state=title
+    )
 
 
 def check_forms(job: Record, before: Record | None, forms: Forms) -> None:
     """Raise ``ConfigurationError`` if no form is of a shape of a job, or its row has the name of another one."""
     if job.gallery_of_queries:
-        raise ConfigurationError("forms of queries are others than those of their gallery", "omit -t or --gallery")
+        raise ConfigurationError(
+            "forms of queries are others than those of their gallery", "omit -t or --gallery"
+        )
     if not any(map(forms.file_of, job.shapes)):
         hint = f"name them like the shapes: {job.shapes[0]}.off"
         raise ConfigurationError(f"{forms.folder} has no form of these shapes", hint)

@@ -1,11 +1,11 @@
 """Does the depth of a network say anything? ``depth_range.py evaluate FOLD SEED RESULTS EARLIER``.
 
-The rules are in README.md beside this file, under "Targets that fill the range". RESULTS has the models that were
-trained with ``stretch_depth``; EARLIER is ``learned/models`` of commit 37a963d1.
-``lengthen RESULTS EARLIER`` trains for 250 epochs and evaluates on the way, ``take-apart FOLD`` looks at the network as
-printed, ``go-on RESULTS as-they-are|stretched`` trains it further, and ``judge`` prints the table. Scores go to
-depth-range.csv; what it holds is not computed again. ``average-bodies`` writes those of the rows of tables.
-"""
+The rules are in README.md beside this file, under "Targets that fill the range". RESULTS has the
+models that were trained with ``stretch_depth``; EARLIER is ``learned/models`` of commit 37a963d1.
+``lengthen RESULTS EARLIER`` trains for 250 epochs and evaluates on the way, ``take-apart FOLD``
+looks at the network as printed, ``go-on RESULTS as-they-are|stretched`` trains it further, and
+``judge`` prints the table. Scores go to depth-range.csv; what it holds is not computed again.
+``average-bodies`` writes those of the rows of tables."""
 
 from __future__ import annotations
 
@@ -57,7 +57,11 @@ EARLIER, DIVIDED, NEW, AVERAGE, FLAT, TRUE = (
     "true depth",
 )
 CONTROLS = (DIVIDED, AVERAGE)
-FURTHER, FURTHER_SEED, AS_PRINTED = 50, 1, Learned.shipped_models / "people-fold-0" / "as_printed-seed0"
+FURTHER, FURTHER_SEED, AS_PRINTED = (
+    50,
+    1,
+    Learned.shipped_models / "people-fold-0" / "as_printed-seed0",
+)
 
 
 @cache
@@ -65,7 +69,12 @@ def judges() -> tuple[list[str], NDArray[np.float32], NDArray[np.float32]]:
     """Return subject, depth image and true canonical image of each view, in the frame of the training."""
     shapes, half_width = open_dataset(JUDGES), frame_of(open_dataset(TRAINED))
     entries, canonical = list(shapes.shapes), canonical_shapes(shapes)
-    images = np.stack([prepare_view(shapes.load(each), shapes.camera(each), half_width)["depth"] for each in entries])
+    images = np.stack(
+        [
+            prepare_view(shapes.load(each), shapes.camera(each), half_width)["depth"]
+            for each in entries
+        ]
+    )
     subjects = [entry.subject for entry in entries]
     return subjects, images, images[[entries.index(canonical[subject]) for subject in subjects]]
 
@@ -88,12 +97,18 @@ def average_body(fold: int, resolution: int = RESOLUTION) -> Tensor:
 
 def spread(depth: Tensor, mask: Tensor) -> Tensor:
     """Return the depth inside a mask, and outside of it that of the nearest pixel inside."""
-    rows, columns = distance_transform_edt(mask.numpy() <= COVERED, return_distances=False, return_indices=True)
+    rows, columns = distance_transform_edt(
+        mask.numpy() <= COVERED, return_distances=False, return_indices=True
+    )
     return depth[torch.from_numpy(rows).long(), torch.from_numpy(columns).long()]
 
 
 def settings(
-    earlier: Sequence[Tensor], new: Sequence[Tensor], truth: Sequence[Tensor], fold: int, factor: float
+    earlier: Sequence[Tensor],
+    new: Sequence[Tensor],
+    truth: Sequence[Tensor],
+    fold: int,
+    factor: float,
 ) -> Iterator[tuple[str, list[Tensor]]]:
     """Yield what is judged: depth and mask of each view."""
     average = average_body(fold, len(new[0][0]))
@@ -102,7 +117,10 @@ def settings(
     yield NEW, [*new]
     yield AVERAGE, [torch.stack([average, mask]) for _, mask in new]
     yield FLAT, [torch.stack([torch.full_like(mask, 0.5), mask]) for _, mask in new]
-    yield TRUE, [torch.stack([spread(*true), mask]) for (_, mask), true in zip(new, truth, strict=True)]
+    yield (
+        TRUE,
+        [torch.stack([spread(*true), mask]) for (_, mask), true in zip(new, truth, strict=True)],
+    )
 
 
 def error(predicted: Tensor, true: Tensor) -> float:
@@ -122,8 +140,12 @@ def ranked(predictions: Sequence[Tensor]) -> dict[str, NDArray[np.float64]]:
 
 def by_pixels(predictions: Sequence[Tensor]) -> dict[str, NDArray[np.float64]]:
     """Return the measures of each query by the L2 distance of depths inside the masks."""
-    flat = np.stack([torch.where(mask > COVERED, depth, 0).numpy().ravel() for depth, mask in predictions])
-    matrix = np.sqrt(np.maximum((flat**2).sum(1)[:, None] + (flat**2).sum(1) - 2 * flat @ flat.T, 0))
+    flat = np.stack(
+        [torch.where(mask > COVERED, depth, 0).numpy().ravel() for depth, mask in predictions]
+    )
+    matrix = np.sqrt(
+        np.maximum((flat**2).sum(1)[:, None] + (flat**2).sum(1) - 2 * flat @ flat.T, 0)
+    )
     np.fill_diagonal(matrix, 0)
     return score_draws([(matrix + matrix.T) / 2], judges()[0])["per_query"]
 
@@ -135,7 +157,11 @@ def predictions(method: Learned) -> list[Tensor]:
 
 def evaluate(fold: int, seed: int, folder: Path, earlier: Path, epochs: int) -> None:
     """Append the scores of a model, of the earlier one and of the controls."""
-    known = pandas.read_csv(SCORES) if SCORES.is_file() else pandas.DataFrame(columns=["fold", "seed", "epochs"])
+    known = (
+        pandas.read_csv(SCORES)
+        if SCORES.is_file()
+        else pandas.DataFrame(columns=["fold", "seed", "epochs"])
+    )
     if len(known.query(f"fold == {fold} and seed == {seed} and epochs == {epochs}")):
         return
     card = json.loads((folder / CARD).read_text())
@@ -154,7 +180,10 @@ def take_apart(fold: int) -> None:
     """Append the scores of the network as printed with a part of its prediction replaced."""
     method = Learned(configuration="as_printed")
     method = method.load(method.shipped_models / f"people-fold-{fold}" / "as_printed-seed0")
-    truth, given = [each.float() for each in true_images(500)], [each.float() for each in predictions(method)]
+    truth, given = (
+        [each.float() for each in true_images(500)],
+        [each.float() for each in predictions(method)],
+    )
     average = average_body(fold, 500).float()
     changes: dict[str, Callable[[Tensor, Tensor], Tensor]] = {
         "as predicted": lambda predicted, true: predicted,
@@ -167,7 +196,9 @@ def take_apart(fold: int) -> None:
     facts, found = {"fold": fold, "seed": 0, "epochs": 500}, []
     for setting, change in changes.items():
         images = [change(*each) for each in zip(given, truth, strict=True)]
-        found.append(scored({**facts, "setting": f"as printed: {setting}"}, ranked(images), images, truth))
+        found.append(
+            scored({**facts, "setting": f"as printed: {setting}"}, ranked(images), images, truth)
+        )
     found.append(scored({**facts, "setting": "as printed: L2"}, by_pixels(given), given, truth))
     known = [pandas.read_csv(SCORES)] if SCORES.is_file() else []
     pandas.concat([*known, *found]).to_csv(SCORES, index=False, lineterminator="\n")
@@ -188,21 +219,37 @@ def go_on(results: Path, targets: str) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     if not (folder / CARD).is_file():
         network = configuration.build()
-        network.load_state_dict({key: each.float() for key, each in tensors_in(checked_weights(AS_PRINTED)).items()})
+        network.load_state_dict(
+            {key: each.float() for key, each in tensors_in(checked_weights(AS_PRINTED)).items()}
+        )
         head = network.reconstruction.head
         with torch.no_grad():  # the same function in the units of the targets
             head.weight[0] *= scale.factor
             head.bias[0] = 0.5 + scale.factor * (head.bias[0] - scale.mean)
         history = training.fit(
-            network, pairs.scaled(scale), None, schedule, folder, seed=FURTHER_SEED, device=device, log=print
+            network,
+            pairs.scaled(scale),
+            None,
+            schedule,
+            folder,
+            seed=FURTHER_SEED,
+            device=device,
+            log=print,
         )
         facts = {"seed": FURTHER_SEED, "depth_scale": msgspec.to_builtins(scale)}
         save(network.eval(), configuration, data, schedule, history, folder, facts)
     truth = true_images(schedule.resolution)
-    before, new = (predictions(Learned(configuration="as_printed").load(each)) for each in (AS_PRINTED, folder))
+    before, new = (
+        predictions(Learned(configuration="as_printed").load(each)) for each in (AS_PRINTED, folder)
+    )
     facts = {"fold": 0, "seed": FURTHER_SEED, "epochs": FURTHER}
     found = [
-        scored({**facts, "setting": f"as printed, then {targets}: {setting}"}, ranked(given), given, truth)
+        scored(
+            {**facts, "setting": f"as printed, then {targets}: {setting}"},
+            ranked(given),
+            given,
+            truth,
+        )
         for setting, given in settings(before, new, truth, 0, stretched.factor)
     ]
     pandas.concat([known, *found]).to_csv(SCORES, index=False, lineterminator="\n")
@@ -214,11 +261,16 @@ def true_images(resolution: int) -> list[Tensor]:
 
 
 def scored(
-    facts: Mapping[str, Any], found: Mapping[str, Any], given: Sequence[Tensor], truth: Sequence[Tensor]
+    facts: Mapping[str, Any],
+    found: Mapping[str, Any],
+    given: Sequence[Tensor],
+    truth: Sequence[Tensor],
 ) -> pandas.DataFrame:
     """Return the scores and the error of each body."""
     errors = [error(*each) for each in zip(given, truth, strict=True)]
-    table = pandas.DataFrame({**{name: found[name] for name in MEASURES}, "error": errors, "body": judges()[0]})
+    table = pandas.DataFrame(
+        {**{name: found[name] for name in MEASURES}, "error": errors, "body": judges()[0]}
+    )
     means = table.groupby("body", sort=False).mean().reset_index()
     print(*facts.values(), means[[*MEASURES, "error"]].mean().round(4).to_dict(), flush=True)
     return means.assign(**facts)[[*facts, *means]].round({**dict.fromkeys(MEASURES, 4), "error": 5})
@@ -232,16 +284,32 @@ def lengthen(results: Path, earlier: Path) -> None:
     def keeping(state: Any, n_pairs: int) -> dict[str, float]:
         row = finished(state, n_pairs)
         if state.epoch in AT:
-            halves = {name: each.detach().half().contiguous() for name, each in state.network.state_dict().items()}
+            halves = {
+                name: each.detach().half().contiguous()
+                for name, each in state.network.state_dict().items()
+            }
             place = results / f"epoch-{state.epoch}"
             place.mkdir(parents=True, exist_ok=True)
             (place / WEIGHTS).write_bytes(saved(halves))
         return row
 
     training._State.finished_epoch = keeping  # type: ignore[method-assign]
-    options = {"resolution": RESOLUTION, "epochs": LONG, "early_epochs": EARLY, "stretch_depth": True, "threads": 1}
+    options = {
+        "resolution": RESOLUTION,
+        "epochs": LONG,
+        "early_epochs": EARLY,
+        "stretch_depth": True,
+        "threads": 1,
+    }
     data = training_data(TRAININGS["people-fold-0"], None, print)
-    fitting.train("literal", 0, data, folder, {**options, "device": "cpu"}, lambda text: print(text, flush=True))
+    fitting.train(
+        "literal",
+        0,
+        data,
+        folder,
+        {**options, "device": "cpu"},
+        lambda text: print(text, flush=True),
+    )
     card = json.loads((folder / CARD).read_text())
     for epoch in AT:
         place = results / f"epoch-{epoch}"
@@ -256,7 +324,11 @@ def judge() -> None:
     scores = pandas.read_csv(SCORES)
     short = scores[scores["epochs"] == EPOCHS]
     means = short.groupby(["fold", "seed", "setting"], sort=False)[[*MEASURES, "error"]].mean()
-    print(means.round(4).to_string(), means.groupby("setting", sort=False).mean().round(4).to_string(), sep="\n\n")
+    print(
+        means.round(4).to_string(),
+        means.groupby("setting", sort=False).mean().round(4).to_string(),
+        sep="\n\n",
+    )
     exceeds = {}
     for other in (EARLIER, *CONTROLS, FLAT, TRUE):
         pairs = means["FT"].unstack("setting")[[NEW, other]]
@@ -266,23 +338,49 @@ def judge() -> None:
         unit, of_bodies = (values.std(ddof=1) / len(values) ** 0.5 for values in (gain, each))
         reach = student.ppf(0.975, len(each) - 1) * of_bodies
         exceeds[other] = gain.mean() >= student.ppf(0.975, len(gain) - 1) * unit
-        print(f"{NEW} - {other}: FT {gain.mean():+.4f}, {gain.mean() / unit:.2f} standard errors of {len(gain)} pairs, "
-              f"over bodies {each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}")  # fmt: skip
+        print(
+            f"{NEW} - {other}: FT {gain.mean():+.4f}, {gain.mean() / unit:.2f} standard errors of {len(gain)} pairs, "
+            f"over bodies {each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}"
+        )
     errors = means["error"].groupby("setting").mean()
     print("is kept:", exceeds[EARLIER])
     is_below = errors[NEW] < errors[AVERAGE]
-    print("sees the relief:", exceeds[EARLIER] and all(exceeds[name] for name in CONTROLS) and is_below)
-    further = scores[scores["epochs"] == FURTHER].groupby(["setting", "body"])["FT"].mean().unstack("setting")
+    print(
+        "sees the relief:",
+        exceeds[EARLIER] and all(exceeds[name] for name in CONTROLS) and is_below,
+    )
+    further = (
+        scores[scores["epochs"] == FURTHER]
+        .groupby(["setting", "body"])["FT"]
+        .mean()
+        .unstack("setting")
+    )
     mine = f"as printed, then {NEW}: {NEW}"
-    others = [f"as printed, then as-they-are: {NEW}", *(f"as printed, then {NEW}: {each}" for each in CONTROLS)]
+    others = [
+        f"as printed, then as-they-are: {NEW}",
+        *(f"as printed, then {NEW}: {each}" for each in CONTROLS),
+    ]
     for other in others if {mine, *others} <= {*further} else ():
         each = further[mine] - further[other]
         reach = student.ppf(0.975, len(each) - 1) * each.sem()
-        print(f"{mine} - {other}: FT over bodies {each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}")
-    long = scores[(scores["epochs"] < 0) & (scores["setting"] == NEW)].groupby("epochs")["FT"].agg(["mean", "sem"])
+        print(
+            f"{mine} - {other}: FT over bodies {each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}"
+        )
+    long = (
+        scores[(scores["epochs"] < 0) & (scores["setting"] == NEW)]
+        .groupby("epochs")["FT"]
+        .agg(["mean", "sem"])
+    )
     if len(long) == len(AT):
         best = long.loc[long["mean"].idxmax()]
-        print("epochs:", -max(epochs for epochs, row in long.iterrows() if row["mean"] >= best["mean"] - best["sem"]))
+        print(
+            "epochs:",
+            -max(
+                epochs
+                for epochs, row in long.iterrows()
+                if row["mean"] >= best["mean"] - best["sem"]
+            ),
+        )
 
 
 if __name__ == "__main__":

@@ -1,9 +1,9 @@
 """What networks predict: ``python results/experiments/predictions.py``.
 
-Draws three unseen subjects in two poses (results/figures/predictions.png), and writes hidden.csv: of the canonical
-pixels whose surface point is hidden in the input, the share that lies in the predicted mask, and the error of the depth
-there in units of relief (the standard deviation of the true depth inside the true mask).
-"""
+Draws three unseen subjects in two poses (results/figures/predictions.png), and writes hidden.csv:
+of the canonical pixels whose surface point is hidden in the input, the share that lies in the
+predicted mask, and the error of the depth there in units of relief (the standard deviation of the
+true depth inside the true mask)."""
 
 from __future__ import annotations
 
@@ -37,13 +37,17 @@ HERE = Path(__file__).parent
 AVERAGE = "average body"
 
 
-def hidden(canonical: Mesh, posed: Mesh, camera: Camera, half_width: float, mask: NDArray[np.bool_]) -> Tensor:
+def hidden(
+    canonical: Mesh, posed: Mesh, camera: Camera, half_width: float, mask: NDArray[np.bool_]
+) -> Tensor:
     """Return which pixels of the true canonical mask show a point that is hidden in the input, shape (r, r).
 
     The point of a pixel is the nearest vertex; both meshes have the same vertices.
     """
     size = len(mask)
-    points, elsewhere = (camera_coordinates(mesh, camera) / half_width for mesh in (canonical, posed))
+    points, elsewhere = (
+        camera_coordinates(mesh, camera) / half_width for mesh in (canonical, posed)
+    )
     depth, seen = (render_depth(mesh, camera, half_width, size) for mesh in (canonical, posed))
     rows, columns = np.nonzero(mask & (depth > 0))
     x, y = ((places + 0.5) * (2 / size) - 1 for places in (columns, rows))
@@ -84,11 +88,21 @@ def main() -> None:
         for name, (network, size) in networks.items():
             true = torch.from_numpy(resampled(true_image, size)).double()
             unseen = hidden(standing, posed, camera, half_width, true[1].numpy() > COVERED)
-            average = torch.stack([average_body(FOLD, size), training_bodies(FOLD, size)[:, 1].mean(0)])
+            average = torch.stack(
+                [average_body(FOLD, size), training_bodies(FOLD, size)[:, 1].mean(0)]
+            )
             predicted = network.predict(image)
             for who, given in ((name, predicted), (f"{AVERAGE}, {size} pixels", average)):
                 share, wrong = figures(given, true, unseen)
-                rows.append({"pose": entry.pose, "body": entry.subject, "of": who, "in mask": share, "error": wrong})
+                rows.append(
+                    {
+                        "pose": entry.pose,
+                        "body": entry.subject,
+                        "of": who,
+                        "in mask": share,
+                        "error": wrong,
+                    }
+                )
             panels += [inside(true)] if len(panels) == 1 else []
             panels.append(inside(predicted))
         panels.append(inside(average))
@@ -96,10 +110,15 @@ def main() -> None:
             drawn.append((entry.subject, panels))
     table = pandas.DataFrame(rows).drop_duplicates(["pose", "body", "of"]).round(4)
     table.to_csv(HERE / "hidden.csv", index=False, lineterminator="\n")
-    print(table.groupby(["pose", "of"], sort=False)[["in mask", "error"]].mean().round(2).to_string())
+    print(
+        table.groupby(["pose", "of"], sort=False)[["in mask", "error"]].mean().round(2).to_string()
+    )
     titles = ["input", "truth", *networks, f"{AVERAGE} of training"]
     drawn.sort(key=lambda pair: pair[0])
-    save(picture([panels for _, panels in drawn], titles), HERE.parent / "figures" / "predictions.png")
+    save(
+        picture([panels for _, panels in drawn], titles),
+        HERE.parent / "figures" / "predictions.png",
+    )
 
 
 def inside(prediction: Tensor) -> NDArray[np.float64]:

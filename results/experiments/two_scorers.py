@@ -1,8 +1,8 @@
 """Scores of the paper's methods on TOSCA by two scorers: ``python results/experiments/two_scorers.py [RESULTS]``.
 
-Writes results/figures/two-scorers.csv, with intervals over classes, from records of ``run -t III -d tosca``, with and
-without ``--scorer spherical-harmonics --plugin examples/spherical_harmonics.py``; published ones are of CM-BOF alone.
-"""
+Writes results/figures/two-scorers.csv, with intervals over classes, from records of ``run -t III -d
+tosca``, with and without ``--scorer spherical-harmonics --plugin examples/spherical_harmonics.py``;
+published ones are of CM-BOF alone."""
 
 from __future__ import annotations
 
@@ -31,9 +31,10 @@ def lines(record: Record) -> pandas.DataFrame:
 
 if __name__ == "__main__":
     found = [
-        record for record in read_records(Path(sys.argv[1]) if len(sys.argv) > 1 else RESULTS)
+        record
+        for record in read_records(Path(sys.argv[1]) if len(sys.argv) > 1 else RESULTS)
         if record.gallery == "tosca" and record.method in CLASSICAL and record.scorer in SCORERS
-    ]  # fmt: skip
+    ]
     found.sort(key=lambda record: (record.input, SCORERS.index(record.scorer), record.method))
     columns = ["input", "method", "scorer", "measure", "value", "low", "high"]
     table = pandas.concat([*map(lines, found)])[columns].round(6)

@@ -16,8 +16,17 @@ VERTICES, FACES = np.eye(4)[:, :3], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
 
 def test_what_authors_import_needs_no_harness():
     code = "import sys; from benchmark.api import *; print(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
-    heavy = {"benchmark.registry", "benchmark.pipeline", "benchmark.datasets", "torch", "numba", "pandas"}
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    heavy = {
+        "benchmark.registry",
+        "benchmark.pipeline",
+        "benchmark.datasets",
+        "torch",
+        "numba",
+        "pandas",
+    }
     assert "benchmark.api.learning" in loaded
     assert not heavy & set(loaded)
 
@@ -32,7 +41,11 @@ def test_a_function_is_a_method_and_used_on_arrays():
     assert isinstance(form, CanonicalForm)
     np.testing.assert_array_equal(form.vertices, VERTICES * [1, 1, 0])
     np.testing.assert_array_equal(form.faces, FACES)
-    assert (flatten.info.name, flatten.__doc__, flatten.__module__) == ("flatten", "Flat.", __name__)
+    assert (flatten.info.name, flatten.__doc__, flatten.__module__) == (
+        "flatten",
+        "Flat.",
+        __name__,
+    )
 
 
 def test_the_draws_of_a_scorer_are_limited():
@@ -47,7 +60,13 @@ def arrays_in(value, seen):
     seen.add(id(value))
     if isinstance(value, np.ndarray):
         yield value
-    values = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+    values = (
+        value.values()
+        if isinstance(value, dict)
+        else value
+        if isinstance(value, list | tuple)
+        else ()
+    )
     for part in (*values, *getattr(value, "__dict__", {}).values()):
         yield from arrays_in(part, seen)
 
@@ -56,7 +75,12 @@ def test_what_methods_share_is_read_only():
     depth = np.ones((4, 4), np.float32)
     shape = Shape(identifier="corner", mesh=Mesh(VERTICES, FACES), depth=depth)
     assert shape.geodesics() is shape.geodesics()
-    given = [shape.mesh.vertex_areas, shape.laplacian(), shape.geodesics_from([0]), shape.form(VERTICES)]
+    given = [
+        shape.mesh.vertex_areas,
+        shape.laplacian(),
+        shape.geodesics_from([0]),
+        shape.form(VERTICES),
+    ]
     LeastSquaresMDS().canonicalise(shape)
     for name in dir(Mesh):
         getattr(shape.mesh, name)

@@ -12,7 +12,9 @@ CAMERA = np.array([[525, 0, 319.5], [0, 525, 239.5], [0, 0, 1]])
 
 
 @pytest.mark.parametrize(
-    "camera", [(525, 525, 319.5, 239.5), np.pad(CAMERA, (0, 1)), Intrinsics(525, 525, 319.5, 239.5)], ids=str
+    "camera",
+    [(525, 525, 319.5, 239.5), np.pad(CAMERA, (0, 1)), Intrinsics(525, 525, 319.5, 239.5)],
+    ids=str,
 )
 def test_every_way_to_pass_a_camera_and_depths_gives_the_same(camera):
     depths, mask = frame()
@@ -20,20 +22,31 @@ def test_every_way_to_pass_a_camera_and_depths_gives_the_same(camera):
     wanted = canonical_form_of_depth(millimetres, CAMERA, mask, "identity")
     for form in (
         canonical_form_of_depth(millimetres, camera, mask, "identity"),
-        canonical_form_of_depth(millimetres / 1000, camera, 255 * mask.astype(np.uint8), "identity"),
-        canonical_form_of_depth(5 * millimetres.astype(np.int32), camera, mask, "identity", scale=5000),
+        canonical_form_of_depth(
+            millimetres / 1000, camera, 255 * mask.astype(np.uint8), "identity"
+        ),
+        canonical_form_of_depth(
+            5 * millimetres.astype(np.int32), camera, mask, "identity", scale=5000
+        ),
     ):
         np.testing.assert_array_equal(form.vertices, wanted.vertices)
 
 
 def test_the_method_is_by_default_the_network_that_a_loop_loads_once():
     form = canonical_form_of_depth(frame()[0], CAMERA)
-    assert (form.notes["mask"], form.notes["up"], form.notes["predicted_pieces"]) == ("found", "floor", 1)
+    assert (form.notes["mask"], form.notes["up"], form.notes["predicted_pieces"]) == (
+        "found",
+        "floor",
+        1,
+    )
     small = canonical_form_of_depth(0.4 * frame()[0], CAMERA, frame()[1])
     size, _ = str(small.notes["doubt"]).split(" m is small for a person")
     assert float(size) == pytest.approx(small.notes["size"], 0.02)
     assert "person" not in str(form.notes.get("doubt"))
-    assert "doubt" not in canonical_form_of_depth(0.4 * frame()[0], CAMERA, frame()[1], "identity").notes
+    assert (
+        "doubt"
+        not in canonical_form_of_depth(0.4 * frame()[0], CAMERA, frame()[1], "identity").notes
+    )
     assert method_of_depth("learned-streamed") is method_of_depth("learned-streamed")
 
 

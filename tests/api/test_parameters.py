@@ -11,7 +11,13 @@ import numpy as np
 import pytest
 
 from benchmark.api.contracts import CheckedParameters, Interval, Matches
-from benchmark.api.parameters import assignments, checked, format_value, non_default_values, parameter_values
+from benchmark.api.parameters import (
+    assignments,
+    checked,
+    format_value,
+    non_default_values,
+    parameter_values,
+)
 from benchmark.errors import ConfigurationError
 
 
@@ -108,13 +114,19 @@ def test_what_does_not_fit_is_refused_with_what_would(name: str, text: Any, mess
 
 def test_non_default_settings_come_in_the_order_of_the_fields_() -> None:
     given = {"share": "0.25", "pair": "(0,2)", "whole": "3", "text": ""}
-    assert list(non_default_values(Sample, given).items()) == [("whole", 3), ("pair", (0.0, 2.0)), ("share", 0.25)]
+    assert list(non_default_values(Sample, given).items()) == [
+        ("whole", 3),
+        ("pair", (0.0, 2.0)),
+        ("share", 0.25),
+    ]
 
 
 def test_a_class_may_check_itself() -> None:
     assert Guarded() == Guarded(least=1)
     assert Guarded(least="2").least == 2  # type: ignore[arg-type]
-    with pytest.raises(ConfigurationError, match="'0' does not fit least of Guarded; write `int` >= 1"):
+    with pytest.raises(
+        ConfigurationError, match="'0' does not fit least of Guarded; write `int` >= 1"
+    ):
         replace(Guarded(), least=0)
     assert parameter_values(Guarded()) == {"least": 1}
 
@@ -124,13 +136,26 @@ def test_a_type_that_is_unknown_at_run_time_is_named() -> None:
     class Unresolved:
         fraction: Fraction = 3  # type: ignore[name-defined]  # noqa: F821
 
-    with pytest.raises(ConfigurationError, match="a type of Unresolved is unknown: name 'Fraction' is not defined"):
+    with pytest.raises(
+        ConfigurationError, match="a type of Unresolved is unknown: name 'Fraction' is not defined"
+    ):
         checked(Unresolved, {})
 
 
 def test_values_are_written_in_one_way() -> None:
     values = (2.0, 1e-3, 0.1 + 0.2, 3, True, None, "a", (1, 2.5), (3,), ())
-    texts = ("2.0", "0.001", "0.30000000000000004", "3", "true", "none", "a", "(1,2.5)", "(3)", "()")
+    texts = (
+        "2.0",
+        "0.001",
+        "0.30000000000000004",
+        "3",
+        "true",
+        "none",
+        "a",
+        "(1,2.5)",
+        "(3)",
+        "()",
+    )
     assert tuple(map(format_value, values)) == texts
 
 

@@ -22,16 +22,22 @@ def centre_line(vertices: np.ndarray, *, sides: int = 14) -> np.ndarray:
 
 def straightness(line: np.ndarray) -> float:
     """Distance of the ends over the length of the way between them: 1 for a straight line."""
-    return float(np.linalg.norm(line[-1] - line[0]) / np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+    return float(
+        np.linalg.norm(line[-1] - line[0]) / np.linalg.norm(np.diff(line, axis=0), axis=1).sum()
+    )
 
 
 def sheet(rows: int = 30, columns: int = 9, bend: float = 0.0) -> Mesh:
     """Open strip of equilateral triangles, flat or rolled about the y axis by the given angle."""
-    u, v = np.meshgrid(np.arange(rows) * np.sqrt(3) / 2, np.arange(columns, dtype=float), indexing="ij")
+    u, v = np.meshgrid(
+        np.arange(rows) * np.sqrt(3) / 2, np.arange(columns, dtype=float), indexing="ij"
+    )
     v = v + 0.5 * (np.arange(rows)[:, None] % 2)
     if bend:
         radius = u.max() / bend
-        vertices = np.stack([radius * np.sin(u / radius), v, radius * (1 - np.cos(u / radius))], axis=-1)
+        vertices = np.stack(
+            [radius * np.sin(u / radius), v, radius * (1 - np.cos(u / radius))], axis=-1
+        )
     else:
         vertices = np.stack([u, v, 0 * u], axis=-1)
     faces = []
@@ -43,7 +49,9 @@ def sheet(rows: int = 30, columns: int = 9, bend: float = 0.0) -> Mesh:
     return Mesh(vertices.reshape(-1, 3) / 10, np.array(faces))
 
 
-def implicit_surface(distance, *, extent: float = 1.6, resolution: int = 56, n_vertices: int = 700) -> Mesh:
+def implicit_surface(
+    distance, *, extent: float = 1.6, resolution: int = 56, n_vertices: int = 700
+) -> Mesh:
     """Zero level of a function of positions (k, 3), decimated to regular triangles."""
     import igl
 
@@ -52,8 +60,11 @@ def implicit_surface(distance, *, extent: float = 1.6, resolution: int = 56, n_v
     axis = np.linspace(-extent, extent, resolution)
     z, y, x = np.meshgrid(axis, axis, axis, indexing="ij")
     grid = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
-    # Moved off the grid: marching cubes makes triangles without area where the level passes through a node.
-    vertices, faces, _ = igl.marching_cubes(distance(grid + 0.0123), grid, resolution, resolution, resolution, 0.0)
+    # Moved off the grid: marching cubes makes triangles without area where the level passes through
+    # a node.
+    vertices, faces, _ = igl.marching_cubes(
+        distance(grid + 0.0123), grid, resolution, resolution, resolution, 0.0
+    )
     return prepare(Mesh(vertices, faces), n_vertices).mesh
 
 
@@ -66,7 +77,9 @@ def capsule(points: np.ndarray, start, end, radius: float) -> np.ndarray:
 
 def moved_to(points: np.ndarray, reference: np.ndarray) -> np.ndarray:
     """Points after the proper rigid motion that brings them nearest to the reference (independent of the kernels)."""
-    rotation, _ = Rotation.align_vectors(reference - reference.mean(axis=0), points - points.mean(axis=0))
+    rotation, _ = Rotation.align_vectors(
+        reference - reference.mean(axis=0), points - points.mean(axis=0)
+    )
     return rotation.apply(points - points.mean(axis=0)) + reference.mean(axis=0)
 
 

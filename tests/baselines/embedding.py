@@ -28,7 +28,9 @@ def sphere(n: int = 400) -> Mesh:
 def limbed(n: int = 400) -> Shape:
     """Ball with five limbs of different lengths: closed, one piece, no symmetry, geodesics far from Euclidean."""
     ball = sphere(n)
-    directions = np.array([[1, 0.1, 0], [-0.9, 0.3, 0.2], [0.1, -1, 0.2], [0, 0.4, 1], [0.5, 0.5, -0.8]])
+    directions = np.array(
+        [[1, 0.1, 0], [-0.9, 0.3, 0.2], [0.1, -1, 0.2], [0, 0.4, 1], [0.5, 0.5, -0.8]]
+    )
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     bumps = np.exp(9 * (ball.vertices @ directions.T - 1)) @ np.array([2.4, 1.9, 1.4, 1.0, 0.7])
     mesh = ball.with_vertices(ball.vertices * (0.5 + bumps)[:, None])

@@ -13,7 +13,9 @@ from tests.toy import rod
 
 def test_methods_that_need_all_pairs_refuse_a_large_surface_at_once() -> None:
     large = Shape(identifier="large", mesh=rod(0.1, 0.0, rings=2857, sides=7))
-    assert {name for name, component in by_name("method").items() if component.info.needs == ("pairs",)} == {
+    assert {
+        name for name, component in by_name("method").items() if component.info.needs == ("pairs",)
+    } == {
         *("classic-mds", "non-metric-mds", "least-squares-mds", "constrained-mds"),
         *("skeleton", "feature-preserved", "sd-gdm"),
     }
@@ -31,7 +33,9 @@ def test_methods_that_need_all_pairs_refuse_a_large_surface_at_once() -> None:
         ("skeleton", 0.95, 0.15),
     ],
 )
-def test_a_bent_tube_straightens_and_its_edges_hardly_stretch(name: str, straight: float, strain: float) -> None:
+def test_a_bent_tube_straightens_and_its_edges_hardly_stretch(
+    name: str, straight: float, strain: float
+) -> None:
     mesh = tube(2.4)
     form = select_one(name).create().canonicalise(shape_of(mesh))
     assert straightness(centre_line(mesh.vertices)) < 0.8

@@ -17,7 +17,11 @@ from tests.baselines.embedding import PointShape, limbed, points_on_ellipsoid, s
 
 
 def ball(n, radius=1.0, area=None):
-    return Shape(identifier="ball", mesh=sphere(n).with_vertices(radius * sphere(n).vertices), source_area=area)
+    return Shape(
+        identifier="ball",
+        mesh=sphere(n).with_vertices(radius * sphere(n).vertices),
+        source_area=area,
+    )
 
 
 @pytest.mark.parametrize(
@@ -36,7 +40,9 @@ def test_distances_by_hand(method, descriptors, distances):
 def test_sd_gdm_has_the_spectrum_of_the_distances():
     # The matrix of ones without its diagonal: n - 1 once and -1 otherwise.
     equal = PointShape(points_on_ellipsoid(60), np.ones((60, 60)) - np.eye(60))
-    np.testing.assert_allclose(SDGDM(count=5).describe(equal), np.array([59, 1, 1, 1, 1]) / 63, atol=1e-10)
+    np.testing.assert_allclose(
+        SDGDM(count=5).describe(equal), np.array([59, 1, 1, 1, 1]) / 63, atol=1e-10
+    )
     shape = limbed()
     expected = np.linalg.svd(shape.geodesics(), compute_uv=False)[:20]
     np.testing.assert_allclose(SDGDM().describe(shape), expected / expected.sum(), atol=1e-9)
@@ -76,21 +82,34 @@ def test_si_hks_counts_the_words_of_a_gallery():
     # Words at 1 and 5, so that each vertex is 1 from its nearest one, and sigma is 2.
     method = ScaleInvariantHKS(frequencies=1, words=2)
     gallery = [np.ravel(rows) for rows in ([[1.0, 0]], [[0.5, 2], [0.5, 6]], [[0.3, 4], [0.7, 6]])]
-    zero, two, four, six = (1 / (1 + np.exp(((x - 1) ** 2 - (x - 5) ** 2) / 8)) for x in (0, 2, 4, 6))
+    zero, two, four, six = (
+        1 / (1 + np.exp(((x - 1) ** 2 - (x - 5) ** 2) / 8)) for x in (0, 2, 4, 6)
+    )
     first = np.array([zero, (two + six) / 2, 0.3 * four + 0.7 * six])
-    np.testing.assert_allclose(method.distances(gallery), 2 * np.abs(first[:, None] - first), atol=1e-12)
+    np.testing.assert_allclose(
+        method.distances(gallery), 2 * np.abs(first[:, None] - first), atol=1e-12
+    )
     # No vertex but the words: each belongs to its own alone.
-    two_places = [np.ravel(rows) for rows in ([[1.0, 0]], [[0.5, 0], [0.5, 6]], [[0.3, 6], [0.7, 6]])]
-    np.testing.assert_allclose(method.distances(two_places), [[0, 1, 2], [1, 0, 1], [2, 1, 0]], atol=1e-12)
+    two_places = [
+        np.ravel(rows) for rows in ([[1.0, 0]], [[0.5, 0], [0.5, 6]], [[0.3, 6], [0.7, 6]])
+    ]
+    np.testing.assert_allclose(
+        method.distances(two_places), [[0, 1, 2], [1, 0, 1], [2, 1, 0]], atol=1e-12
+    )
     np.testing.assert_array_equal(method.distances([np.array([1.0, 3.0])] * 2), 0)
 
 
 def test_si_hks_takes_the_words_of_the_gallery_alone_for_any_queries():
-    method, places = ScaleInvariantHKS(frequencies=1, words=2), np.random.default_rng(0).random((5, 1, 6, 1)) * 9
+    method, places = (
+        ScaleInvariantHKS(frequencies=1, words=2),
+        np.random.default_rng(0).random((5, 1, 6, 1)) * 9,
+    )
     of = [np.concatenate([np.full((6, 1), 1 / 6), one[0]], axis=1).ravel() for one in places]
     together = method.compare_to(of, of[:3])
     np.testing.assert_array_equal(together[:3], method.distances(of[:3]))
-    np.testing.assert_array_equal(together[3:], [method.compare_to([one], of[:3])[0] for one in of[3:]])
+    np.testing.assert_array_equal(
+        together[3:], [method.compare_to([one], of[:3])[0] for one in of[3:]]
+    )
     (row,) = compute_distances(method, of[:3], queries=of[3:4])
     np.testing.assert_array_equal(row, together[3])
     assert not np.allclose(method.distances(of[:4])[3, :3], row)
@@ -113,7 +132,11 @@ def test_descriptors_are_equal_whatever_the_last_digits_of_a_processor(monkeypat
 
     def other_digits(*given, **more):
         found = eigsh(*given, **more)
-        return tuple(of * (1 + 1e-12) for of in found) if isinstance(found, tuple) else found * (1 + 1e-12)
+        return (
+            tuple(of * (1 + 1e-12) for of in found)
+            if isinstance(found, tuple)
+            else found * (1 + 1e-12)
+        )
 
     monkeypatch.setattr("scipy.sparse.linalg.eigsh", other_digits)
     for method, expected in zip(methods, first, strict=True):

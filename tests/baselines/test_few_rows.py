@@ -21,12 +21,19 @@ def test_fast_classical_scaling_is_that_of_the_released_code(samples, fidelity):
     chosen = farthest_points(shape, samples)
     fit = np.zeros((n, n))
     fit[chosen, chosen] = fidelity
-    continuation = np.linalg.solve(stiffness.T @ np.diag(areas**-2.0) @ stiffness + fit, fit[:, chosen])
+    continuation = np.linalg.solve(
+        stiffness.T @ np.diag(areas**-2.0) @ stiffness + fit, fit[:, chosen]
+    )
     product = continuation @ shape.geodesics()[chosen] ** 2
     centre = np.eye(n) - 1 / n
-    values, vectors = eigh(-0.25 * centre @ (product + product.T) @ centre, subset_by_index=(n - 3, n - 1))
+    values, vectors = eigh(
+        -0.25 * centre @ (product + product.T) @ centre, subset_by_index=(n - 3, n - 1)
+    )
     expected = spread(vectors * np.sqrt(np.maximum(values, 0)))
-    method, alone = FastClassicalScaling(samples=samples, fidelity=fidelity), RowsOnly(identifier="x", mesh=shape.mesh)
+    method, alone = (
+        FastClassicalScaling(samples=samples, fidelity=fidelity),
+        RowsOnly(identifier="x", mesh=shape.mesh),
+    )
     form = method.canonicalise(alone)
     np.testing.assert_allclose(spread(form.vertices), expected, atol=1e-6 * expected.max())
 
@@ -43,10 +50,14 @@ def test_accelerated_mds_is_that_of_its_definition(samples):
     smoothness = stiffness @ np.diag(1 / mass) @ stiffness
     others = np.setdiff1d(np.arange(len(mass)), chosen)
     interpolation = np.eye(len(mass))[:, chosen]
-    interpolation[others] = -np.linalg.solve(smoothness[np.ix_(others, others)], smoothness[np.ix_(others, chosen)])
+    interpolation[others] = -np.linalg.solve(
+        smoothness[np.ix_(others, others)], smoothness[np.ix_(others, chosen)]
+    )
     centre = np.eye(len(mass)) - 1 / len(mass)
     squares = interpolation @ shape.geodesics()[np.ix_(chosen, chosen)] ** 2 @ interpolation.T
-    values, vectors = eigh(-0.5 * centre @ squares @ centre, subset_by_index=(len(mass) - 3, len(mass) - 1))
+    values, vectors = eigh(
+        -0.5 * centre @ squares @ centre, subset_by_index=(len(mass) - 3, len(mass) - 1)
+    )
     expected = spread(vectors * np.sqrt(np.maximum(values, 0)))
     form = AcceleratedMDS(samples=samples).canonicalise(RowsOnly(identifier="x", mesh=shape.mesh))
     np.testing.assert_allclose(spread(form.vertices), expected, atol=1e-5 * expected.max())

@@ -56,7 +56,10 @@ def test_sums_are_added_in_one_order_on_every_processor(n):
                     apart = x - x[i]
                     squares = apart**2
                     distance = np.sqrt(squares[:, 0] + squares[:, 1] + squares[:, 2])
-                    ratio, miss = targets[i] / np.maximum(distance, np.float32(1e-18)), distance - targets[i]
+                    ratio, miss = (
+                        targets[i] / np.maximum(distance, np.float32(1e-18)),
+                        distance - targets[i],
+                    )
                     pulls += np.column_stack([ratio[:, None] * apart, miss * miss])
                 of_strip += pulls
         sums += of_strip
@@ -71,10 +74,14 @@ def test_sums_are_added_in_one_order_on_every_processor(n):
 def test_the_stress_is_the_minimum_that_scikit_learn_reaches_from_the_same_start(shape):
     form, distances = LeastSquaresMDS().canonicalise(shape), shape.geodesics()
     options = {"n_components": 3, "n_init": 1, "max_iter": 10**5, "eps": 1e-9}
-    expected, _ = smacof(distances, init=shape.mesh.vertices - shape.mesh.vertices.mean(axis=0), **options)
+    expected, _ = smacof(
+        distances, init=shape.mesh.vertices - shape.mesh.vertices.mean(axis=0), **options
+    )
     minimum = brute_force_stress(expected, distances)
     assert form.notes["stress"] == pytest.approx(minimum, rel=1e-3)
-    assert brute_force_stress(form.vertices, distances) == pytest.approx(form.notes["stress"], rel=1e-5)
+    assert brute_force_stress(form.vertices, distances) == pytest.approx(
+        form.notes["stress"], rel=1e-5
+    )
     steps = form.notes["iterations"]
     stresses = [
         LeastSquaresMDS(max_iterations=count, rtol=0).canonicalise(shape).notes["stress"]
@@ -93,8 +100,12 @@ def test_a_form_turns_with_its_shape():
     np.testing.assert_allclose(forms[0] @ turn, forms[1], atol=1e-9)
 
 
-@pytest.mark.parametrize("method", [LeastSquaresMDS(), LeastSquaresMDS(start="classic"), NonMetricMDS()])
-@pytest.mark.parametrize("mesh", [figure(), sheet(bend=1.0)], ids=["flat valley", "pairs of equal vertices"])
+@pytest.mark.parametrize(
+    "method", [LeastSquaresMDS(), LeastSquaresMDS(start="classic"), NonMetricMDS()]
+)
+@pytest.mark.parametrize(
+    "mesh", [figure(), sheet(bend=1.0)], ids=["flat valley", "pairs of equal vertices"]
+)
 def test_no_bit_of_a_form_follows_from_the_numbers_of_vertices(method, mesh):
     """Rounding decides where a descent through a flat valley ends."""
     form = method.canonicalise(shape_of(mesh))
@@ -110,8 +121,14 @@ def test_no_bit_of_a_form_follows_from_the_numbers_of_vertices(method, mesh):
 def test_no_stress_ever_rises(seed):
     distances, start = random_problem(seed, 30)
     exact, relaxed = (partial(guttman_transform, targets=distances) for _ in range(2))
-    for transform, rise in ((exact, 1e-9), (non_metric_transform(distances)[0], 1e-6), (relaxed, 1e-9)):
-        _, stresses = majorise(transform, start, relaxed=transform is relaxed, max_iterations=40, rtol=-1)
+    for transform, rise in (
+        (exact, 1e-9),
+        (non_metric_transform(distances)[0], 1e-6),
+        (relaxed, 1e-9),
+    ):
+        _, stresses = majorise(
+            transform, start, relaxed=transform is relaxed, max_iterations=40, rtol=-1
+        )
         assert (np.diff(stresses) <= rise * np.array(stresses[1:])).all()
         assert stresses[-1] < stresses[0]
 
@@ -132,7 +149,9 @@ def test_disparities_never_fall_where_distances_rise(monkeypatch):
     for disparities in used:
         rises = np.diff(disparities)
         assert rises.min() == 0 < rises.max()
-        assert np.linalg.norm(disparities) == pytest.approx(np.linalg.norm(shape.geodesics()[pairs]), rel=1e-5)
+        assert np.linalg.norm(disparities) == pytest.approx(
+            np.linalg.norm(shape.geodesics()[pairs]), rel=1e-5
+        )
 
 
 def test_the_form_that_others_deform_is_computed_once_and_charged_to_each(monkeypatch):
@@ -152,10 +171,17 @@ def test_the_form_that_others_deform_is_computed_once_and_charged_to_each(monkey
     monkeypatch.setattr(geodesics, "all_pairs", slow(3.0, all_pairs))
     shared = SharedResults()
     shape = Shape(identifier="limbed", mesh=limbed(200).mesh, cache=shared.get_or_compute)
-    for method in (ConstrainedMDS(), LeastSquaresMDS(), FeaturePreserved(), LeastSquaresMDS(start="classic")):
+    for method in (
+        ConstrainedMDS(),
+        LeastSquaresMDS(),
+        FeaturePreserved(),
+        LeastSquaresMDS(start="classic"),
+    ):
         output = compute_output(method, shape, shared)
         each = [*output[SECONDS], *output[SECONDS + GEODESICS]]
-        assert each == pytest.approx([5.0, 5.0, 3.0, 3.0], abs=0.05)  # children of other tests may end
+        assert each == pytest.approx(
+            [5.0, 5.0, 3.0, 3.0], abs=0.05
+        )  # children of other tests may end
     assert computed == [3.0, 5.0, 5.0]
 
 

@@ -23,14 +23,18 @@ def material(tmp_path_factory) -> Path:
     write_rods(folder / "rods", rings=16, sides=8)
     write_rods(folder / "rods2", rings=16, sides=8)
     write_frames(folder / "frames")
-    runpy.run_path(str(ROOT / "examples" / "bent_ellipsoids.py"))["write"](folder / "bent-ellipsoids")
+    runpy.run_path(str(ROOT / "examples" / "bent_ellipsoids.py"))["write"](
+        folder / "bent-ellipsoids"
+    )
     depth = np.load(folder / "frames" / "lean0.npy")
     np.save(folder / "alone.npy", depth)
     Image.fromarray(((depth < 2.5) * 255).astype(np.uint8)).save(folder / "mask.png")
     triangle = Mesh(np.eye(3), [[0, 1, 2]])
     for name in ("bad/dog0", "one/cat0", "one/cat1"):
         write_off(folder / f"{name}.off", triangle)
-    (folder / "bad" / "cut0.off").write_text((folder / "bad" / "dog0.off").read_text().replace("1.0", "nan"))
+    (folder / "bad" / "cut0.off").write_text(
+        (folder / "bad" / "dog0.off").read_text().replace("1.0", "nan")
+    )
     tetrahedron = Mesh(np.eye(4)[:, :3], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     for name in ("four", "damaged/a0", "damaged/a1", "damaged/b0"):
         write_off(folder / f"{name}.off", tetrahedron)

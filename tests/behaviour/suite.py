@@ -34,18 +34,24 @@ class Done:
 
 def environment() -> dict[str, str]:
     """The environment of a command: no data, no models of one's own, a terminal of 100 columns."""
-    return {name: value for name, value in os.environ.items() if name not in _VARIABLES} | {"COLUMNS": "100"}
+    return {name: value for name, value in os.environ.items() if name not in _VARIABLES} | {
+        "COLUMNS": "100"
+    }
 
 
 def call(*words: object) -> Done:
     """Run ``python -m benchmark`` in this process, in the current folder."""
-    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2))
+    out, err = (
+        io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True) for _ in range(2)
+    )
     handler = signal.getsignal(signal.SIGTERM)
     code: Any = 0
 
     program, end = os.getpid(), os._exit
 
-    def leave(code: int) -> NoReturn:  # a program may end itself by force, which must not end the tests
+    def leave(
+        code: int,
+    ) -> NoReturn:  # a program may end itself by force, which must not end the tests
         if os.getpid() != program:  # a process that it has forked
             end(code)
         raise SystemExit(code)
@@ -72,7 +78,9 @@ def start(*words: object, cwd: Path, **options: Any) -> subprocess.Popen[str]:
     """Start ``python -m benchmark`` as a process in a session of its own."""
     command = [sys.executable, "-m", "benchmark", *map(str, words)]
     streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | options
-    return subprocess.Popen(command, cwd=cwd, env=environment(), text=True, start_new_session=True, **streams)
+    return subprocess.Popen(
+        command, cwd=cwd, env=environment(), text=True, start_new_session=True, **streams
+    )
 
 
 def write_frames(folder: Path) -> None:
@@ -84,7 +92,8 @@ def write_frames(folder: Path) -> None:
         for number, x in enumerate((-0.1, 0.15)):
             centre, axes = np.array([x, 0.0, 2.0]), np.array([width, 0.6, width])
             a, b, c = (
-                ((ray if p else centre) * (ray if q else centre) / axes**2).sum(-1) for p, q in ((1, 1), (1, 0), (0, 0))
+                ((ray if p else centre) * (ray if q else centre) / axes**2).sum(-1)
+                for p, q in ((1, 1), (1, 0), (0, 0))
             )
             inside = b * b - a * (c - 1)
             depth = np.where(inside > 0, (b - np.sqrt(np.maximum(inside, 0))) / a, 3.0)

@@ -59,14 +59,22 @@ def test_command(case, request):
     assert "Traceback" not in done.err
     for kind, text, shown in ((">", out, done.out), ("!", err, done.err)):
         unmarked = text.replace(" †", "").replace(" ‡", "")  # edited code marks its rows
-        assert [part for part in map(plain, case.parts[kind]) if part not in text and part not in unmarked] == [], shown
+        assert [
+            part
+            for part in map(plain, case.parts[kind])
+            if part not in text and part not in unmarked
+        ] == [], shown
     assert [part for part in case.parts["-"] if part in out + err] == []
     if case.section == "Refusals" and case.line:
         assert done.err.splitlines()[-1].startswith("error: ")
         assert done.err.count("error: ") == 1
 
     folders = tuple(name.removesuffix("...") for name in case.parts["+"] if name.endswith("/..."))
-    written = {str(path.relative_to(place)) for path in place.rglob("*") if path.is_file() and not path.is_symlink()}
+    written = {
+        str(path.relative_to(place))
+        for path in place.rglob("*")
+        if path.is_file() and not path.is_symlink()
+    }
     assert {name for name in written if not name.startswith(folders)} == set(case.parts["+"]) - {
         f"{f}..." for f in folders
     }

@@ -35,7 +35,9 @@ def test_nobody_listens(scored):
 
 
 def test_no_standard_streams_at_all(scored, tmp_path):
-    command = f"{sys.executable} -m benchmark tables --results {scored / 'results'} -d rods -o {tmp_path}"
+    command = (
+        f"{sys.executable} -m benchmark tables --results {scored / 'results'} -d rods -o {tmp_path}"
+    )
     shell = ["sh", "-c", f"exec {command} <&- >&- 2>&-"]
     assert subprocess.run(shell, env=environment(), timeout=60, check=False).returncode == 0
     assert (tmp_path / "tables.json").is_file()

@@ -54,7 +54,13 @@ POSITIONS = (
 
 
 #: What parts of the tables stand for.
-PARTS = {"{FORM}": FORM, "{DESCRIBE}": DESCRIBE, "{SPREAD}": SPREAD, "{DISTANCES}": DISTANCES, "{POSITIONS}": POSITIONS}
+PARTS = {
+    "{FORM}": FORM,
+    "{DESCRIBE}": DESCRIBE,
+    "{SPREAD}": SPREAD,
+    "{DISTANCES}": DISTANCES,
+    "{POSITIONS}": POSITIONS,
+}
 
 
 def rows_of(name: str) -> list[list[str]]:
@@ -90,7 +96,9 @@ def test_a_fault_is_found_by_its_check(name, body, info, message, tmp_path):
     seen = findings(written(tmp_path / "tried.py", body, info), "" if is_first else name)
     assert seen[name].outcome == "failed", [str(finding) for finding in seen.values()]
     assert re.search(message, seen[name].explanation), seen[name].explanation
-    assert not (seen[name].traceback and seen[name].explanation.startswith("tried.py: method"))  # which says all
+    assert not (
+        seen[name].traceback and seen[name].explanation.startswith("tried.py: method")
+    )  # which says all
     if is_first:
         assert list(seen)[-1] == name  # there is nothing to compare
 
@@ -105,12 +113,18 @@ def test_a_method_of_depth_images_gets_one_and_may_have_vertices_of_its_own(tmp_
     found = findings(written(tmp_path / "tried.py", body, "inputs=('view',)"))
     assert not [finding for finding in found.values() if finding.outcome == "failed"]
     assert found["relabelling"].explanation == "the form has its own vertices"
-    assert found["rigid motion"].explanation == found["scale"].explanation == "the depth image has one camera"
+    assert (
+        found["rigid motion"].explanation
+        == found["scale"].explanation
+        == "the depth image has one camera"
+    )
 
 
 def test_a_missing_package_is_no_fault(tmp_path):
     found = findings(written(tmp_path / "tried.py", info="requires=('no_such_package',)"))
-    assert [str(f) for f in found.values()] == ["skipped  packages         install no_such_package, then check again"]
+    assert [str(f) for f in found.values()] == [
+        "skipped  packages         install no_such_package, then check again"
+    ]
 
 
 @pytest.mark.parametrize(("example", "old", "new", "name", "message"), rows_of("edits.txt"))
@@ -126,11 +140,24 @@ def test_a_fault_of_a_scorer_or_learner_is_found(example, old, new, name, messag
 
 @pytest.mark.parametrize(
     ("body", "limit", "n_ok", "code"),
-    [("while True: time.sleep(0.01)", "3s", 0, 1), ("if len(x) == 3: os.kill(os.getpid(), 11)", "5m", 6, -11)],
+    [
+        ("while True: time.sleep(0.01)", "3s", 0, 1),
+        ("if len(x) == 3: os.kill(os.getpid(), 11)", "5m", 6, -11),
+    ],
 )
-def test_a_loop_or_a_crash_ends_the_checks_and_says_at_which_line(body, limit, n_ok, code, tmp_path):
+def test_a_loop_or_a_crash_ends_the_checks_and_says_at_which_line(
+    body, limit, n_ok, code, tmp_path
+):
     written(tmp_path / "tried.py", FORM + f"{body}\n        return shape.form(x)")
-    command = [sys.executable, "-m", "benchmark", "check", tmp_path / "tried.py", "--timeout", limit]
+    command = [
+        sys.executable,
+        "-m",
+        "benchmark",
+        "check",
+        tmp_path / "tried.py",
+        "--timeout",
+        limit,
+    ]
     done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == code
     assert [line.split()[1] for line in done.stdout.splitlines()] == ["ok"] * n_ok
@@ -138,7 +165,9 @@ def test_a_loop_or_a_crash_ends_the_checks_and_says_at_which_line(body, limit, n
 
 
 def test_prints_do_not_stand_among_findings(tmp_path, capsys):
-    component = written(tmp_path / "tried.py", FORM + "print('printed')\n        return shape.form(x)")
+    component = written(
+        tmp_path / "tried.py", FORM + "print('printed')\n        return shape.form(x)"
+    )
     assert next(check(component)).outcome == "ok"
     out, err = capsys.readouterr()
     assert "printed" not in out
@@ -148,4 +177,8 @@ def test_prints_do_not_stand_among_findings(tmp_path, capsys):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", BUILT_IN)
 def test_every_built_in_method_keeps_the_contract(name):
-    assert not [str(finding) for finding in findings(by_name("method")[name]).values() if finding.outcome == "failed"]
+    assert not [
+        str(finding)
+        for finding in findings(by_name("method")[name]).values()
+        if finding.outcome == "failed"
+    ]

@@ -23,17 +23,24 @@ def test_a_small_mesh_keeps_its_numbering_and_joined_pieces_are_told(tmp_path):
     form = read_mesh(tmp_path / "form.off")
     np.testing.assert_array_equal(form.faces, mixed.faces)
     scale = np.sqrt(form.area / mixed.area)
-    np.testing.assert_allclose(form.vertices, scale * (mixed.vertices - mixed.vertices.mean(axis=0)), atol=1e-5)
+    np.testing.assert_allclose(
+        form.vertices, scale * (mixed.vertices - mixed.vertices.mean(axis=0)), atol=1e-5
+    )
     pair = joined(sphere(2), sphere(2).with_vertices(sphere(2).vertices + np.array([6, 0, 0])))
     write_off(tmp_path / "pair.off", pair)
-    assert "joined_pieces 2, largest_gap 4" in canonicalise(tmp_path / "pair.off", "-o", tmp_path / "joined.off")
+    assert "joined_pieces 2, largest_gap 4" in canonicalise(
+        tmp_path / "pair.off", "-o", tmp_path / "joined.off"
+    )
 
 
 def test_a_decimated_form_has_a_file_of_the_nearest_vertices(tmp_path):
     body = limbed_body(4)
     write_off(tmp_path / "body.off", body)
     said = canonicalise(tmp_path / "body.off", "-o", tmp_path / "form.off")
-    assert f"the nearest of the file, counted from 0, in {tmp_path / 'form.vertices.txt'}" in said.replace("\n", " ")
+    assert (
+        f"the nearest of the file, counted from 0, in {tmp_path / 'form.vertices.txt'}"
+        in said.replace("\n", " ")
+    )
     numbers = np.loadtxt(tmp_path / "form.vertices.txt", dtype=int)
     moved = (body.vertices - body.vertices.mean(axis=0)) / body.area**0.5
     assert np.abs(read_mesh(tmp_path / "form.off").vertices - moved[numbers]).max() < 0.1
@@ -44,8 +51,14 @@ def test_a_form_is_never_written_over_its_mesh(tmp_path, monkeypatch):
     (tmp_path / "link.off").symlink_to(tmp_path / "data" / "rod.off")
     before = (tmp_path / "data" / "rod.off").read_bytes()
     monkeypatch.chdir(tmp_path / "data")
-    for mesh, output in (("rod.off", "../link.off"), ("../link.off", "rod.off"), ("rod.off", "rod.off")):
-        assert "is the mesh itself; name another file with -o" in canonicalise(mesh, "-o", output, code=2)
+    for mesh, output in (
+        ("rod.off", "../link.off"),
+        ("../link.off", "rod.off"),
+        ("rod.off", "rod.off"),
+    ):
+        assert "is the mesh itself; name another file with -o" in canonicalise(
+            mesh, "-o", output, code=2
+        )
     assert [path.name for path in (tmp_path / "data").iterdir()] == ["rod.off"]
     assert (tmp_path / "data" / "rod.off").read_bytes() == before
 
@@ -55,5 +68,8 @@ def test_a_picture_shows_a_mesh_and_its_form(tmp_path):
     words = (tmp_path / "rod.off", "-o", tmp_path / "form.off", "--picture")
     canonicalise(*words, tmp_path / "shape.png")
     with Image.open(tmp_path / "shape.png") as picture:
-        left, right = (np.asarray(picture.convert("L"))[:, half] for half in (slice(None, 300), slice(-300, None)))
+        left, right = (
+            np.asarray(picture.convert("L"))[:, half]
+            for half in (slice(None, 300), slice(-300, None))
+        )
     assert min((left < 200).mean(), (right < 200).mean()) > 0.02

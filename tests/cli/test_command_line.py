@@ -20,14 +20,22 @@ ALL = {**VERBS, **{f"data {name}": verb for name, verb in VERBS["data"].commands
 
 @pytest.mark.parametrize("name", ALL)
 def test_the_help_of_a_verb_fits_a_screen(name):
-    done = CliRunner().invoke(cli, [*name.split(), "--help"], env={"COLUMNS": "80", "TERMINAL_WIDTH": "80"})
+    done = CliRunner().invoke(
+        cli, [*name.split(), "--help"], env={"COLUMNS": "80", "TERMINAL_WIDTH": "80"}
+    )
     assert done.exit_code == 0
     assert len(done.output.splitlines()) <= 45
     assert "..." not in done.output.partition("Commands:")[2]
 
 
 def test_there_are_few_verbs_and_options():
-    options = {option for verb in ALL.values() for p in verb.params for option in p.opts if option.startswith("--")}
+    options = {
+        option
+        for verb in ALL.values()
+        for p in verb.params
+        for option in p.opts
+        if option.startswith("--")
+    }
     assert len(VERBS) <= 16
     assert len(options) <= 43
 
@@ -45,7 +53,9 @@ for words, unused in (
     assert CliRunner().invoke(cli, words.split()).exit_code == 0
     print(unused & sys.modules.keys())
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+    )
     assert done.stdout == 3 * "set()\n"
 
 
@@ -75,22 +85,31 @@ def test_a_line_is_wrapped_in_a_terminal_alone(monkeypatch, capsys):
     assert whole == " ".join([wrapped[0], wrapped[1].strip()])
 
 
-# The folder of official data -----------------------------------------------------------------------------------------
+# The folder of official data
+# -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("line", ["list methods", "list scorers", "describe gps", "compare gps gps --published -t III"])
+@pytest.mark.parametrize(
+    "line", ["list methods", "list scorers", "describe gps", "compare gps gps --published -t III"]
+)
 def test_what_reads_no_data_does_not_look_for_it(line):
     done = CliRunner().invoke(cli, line.split(), env={"CANONICAL_FORMS_DATA": "/no/such/folder"})
     assert "/no/such/folder" not in f"{done.output}{done.exception}"
 
 
-# Files of the user ---------------------------------------------------------------------------------------------------
+# Files of the user
+# ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("words", [("tables",), ("compare", "gps"), ("report", "-o", "report")])
-def test_quick_rows_are_shown_where_no_full_ones_are_and_named_where_they_are_newer(tmp_path, monkeypatch, words):
+def test_quick_rows_are_shown_where_no_full_ones_are_and_named_where_they_are_newer(
+    tmp_path, monkeypatch, words
+):
     monkeypatch.chdir(tmp_path)
-    quick = [record(name, quick=True, finished="2026-03-01T00:00:00+00:00") for name in ("gps", "skeleton")]
+    quick = [
+        record(name, quick=True, finished="2026-03-01T00:00:00+00:00")
+        for name in ("gps", "skeleton")
+    ]
     for each in quick:
         write_record(tmp_path, each)
     words = (*words, "--results", tmp_path)
@@ -110,7 +129,10 @@ def test_rows_of_other_scorers_and_seeds_are_counted_with_the_way_to_them(tmp_pa
     for more in ({}, {"scorer": "bbox"}, {"seed": 3}):
         write_record(tmp_path, record("gps", **more))
     found = call("tables", "--results", tmp_path)
-    assert "not shown: 2 jobs of another scorer or seed: pass --scorer bbox --seed 0, or --scorer cm-bof" in found
+    assert (
+        "not shown: 2 jobs of another scorer or seed: pass --scorer bbox --seed 0, or --scorer cm-bof"
+        in found
+    )
     write_record(tmp_path, record("surface-area", scorer=""))
     assert "2 jobs of" in call("compare", "gps", "--results", tmp_path)
 
@@ -120,8 +142,12 @@ def test_a_folder_with_the_name_of_a_set_of_the_suite_is_named(tmp_path, monkeyp
     for name in ("animals", "tosca"):
         (tmp_path / name).mkdir()
     says = "animals is the set of the suite; for the folder of this name here, pass ./animals"
-    assert says in call("plan", "-d", "animals", "-m", "surface-area", "--results", tmp_path / "results")
-    Selection(data_root=tmp_path).say_folders("./animals", "people", "tosca")  # that of the data root
+    assert says in call(
+        "plan", "-d", "animals", "-m", "surface-area", "--results", tmp_path / "results"
+    )
+    Selection(data_root=tmp_path).say_folders(
+        "./animals", "people", "tosca"
+    )  # that of the data root
     assert capsys.readouterr().err == ""
     Selection().say_folders("tosca[noise=1]")
     assert "pass ./tosca" in capsys.readouterr().err
@@ -129,14 +155,29 @@ def test_a_folder_with_the_name_of_a_set_of_the_suite_is_named(tmp_path, monkeyp
 
 def test_forget_says_what_goes(tmp_path):
     results = tmp_path / "results"
-    selection = ("-d", write_rods(tmp_path / "rods"), "-m", "shape-dna", "-m", "surface-area", "--results", results)
+    selection = (
+        "-d",
+        write_rods(tmp_path / "rods"),
+        "-m",
+        "shape-dna",
+        "-m",
+        "surface-area",
+        "--results",
+        results,
+    )
     call("run", *selection, "-j", 0)
     words = ("forget", "-m", "shape-dna", "--results", results)
     assert re.match(r"this deletes 2 records, 12 forms, 0\.\d MB; pass --yes", refusal(*words))
-    assert call("forget", "--unused", "--yes", "--results", results) == "deleted 0 records, 0 forms, 0.0 MB\n"
+    assert (
+        call("forget", "--unused", "--yes", "--results", results)
+        == "deleted 0 records, 0 forms, 0.0 MB\n"
+    )
     assert "finished  rods mesh shape-dna" in call("plan", *selection)
     lines = call(*words, "--yes").splitlines()
-    assert [line.partition("  ")[0] for line in lines[:2]] == ["rods mesh shape-dna", "rods view shape-dna"]
+    assert [line.partition("  ")[0] for line in lines[:2]] == [
+        "rods mesh shape-dna",
+        "rods view shape-dna",
+    ]
     assert lines[2].startswith("deleted 2 records, 12 forms")
     states = call("plan", *selection)
     assert "missing   rods mesh shape-dna" in states

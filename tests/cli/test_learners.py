@@ -31,17 +31,34 @@ def call(*arguments, code=0):
 def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_path):
     train = ("train", "nearest-view", "-t", "III", "--results", tmp_path, "--data-root", root)
     folder = tmp_path / "models" / "tosca-III" / "seed0"
-    assert call(*train).splitlines() == ["nearest-view, tosca-III", "kept 6 pairs", f"the model is in {folder}"]
+    assert call(*train).splitlines() == [
+        "nearest-view, tosca-III",
+        "kept 6 pairs",
+        f"the model is in {folder}",
+    ]
     card = json.loads((folder / CARD).read_text())
     assert card["subjects"] == ["dog", "wolf"]
     assert card["identifiers"] == ["dog0", "dog1", "dog2", "wolf0", "wolf1", "wolf2"]
     before = (folder / CARD).stat().st_mtime_ns
     assert "finished before" in call(*train)
     assert (folder / CARD).stat().st_mtime_ns == before
-    selection = ("-t", "III-view", "-m", "nearest-view", *SMALL, "--results", tmp_path, "--data-root", root)
+    selection = (
+        "-t",
+        "III-view",
+        "-m",
+        "nearest-view",
+        *SMALL,
+        "--results",
+        tmp_path,
+        "--data-root",
+        root,
+    )
     told = " ".join(call("run", *selection, "-j", 1).split())
     assert "Nearest View" in told
-    assert "Trained on the classes of: Nearest View 6 of 12 shapes (all shapes); they stay in the gallery" in told
+    assert (
+        "Trained on the classes of: Nearest View 6 of 12 shapes (all shapes); they stay in the gallery"
+        in told
+    )
     assert call("plan", *selection).startswith("finished")
     (folder / CARD).write_text(json.dumps(card | {"digest": "0" * 64}))
     plan = call("plan", *selection)

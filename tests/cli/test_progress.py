@@ -18,7 +18,9 @@ WORKING = (
 @pytest.mark.parametrize("width", [80, 160])
 def test_a_narrow_terminal_cuts_what_runs_not_how_far_it_is(width):
     screen = io.StringIO()
-    with Bar(12, 90.0, Console(file=screen, force_terminal=True, width=width, color_system=None)) as bar:
+    with Bar(
+        12, 90.0, Console(file=screen, force_terminal=True, width=width, color_system=None)
+    ) as bar:
         for done in range(0, 161, 40):
             bar.watch(Progress(done, 160, WORKING))
         bar.ended("ok           animals mesh gps  NN .98 FT .76 ST .90 DCG .93  (.12 s a shape)")
@@ -32,7 +34,9 @@ def test_a_narrow_terminal_cuts_what_runs_not_how_far_it_is(width):
 
 
 @pytest.mark.parametrize(("expected", "left"), [(11.0, "0:00:39"), (0.0, "1:14:12")])
-def test_the_first_form_which_waits_for_kernels_counts_little_beside_an_estimate(expected, left, monkeypatch, capsys):
+def test_the_first_form_which_waits_for_kernels_counts_little_beside_an_estimate(
+    expected, left, monkeypatch, capsys
+):
     seconds = iter([0.0, 28.0, 28.0, 28.0])
     monkeypatch.setattr("benchmark.cli.progress.time.monotonic", lambda: next(seconds))
     bar = Bar(2, expected)

@@ -9,7 +9,10 @@ from benchmark.geometry.camera import FRONT, SIDE
 
 def test_classes_have_the_sizes_of_tosca_and_share_their_triangles():
     dataset = open_dataset("animals")
-    sizes = {subject: sum(e.subject == subject for e in dataset.shapes) for subject in SETS["tosca"].sizes}
+    sizes = {
+        subject: sum(e.subject == subject for e in dataset.shapes)
+        for subject in SETS["tosca"].sizes
+    }
     assert sizes == SETS["tosca"].sizes
     first, second = (dataset.load(dataset.shapes[k]) for k in (0, 5))
     np.testing.assert_array_equal(first.faces, second.faces)
@@ -23,5 +26,7 @@ def test_another_file_makes_other_animals_and_the_same_people(tmp_path, monkeypa
     before = [dataset.key(entry) for entry in dataset.shapes]
     (tmp_path / "animals.npz").write_bytes(b"")
     monkeypatch.setattr("benchmark.datasets.animals._FILE", tmp_path / "animals.npz")
-    changed = {e.subject for e, key in zip(dataset.shapes, before, strict=True) if dataset.key(e) != key}
+    changed = {
+        e.subject for e, key in zip(dataset.shapes, before, strict=True) if dataset.key(e) != key
+    }
     assert changed == {"cat", "centaur", "dog", "gorilla", "horse", "wolf"}

@@ -45,7 +45,9 @@ def test_names_are_split_once_and_levels_are_checked(tmp_path, monkeypatch):
     assert split_name("a set[noise=3][jitter=9]") == ("a set", [("noise", 3), ("jitter", 9)])
     assert split_name("people[draw=1][view-angle=2]") == ("people[draw=1]", [("view-angle", 2)])
     for name in ("people[noise=6]", "people[noise=0]", "people[noise=x]", "people[jitter=10]"):
-        with pytest.raises(ConfigurationError, match="has no level '.*'; choose a whole number from 1 to [59]"):
+        with pytest.raises(
+            ConfigurationError, match="has no level '.*'; choose a whole number from 1 to [59]"
+        ):
             split_name(name)
     monkeypatch.chdir(tmp_path)
     write_rods(tmp_path / "scans[jitter=1]")
@@ -77,7 +79,9 @@ def test_a_perspective_camera_sees_less_the_nearer_it_is_and_what_it_sees_lies_o
         radii = np.linalg.norm(seen.vertices - [5, 6, 7], axis=1)
         assert radii.min() > 2.9 and radii.max() < 3.001
         heights = (seen.vertices - [5, 6, 7]) @ -np.asarray(camera.direction) / 3
-        assert heights.min() == pytest.approx(1 / (2 * distance), abs=0.05)  # tangents to a ball of extent 2
+        assert heights.min() == pytest.approx(
+            1 / (2 * distance), abs=0.05
+        )  # tangents to a ball of extent 2
         areas.append(seen.area)
         a, b, c = (seen.vertices[seen.faces[:, k]] for k in range(3))
         assert (np.cross(b - a, c - a) @ np.asarray(camera.direction) < 0).mean() > 0.99

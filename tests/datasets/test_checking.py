@@ -34,7 +34,9 @@ def test_the_number_of_holes_agrees_with_libigl():
     random = np.random.default_rng(0)
     compared = 0
     for _ in range(40):
-        faces = np.delete(ROD.faces, random.choice(ROD.n_faces, 6, replace=False), axis=0).astype(np.int64)
+        faces = np.delete(ROD.faces, random.choice(ROD.n_faces, 6, replace=False), axis=0).astype(
+            np.int64
+        )
         loops = igl.boundary_loop_all(faces)
         if min(map(len, loops)) >= 3:  # holes that touch in a vertex are cut up differently
             assert count_holes(edges_of(faces).boundary) == len(loops)
@@ -52,18 +54,31 @@ APART = [[0.0, 0, 9], [0, 1, 9], [1, 0, 9]]
         ([[9.0, 9, 9]], [], "1 vertex without a face; preparation drops"),
         ([], [ROD.faces[0], ROD.faces[1]], "2 duplicate faces; preparation keeps one"),
         ([ROD.vertices[0] + 1e-6], [[0, 290, 290]], "1 copy of a vertex; preparation merges"),
-        ([*APART, [1, 1, 9]], [[290, 291, 292], [291, 293, 292]], "1 bridge between pieces; preparation adds"),
-        ([*APART, [1, 1, 9]], [[290, 291, 292], [291, 293, 292]], "bridges of length up to 8.46; join the pieces"),
+        (
+            [*APART, [1, 1, 9]],
+            [[290, 291, 292], [291, 293, 292]],
+            "1 bridge between pieces; preparation adds",
+        ),
+        (
+            [*APART, [1, 1, 9]],
+            [[290, 291, 292], [291, 293, 292]],
+            "bridges of length up to 8.46; join the pieces",
+        ),
         (0.01 * np.array(APART), [[290, 291, 292]], "1 small piece; preparation drops"),
         (0.01 * np.array(APART), [[290, 291, 292]], "0.01% of the area; preparation drops"),
         ([[0.0, 0, 0.5]], [[0, 1, 290]], "1 non-manifold edge; preparation keeps the two largest"),
         ([[0.0, 0, 9]], [[0, 1, 290]], "2 boundary edges; close the surface"),
-        ([[0.0, 0, 0.5], [0, 0.1, 0.5]], [[0, 290, 291]], "1 non-manifold vertex; preparation splits"),
+        (
+            [[0.0, 0, 0.5], [0, 0.1, 0.5]],
+            [[0, 290, 291]],
+            "1 non-manifold vertex; preparation splits",
+        ),
     ],
 )
 def test_flaws_of_a_mesh_are_warnings(rods, vertices, faces, message):
     flawed = Mesh(
-        np.vstack([ROD.vertices, *map(np.atleast_2d, vertices)]), np.vstack([ROD.faces, *map(np.atleast_2d, faces)])
+        np.vstack([ROD.vertices, *map(np.atleast_2d, vertices)]),
+        np.vstack([ROD.faces, *map(np.atleast_2d, faces)]),
     )
     write_off(rods / "thick2.off", flawed)
     assert any(re.match(f"warning  thick2.off  {message}", line) for line in lines(rods))
@@ -77,7 +92,10 @@ def test_the_same_geometry_under_two_names_is_named_whatever_the_format(rods):
     )
     write_mesh(rods / "thin7.obj", read_mesh(rods / "thin0.off"))
     (rods / "thick7.obj").unlink()
-    assert only(rods) == "warning  thin7.obj (thin0.off)  the same geometry as another; keep one of the two"
+    assert (
+        only(rods)
+        == "warning  thin7.obj (thin0.off)  the same geometry as another; keep one of the two"
+    )
 
 
 def test_what_cannot_be_read_is_a_shape_and_lowers_coverage(rods):
@@ -86,20 +104,30 @@ def test_what_cannot_be_read_is_a_shape_and_lowers_coverage(rods):
     (rods / "thick0.off").write_text("OFF")
     report = check(folder_set(rods))
     assert (len(report.dataset.shapes), len(report.rows)) == (7, 5)
-    assert report.lines()[0] == "rods: 7 shapes, 2 classes, not a stand-in, 2 unreadable, which count as 0"
+    assert (
+        report.lines()[0]
+        == "rods: 7 shapes, 2 classes, not a stand-in, 2 unreadable, which count as 0"
+    )
     broken, unknown, skipped = lines(rods)
-    assert skipped.startswith("warning  thin8.xyz  skipped: points, not a surface; make a surface of them: python -c")
+    assert skipped.startswith(
+        "warning  thin8.xyz  skipped: points, not a surface; make a surface of them: python -c"
+    )
     assert broken.startswith("error    thick0.off  ")
-    assert unknown.startswith("error    thin7.vtk  unknown extension '.vtk'; convert it to one of .off,")
-    assert [(row.file, row.subject, row.counts["vertices_before"], row.counts["holes"]) for row in report.rows][:2] == [
-        ("thick1.off", "thick", 290, 0), ("thick2.off", "thick", 290, 0)
-    ]  # fmt: skip
+    assert unknown.startswith(
+        "error    thin7.vtk  unknown extension '.vtk'; convert it to one of .off,"
+    )
+    assert [
+        (row.file, row.subject, row.counts["vertices_before"], row.counts["holes"])
+        for row in report.rows
+    ][:2] == [("thick1.off", "thick", 290, 0), ("thick2.off", "thick", 290, 0)]
 
 
 def test_meshes_that_are_passed_over_are_named(rods):
     write_off(rods / "more" / "extra0.off", rod(0.3, 1.0))
     assert only(rods).startswith("warning  more/extra0.off  none of the shapes of this data set; ")
-    said = call("run", "-d", rods, "-m", "surface-area", "--results", rods.parent / "results", "-j", 0)
+    said = call(
+        "run", "-d", rods, "-m", "surface-area", "--results", rods.parent / "results", "-j", 0
+    )
     assert f"{rods}: {only(rods)}" in said
 
 
@@ -115,7 +143,9 @@ def test_lists_and_settings_that_are_not_read_are_named(rods):
     )
 
 
-def test_what_keeps_a_folder_from_being_opened_is_an_error_and_the_meshes_are_read_all_the_same(rods):
+def test_what_keeps_a_folder_from_being_opened_is_an_error_and_the_meshes_are_read_all_the_same(
+    rods,
+):
     (rods / "x.cla").write_text("PSB 2\n")
     (rods / "thin0.off").write_text("")
     first, second = lines(rods)
@@ -125,9 +155,13 @@ def test_what_keeps_a_folder_from_being_opened_is_an_error_and_the_meshes_are_re
 
 def test_an_incomplete_official_set_is_an_error(tmp_path):
     for number in range(4):
-        write_off(tmp_path / "tosca" / f"{'cat' if number % 2 else 'dog'}{number}.off", rod(0.1, number))
+        write_off(
+            tmp_path / "tosca" / f"{'cat' if number % 2 else 'dog'}{number}.off", rod(0.1, number)
+        )
     anomalies = [str(anomaly) for anomaly in check_source("tosca", tmp_path).anomalies]
-    assert anomalies[0].startswith("error    tosca  class 'cat' has 2 shapes, officially 11; unpack")
+    assert anomalies[0].startswith(
+        "error    tosca  class 'cat' has 2 shapes, officially 11; unpack"
+    )
     assert len(anomalies) == 9
     # The hint that it names helps: the same folder by its path is a set of its own.
     assert f"name the folder, -d {tmp_path / 'tosca'}," in anomalies[0]
@@ -141,7 +175,9 @@ def test_a_frame_that_is_too_small_is_an_error(rods):
 
 
 def scaled(folder, name, scale):
-    write_off(folder / name, (mesh := read_mesh(folder / name)).with_vertices(mesh.vertices * scale))
+    write_off(
+        folder / name, (mesh := read_mesh(folder / name)).with_vertices(mesh.vertices * scale)
+    )
 
 
 def test_a_shape_out_of_scale_and_a_stray_vertex_are_named(rods):
@@ -150,13 +186,19 @@ def test_a_shape_out_of_scale_and_a_stray_vertex_are_named(rods):
     stray = ROD.vertices.copy()
     stray[7] *= 1e6
     write_off(rods / "thin1.off", ROD.with_vertices(stray))
-    assert only(rods) == "error    thin1.off  1 vertex beyond 100 radii of the shape; remove stray vertices"
+    assert (
+        only(rods)
+        == "error    thin1.off  1 vertex beyond 100 radii of the shape; remove stray vertices"
+    )
 
 
 @pytest.mark.parametrize("factor", [2.54, 10, 12, 25.4, 100, 304.8, 1000])
 def test_a_shape_in_another_unit_is_named(rods, factor):
     scaled(rods, "thin1.off", 1 / factor)
-    assert f"warning  thin1.off  is {factor:g} times as small as 5 others (thick0.off, " in "\n".join(lines(rods))
+    assert (
+        f"warning  thin1.off  is {factor:g} times as small as 5 others (thick0.off, "
+        in "\n".join(lines(rods))
+    )
     scaled(rods, "thin1.off", factor**2)
     found = [line for line in lines(rods) if "a unit's factor" in line]
     assert len(found) == 1
@@ -187,8 +229,13 @@ def test_a_mixed_folder_takes_a_line_for_each_kind_of_problem_and_errors_come_fi
     assert broken.startswith(
         "error    3 files: thin20.off, thin21.off, thin22.off  not a readable off file: 3 vertices"
     )
-    assert hidden.startswith("warning  3 files: ._thin20.off, ._thin21.off, ._thin22.off  skipped: hidden; remove")
-    metres, millimetres = "thick0.off, thick2.off, thick4.off, 3 more", "thick6.off, thick8.off, thick10.off, 3 more"
+    assert hidden.startswith(
+        "warning  3 files: ._thin20.off, ._thin21.off, ._thin22.off  skipped: hidden; remove"
+    )
+    metres, millimetres = (
+        "thick0.off, thick2.off, thick4.off, 3 more",
+        "thick6.off, thick8.off, thick10.off, 3 more",
+    )
     assert units == (
         f"warning  6 files: {metres}  are 1000 times as small as 6 others ({millimetres}), a unit's factor; "
         "state the unit of each in dataset.toml, or ignore surface-area"
@@ -202,7 +249,11 @@ METRES = [f"thick{number}" for number in (0, 2, 4)] + [f"thin{number}" for numbe
     ("text", "size"),
     [
         ('normalise = "area"', 1.0),
-        ("[unit]\n" + "\n".join(["thick = 'mm'", "thin = 0.001", *(f"{name} = 'm'" for name in METRES)]), None),
+        (
+            "[unit]\n"
+            + "\n".join(["thick = 'mm'", "thin = 0.001", *(f"{name} = 'm'" for name in METRES)]),
+            None,
+        ),
     ],
 )
 def test_units_or_areas_bring_the_shapes_of_a_mixed_folder_to_one_size(tmp_path, text, size):

@@ -23,7 +23,9 @@ def beasts(**changes):
         stand_in_for="tosca",
         half_width=1.3,
         shapes=tuple(Entry(f"{s}_{p}", s, p) for p in POSES for s in SUBJECTS),
-        load=lambda entry: rod(0.05 + 0.03 * SUBJECTS.index(entry.subject), 0.7 * POSES.index(entry.pose)),
+        load=lambda entry: rod(
+            0.05 + 0.03 * SUBJECTS.index(entry.subject), 0.7 * POSES.index(entry.pose)
+        ),
         camera=lambda entry: SIDE if entry.subject == "cat" else FRONT,
     )
     return replace(known, **changes)
@@ -44,14 +46,18 @@ def test_shapes_cameras_and_canonical_poses_come_back(tmp_path, changes):
     exported = {(entry.subject, entry.pose): entry for entry in back.shapes}
     for before in source.shapes:
         after = exported[before.subject, before.pose]
-        assert back.camera(after).direction == pytest.approx(source.camera(before).direction, abs=1e-15)
+        assert back.camera(after).direction == pytest.approx(
+            source.camera(before).direction, abs=1e-15
+        )
         first, second = source.load(before), back.load(after)
         assert first.vertices.tobytes() == second.vertices.tobytes()
         assert first.faces.tobytes() == second.faces.tobytes()
 
 
 def test_depth_noise_is_no_part_of_a_mesh(tmp_path):
-    with pytest.raises(ConfigurationError, match="meshes have no depth noise; export the set without it"):
+    with pytest.raises(
+        ConfigurationError, match="meshes have no depth noise; export the set without it"
+    ):
         export(changed(beasts(), "depth-noise", 5), tmp_path / "out")
 
 

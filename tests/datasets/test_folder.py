@@ -32,9 +32,13 @@ def numbered(folder):
 @pytest.mark.parametrize(("order", "men"), [("0123", "01"), ("3021", "03")])
 def test_classes_come_from_a_cla_file_in_the_order_of_the_numbers(tmp_path, order, men):
     numbered(tmp_path)
-    (tmp_path / "test.cla").write_text("PSB 1\n2 4\n\nman 0 2\n{}\n{}\n\nwoman 0 2\n{}\n{}\n".format(*order))
+    (tmp_path / "test.cla").write_text(
+        "PSB 1\n2 4\n\nman 0 2\n{}\n{}\n\nwoman 0 2\n{}\n{}\n".format(*order)
+    )
     labels = {entry.identifier: entry.subject for entry in folder_set(tmp_path).shapes}
-    assert list(labels.items()) == [(number, "man" if number in men else "woman") for number in "0123"]
+    assert list(labels.items()) == [
+        (number, "man" if number in men else "woman") for number in "0123"
+    ]
 
 
 @pytest.mark.parametrize(
@@ -46,8 +50,14 @@ def test_classes_come_from_a_cla_file_in_the_order_of_the_numbers(tmp_path, orde
         (CLA.replace("3\n", "1\n"), "model 1 stands in two classes"),
         (CLA.replace("woman", "man"), "class 'man' stands there twice"),
         (CLA.replace("\n3\n", "\n7\n"), "lists model 7, but .* has no mesh with that number"),
-        (CLA.replace("\n0\n", "\n4\n"), "lists model 4, .*counts from 1, the meshes from 0: subtract 1"),
-        *((CLA.replace("0 2", f"0 {word}"), "is not a whole number; expected '<name>") for word in NO_NUMBERS),
+        (
+            CLA.replace("\n0\n", "\n4\n"),
+            "lists model 4, .*counts from 1, the meshes from 0: subtract 1",
+        ),
+        *(
+            (CLA.replace("0 2", f"0 {word}"), "is not a whole number; expected '<name>")
+            for word in NO_NUMBERS
+        ),
     ],
 )
 def test_a_wrong_cla_file_is_named(tmp_path, text, message):
@@ -71,7 +81,13 @@ def test_the_recipe_follows_the_bytes_not_the_place(tmp_path):
     assert [first.key(e) for e in first.shapes] == [second.key(e) for e in second.shapes]
     write_off(tmp_path / "b" / "thin0.off", rod(0.07, 0))
     changed = folder_set(tmp_path / "b")
-    assert sum(first.key(a) != changed.key(b) for a, b in zip(first.shapes, changed.shapes, strict=True)) == 1
+    assert (
+        sum(
+            first.key(a) != changed.key(b)
+            for a, b in zip(first.shapes, changed.shapes, strict=True)
+        )
+        == 1
+    )
     before, path = [first.key(entry) for entry in first.shapes], first.shapes[3].path
     path.write_text(path.read_text().replace("0.1", "0.2"))  # of the same size
     os.utime(path, ns=(0, 0))
@@ -84,7 +100,9 @@ def test_a_number_that_two_files_bear_is_named(tmp_path):
     numbered(tmp_path)
     write_off(tmp_path / "03.off", rod(0.1, 1.0))
     (tmp_path / "test.cla").write_text(CLA)
-    with pytest.raises(DatasetError, match="lists model 3, which may be 3.off or 03.off|03.off or 3.off"):
+    with pytest.raises(
+        DatasetError, match="lists model 3, which may be 3.off or 03.off|03.off or 3.off"
+    ):
         folder_set(tmp_path)
 
 
@@ -93,7 +111,9 @@ def test_a_cla_file_cannot_lead_out_of_its_folder(tmp_path):
     (tmp_path / "set" / "test.cla").write_text(CLA)
     (tmp_path / "set" / "1.off").rename(tmp_path / "secret.off")
     (tmp_path / "set" / "1.off").symlink_to(tmp_path / "secret.off")
-    with pytest.raises(DatasetError, match="names '1.off', which lies outside its folder; copy the mesh"):
+    with pytest.raises(
+        DatasetError, match="names '1.off', which lies outside its folder; copy the mesh"
+    ):
         folder_set(tmp_path / "set")
 
 
@@ -124,11 +144,15 @@ def test_names_that_cannot_be_printed_are_written_so_that_they_can(rods):
 def test_names_are_the_same_in_both_forms_of_unicode_wherever_they_stand(tmp_path, name):
     for number, form in enumerate(("NFC", "NFD", "NFC")):
         write_off(tmp_path / f"{unicodedata.normalize(form, name)}{number}.off", rod(0.1, number))
-    (tmp_path / "dataset.toml").write_text(f'[canonical_pose]\n{unicodedata.normalize("NFD", name)!r} = "1"\n')
+    (tmp_path / "dataset.toml").write_text(
+        f'[canonical_pose]\n{unicodedata.normalize("NFD", name)!r} = "1"\n'
+    )
     dataset = folder_set(tmp_path)
     assert {entry.subject for entry in dataset.shapes} == {name}
     assert canonical_shapes(dataset)[name].identifier == f"{name}1"
-    labels = "".join(f"{unicodedata.normalize('NFD', name)}{number} {name}\n" for number in range(3))
+    labels = "".join(
+        f"{unicodedata.normalize('NFD', name)}{number} {name}\n" for number in range(3)
+    )
     (tmp_path / "labels.txt").write_text(labels)
     (tmp_path / "dataset.toml").unlink()
     assert {entry.subject for entry in folder_set(tmp_path).shapes} == {name}
@@ -144,7 +168,15 @@ def test_names_that_differ_in_what_cannot_be_printed_are_two_classes(tmp_path):
 
 
 def test_what_systems_write_beside_shapes_is_no_shape(rods):
-    for name in ("._thin0.off", ".hidden.obj", "._labels.txt", "._x.cla", "__MACOSX/a.off", ".DS_Store", "Thumbs.db"):
+    for name in (
+        "._thin0.off",
+        ".hidden.obj",
+        "._labels.txt",
+        "._x.cla",
+        "__MACOSX/a.off",
+        ".DS_Store",
+        "Thumbs.db",
+    ):
         (rods / name).parent.mkdir(exist_ok=True)
         (rods / name).write_text("")
     assert len(folder_set(rods).shapes) == 6
@@ -153,21 +185,28 @@ def test_what_systems_write_beside_shapes_is_no_shape(rods):
         folder_set(rods).load(folder_set(rods).shapes[-1])
 
 
-@pytest.mark.parametrize(("name", "mark"), [("labels.txt", " "), ("labels.csv", ","), ("Labels.TSV", "\t")])
+@pytest.mark.parametrize(
+    ("name", "mark"), [("labels.txt", " "), ("labels.csv", ","), ("Labels.TSV", "\t")]
+)
 def test_a_list_of_labels_is_the_first_rule(rods, name, mark):
     rows = [
-        f"{build}{number}{mark}{'odd' if number % 2 else 'even'}" for build in ("thin", "thick") for number in range(3)
+        f"{build}{number}{mark}{'odd' if number % 2 else 'even'}"
+        for build in ("thin", "thick")
+        for number in range(3)
     ]
     (rods / name).write_bytes(b"\xef\xbb\xbf" + "\r\n".join(rows).encode())
     assert {entry.identifier: entry.subject for entry in folder_set(rods).shapes}["thick1"] == "odd"
     (rods / name).write_text("\n".join([*rows[1:], f"fat0{mark}even"]))
     with pytest.raises(
-        DatasetError, match=f"{name} and the shapes beside it differ in thin0, fat0; name each shape once"
+        DatasetError,
+        match=f"{name} and the shapes beside it differ in thin0, fat0; name each shape once",
     ):
         folder_set(rods)
     for title in (f"Name{mark}Label", f'{mark}"class"' if mark == "," else "labels"):
         (rods / name).write_text("\n".join([title, *rows]))
-        with pytest.raises(BenchmarkError, match=f"{name}: its first line, '.*', may name the columns; delete it"):
+        with pytest.raises(
+            BenchmarkError, match=f"{name}: its first line, '.*', may name the columns; delete it"
+        ):
             folder_set(rods)
     (rods / name).write_text("even\n" * 6)
     with pytest.raises(DatasetError, match=f"{name} does not name the shapes"):
@@ -202,7 +241,9 @@ def cameras(dataset):
 )
 def test_settings_of_a_set_or_of_a_class(rods, text, canonical, of_classes):
     dataset = settled(rods, 'half_width = 2\nstand_in_for = "tosca"\n' + text)
-    assert [canonical_shapes(dataset)[subject].identifier for subject in ("thick", "thin")] == canonical
+    assert [
+        canonical_shapes(dataset)[subject].identifier for subject in ("thick", "thin")
+    ] == canonical
     assert list(cameras(dataset).values()) == of_classes
     assert (dataset.half_width, dataset.stand_in_for) == (2.0, "tosca")
 

@@ -36,21 +36,30 @@ def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
     dataset = open_dataset(str(frames), None)
     assert dataset.observe is not None and dataset.inputs == ("view",)
     assert [(entry.identifier, entry.subject) for entry in dataset.shapes] == [
-        ("one/0", "one"), ("one/1", "one"), ("two/0", "two"), ("two/1", "two"),
-    ]  # fmt: skip
+        ("one/0", "one"),
+        ("one/1", "one"),
+        ("two/0", "two"),
+        ("two/1", "two"),
+    ]
     report = check(dataset)
     assert report.usable
     assert not report.anomalies
     taken = [
-        line for line in report.lines() if line.startswith(("unit", "camera", "mask", "depths", "distance", "size"))
+        line
+        for line in report.lines()
+        if line.startswith(("unit", "camera", "mask", "depths", "distance", "size"))
     ]
     assert taken[:3] == [
-        "unit        assumed 1 / 1000 m (4)", "camera      ../intrinsics.txt (4)", "mask        NAME_mask.png (4)"
-    ]  # fmt: skip
+        "unit        assumed 1 / 1000 m (4)",
+        "camera      ../intrinsics.txt (4)",
+        "mask        NAME_mask.png (4)",
+    ]
     assert all(re.search(r"[1-4]\.\d+ to [1-4]\.\d+ m$", line) for line in taken[3:])
 
 
-def test_a_method_gets_a_depth_image_in_the_frame_of_the_humans_and_the_surface_behind_it(frames, tmp_path):
+def test_a_method_gets_a_depth_image_in_the_frame_of_the_humans_and_the_surface_behind_it(
+    frames, tmp_path
+):
     dataset = open_dataset(str(frames), None)
     assert dataset.half_width == 1.285
     shape = shape_of(PreparedShapes(dataset, "view").prepare(dataset.shapes[0], 1.285), "one/0")
@@ -93,16 +102,24 @@ def test_settings_are_applied(tmp_path):
     )
     dataset = open_dataset(str(folder), None)
     assert dataset.half_width == 1.5
-    assert "fx=525.0" in dataset.key(dataset.shapes[0]) and "1000.0" in dataset.key(dataset.shapes[0])
+    assert "fx=525.0" in dataset.key(dataset.shapes[0]) and "1000.0" in dataset.key(
+        dataset.shapes[0]
+    )
     assert dataset.canonical_poses == {"one": "0"}
     assert dataset.load(dataset.shapes[0]).n_vertices > 1000
     for text, said in (
-        ("scale = 5", "unknown key .*, in a folder of depth images 'scale'; did you mean depth_scale"),
+        (
+            "scale = 5",
+            "unknown key .*, in a folder of depth images 'scale'; did you mean depth_scale",
+        ),
         ("up = [0, 0, 1]", "not a usable up direction"),
         ("up = ['0', '-1', 'y']", "write .right, down, forward."),
         ("depth_scale = -1", "depth_scale is -1; write a positive number"),
         ('intrinsics = "absent.json"', "No such file"),
-        ("[canonical_pose]\nthree = 0", "unknown class under canonical_pose in .* 'three'; choose one of one, two"),
+        (
+            "[canonical_pose]\nthree = 0",
+            "unknown class under canonical_pose in .* 'three'; choose one of one, two",
+        ),
     ):
         toml.write_text(text)
         with pytest.raises((DatasetError, ConfigurationError), match=said):
@@ -117,6 +134,10 @@ def test_each_bad_image_costs_one_shape(tmp_path):
     good, cut, wrong, twin = prepared_shapes.shapes.shapes
     assert "vertices" in prepared_shapes.prepare(good, 1.285)
     camera = "invalid focal lengths 0, 0"
-    for entry, message in ((cut, "1.png: not a readable png file"), (wrong, camera), (twin, camera)):
+    for entry, message in (
+        (cut, "1.png: not a readable png file"),
+        (wrong, camera),
+        (twin, camera),
+    ):
         with pytest.raises(UnsupportedShape, match=message):
             require_result(prepared_shapes.prepare(entry, 1.285))

@@ -12,8 +12,12 @@ from benchmark.datasets.bodies import SUBJECTS as SETS
 from benchmark.datasets.catalogue import is_known, open_dataset
 from benchmark.datasets.people import PEOPLE, _scan, new_subject
 
-TAKEN = np.array([astuple(body) for name in SETS if name != "animals" for body in SETS[name].values()])
-OTHERS = np.array([astuple(body) for name in ("humans", "humans-scanlike") for body in SETS[name].values()])
+TAKEN = np.array(
+    [astuple(body) for name in SETS if name != "animals" for body in SETS[name].values()]
+)
+OTHERS = np.array(
+    [astuple(body) for name in ("humans", "humans-scanlike") for body in SETS[name].values()]
+)
 
 
 def test_sets_have_the_same_poses_and_names_of_their_own() -> None:
@@ -21,7 +25,9 @@ def test_sets_have_the_same_poses_and_names_of_their_own() -> None:
     sets = [open_dataset(name) for name in names]
     assert [data.name for data in sets] == names
     assert [len(data.shapes) for data in sets] == [300] * 3 + [80]
-    assert all([e.pose for e in data.shapes] == [*POSES] * (len(data.shapes) // 20) for data in sets)
+    assert all(
+        [e.pose for e in data.shapes] == [*POSES] * (len(data.shapes) // 20) for data in sets
+    )
     subjects = [{entry.subject for entry in data.shapes} for data in sets]
     assert len(set().union(*subjects)) == sum(map(len, subjects)) == 49
     assert len({data.key(entry) for data in sets for entry in data.shapes}) == 980
@@ -32,16 +38,18 @@ def test_sets_have_the_same_poses_and_names_of_their_own() -> None:
 def drawn_subjects(draw: int) -> dict[str, Subject]:
     """Draw man, woman and child in turn, five times; a letter names the draw.
 
-    Every value is uniform in its range and rounded to two digits; a child is male or female. Bodies nearer than 0.25 to
-    a subject of ``humans`` or ``humans-scanlike`` are redrawn. There are no other constraints, in particular none on
-    distances between the subjects. The seed is the date of the draw.
-    """
+    Every value is uniform in its range and rounded to two digits; a child is male or female. Bodies
+    nearer than 0.25 to a subject of ``humans`` or ``humans-scanlike`` are redrawn. There are no
+    other constraints, in particular none on distances between the subjects. The seed is the date of
+    the draw."""
     random = np.random.Generator(np.random.PCG64([20261124, draw]))
     drawn: dict[str, Subject] = {}
     for number in range(1, 6):
         for kind, ages in (("man", (0.60, 1.0)), ("woman", (0.60, 1.0)), ("child", (0.26, 0.48))):
             # Gender, age, muscle, weight, height and proportions.
-            lowest, highest = np.array([(0, 1), ages, (0.15, 0.95), (0.14, 0.95), (0.08, 0.60), (0.12, 0.95)]).T
+            lowest, highest = np.array(
+                [(0, 1), ages, (0.15, 0.95), (0.14, 0.95), (0.08, 0.60), (0.12, 0.95)]
+            ).T
             name = f"{kind}-{'abc'[draw]}{number}"
             while name not in drawn:
                 values = np.round(lowest + random.random(6) * (highest - lowest), 2)
@@ -52,7 +60,9 @@ def drawn_subjects(draw: int) -> dict[str, Subject]:
 
 
 @pytest.mark.parametrize("draw", range(3))
-def test_the_committed_people_are_those_that_the_rule_draws_apart_from_the_others(draw: int) -> None:
+def test_the_committed_people_are_those_that_the_rule_draws_apart_from_the_others(
+    draw: int,
+) -> None:
     assert PEOPLE[draw] == drawn_subjects(draw)
     drawn = np.array([astuple(subject) for subject in PEOPLE[draw].values()])
     distances = np.linalg.norm(drawn[:, None] - OTHERS, axis=2)
@@ -60,11 +70,15 @@ def test_the_committed_people_are_those_that_the_rule_draws_apart_from_the_other
     assert np.abs(distances - 0.25).min() > 1e-9, "no draw hangs on the last bits of a distance"
 
 
-def test_further_bodies_keep_away_from_tested_subjects_and_a_larger_set_begins_with_the_smaller() -> None:
+def test_further_bodies_keep_away_from_tested_subjects_and_a_larger_set_begins_with_the_smaller() -> (
+    None
+):
     small, large = open_dataset("people[n=3]"), open_dataset("people[n=200]")
     keys = [large.key(entry) for entry in large.shapes[:60]]
     assert [small.key(entry) for entry in small.shapes] == keys
-    bodies = np.array([astuple(new_subject(np.random.default_rng([1, n]), n % 3)) for n in range(200)])
+    bodies = np.array(
+        [astuple(new_subject(np.random.default_rng([1, n]), n % 3)) for n in range(200)]
+    )
     assert np.linalg.norm(bodies[:, None] - TAKEN, axis=2).min() >= 0.25
     assert bodies.min() >= 0 and bodies.max() <= 1
     assert (bodies[:, 1] < 0.5).sum() == 66
@@ -72,13 +86,19 @@ def test_further_bodies_keep_away_from_tested_subjects_and_a_larger_set_begins_w
     assert str(np.round(bodies[1], 9).tolist()) in large.key(large.shapes[20])
 
 
-def test_a_mirrored_pose_turns_the_bones_of_the_other_side_and_a_jittered_one_stays_within_the_joints() -> None:
+def test_a_mirrored_pose_turns_the_bones_of_the_other_side_and_a_jittered_one_stays_within_the_joints() -> (
+    None
+):
     for pose in POSES.values():
         np.testing.assert_array_equal(mirrored(mirrored(pose)), pose)
     bones, other = bone_rotations(POSES["throwing"]), bone_rotations(mirrored(POSES["throwing"]))
     sign = np.diag([-1.0, 1.0, 1.0])
     for bone, rotation in bones.items():
-        twin = {"L": bone[:-1] + "R", "R": bone[:-1] + "L"}.get(bone[-1], bone) if "." in bone else bone
+        twin = (
+            {"L": bone[:-1] + "R", "R": bone[:-1] + "L"}.get(bone[-1], bone)
+            if "." in bone
+            else bone
+        )
         np.testing.assert_allclose(sign @ rotation @ sign, other[twin], atol=1e-12)
     ends = np.array([end for pose in POSES.values() for end in (pose, mirrored(pose))])
     moved = np.array([jittered(pose, 30.0, np.random.default_rng(0)) for pose in POSES.values()])
@@ -89,7 +109,9 @@ def test_a_mirrored_pose_turns_the_bones_of_the_other_side_and_a_jittered_one_st
 def test_cameras_around_a_scan_see_one_simulation(monkeypatch: pytest.MonkeyPatch) -> None:
     _scan.cache_clear()
     simulated: list[str] = []
-    monkeypatch.setattr("benchmark.datasets.scanning.scanned", lambda _, __, name: simulated.append(name))
+    monkeypatch.setattr(
+        "benchmark.datasets.scanning.scanned", lambda _, __, name: simulated.append(name)
+    )
     shapes = open_dataset("humans-scanlike[cameras=12]")
     for entry in shapes.shapes[:24]:
         shapes.load(entry)

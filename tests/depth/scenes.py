@@ -31,7 +31,9 @@ class Scene:
     @property
     def rotation(self) -> Points:
         """Right, down and forward of the camera in the world."""
-        forward = np.subtract(self.target, self.position) / np.linalg.norm(np.subtract(self.target, self.position))
+        forward = np.subtract(self.target, self.position) / np.linalg.norm(
+            np.subtract(self.target, self.position)
+        )
         right = np.cross(forward, (0.0, 0.0, 1.0)) / np.linalg.norm(forward[:2])
         angle = np.radians(self.roll)
         turned = np.cos(angle) * right + np.sin(angle) * np.cross(forward, right)
@@ -40,7 +42,9 @@ class Scene:
     def drawn(self, camera: Intrinsics = KINECT) -> tuple[Depths, Mask]:
         """Return the depth image, metres, and the pixels of the body."""
         body, *rest = (self._mesh(mesh, camera) for mesh in (figure(), *self.others))
-        rest += [self._plane((0, 0, 1), figure().vertices[:, 2].min(), camera)] if self.floor else []
+        rest += (
+            [self._plane((0, 0, 1), figure().vertices[:, 2].min(), camera)] if self.floor else []
+        )
         rest += [self._plane((0, -1, 0), -self.wall, camera)] if self.wall is not None else []
         nothing = np.full_like(body, np.inf)
         behind = np.min([nothing, *(np.where(image > 0, image, np.inf) for image in rest)], axis=0)
@@ -49,13 +53,19 @@ class Scene:
 
     def _mesh(self, mesh: Mesh, camera: Intrinsics) -> Depths:
         x, y, z = ((mesh.vertices - np.asarray(self.position)) @ self.rotation.T).T
-        # The centre of the first pixel is 0 for the camera and 1/2 for the rasteriser; 1/z is linear in the image.
-        pixels = np.stack([camera.fx * x / z + camera.cx + 0.5, camera.fy * y / z + camera.cy + 0.5, -1 / z], axis=1)
+        # The centre of the first pixel is 0 for the camera and 1/2 for the rasteriser; 1/z is
+        # linear in the image.
+        pixels = np.stack(
+            [camera.fx * x / z + camera.cx + 0.5, camera.fy * y / z + camera.cy + 0.5, -1 / z],
+            axis=1,
+        )
         image = np.zeros((480, 640), dtype=np.float32)
         draw_triangles(np.ascontiguousarray(pixels), mesh.faces, image, NOT_BEHIND)
         return np.divide(-1.0, image, out=np.zeros(image.shape), where=image < 0)
 
-    def _plane(self, normal: tuple[float, float, float], offset: float, camera: Intrinsics) -> Depths:
+    def _plane(
+        self, normal: tuple[float, float, float], offset: float, camera: Intrinsics
+    ) -> Depths:
         rays = np.concatenate([camera.rays(640, 480), np.ones((480, 640, 1))], axis=-1)
         with np.errstate(divide="ignore"):
             depths = (offset - np.dot(normal, self.position)) / (rays @ (self.rotation @ normal))
@@ -66,20 +76,30 @@ def measured(depths: Depths, seed: int = 0) -> Depths:
     """Return depths with noise, steps, missing and flying pixels [Khoshelham and Elberink 2012], up to 8 m."""
     random = np.random.default_rng(seed)
     padded = np.pad(depths, 1, mode="edge")
-    farthest = np.maximum.reduce([padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]])
+    farthest = np.maximum.reduce(
+        [padded[1:-1, :-2], padded[1:-1, 2:], padded[:-2, 1:-1], padded[2:, 1:-1]]
+    )
     at_jump = (depths > 0) & (farthest - depths > 0.05)
     flies = at_jump & (random.random(depths.shape) < 0.1)
     found = depths + flies * (farthest - depths) * random.random(depths.shape)
-    lost = (random.random(depths.shape) < 0.01) | (at_jump & ~flies & (random.random(depths.shape) < 0.4))
+    lost = (random.random(depths.shape) < 0.01) | (
+        at_jump & ~flies & (random.random(depths.shape) < 0.4)
+    )
     found += 0.001425 * found**2 * random.standard_normal(depths.shape)
     with np.errstate(divide="ignore"):
-        found = 1 / (np.round(1 / found / 0.00285) * 0.00285)  # uniform steps of the inverse depth, like disparities
-    return np.where((depths > 0) & (depths <= 8) & ~lost & np.isfinite(found) & (found > 0), found, 0.0)
+        found = 1 / (
+            np.round(1 / found / 0.00285) * 0.00285
+        )  # uniform steps of the inverse depth, like disparities
+    return np.where(
+        (depths > 0) & (depths <= 8) & ~lost & np.isfinite(found) & (found > 0), found, 0.0
+    )
 
 
 def capsule(start, end, radius):
     start, end = np.array(start, dtype=float), np.array(end, dtype=float)
-    made = trimesh.creation.capsule(height=np.linalg.norm(end - start), radius=radius, count=[24, 24])
+    made = trimesh.creation.capsule(
+        height=np.linalg.norm(end - start), radius=radius, count=[24, 24]
+    )
     made.apply_translation(-made.bounds.mean(axis=0))
     made.apply_transform(trimesh.geometry.align_vectors([0, 0, 1], end - start))
     made.apply_translation((start + end) / 2)
@@ -102,7 +122,9 @@ def figure(height=1.7):
 
 
 @cache
-def frame(seed: int = 0, distance: float = 2.5, height: float = 1.2, **given: object) -> tuple[Depths, Mask]:
+def frame(
+    seed: int = 0, distance: float = 2.5, height: float = 1.2, **given: object
+) -> tuple[Depths, Mask]:
     """Return depths in metres as a structured-light camera measures them, and the pixels of the figure with a depth."""
     depths, mask = Scene((0.2, -distance, height), **given).drawn()
     found = measured(depths, seed)

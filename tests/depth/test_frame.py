@@ -17,7 +17,9 @@ from tests.depth.scenes import KINECT, Scene, figure, frame, measured, overlap
 TALL = np.ptp(figure().vertices[:, 2])
 
 
-@pytest.mark.parametrize("given", [{"roll": 9.0}, {"distance": 3.5, "height": 1.7}, {"wall": None}], ids=str)
+@pytest.mark.parametrize(
+    "given", [{"roll": 9.0}, {"distance": 3.5, "height": 1.7}, {"wall": None}], ids=str
+)
 def test_the_rule_finds_the_figure(given: dict[str, float]) -> None:
     depths, mask = frame(**given)
     observed = observe(depths, KINECT)
@@ -26,7 +28,9 @@ def test_the_rule_finds_the_figure(given: dict[str, float]) -> None:
     assert observed.notes["planes"] == (2 if given.get("wall", 1) else 1)
 
 
-@pytest.mark.parametrize("place", [(-1.3, 0.5, 0.7), (0.9, -0.8, 0.1)], ids=["chest behind", "small thing in front"])
+@pytest.mark.parametrize(
+    "place", [(-1.3, 0.5, 0.7), (0.9, -0.8, 0.1)], ids=["chest behind", "small thing in front"]
+)
 def test_the_nearest_of_the_large_pieces_is_the_object(place: tuple[float, float, float]) -> None:
     x, y, width = place
     made = trimesh.creation.box((width, 0.4, width))
@@ -40,7 +44,9 @@ def test_a_board_before_a_wall_is_no_plane_of_the_background() -> None:
     board = np.where(mask, 0.0, depths)
     board[150:330, 240:400] = 1.5
     planes = background_planes(unprojected(board, KINECT.rays(640, 480)), board > 0)
-    assert not any(abs(plane.offset + 1.5) < 0.05 for plane in planes), "what something lies behind bounds no scene"
+    assert not any(abs(plane.offset + 1.5) < 0.05 for plane in planes), (
+        "what something lies behind bounds no scene"
+    )
 
 
 @pytest.mark.parametrize(("roll", "height"), [(0.0, 0.8), (10.0, 1.8)])
@@ -60,7 +66,9 @@ def test_without_a_floor_what_is_said_is_up_else_that_of_the_image() -> None:
     with_up = observe(depths, KINECT, mask, tuple(tilted.rotation @ [0, 0, 1.0]))
     assert (with_up.notes["up"], observe(depths, KINECT, mask).notes["up"]) == ("sidecar", "image")
     assert np.ptp(with_up.surface.vertices[:, 1]) == pytest.approx(TALL, abs=0.03)
-    with pytest.raises(DepthError, match="not a usable up direction: .*; write .right, down, forward."):
+    with pytest.raises(
+        DepthError, match="not a usable up direction: .*; write .right, down, forward."
+    ):
         observe(depths, KINECT, mask, (0, 0, 1))
 
 
@@ -97,8 +105,16 @@ def test_each_fault_of_a_scene_is_named() -> None:
         (np.where(mask, 0, depths), mask, "no pixel of the mask has a depth"),
         (depths[::2, ::2], None, "those of 640 x 480 pixels, the image has 320 x 240"),
         (depths, few, "the object shows 2. pixels, fewer than 200"),
-        (5 * depths, mask, r"the object is .* m \(width, height, depth\), more than the 2.57 m of the frame"),
-        (measured(np.full((480, 640), 3.0)), None, r"left of the scene.*; pass a mask of it with --mask"),
+        (
+            5 * depths,
+            mask,
+            r"the object is .* m \(width, height, depth\), more than the 2.57 m of the frame",
+        ),
+        (
+            measured(np.full((480, 640), 3.0)),
+            None,
+            r"left of the scene.*; pass a mask of it with --mask",
+        ),
     ):
         with pytest.raises(DepthError, match=reason) as caught:
             observe(image, KINECT, given)

@@ -13,7 +13,14 @@ from PIL import Image
 
 from benchmark.depth.frame import FrameFiles, scale_of
 from benchmark.depth.intrinsics import Intrinsics, find_intrinsics, intrinsics_of, read_intrinsics
-from benchmark.depth.reading import checked_mask, find_mask, in_metres, is_depth_file, read_mask, read_values
+from benchmark.depth.reading import (
+    checked_mask,
+    find_mask,
+    in_metres,
+    is_depth_file,
+    read_mask,
+    read_values,
+)
 from benchmark.errors import DepthError
 
 INPUTS = Path(__file__).with_name("inputs")
@@ -25,18 +32,23 @@ OBJECT = np.zeros((120, 160), dtype=bool)
 OBJECT[30:90, 50:110] = True
 
 
-# --- images ------------------------------------------------------------------------------------------------------
+# --- images
+# ------------------------------------------------------------------------------------------------
 
 
 #: Images that are refused: a name, and what the error says.
-BAD_IMAGES = dict(line.split("  ", 1) for line in (INPUTS / "bad-images.txt").read_text().splitlines())
+BAD_IMAGES = dict(
+    line.split("  ", 1) for line in (INPUTS / "bad-images.txt").read_text().splitlines()
+)
 
 
 @pytest.mark.parametrize("name", sorted(path.name for path in (INPUTS / "images").iterdir()))
 def test_all_kinds_of_images_say_the_same(name: str) -> None:
     expected = np.linspace(0.5, 4.0, 30 * 40).reshape(30, 40).round(3)
     expected[0, :5] = 0
-    np.testing.assert_allclose(in_metres(read_values(INPUTS / "images" / name)), expected, atol=1e-6)
+    np.testing.assert_allclose(
+        in_metres(read_values(INPUTS / "images" / name)), expected, atol=1e-6
+    )
     assert is_depth_file(INPUTS / "images" / name)
 
 
@@ -54,7 +66,11 @@ NOTHING = [np.nan, np.inf, -np.inf, -2, 1e10, np.finfo(np.float32).max, 65535, 6
 
 @pytest.mark.parametrize("nothing", NOTHING)
 def test_a_background_is_no_reading(nothing: float) -> None:
-    for kind in ("f4", "f8", *(("i4", "u2") if 9999 < nothing < 2**16 else ("f2",) if nothing == 1000 else ())):
+    for kind in (
+        "f4",
+        "f8",
+        *(("i4", "u2") if 9999 < nothing < 2**16 else ("f2",) if nothing == 1000 else ()),
+    ):
         values = (DEPTHS if kind[0] == "f" else 1000 * DEPTHS).astype(kind)
         expected = np.where(OBJECT, in_metres(values), 0)
         np.testing.assert_array_equal(in_metres(np.ma.masked_array(values, ~OBJECT)), expected)
@@ -65,7 +81,9 @@ def test_a_background_is_no_reading(nothing: float) -> None:
 
 
 def test_an_object_before_pixels_without_a_reading_stands_where_it_is() -> None:
-    found = FrameFiles(INPUTS / "depth-65535.png", read_intrinsics(INPUTS / "depth-65535.txt")).observe()
+    found = FrameFiles(
+        INPUTS / "depth-65535.png", read_intrinsics(INPUTS / "depth-65535.txt")
+    ).observe()
     assert found.notes["distance"] == pytest.approx(2, abs=0.1)
     assert found.notes["size"] < 2
 
@@ -94,9 +112,15 @@ def test_each_fault_of_an_image_is_named_in_one_line_with_a_hint(name: str) -> N
             np.round(255 * DEPTHS / DEPTHS.max()).astype(np.uint16),
             "end at 255, the largest of 8 bits, as .* --depth-scale 1000",
         ),
-        (16 * (900 + np.arange(1200).reshape(30, 40) // 60).astype(np.uint16), "no lowest three bits but 0, as"),
+        (
+            16 * (900 + np.arange(1200).reshape(30, 40) // 60).astype(np.uint16),
+            "no lowest three bits but 0, as",
+        ),
         (np.full((30, 40), 1500, np.uint16), "all 1200 pixels lie at 1.5 m"),
-        (1000 * DEPTHS, "the median depth is 2.* m with 1 units per metre; pass the camera's --depth-scale"),
+        (
+            1000 * DEPTHS,
+            "the median depth is 2.* m with 1 units per metre; pass the camera's --depth-scale",
+        ),
         (np.round(DEPTHS).astype(np.uint16), "the median depth is 0.002 m with 1000 units"),
     ],
 )
@@ -108,15 +132,29 @@ def test_each_fault_of_depths_is_named(values: np.ndarray, said: str) -> None:
             in_metres(MILLIMETRES, scale)
 
 
-def test_masks_and_colours_are_no_depth_images_and_a_damaged_image_is_a_lost_shape(tmp_path: Path) -> None:
-    for name in ("0_mask", "MASK", "0.masks", "mask3", "depthMask2", "unmasked", "damask", "Unmasked"):
+def test_masks_and_colours_are_no_depth_images_and_a_damaged_image_is_a_lost_shape(
+    tmp_path: Path,
+) -> None:
+    for name in (
+        "0_mask",
+        "MASK",
+        "0.masks",
+        "mask3",
+        "depthMask2",
+        "unmasked",
+        "damask",
+        "Unmasked",
+    ):
         np.save(tmp_path / f"{name}.npy", MILLIMETRES)
-        assert is_depth_file(tmp_path / f"{name}.npy") is (name in ("unmasked", "damask", "Unmasked"))
+        assert is_depth_file(tmp_path / f"{name}.npy") is (
+            name in ("unmasked", "damask", "Unmasked")
+        )
     for name, expected in (("colours", False), ("empty", True), ("truncated", True)):
         assert is_depth_file(INPUTS / "bad-images" / f"{name}.png") is expected
 
 
-# --- masks -------------------------------------------------------------------------------------------------------
+# --- masks
+# ------------------------------------------------------------------------------------------------
 
 MASK = np.zeros((6, 8), dtype=np.uint8)
 MASK[2:5, 3:6] = 255
@@ -129,7 +167,9 @@ def test_what_is_neither_black_nor_transparent_is_the_object(tmp_path: Path, mod
     (images.get(mode) or Image.fromarray(MASK).convert(mode)).save(tmp_path / "mask.png")
     np.testing.assert_array_equal(read_mask(tmp_path / "mask.png"), MASK > 0)
     (tmp_path / "noise.png").write_bytes(b"mask")
-    with pytest.raises(DepthError, match=r"noise\.png: not a readable mask: .*; pass a PNG that is white"):
+    with pytest.raises(
+        DepthError, match=r"noise\.png: not a readable mask: .*; pass a PNG that is white"
+    ):
         read_mask(tmp_path / "noise.png")
 
 
@@ -173,7 +213,10 @@ def test_a_mask_of_one_object_is_read_whatever_marks_it(tmp_path: Path, mask: np
 @pytest.mark.parametrize(
     "mask",
     [
-        *(painted({low: DISC, high: HALF}) for low, high in ((1, 2), (128, 255), (24, 255), (254, 255))),
+        *(
+            painted({low: DISC, high: HALF})
+            for low, high in ((1, 2), (128, 255), (24, 255), (254, 255))
+        ),
         painted({255: DISC, 1: np.s_[30:40, 30:50]}),  # a border that is void
         *(np.linspace(0, top, 4800).reshape(60, 80) for top in (1, 255)),  # probabilities
         np.dstack([painted({200: DISC}), painted({200: HALF}), painted({})]),
@@ -181,7 +224,9 @@ def test_a_mask_of_one_object_is_read_whatever_marks_it(tmp_path: Path, mask: np
     ],
 )
 def test_a_mask_of_several_values_is_refused(mask: np.ndarray) -> None:
-    with pytest.raises(DepthError, match="the mask holds .*, not one object; write the pixels of the object alone"):
+    with pytest.raises(
+        DepthError, match="the mask holds .*, not one object; write the pixels of the object alone"
+    ):
         checked_mask(mask, np.ones((60, 80), dtype=bool))
 
 
@@ -199,29 +244,38 @@ def test_a_mask_of_several_values_is_refused(mask: np.ndarray) -> None:
         ("a/depth/0.png", "a/Masks/0.jpg"),
     ],
 )
-def test_masks_are_found_by_their_usual_names_and_several_are_refused(tmp_path: Path, image: str, mask: str) -> None:
+def test_masks_are_found_by_their_usual_names_and_several_are_refused(
+    tmp_path: Path, image: str, mask: str
+) -> None:
     for name in (image, mask, "a/depth/7.png", "a/mask/7_shirt.png", "a/mask/7_man.png"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("")
     assert find_mask(tmp_path / image) == tmp_path / mask
     (tmp_path / "a/depth/00_mask.png").write_text("")
     assert find_mask(tmp_path / "a/1.png") is None
-    with pytest.raises(DepthError, match="7.png has the masks mask/7_man.png and mask/7_shirt.png; keep"):
+    with pytest.raises(
+        DepthError, match="7.png has the masks mask/7_man.png and mask/7_shirt.png; keep"
+    ):
         find_mask(tmp_path / "a/depth/7.png")
     for number in range(2):
         (tmp_path / f"a/5_mask_{number}.png").write_text("")
-    with pytest.raises(DepthError, match="5.png has the masks a/5_mask_0.png and a/5_mask_1.png; keep that of"):
+    with pytest.raises(
+        DepthError, match="5.png has the masks a/5_mask_0.png and a/5_mask_1.png; keep that of"
+    ):
         find_mask(tmp_path / "a/5.png")
 
 
-def test_a_mask_is_found_from_the_folder_of_its_image(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mask_is_found_from_the_folder_of_its_image(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "masks").mkdir()
     (tmp_path / "masks/0.png").write_text("")
     monkeypatch.chdir(tmp_path)
     assert find_mask(Path("0.png")) == tmp_path / "masks/0.png"
 
 
-# --- intrinsics --------------------------------------------------------------------------------------------------
+# --- intrinsics
+# ------------------------------------------------------------------------------------------------
 
 SIZE = (640, 480)
 K = [525, 0, 319.5, 0, 526, 239.5, 0, 0, 1]
@@ -230,11 +284,16 @@ REALSENSE = {"width": 640, "height": 480, "fx": 525, "fy": 526, "ppx": 319.5, "p
 #: Files that hold these numbers: a name, the size or none, and whether the lens distorts.
 CAMERAS = [line.split("  ") for line in (INPUTS / "cameras.txt").read_text().splitlines()]
 #: Files that are refused: a name, and what the error says.
-BAD_CAMERAS = dict(line.split("  ", 1) for line in (INPUTS / "bad-cameras.txt").read_text().splitlines())
+BAD_CAMERAS = dict(
+    line.split("  ", 1) for line in (INPUTS / "bad-cameras.txt").read_text().splitlines()
+)
 
 
 def test_each_camera_is_listed() -> None:
-    for folder, listed in (("cameras", {name for name, *_ in CAMERAS}), ("bad-cameras", BAD_CAMERAS.keys())):
+    for folder, listed in (
+        ("cameras", {name for name, *_ in CAMERAS}),
+        ("bad-cameras", BAD_CAMERAS.keys()),
+    ):
         assert {path.name for path in (INPUTS / folder).iterdir()} == listed
 
 
@@ -248,13 +307,22 @@ def test_every_way_to_write_intrinsics_says_the_same(name: str, size: str, lens:
 
 
 @pytest.mark.parametrize(
-    "coefficients", [(0.1, -0.25, 0.001, -0.002), (-0.3, 0.1, 0, 0, 0.01), (0.5, -2.6, 0.001, 0, 1.5, 0.4, -2.4, 1.4)]
+    "coefficients",
+    [
+        (0.1, -0.25, 0.001, -0.002),
+        (-0.3, 0.1, 0, 0, 0.01),
+        (0.5, -2.6, 0.001, 0, 1.5, 0.4, -2.4, 1.4),
+    ],
 )
 def test_rays_of_a_distorted_camera_are_those_of_opencv(coefficients: tuple[float, ...]) -> None:
     """Distorting the rays again gives the pixels."""
-    rays = Intrinsics(525, 526, 319.5, 239.5, SIZE, coefficients).rays(*SIZE)[::7, ::7].reshape(-1, 2)
+    rays = (
+        Intrinsics(525, 526, 319.5, 239.5, SIZE, coefficients).rays(*SIZE)[::7, ::7].reshape(-1, 2)
+    )
     points, zero = np.c_[rays, np.ones(len(rays))], np.zeros(3)
-    seen, _ = cv2.projectPoints(points, zero, zero, np.array(K, dtype=float).reshape(3, 3), np.array(coefficients))
+    seen, _ = cv2.projectPoints(
+        points, zero, zero, np.array(K, dtype=float).reshape(3, 3), np.array(coefficients)
+    )
     u, v = np.meshgrid(np.arange(0, 640, 7.0), np.arange(0, 480, 7.0))
     np.testing.assert_allclose(seen.reshape(-1, 2), np.c_[u.ravel(), v.ravel()], atol=1e-3)
 
@@ -276,13 +344,21 @@ THERE = np.where(OBJECT, np.linspace(1.9, 2.3, 160), 0)
 @pytest.mark.parametrize(
     ("factor", "kind", "stated"),
     [
-        *((1000, "i4", {"depth_scale": value}) for value in (1000, 0.001, 1.0, "mm", "millimetres")),
-        *((1000, "i4", {key: value}) for key, value in (("depthUnits", 0.001), ("depth_unit", "mm"))),
+        *(
+            (1000, "i4", {"depth_scale": value})
+            for value in (1000, 0.001, 1.0, "mm", "millimetres")
+        ),
+        *(
+            (1000, "i4", {key: value})
+            for key, value in (("depthUnits", 0.001), ("depth_unit", "mm"))
+        ),
         *((1, "f4", {"depth_scale": value}) for value in (1000, 1, "m")),
         (1000, "f4", {"depth_scale": "mm"}),
     ],
-)  # fmt: skip
-def test_a_depth_scale_of_a_camera_file_is_a_unit_or_agrees_with_the_type(tmp_path: Path, factor, kind, stated) -> None:
+)
+def test_a_depth_scale_of_a_camera_file_is_a_unit_or_agrees_with_the_type(
+    tmp_path: Path, factor, kind, stated
+) -> None:
     (tmp_path / "camera.json").write_text(json.dumps(CAMERA | stated))
     values = np.round(factor * THERE, 3).astype(kind)
     depths = in_metres(values, scale_of(values, read_intrinsics(tmp_path / "camera.json")))
@@ -292,22 +368,31 @@ def test_a_depth_scale_of_a_camera_file_is_a_unit_or_agrees_with_the_type(tmp_pa
 def test_any_other_depth_scale_is_refused_unless_the_units_are_passed(tmp_path: Path) -> None:
     file, image = tmp_path / "camera.json", tmp_path / "depth.npy"
     np.save(image, np.round(5000 * THERE).astype(np.uint16))
-    for stated, said in ((5000, "may mean 5000 or 0.0002 or 0.2 units per metre; pass"), (0.2, "0.2 or 5 or 5000 un")):
+    for stated, said in (
+        (5000, "may mean 5000 or 0.0002 or 0.2 units per metre; pass"),
+        (0.2, "0.2 or 5 or 5000 un"),
+    ):
         file.write_text(json.dumps(CAMERA | {"depth_scale": stated}))
         for camera in (None, Intrinsics(130, 130, 79.5, 59.5)):
             with pytest.raises(DepthError, match=said):
                 FrameFiles(image, camera).observe()
-            assert FrameFiles(image, camera, scale=5000).observe().notes["distance"] == pytest.approx(2.1, abs=0.05)
+            assert FrameFiles(image, camera, scale=5000).observe().notes[
+                "distance"
+            ] == pytest.approx(2.1, abs=0.05)
 
 
-def test_without_a_size_the_centre_lies_in_the_middle_and_numbers_on_the_command_line_are_no_file() -> None:
+def test_without_a_size_the_centre_lies_in_the_middle_and_numbers_on_the_command_line_are_no_file() -> (
+    None
+):
     with pytest.raises(DepthError, match="far from the middle"):
         Intrinsics(1050, 1050, 639.5, 479.5).check_size(*SIZE)
     for width, height in ((480, 640), (720, 1280), (1024, 1280)):  # of frames that were turned
         with pytest.raises(DepthError, match="far from the middle .* not of one turned"):
             Intrinsics(525, 525, height / 2, width / 2).check_size(width, height)
     Intrinsics(525, 525, -0.5, 479.5, SIZE).check_size(*SIZE)  # a part of a larger image
-    with pytest.raises(DepthError, match="focal lengths 0.82, 1.09 are implausible for 640 x 480 pixels"):
+    with pytest.raises(
+        DepthError, match="focal lengths 0.82, 1.09 are implausible for 640 x 480 pixels"
+    ):
         Intrinsics(0.82, 1.09, 0.5, 0.5, SIZE).check_size(*SIZE)
     assert intrinsics_of("525,526,319.5,239.5") == Intrinsics(525, 526, 319.5, 239.5)
     with pytest.raises(DepthError, match=r"absent\.json: No such file"):
@@ -332,5 +417,7 @@ def test_intrinsics_are_found_by_their_usual_names_the_nearest_first(
     assert find_intrinsics(tmp_path / image) == tmp_path / files[0]
     for name in ("camera_color.json", "K.txt"):
         (tmp_path / files[0]).with_name(name).write_text("")
-    with pytest.raises(DepthError, match=f"holds the camera files K.txt and {Path(files[0]).name}; keep that of"):
+    with pytest.raises(
+        DepthError, match=f"holds the camera files K.txt and {Path(files[0]).name}; keep that of"
+    ):
         find_intrinsics(tmp_path / image)

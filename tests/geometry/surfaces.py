@@ -40,7 +40,9 @@ def joined(*meshes: Mesh) -> Mesh:
     offsets = np.cumsum([0] + [mesh.n_vertices for mesh in meshes])
     return Mesh(
         np.concatenate([mesh.vertices for mesh in meshes]),
-        np.concatenate([mesh.faces + offset for mesh, offset in zip(meshes, offsets[:-1], strict=True)]),
+        np.concatenate(
+            [mesh.faces + offset for mesh, offset in zip(meshes, offsets[:-1], strict=True)]
+        ),
     )
 
 
@@ -55,7 +57,9 @@ def relabelled(mesh: Mesh, seed: int = 0) -> tuple[Mesh, np.ndarray]:
 def exact_distances(mesh: Mesh, sources: np.ndarray) -> np.ndarray:
     """Distances from some vertices of a manifold to all, by libigl, which gives 0 for those that it does not reach."""
     faces, everywhere = mesh.faces.astype(np.int64), np.arange(mesh.n_vertices)
-    found = np.stack([igl.exact_geodesic(mesh.vertices, faces, VS=at, VT=everywhere) for at in sources[:, None]])
+    found = np.stack(
+        [igl.exact_geodesic(mesh.vertices, faces, VS=at, VT=everywhere) for at in sources[:, None]]
+    )
     assert (found >= cdist(mesh.vertices[sources], mesh.vertices) * (1 - 1e-6)).all()
     return found
 
@@ -69,7 +73,11 @@ def capped_cylinder(sides: int) -> Mesh:
 def soup(mesh: Mesh, noise: float = 0.0, seed: int = 0) -> Mesh:
     """Each triangle by itself, with normal noise on its corners, in units of the extent."""
     corners = mesh.vertices[mesh.faces].reshape(-1, 3)
-    jitter = noise * np.ptp(mesh.vertices, axis=0).max() * np.random.default_rng(seed).standard_normal(corners.shape)
+    jitter = (
+        noise
+        * np.ptp(mesh.vertices, axis=0).max()
+        * np.random.default_rng(seed).standard_normal(corners.shape)
+    )
     return Mesh(corners + jitter, np.arange(len(corners)).reshape(-1, 3))
 
 

@@ -20,7 +20,9 @@ INPUTS = Path(__file__).with_name("inputs")
 #: A square of two triangles in every way to write it.
 VALID = INPUTS / "valid"
 #: Files that are refused: a name, and what the error says.
-BAD = dict(line.split("  ", 1) for line in (INPUTS / "bad.txt").read_text(encoding="utf-8").splitlines())
+BAD = dict(
+    line.split("  ", 1) for line in (INPUTS / "bad.txt").read_text(encoding="utf-8").splitlines()
+)
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 FAN = np.array([[0, 1, 2], [0, 2, 3]])
 TURN = np.linalg.qr([[1.0, 2, 3], [4, 5, 6], [7, 8, 10]])[0]
@@ -34,7 +36,9 @@ def read(folder: Path, name: str, content: bytes, tri: str = "") -> Mesh:
     return read_mesh(folder / name)
 
 
-@pytest.mark.parametrize("name", sorted(path.name for path in VALID.iterdir() if ".tri" not in path.name))
+@pytest.mark.parametrize(
+    "name", sorted(path.name for path in VALID.iterdir() if ".tri" not in path.name)
+)
 def test_odd_but_valid_files_are_read(name: str) -> None:
     mesh = read_mesh(VALID / name)
     corners = mesh.vertices[mesh.faces[np.ptp(mesh.faces, axis=1) > 0]].reshape(-1, 9)
@@ -55,7 +59,10 @@ POLYGONS = {
 def test_a_polygon_has_its_area_wherever_it_begins(tmp_path: Path, name: str) -> None:
     corners, area = np.array(POLYGONS[name][0], dtype=float), POLYGONS[name][1]
     for first in range(len(corners)):
-        lines = ["v {} {} {}".format(*np.array([x, y, 0]) @ TURN) for x, y in np.roll(corners, first, axis=0)]
+        lines = [
+            "v {} {} {}".format(*np.array([x, y, 0]) @ TURN)
+            for x, y in np.roll(corners, first, axis=0)
+        ]
         lines += ["f " + " ".join(str(n + 1) for n in range(len(corners))), "f 1 2 3", ""]
         mesh = read(tmp_path, "a.obj", "\n".join(lines).encode())
         assert mesh.face_areas[:-1].sum() == pytest.approx(area)
@@ -68,7 +75,9 @@ def test_bent_convex_quads_are_split_at_their_first_corner(seed: int) -> None:
     random = np.random.default_rng(seed)
     angles = (np.arange(4) + random.uniform(-0.3, 0.3, (99, 4))).ravel() * np.pi / 2
     corners = np.arange(4 * 99).reshape(-1, 4)
-    vertices = np.stack([np.cos(angles), np.sin(angles), random.normal(0, 0.3, len(angles))], axis=1)
+    vertices = np.stack(
+        [np.cos(angles), np.sin(angles), random.normal(0, 0.3, len(angles))], axis=1
+    )
     triangles = _fans(vertices, corners.ravel(), np.full(99, 4))
     np.testing.assert_array_equal(triangles, corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3))
 
@@ -82,9 +91,15 @@ def test_the_triangles_beside_packed_vertices_count_as_theirs(tmp_path: Path) ->
             (tmp_path / other).unlink()
 
 
-def test_a_pair_counts_from_1_or_0_and_an_unclear_or_incomplete_one_is_refused(tmp_path: Path) -> None:
-    np.testing.assert_array_equal(read(tmp_path, "a.vert", POINTS.encode(), "0 1 2\n0 2 3\n").faces, FAN)
-    with pytest.raises(UnreadableMesh, match=r"vertices 1 to 3 of 4, so they may count from 0 or from 1"):
+def test_a_pair_counts_from_1_or_0_and_an_unclear_or_incomplete_one_is_refused(
+    tmp_path: Path,
+) -> None:
+    np.testing.assert_array_equal(
+        read(tmp_path, "a.vert", POINTS.encode(), "0 1 2\n0 2 3\n").faces, FAN
+    )
+    with pytest.raises(
+        UnreadableMesh, match=r"vertices 1 to 3 of 4, so they may count from 0 or from 1"
+    ):
         read(tmp_path, "a.vert", POINTS.encode(), "1 2 3\n")
     with pytest.raises(UnreadableMesh, match=r"holds triangles alone; name a\.vert"):
         read_mesh(tmp_path / "a.tri")
@@ -123,7 +138,9 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_hostile_file_is_refused_in_time_and_memory_of_its_size(tmp_path: Path, name: str) -> None:
+def test_a_hostile_file_is_refused_in_time_and_memory_of_its_size(
+    tmp_path: Path, name: str
+) -> None:
     tracemalloc.start()
     start = time.process_time()
     try:
@@ -135,8 +152,12 @@ def test_a_hostile_file_is_refused_in_time_and_memory_of_its_size(tmp_path: Path
         tracemalloc.stop()
 
 
-@pytest.mark.parametrize(("name", "size"), [("plain.off", 50), ("packed.off.gz", 150), ("compressed.mat", 600)])
-def test_what_is_larger_than_the_limit_is_refused(name: str, size: int, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("name", "size"), [("plain.off", 50), ("packed.off.gz", 150), ("compressed.mat", 600)]
+)
+def test_what_is_larger_than_the_limit_is_refused(
+    name: str, size: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("benchmark.geometry.io.LARGEST_FILE", size)
     assert read_mesh(VALID / name).n_faces == 2
     monkeypatch.setattr("benchmark.geometry.io.LARGEST_FILE", size - 1)
@@ -145,8 +166,13 @@ def test_what_is_larger_than_the_limit_is_refused(name: str, size: int, monkeypa
 
 
 @settings(max_examples=30)
-@given(st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=9, max_size=9), st.sampled_from(WRITABLE))
-def test_every_finite_coordinate_survives_writing(tmp_path_factory, numbers: list[float], suffix: str) -> None:
+@given(
+    st.lists(st.floats(allow_nan=False, allow_infinity=False), min_size=9, max_size=9),
+    st.sampled_from(WRITABLE),
+)
+def test_every_finite_coordinate_survives_writing(
+    tmp_path_factory, numbers: list[float], suffix: str
+) -> None:
     path = tmp_path_factory.mktemp("bits") / f"x{suffix}"
     mesh = Mesh(np.array(numbers).reshape(3, 3), [[0, 1, 2]])
     write_mesh(path, mesh)
@@ -159,7 +185,10 @@ def test_every_finite_coordinate_survives_writing(tmp_path_factory, numbers: lis
 def test_on_a_full_disk_the_old_file_stays(tmp_path: Path) -> None:
     target = tmp_path / "rod.off"
     target.write_text("old")
-    with files_of_at_most(4096), pytest.raises(ConfigurationError, match=f"^{target}: File too large; choose a file"):
+    with (
+        files_of_at_most(4096),
+        pytest.raises(ConfigurationError, match=f"^{target}: File too large; choose a file"),
+    ):
         write_mesh(target, rod(0.1, 0.5))
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("rod.off", "old")]
     write_mesh(target, rod(0.1, 0.5))

@@ -24,10 +24,20 @@ from benchmark.geometry.geodesics import shortest_paths
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
-from tests.geometry.surfaces import capped_cylinder, exact_distances, flat_grid, joined, limbed_body, relabelled, sphere
+from tests.geometry.surfaces import (
+    capped_cylinder,
+    exact_distances,
+    flat_grid,
+    joined,
+    limbed_body,
+    relabelled,
+    sphere,
+)
 
 BODY = prepare(limbed_body(), 500).mesh
-TETRAHEDRON = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]])
+TETRAHEDRON = Mesh(
+    [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]
+)
 
 
 @pytest.mark.kernels
@@ -40,7 +50,9 @@ def test_shortest_paths_agree_with_scipy(build: Callable[[Mesh], csr_array]) -> 
 
 def test_distances_known_by_hand_and_near_the_exact_ones() -> None:
     """Two unit right triangles folded along their hypotenuse: the geodesic is the diagonal of the unfolded square."""
-    folded = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, np.sqrt(0.5)]], [[0, 1, 2], [1, 3, 2]])
+    folded = Mesh(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, np.sqrt(0.5)]], [[0, 1, 2], [1, 3, 2]]
+    )
     assert geodesics.all_pairs(folded)[0, 3] == pytest.approx(np.sqrt(2), rel=1e-6)
     mesh = prepare(limbed_body(5), 2000).mesh
     sources = np.arange(0, mesh.n_vertices, 200)
@@ -74,7 +86,9 @@ def test_scale_and_rigid_motion(exponent: int, seed: int) -> None:
     rotation, _ = np.linalg.qr(random.standard_normal((3, 3)))
     mesh, scale = sphere(2), 10.0**exponent
     moved = mesh.with_vertices(scale * (mesh.vertices @ rotation.T + random.standard_normal(3)))
-    np.testing.assert_allclose(geodesics.all_pairs(moved), scale * geodesics.all_pairs(mesh), rtol=2e-5)
+    np.testing.assert_allclose(
+        geodesics.all_pairs(moved), scale * geodesics.all_pairs(mesh), rtol=2e-5
+    )
     body = BODY.with_vertices(1e6 * BODY.vertices @ rotation.T)
     found, expected = (eigenpairs(cotangent_laplacian(each), 6)[0] for each in (body, BODY))
     np.testing.assert_allclose(found[1:] * 1e12, expected[1:], rtol=1e-7)
@@ -106,7 +120,9 @@ def test_degenerate_triangles_are_harmless() -> None:
 def test_the_arrays_of_the_windows_hold_every_window(sides: int, budget: int, seed: int) -> None:
     """Run as Python, where a write outside an array raises; on crumpled surfaces windows split more often."""
     mesh, _ = relabelled(capped_cylinder(sides), seed)
-    mesh = mesh.with_vertices(mesh.vertices + 0.5 * np.random.default_rng(seed).standard_normal(mesh.vertices.shape))
+    mesh = mesh.with_vertices(
+        mesh.vertices + 0.5 * np.random.default_rng(seed).standard_normal(mesh.vertices.shape)
+    )
     with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
         patch.setattr(kernels, "_follow_windows", kernels._follow_windows.py_func)
         assert np.isfinite(geodesic_graph(mesh, budget).data).all()
@@ -131,14 +147,18 @@ def stretched(rows: int, columns: int, height: float, *, rolled: bool) -> Mesh:
     inside = (sheet.vertices[sheet.faces] < [columns, rows, 1]).all(axis=(1, 2))
     x, y, _ = sheet.vertices.T / [[columns - 1], [(rows - 1) / height], [1]]
     turn = 2 * np.pi * x
-    vertices = np.stack([np.cos(turn), np.sin(turn), y] if rolled else [x, y, np.zeros(len(x))], axis=1)
+    vertices = np.stack(
+        [np.cos(turn), np.sin(turn), y] if rolled else [x, y, np.zeros(len(x))], axis=1
+    )
     return compact(vertices, sheet.faces[inside])
 
 
 @pytest.mark.kernels
 @pytest.mark.parametrize(("rows", "columns"), [(4, 200), (5, 100)])
 @pytest.mark.parametrize("rolled", [False, True])
-def test_distances_on_thin_triangles_are_as_good_as_on_others(rows: int, columns: int, rolled: bool) -> None:
+def test_distances_on_thin_triangles_are_as_good_as_on_others(
+    rows: int, columns: int, rolled: bool
+) -> None:
     mesh = prepare(stretched(rows, columns, 6.0 if rolled else 1.0, rolled=rolled)).mesh
     sources = np.arange(0, mesh.n_vertices, 60)
     exact, found = exact_distances(mesh, sources), geodesics.from_sources(mesh, sources)
@@ -147,25 +167,33 @@ def test_distances_on_thin_triangles_are_as_good_as_on_others(rows: int, columns
 
 
 @pytest.mark.kernels
-@pytest.mark.parametrize("solid", [creation.cone(0.5, 2, sections=200), creation.torus(1, 0.3, 6, 100)])
+@pytest.mark.parametrize(
+    "solid", [creation.cone(0.5, 2, sections=200), creation.torus(1, 0.3, 6, 100)]
+)
 def test_distances_around_thin_fans_and_tubes_are_exact(solid: Any) -> None:
     mesh = Mesh(solid.vertices, solid.faces)
     sources = np.arange(0, mesh.n_vertices, 60)
-    np.testing.assert_allclose(geodesics.from_sources(mesh, sources), exact_distances(mesh, sources), atol=1e-6)
+    np.testing.assert_allclose(
+        geodesics.from_sources(mesh, sources), exact_distances(mesh, sources), atol=1e-6
+    )
 
 
 @pytest.mark.parametrize("mesh", [BODY, flat_grid(7), joined(sphere(1), flat_grid(3))])
 def test_the_laplacian_agrees_with_libigl_and_its_eigenpairs_solve_the_problem(mesh: Mesh) -> None:
     laplacian = cotangent_laplacian(mesh)
     vertices, faces = np.array(mesh.vertices), mesh.faces.astype(np.int64)
-    np.testing.assert_allclose(laplacian.stiffness.toarray(), -igl.cotmatrix(vertices, faces).toarray(), atol=1e-9)
+    np.testing.assert_allclose(
+        laplacian.stiffness.toarray(), -igl.cotmatrix(vertices, faces).toarray(), atol=1e-9
+    )
     mass = igl.massmatrix(vertices, faces, igl.MASSMATRIX_TYPE_BARYCENTRIC).diagonal()
     np.testing.assert_allclose(laplacian.mass, mass, rtol=1e-12)
     for k in (1, 5, 40):
         values, functions = eigenpairs(laplacian, k)
         weighted = laplacian.mass[:, None] * functions
         np.testing.assert_allclose(functions.T @ weighted, np.eye(k), atol=1e-9)
-        np.testing.assert_allclose(laplacian.stiffness @ functions, weighted * values, atol=1e-8 * max(values[-1], 1))
+        np.testing.assert_allclose(
+            laplacian.stiffness @ functions, weighted * values, atol=1e-8 * max(values[-1], 1)
+        )
         assert (np.diff(values) >= 0).all()
 
 

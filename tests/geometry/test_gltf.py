@@ -29,10 +29,15 @@ class File:
 
     def __init__(self, kind: str = "f4", **primitive: Any) -> None:
         self.data = b""
-        self.tree: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}]}
+        self.tree: dict[str, Any] = {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+        }
         self.tree |= {"nodes": [{"mesh": 0}], "bufferViews": [], "accessors": []}
         position = self.add(
-            (SQUARE * (1 if kind == "f4" else np.iinfo(kind).max)).astype(kind), normalized=kind != "f4"
+            (SQUARE * (1 if kind == "f4" else np.iinfo(kind).max)).astype(kind),
+            normalized=kind != "f4",
         )
         indices = self.add(FAN.astype("u2").reshape(-1, 1))
         self.primitive = {"attributes": {"POSITION": position}, "indices": indices} | primitive
@@ -43,11 +48,15 @@ class File:
     def add(self, array: Any, kind: str = "", **accessor: Any) -> int:
         array = np.asarray(array, dtype=kind or None)
         described = {"bufferView": self.view(array), "componentType": KINDS[array.dtype.str[1:]]}
-        self.tree["accessors"].append({**described, "count": len(array), "type": TYPES[array.shape[1]], **accessor})
+        self.tree["accessors"].append(
+            {**described, "count": len(array), "type": TYPES[array.shape[1]], **accessor}
+        )
         return len(self.tree["accessors"]) - 1
 
     def view(self, array: np.ndarray) -> int:
-        self.tree["bufferViews"].append({"buffer": 0, "byteOffset": len(self.data), "byteLength": array.nbytes})
+        self.tree["bufferViews"].append(
+            {"buffer": 0, "byteOffset": len(self.data), "byteLength": array.nbytes}
+        )
         self.data += array.tobytes() + bytes(-array.nbytes % 4)
         return len(self.tree["bufferViews"]) - 1
 
@@ -56,7 +65,9 @@ class File:
         buffer: dict[str, Any] = {"byteLength": len(self.data)}
         self.tree.setdefault("buffers", [buffer])
         if suffix == ".gltf":
-            buffer["uri"] = "data:application/octet-stream;base64," + base64.b64encode(self.data).decode()
+            buffer["uri"] = (
+                "data:application/octet-stream;base64," + base64.b64encode(self.data).decode()
+            )
             path.write_text(json.dumps(self.tree))
         else:
             text = json.dumps(self.tree).encode()
@@ -79,13 +90,17 @@ def test_a_file_of_another_program() -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("suffix", [".gltf", ".glb"])
-def test_normalised_integers_are_divided_by_their_largest(tmp_path: Path, kind: str, suffix: str) -> None:
+def test_normalised_integers_are_divided_by_their_largest(
+    tmp_path: Path, kind: str, suffix: str
+) -> None:
     mesh = File(kind).read(tmp_path, suffix)
     np.testing.assert_allclose(mesh.vertices, SQUARE)
     np.testing.assert_array_equal(mesh.faces, FAN)
 
 
-def test_the_lowest_normalised_integer_is_minus_one_and_others_keep_their_unit(tmp_path: Path) -> None:
+def test_the_lowest_normalised_integer_is_minus_one_and_others_keep_their_unit(
+    tmp_path: Path,
+) -> None:
     file = File()
     file.primitive["attributes"]["POSITION"] = file.add(
         [[-128, 0, 0], [127, 0, 0], [0, 127, 0], [0, 0, 127]], "i1", normalized=True
@@ -124,7 +139,11 @@ def test_morph_targets_without_weight_are_left_out(tmp_path: Path) -> None:
 
 def test_nodes_move_turn_scale_and_mirror_what_is_below_them(tmp_path: Path) -> None:
     file = File()
-    turn = {"translation": [1, 2, 3], "rotation": [0, 0, np.sqrt(0.5), np.sqrt(0.5)], "scale": [2, 1, 1]}
+    turn = {
+        "translation": [1, 2, 3],
+        "rotation": [0, 0, np.sqrt(0.5), np.sqrt(0.5)],
+        "scale": [2, 1, 1],
+    }
     matrix = np.diag([1.0, 1, 5, 1])
     matrix[:3, 3] = 0, 0, 1
     file.tree["nodes"] = [
@@ -155,7 +174,9 @@ def test_only_the_default_scene_is_shown(tmp_path: Path) -> None:
 
 
 #: Edits of a file that is refused then, and what the error says.
-REFUSED = dict(line.split("  ", 1) for line in (INPUTS / "refused-gltf.txt").read_text().splitlines())
+REFUSED = dict(
+    line.split("  ", 1) for line in (INPUTS / "refused-gltf.txt").read_text().splitlines()
+)
 
 
 @pytest.mark.parametrize("change", REFUSED)

@@ -27,7 +27,16 @@ from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh, edges_of, in_spatial_order, sides_of
 from benchmark.geometry.preparation import Prepared, prepare
-from tests.geometry.surfaces import exact_distances, flat_grid, flipped, joined, limbed_body, relabelled, soup, sphere
+from tests.geometry.surfaces import (
+    exact_distances,
+    flat_grid,
+    flipped,
+    joined,
+    limbed_body,
+    relabelled,
+    soup,
+    sphere,
+)
 
 TRIANGLE = np.array([[0.0, 0, 0], [3, 0, 0], [0, 4, 0]])
 SQUARE = flat_grid(2)
@@ -66,7 +75,8 @@ def assert_same(one: Mesh, other: Mesh) -> None:
     np.testing.assert_allclose(one.vertices, other.vertices, rtol=0, atol=1e-9)
 
 
-# --- the shape alone ---------------------------------------------------------------------------------------------
+# --- the shape alone
+# ---------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -90,8 +100,12 @@ def test_a_decimated_mesh_does_not_depend_on_unit_place_and_numbering(
     factor = np.sqrt(change(shape).area / shape.area)
     assert other.scale == pytest.approx(factor * first.scale)
     assert other.source_area == pytest.approx(factor**2 * first.source_area)
-    corners = other.centre + other.scale * np.array([other.mesh.vertices.min(axis=0), other.mesh.vertices.max(axis=0)])
-    np.testing.assert_allclose(corners[1] - corners[0], np.ptp(change(shape).vertices, axis=0), rtol=0.05)
+    corners = other.centre + other.scale * np.array(
+        [other.mesh.vertices.min(axis=0), other.mesh.vertices.max(axis=0)]
+    )
+    np.testing.assert_allclose(
+        corners[1] - corners[0], np.ptp(change(shape).vertices, axis=0), rtol=0.05
+    )
 
 
 def test_rounding_flattens_no_triangle() -> None:
@@ -108,7 +122,9 @@ def test_numbering_and_last_bits_of_coordinates_leave_nothing_in_the_order(mesh:
         np.testing.assert_array_equal(again.vertices, ordered.vertices)
         np.testing.assert_array_equal(again.faces, ordered.faces)
     noise = 1e-13 * np.random.default_rng(0).standard_normal(mesh.vertices.shape)
-    np.testing.assert_array_equal(in_spatial_order(mesh.with_vertices(mesh.vertices + noise)).faces, ordered.faces)
+    np.testing.assert_array_equal(
+        in_spatial_order(mesh.with_vertices(mesh.vertices + noise)).faces, ordered.faces
+    )
 
 
 def test_draws_follow_from_seed_purpose_and_measurements_alone() -> None:
@@ -124,12 +140,18 @@ def test_draws_follow_from_seed_purpose_and_measurements_alone() -> None:
     assert len({drawn(mesh), *others}) == 5
 
 
-# --- decimation, repair, debris ----------------------------------------------------------------------------------
+# --- decimation, repair, debris
+# ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("mesh", "euler"),
-    [(sphere(5), 2), (limbed_body(5), 2), (flat_grid(80), 1), (Mesh(TORUS.vertices, TORUS.faces), 0)],
+    [
+        (sphere(5), 2),
+        (limbed_body(5), 2),
+        (flat_grid(80), 1),
+        (Mesh(TORUS.vertices, TORUS.faces), 0),
+    ],
     ids=["sphere", "body", "open", "torus"],
 )
 def test_vertex_count_is_met_and_topology_kept(mesh: Mesh, euler: int) -> None:
@@ -151,11 +173,17 @@ def test_small_meshes_keep_their_vertices_and_know_their_numbers_in_the_file(mes
 
 
 def test_limbs_are_bridged_debris_is_dropped_and_the_report_says_so() -> None:
-    body, limb, speck = sphere(4), moved(sphere(2), 1.4, 0, 0, scale=0.3), moved(sphere(1), 0, 3, 0, scale=0.01)
+    body, limb, speck = (
+        sphere(4),
+        moved(sphere(2), 1.4, 0, 0, scale=0.3),
+        moved(sphere(1), 0, 3, 0, scale=0.01),
+    )
     prepared = prepare(joined(speck, body, limb), 1000)
     report = prepared.report
     assert (report["components"], report["dropped_components"], report["bridges"]) == (3, 1, 1)
-    assert report["lost_area"] == pytest.approx(speck.area / (speck.area + body.area + limb.area), abs=1e-6)
+    assert report["lost_area"] == pytest.approx(
+        speck.area / (speck.area + body.area + limb.area), abs=1e-6
+    )
     assert prepared.source_area == pytest.approx(body.area + limb.area)
     assert prepared.notes == {"joined_pieces": 2.0, "largest_gap": pytest.approx(0.1, abs=0.02)}
     assert prepare(body, 1000).notes == {}
@@ -165,7 +193,9 @@ def test_limbs_are_bridged_debris_is_dropped_and_the_report_says_so() -> None:
 @pytest.mark.parametrize("count", [60, 120, 1000])
 def test_equal_pieces_are_bridged_and_debris_is_a_hundredth_in_all(count: int) -> None:
     """Small spheres in a row, a gap of 0.1 between them."""
-    prepared = prepare(joined(*(moved(sphere(0), 0.3 * at, 3, 0, scale=0.1) for at in range(count))))
+    prepared = prepare(
+        joined(*(moved(sphere(0), 0.3 * at, 3, 0, scale=0.1) for at in range(count)))
+    )
     assert prepared.report["dropped_components"] == count // 100
     assert prepared.report["bridges"] == count - count // 100 - 1
     assert prepared.notes["largest_gap"] < 0.2 or count > 100
@@ -181,15 +211,33 @@ SEVEN_DIGITS = MAPPED.astype(str).astype(float)
 REFUSED = {
     "one triangle": (Mesh(TRIANGLE, [[0, 1, 2]]), "3 vertices remain"),
     "collinear": (Mesh(np.outer(range(4), [1, 0, 0]), [[0, 1, 2], [1, 2, 3]]), "2 of 2 triangles"),
-    "one point": (Mesh([[1, 1, 1]] * 5, [[0, 1, 2], [2, 3, 4]]), "extent 0; pass a surface of positive size"),
+    "one point": (
+        Mesh([[1, 1, 1]] * 5, [[0, 1, 2], [2, 3, 4]]),
+        "extent 0; pass a surface of positive size",
+    ),
     "too small": (Mesh(TRIANGLE * 2.5e-101, [[0, 1, 2]]), "extent 1e-100"),
     "no faces": (Mesh(FAR[:9], np.empty((0, 3))), "extent 0"),
     "stray vertex": (Mesh(FAR, limbed_body(3).faces), "extent"),
-    "single precision": (Mesh(MAPPED, limbed_body(3).faces), "5411934 in single precision are too coarse"),
-    "seven digits": (Mesh(SEVEN_DIGITS, limbed_body(3).faces), "in single precision are too coarse .* move it"),
-    "two decimals": (Mesh(MAPPED.astype(float).round(2), limbed_body(3).faces), "in single precision are too coarse"),
-    "one decimal": (Mesh(MAPPED.astype(float).round(1), limbed_body(3).faces), "in single precision are too coarse"),
-    "stray, smaller": (Mesh(FAR * 1e-80, limbed_body(3).faces), "1 vertex beyond 100 radii of the shape; remove stray"),
+    "single precision": (
+        Mesh(MAPPED, limbed_body(3).faces),
+        "5411934 in single precision are too coarse",
+    ),
+    "seven digits": (
+        Mesh(SEVEN_DIGITS, limbed_body(3).faces),
+        "in single precision are too coarse .* move it",
+    ),
+    "two decimals": (
+        Mesh(MAPPED.astype(float).round(2), limbed_body(3).faces),
+        "in single precision are too coarse",
+    ),
+    "one decimal": (
+        Mesh(MAPPED.astype(float).round(1), limbed_body(3).faces),
+        "in single precision are too coarse",
+    ),
+    "stray, smaller": (
+        Mesh(FAR * 1e-80, limbed_body(3).faces),
+        "1 vertex beyond 100 radii of the shape; remove stray",
+    ),
 }
 
 
@@ -210,12 +258,24 @@ def test_double_precision_far_from_the_origin_is_as_good_as_at_it() -> None:
 def test_each_kind_of_debris_is_counted_once() -> None:
     mesh = Mesh(
         [[9, 9, 9], [0, 0, 0], [1, 0, 0], [0, 1, 0], [0.0, 0, -0.0], [2, 0, 0]],
-        [[1, 2, 3], [4, 2, 3], [2, 3, 1], [1, 1, 3], [1, 4, 3], [1, 2, 5]],  # good, twice the same, three without area
+        [
+            [1, 2, 3],
+            [4, 2, 3],
+            [2, 3, 1],
+            [1, 1, 3],
+            [1, 4, 3],
+            [1, 2, 5],
+        ],  # good, twice the same, three without area
     )
     cleaned, report = clean(mesh)
     assert (cleaned.n_vertices, cleaned.n_faces) == (3, 1)
-    assert [report[n] for n in ("merged", "degenerate_faces", "duplicate_faces", "unreferenced")] == [1, 3, 2, 2]
-    assert largest_component(joined(flat_grid(10, spacing=0.01), flat_grid(2, spacing=5.0))).n_vertices == 4
+    assert [
+        report[n] for n in ("merged", "degenerate_faces", "duplicate_faces", "unreferenced")
+    ] == [1, 3, 2, 2]
+    assert (
+        largest_component(joined(flat_grid(10, spacing=0.01), flat_grid(2, spacing=5.0))).n_vertices
+        == 4
+    )
 
 
 def test_walls_go_and_vertices_where_fans_meet_are_split() -> None:
@@ -225,7 +285,10 @@ def test_walls_go_and_vertices_where_fans_meet_are_split() -> None:
     assert corrected.area == pytest.approx(grid.area)
     bow = Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]], [[0, 1, 2], [0, 3, 4]])
     split = make_manifold(bow)
-    assert (fans_per_vertex(bow).tolist(), fans_per_vertex(split).tolist()) == ([2, 1, 1, 1, 1], [1] * 6)
+    assert (fans_per_vertex(bow).tolist(), fans_per_vertex(split).tolist()) == (
+        [2, 1, 1, 1, 1],
+        [1] * 6,
+    )
     np.testing.assert_array_equal(split.vertices[split.faces], bow.vertices[bow.faces])
 
 
@@ -266,12 +329,15 @@ def test_arrays_that_are_no_mesh_are_refused(vertices: object, faces: object, wo
             array[0] = 1
 
 
-# --- bridging ----------------------------------------------------------------------------------------------------
+# --- bridging
+# ------------------------------------------------------------------------------------------------
 
 
 def assert_one_oriented_manifold(mesh: Mesh) -> None:
     report = clean(mesh)[1] | topology(mesh)
-    assert [report[n] for n in ("components", "non_manifold_edges", "duplicate_faces", "unreferenced")] == [1, 0, 0, 0]
+    assert [
+        report[n] for n in ("components", "non_manifold_edges", "duplicate_faces", "unreferenced")
+    ] == [1, 0, 0, 0]
     assert (fans_per_vertex(mesh) == 1).all()
     sides = np.stack(sides_of(mesh.faces), axis=1)
     assert len(np.unique(sides, axis=0)) == len(sides)
@@ -286,10 +352,18 @@ BRIDGED = {
     "sharing a corner": (joined(SQUARE, moved(SQUARE, 1, 1, 0)), [0.0], 7, 5),
     "sharing an edge": (joined(SQUARE, moved(SQUARE, 1, 0, 0)), [0.0], 6, 4),
     "a star around a triangle": (
-        joined(LONE, *(moved(LONE, 9 * np.cos(a), 9 * np.sin(a), 5 * (-1) ** k) for k, a in enumerate(ANGLES))),
-        None, 39, 13 + 24,
+        joined(
+            LONE,
+            *(
+                moved(LONE, 9 * np.cos(a), 9 * np.sin(a), 5 * (-1) ** k)
+                for k, a in enumerate(ANGLES)
+            ),
+        ),
+        None,
+        39,
+        13 + 24,
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name", BRIDGED)
@@ -307,7 +381,9 @@ def test_gaps_are_those_of_scipys_spanning_tree_of_many_random_pieces() -> None:
 
     random = np.random.default_rng(0)
     places = [(*(12 * random.permutation(100)[:2]), random.normal()) for _ in range(60)]
-    pieces = [moved(flat_grid(2), *place) for place in places] + [moved(sphere(1), *random.normal(0, 300, 3))]
+    pieces = [moved(flat_grid(2), *place) for place in places] + [
+        moved(sphere(1), *random.normal(0, 300, 3))
+    ]
     bridged, gaps = bridge_components(joined(*pieces))
     distances = np.array([[cdist(a.vertices, b.vertices).min() for a in pieces] for b in pieces])
     np.testing.assert_allclose(np.sort(gaps), np.sort(minimum_spanning_tree(distances).data))
@@ -326,11 +402,14 @@ def test_an_open_piece_is_joined_at_its_rim_and_vertices_without_faces_go() -> N
     assert bridge_components(empty)[0].n_vertices == 0
 
 
-# --- one surface from copies, without triangles that have no area, oriented alike --------------------------------
+# --- one surface from copies, without triangles that have no area, oriented alike
+# --------------------------------
 
 
 @pytest.mark.parametrize("noise", [0, 1e-8, 1e-7, 1e-6])
-@pytest.mark.parametrize("shape", [limbed_body(3), flat_grid(20), Mesh(TORUS.vertices, TORUS.faces)])
+@pytest.mark.parametrize(
+    "shape", [limbed_body(3), flat_grid(20), Mesh(TORUS.vertices, TORUS.faces)]
+)
 def test_copies_that_rounding_moved_apart_are_one_vertex(shape: Mesh, noise: float) -> None:
     whole, scattered = prepared_once(shape, 5000), prepare(soup(shape, noise), 5000)
     assert scattered.mesh.n_vertices == whole.mesh.n_vertices
@@ -338,11 +417,18 @@ def test_copies_that_rounding_moved_apart_are_one_vertex(shape: Mesh, noise: flo
     for name in ("euler_characteristic", "components", "bridges", "boundary_edges"):
         assert scattered.report[name] == whole.report[name]
     assert scattered.mesh.area == pytest.approx(1)
-    assert np.abs(np.sort(scattered.mesh.vertices, axis=0) - np.sort(whole.mesh.vertices, axis=0)).max() < 1e-5
+    assert (
+        np.abs(
+            np.sort(scattered.mesh.vertices, axis=0) - np.sort(whole.mesh.vertices, axis=0)
+        ).max()
+        < 1e-5
+    )
 
 
 @given(st.permutations(range(8)), st.floats(0.9, 0.99))
-def test_chains_of_near_vertices_are_merged_in_any_order(order: list[int], closeness: float) -> None:
+def test_chains_of_near_vertices_are_merged_in_any_order(
+    order: list[int], closeness: float
+) -> None:
     grid = flat_grid(5)
     for step, n_vertices in ((closeness, 26), (1 / closeness, 33)):
         steps = step * 4e-6 * np.sqrt(20) * np.array(order)
@@ -358,9 +444,15 @@ def test_a_shape_with_most_vertices_in_one_place_has_no_stray_ones() -> None:
 
 def test_what_is_farther_apart_than_rounding_stays_apart_and_coincident_pieces_are_one() -> None:
     sheet = flat_grid(3)
-    near, far = (clean(joined(sheet, moved(sheet, 0, 0, gap * 2 * np.sqrt(2))))[0] for gap in (3.9e-6, 4.1e-6))
+    near, far = (
+        clean(joined(sheet, moved(sheet, 0, 0, gap * 2 * np.sqrt(2))))[0]
+        for gap in (3.9e-6, 4.1e-6)
+    )
     assert (near.n_vertices, far.n_vertices) == (9, 18)
-    for gap, n_vertices in ((4.9, 10), (5.1, 17)):  # of all at the border but the first, which are copies
+    for gap, n_vertices in (
+        (4.9, 10),
+        (5.1, 17),
+    ):  # of all at the border but the first, which are copies
         over = sheet.vertices + np.outer([0.9, *[gap] * 8], [0, 0, 4e-6 * 2 * np.sqrt(2)])
         assert clean(joined(sheet, sheet.with_vertices(over)))[0].n_vertices == n_vertices
     twice = prepare(joined(sphere(2), soup(sphere(2), 1e-7), moved(sphere(0), 4, 0, 0)))
@@ -369,18 +461,27 @@ def test_what_is_farther_apart_than_rounding_stays_apart_and_coincident_pieces_a
 
 
 @pytest.mark.parametrize(
-    "change", [lambda mesh: mesh, soup, lambda mesh: soup(mesh, 1e-7), lambda mesh: renumbered(mesh, 3)]
+    "change",
+    [lambda mesh: mesh, soup, lambda mesh: soup(mesh, 1e-7), lambda mesh: renumbered(mesh, 3)],
 )
 @pytest.mark.parametrize("seed", [None, 0, 1])
-def test_triangles_without_area_leave_no_border(change: Callable[[Mesh], Mesh], seed: int | None) -> None:
+def test_triangles_without_area_leave_no_border(
+    change: Callable[[Mesh], Mesh], seed: int | None
+) -> None:
     """A closed box of which halves meet at vertices on the longer edges of the other."""
     mesh = read_mesh(INPUTS / "sliver-rim.off")
-    turn = np.eye(3) if seed is None else np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    turn = (
+        np.eye(3)
+        if seed is None
+        else np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
+    )
     prepared = prepare(change(mesh.with_vertices(mesh.vertices @ turn)))
     assert (prepared.report["euler_characteristic"], prepared.report["boundary_edges"]) == (2, 0)
     assert prepared.mesh.face_areas.min() > 1e-4
     places = (prepared.centre + prepared.scale * prepared.mesh.vertices) @ turn.T
-    first, last = (int(np.linalg.norm(places - place, axis=1).argmin()) for place in ([0, 2, 2], [5, 1, 2]))
+    first, last = (
+        int(np.linalg.norm(places - place, axis=1).argmin()) for place in ([0, 2, 2], [5, 1, 2])
+    )
     distance = prepared.scale * exact_distances(prepared.mesh, np.array([first]))[0, last]
     assert distance == pytest.approx(np.sqrt(26), abs=1e-4)
 
@@ -398,7 +499,11 @@ def test_any_vertices_on_an_edge_are_joined_to_its_other_side(cuts: list[int], s
     mesh = Mesh([*line, [0.5, 1, 0], [0.5, -1, 0]], [*fan, *flat, [n + 1, 0, n - 1]])
     cleaned, report = clean(renumbered(mesh, seed))
     assert report["degenerate_faces"] == n - 2
-    assert (cleaned.n_vertices, cleaned.n_faces, topology(cleaned)["boundary_edges"]) == (n + 2, 2 * (n - 1), 4)
+    assert (cleaned.n_vertices, cleaned.n_faces, topology(cleaned)["boundary_edges"]) == (
+        n + 2,
+        2 * (n - 1),
+        4,
+    )
     assert cleaned.area == pytest.approx(1)
     assert topology(cleaned)["non_manifold_edges"] == 0
 
@@ -413,27 +518,39 @@ def test_flat_triangles_that_cannot_be_removed_are_refused(monkeypatch: pytest.M
     ("shape", "most"),
     [
         (limbed_body(3), 1.0),
-        (joined(limbed_body(2), moved(sphere(2), 9, 0, 0), moved(flat_grid(12), 0, 9, 0, scale=0.3)), 0.3),
+        (
+            joined(
+                limbed_body(2), moved(sphere(2), 9, 0, 0), moved(flat_grid(12), 0, 9, 0, scale=0.3)
+            ),
+            0.3,
+        ),
         (flat_grid(9), 0.4),
         (Mesh(limbed_body(3).vertices, limbed_body(3).faces[20:]), 1.0),  # with a hole
     ],
     ids=["closed", "pieces", "open", "holed"],
 )
 @pytest.mark.parametrize("n_vertices", [100, 2000])
-def test_a_mesh_with_turned_faces_is_prepared_as_the_oriented_one(shape: Mesh, most: float, n_vertices: int) -> None:
+def test_a_mesh_with_turned_faces_is_prepared_as_the_oriented_one(
+    shape: Mesh, most: float, n_vertices: int
+) -> None:
     whole = prepared_once(shape, n_vertices)
     assert whole.report["turned_faces"] == 0
     for share in (0.1 * most, 0.7 * most, most):
         other = prepare(flipped(renumbered(shape, 1), share, seed=2), n_vertices)
         assert_same(other.mesh, whole.mesh)
         assert other.report["turned_faces"] > 0
-    assert most < 0.5 or trimesh.Trimesh(whole.mesh.vertices, whole.mesh.faces, process=False).volume >= 0
+    assert (
+        most < 0.5
+        or trimesh.Trimesh(whole.mesh.vertices, whole.mesh.faces, process=False).volume >= 0
+    )
 
 
 def test_a_moebius_strip_is_noted_and_turned_as_far_as_it_goes() -> None:
     angle, across = np.linspace(0, 2 * np.pi, 40, endpoint=False), np.array([[-0.5], [0.5]])
     reach = 2 + across * np.cos(angle / 2)
-    rims = np.stack([reach * np.cos(angle), reach * np.sin(angle), across * np.sin(angle / 2)], axis=2)
+    rims = np.stack(
+        [reach * np.cos(angle), reach * np.sin(angle), across * np.sin(angle / 2)], axis=2
+    )
     near, far = np.arange(40), np.arange(40, 80)
     ahead, beyond = np.append(near[1:], far[0]), np.append(far[1:], near[0])
     faces = np.concatenate([np.stack([near, ahead, far], 1), np.stack([ahead, beyond, far], 1)])
@@ -449,7 +566,9 @@ def test_a_moebius_strip_is_noted_and_turned_as_far_as_it_goes() -> None:
 def test_copies_become_one_at_their_mean() -> None:
     corners = [[0, 0, 0], [1 - 1e-6, 0, 0], [0, 1, 0], [1 + 1e-6, 0, 0], [1, 1, 0], [0, 1, 0]]
     cleaned, _ = clean(Mesh(corners, [[0, 1, 2], [3, 4, 5]]))
-    np.testing.assert_allclose(cleaned.vertices, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], atol=1e-12)
+    np.testing.assert_allclose(
+        cleaned.vertices, [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]], atol=1e-12
+    )
 
 
 def test_a_bridge_in_line_with_borders_has_area_and_its_length_is_that_in_the_file() -> None:
@@ -463,7 +582,10 @@ def test_a_bridge_in_line_with_borders_has_area_and_its_length_is_that_in_the_fi
 @pytest.mark.parametrize(("height", "lost"), [(1.2, 0.23), (1.4, 0.26), (1.9, 0.32)])
 def test_what_loses_more_than_a_quarter_of_its_area_is_refused(height: float, lost: float) -> None:
     """Of three triangles at an edge, the smallest is dropped."""
-    wall = Mesh([[0, 0, 0], [1, 0, 0], [0.5, 2, 0], [0.5, -2, 0], [0.5, 0, height]], [[0, 1, 2], [1, 0, 3], [0, 1, 4]])
+    wall = Mesh(
+        [[0, 0, 0], [1, 0, 0], [0.5, 2, 0], [0.5, -2, 0], [0.5, 0, height]],
+        [[0, 1, 2], [1, 0, 3], [0, 1, 4]],
+    )
     if lost < 0.25:
         assert prepare(wall).report["lost_area"] == pytest.approx(lost, abs=0.005)
     else:

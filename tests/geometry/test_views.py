@@ -14,7 +14,13 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.camera import FRONT, Camera
-from benchmark.geometry.depth import FEWEST_PIXELS, back_project, common_half_width, depth_surface, render_depth
+from benchmark.geometry.depth import (
+    FEWEST_PIXELS,
+    back_project,
+    common_half_width,
+    depth_surface,
+    render_depth,
+)
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.rasterise import depth_buffer
 from tests.geometry.surfaces import joined, sphere
@@ -24,7 +30,9 @@ TOWARDS = Camera((0.0, 0.0, -1.0), up=(0.0, 1.0, 0.0))
 
 
 def rectangle(width: float, height: float, z: float = 0.0, x: float = 0.0) -> Mesh:
-    corners = [(x + a * width / 2, b * height / 2, z) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    corners = [
+        (x + a * width / 2, b * height / 2, z) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
     return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
@@ -44,7 +52,9 @@ def test_rendering_agrees_with_ray_casting() -> None:
     origins = np.stack([columns.ravel(), rows.ravel(), np.full(size**2, -200.0)], axis=1)
     mesh = trimesh.Trimesh(points, scene.faces, process=False)
     directions = np.tile([0.0, 0, 1], (size**2, 1))
-    hits, rays, _ = RayMeshIntersector(mesh).intersects_location(origins, directions, multiple_hits=False)
+    hits, rays, _ = RayMeshIntersector(mesh).intersects_location(
+        origins, directions, multiple_hits=False
+    )
     expected = np.full(size**2, np.nan)
     expected[rays] = hits[:, 2]
     expected = expected.reshape(size, size)
@@ -68,7 +78,9 @@ def test_no_cracks_inside_a_triangulated_square(seed: int, snap: float) -> None:
 def test_a_sphere_has_its_analytic_depth_and_back_projection_inverts_it() -> None:
     ball = sphere(5)
     image = render_depth(ball.with_vertices(0.8 * ball.vertices), FRONT, half_width=1.0)
-    y, x = np.meshgrid((np.arange(500) + 0.5) / 250 - 1, (np.arange(500) + 0.5) / 250 - 1, indexing="ij")
+    y, x = np.meshgrid(
+        (np.arange(500) + 0.5) / 250 - 1, (np.arange(500) + 0.5) / 250 - 1, indexing="ij"
+    )
     inside = x**2 + y**2 < 0.7**2
     expected = (1 + np.sqrt(0.64 - x**2 - y**2, where=inside, out=np.zeros_like(x))) / 2
     assert image.dtype == np.float32
@@ -84,7 +96,9 @@ def test_a_sphere_has_its_analytic_depth_and_back_projection_inverts_it() -> Non
     assert ((normals * (a + b + c)).sum(axis=1) > 0).mean() > 0.99
 
 
-@pytest.mark.parametrize(("step", "jump", "pieces"), [(0.02, 0.05, 1), (0.03, 0.05, 2), (0.03, 0.07, 1)])
+@pytest.mark.parametrize(
+    ("step", "jump", "pieces"), [(0.02, 0.05, 1), (0.03, 0.05, 2), (0.03, 0.07, 1)]
+)
 def test_edges_across_a_jump_are_cut_and_bridged(step: float, jump: float, pieces: int) -> None:
     """A step in depth is half as large in units of the half width."""
     image = np.full((40, 40), 0.4, dtype=np.float32)
@@ -92,14 +106,23 @@ def test_edges_across_a_jump_are_cut_and_bridged(step: float, jump: float, piece
     surface, report = back_project(image, 1.0, stride=4, jump=jump)
     assert (report["pieces"], report["bridges"]) == (pieces, pieces - 1)
     assert surface.n_vertices == 100
-    assert len(trimesh.Trimesh(surface.vertices, surface.faces, process=False).split(only_watertight=False)) == 1
+    assert (
+        len(
+            trimesh.Trimesh(surface.vertices, surface.faces, process=False).split(
+                only_watertight=False
+            )
+        )
+        == 1
+    )
 
 
 def test_rounding_errors_choose_no_diagonal() -> None:
     """In a plane that both diagonals climb equally, each block is a tie."""
     tie = np.add.outer(np.zeros(40), np.linspace(0.4, 0.6, 40)).astype(np.float32)
     noise = np.random.default_rng(0).uniform(-1.2e-7, 1.2e-7, tie.shape)
-    (surface, _), (noisy, _) = (back_project((tie + n).astype(np.float32), 1.0, stride=4) for n in (0, noise))
+    (surface, _), (noisy, _) = (
+        back_project((tie + n).astype(np.float32), 1.0, stride=4) for n in (0, noise)
+    )
     assert not np.array_equal(surface.vertices, noisy.vertices)
     np.testing.assert_array_equal(surface.faces, noisy.faces)
 
@@ -119,17 +142,25 @@ def test_shapes_that_do_not_fit_their_frame_are_refused_and_do_not_set_it() -> N
 
 def test_views_of_few_pixels_or_of_scraps_are_refused_and_a_few_scraps_are_noted() -> None:
     wide = math.sqrt(FEWEST_PIXELS) / 250  # side of a square of as many pixels
-    assert depth_surface(rectangle(wide * 1.1, wide * 1.1), TOWARDS, 1.0).report["foreground"] >= FEWEST_PIXELS
+    assert (
+        depth_surface(rectangle(wide * 1.1, wide * 1.1), TOWARDS, 1.0).report["foreground"]
+        >= FEWEST_PIXELS
+    )
     for side in (wide * 0.9, 1e-9):
-        with pytest.raises(UnsupportedShape, match=r"sees \d+ pixels of the shape, fewer than 200; check its unit"):
+        with pytest.raises(
+            UnsupportedShape, match=r"sees \d+ pixels of the shape, fewer than 200; check its unit"
+        ):
             depth_surface(rectangle(side, side), TOWARDS, 1.0)
-    # Sheets of 3 x 3 pixels, four pixels apart: at a stride of one each gives a speck of at most nine samples.
+    # Sheets of 3 x 3 pixels, four pixels apart: at a stride of one each gives a speck of at most
+    # nine samples.
     scrap = rectangle(2.2 / 250, 2.2 / 250)
     at = np.stack([*np.divmod(np.arange(400), 20), np.zeros(400)], axis=1) * 4 / 250
     scraps = [scrap.with_vertices(scrap.vertices + place) for place in at]
     report = depth_surface(joined(rectangle(0.4, 0.4, x=-0.5), *scraps[:40]), TOWARDS, 1.0).report
     assert 0 < report["lost_area"] < 0.5
-    with pytest.raises(UnsupportedShape, match="% of what the camera sees belongs to no piece of 8 samples"):
+    with pytest.raises(
+        UnsupportedShape, match="% of what the camera sees belongs to no piece of 8 samples"
+    ):
         depth_surface(joined(rectangle(0.1, 0.1, x=-0.5), *scraps), TOWARDS, 1.0)
 
 

@@ -22,7 +22,8 @@ DOUBLES = 1e-9
 #: Depth images in single precision, and the surfaces computed from them.
 SINGLES = 1e-6
 
-#: Variants of methods and scorers in tables, by base name; their results are in the file of the base.
+#: Variants of methods and scorers in tables, by base name; their results are in the file of the
+#: base.
 VARIANTS: Mapping[str, tuple[str, ...]] = {
     "least-squares-mds": ("start=classic",),
     "deformation-field": ("reach=0", "rounds=0"),
@@ -36,12 +37,16 @@ SIGNED = ("closed", "small", "open", "bridged")
 RAW = ("dog", "horse", "scan", "flat", "point", "triangle")
 
 #: Arguments of views and frames, by name of the part.
-VIEWS = {name: (name, None) for name in RAW} | {"dog-far": ("dog", 190.0), "dog-too-far": ("dog", 1e5)}
+VIEWS = {name: (name, None) for name in RAW} | {
+    "dog-far": ("dog", 190.0),
+    "dog-too-far": ("dog", 1e5),
+}
 VIEWS["dog-noisy"] = ("dog", 190.0, DepthSensor(0.002, 0.002, 5))
 FRAMES = {"given": (True, None), "found": (False, None), "no-floor": (True, None, False)}
 FRAMES |= {"sidecar": (True, (0.1, -1.0, 0.2), False), "upside": (True, (0.0, 0.0, 1.0), False)}
 
-#: Indices of the shapes to generate of each set: every subject and pose of people, every kind of animal.
+#: Indices of the shapes to generate of each set: every subject and pose of people, every kind of
+#: animal.
 GENERATED: Mapping[str, tuple[int, ...]] = {
     "humans-scanlike": (1, 157, 398),
     "people": tuple(n % 15 * 20 + n for n in range(20)),
@@ -81,7 +86,9 @@ def _components() -> Iterator[tuple[str, Component]]:
     yield "preparation/mesh", Component(partial(_called, stages.completed, raw))
     yield "preparation/view", Component(partial(_called, stages.seen, VIEWS), SINGLES)
     yield "preparation/frame", Component(partial(_called, stages.observed, FRAMES), SINGLES)
-    for name in (name for name, source in CATALOGUE.items() if not source.folder and "[" not in name):
+    for name in (
+        name for name, source in CATALOGUE.items() if not source.folder and "[" not in name
+    ):
         yield f"data/{name}", Component(partial(_generated, name), FORMS)
     for name in sorted(CHANGES.keys() - {"perspective"}):
         yield f"change/{name}", Component(partial(_changed, name), FORMS)
@@ -94,14 +101,18 @@ def _of_method(name: str) -> Iterator[Part]:
     for variant in [name, *(f"{name}[{variant}]" for variant in VARIANTS.get(name, ()))]:
         if spec.learns and "view" in spec.info.inputs:
             for image in ("woman", "man", "nothing", "tiny"):
-                yield Part(f"{variant}/{image}", stages.learned_form, (variant, inputs.depth_shape(image)))
+                yield Part(
+                    f"{variant}/{image}", stages.learned_form, (variant, inputs.depth_shape(image))
+                )
             continue
         witnesses = ("large",) if variant == name and not spec.describes else ()
         for shape in (*SMALL, *LARGER, *witnesses):
             if spec.describes:
                 yield Part(f"{variant}/{shape}", stages.descriptors_of, (variant, (shape,)))
             elif spec.learns:
-                yield Part(f"{variant}/{shape}", stages.learned_form, (variant, inputs.shape(shape)))
+                yield Part(
+                    f"{variant}/{shape}", stages.learned_form, (variant, inputs.shape(shape))
+                )
             else:
                 yield Part(f"{variant}/{shape}", stages.form_of, (variant, shape))
         if spec.describes:
@@ -113,7 +124,9 @@ def _of_scorer(name: str) -> Iterator[Part]:
         yield Part(shape, stages.signature, (name, shape))
     if name == "cm-bof":
         yield Part("few-pixels", stages.signature, (f"{name}[image_size=48]", "small"))
-        yield Part("few-words", stages.compared, (f"{name}[n_words=12,allow_mirror=true]", SIGNED[1:3]))
+        yield Part(
+            "few-words", stages.compared, (f"{name}[n_words=12,allow_mirror=true]", SIGNED[1:3])
+        )
     for variant in VARIANTS.get(name, ()):
         yield Part(variant, stages.signature, (f"{name}[{variant}]", "closed"))
         yield Part(f"{variant}/compared", stages.compared, (f"{name}[{variant}]", SIGNED))

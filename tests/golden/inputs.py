@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Mesh, Shape
 from benchmark.api.datasets import Entry, ShapeSet
 
-#: Log-odds of masks by network: nearly all pixels are so far from 0.5 that rounding does not change the mask.
+#: Log-odds of masks by network: nearly all pixels are so far from 0.5 that rounding does not change
+#: the mask.
 MASKS = {
     "literal": 0.03,
     "without_weighting": 0.03,
@@ -41,13 +42,20 @@ def arrays(name: str) -> Mapping[str, NDArray[Any]]:
 def mesh(file: str, name: str) -> Mesh:
     """Return a mesh; positions are stored as multiples of a unit."""
     stored = arrays(file)
-    return Mesh(stored[f"{name}/vertices"] * float(stored[f"{name}/unit"]), stored[f"{name}/faces"].astype(np.int32))
+    return Mesh(
+        stored[f"{name}/vertices"] * float(stored[f"{name}/unit"]),
+        stored[f"{name}/faces"].astype(np.int32),
+    )
 
 
 def shape(name: str) -> Shape:
     """Return a prepared shape; the source area of the tetrahedron is unknown."""
     surface = mesh("shapes", name)
-    return Shape(identifier=name, mesh=surface, source_area=None if name == "tetrahedron" else 3.0 * surface.n_vertices)
+    return Shape(
+        identifier=name,
+        mesh=surface,
+        source_area=None if name == "tetrahedron" else 3.0 * surface.n_vertices,
+    )
 
 
 def depth_shape(name: str) -> Shape:
@@ -69,9 +77,9 @@ def committed_meshes() -> Any:
 def write_model(method: Any, folder: Path) -> None:
     """Write a model of a learner with weights by a formula: NumPy's legacy generator is frozen, so no file is needed.
 
-    Matrices get the variances of He et al. 2015, biases small numbers; other parameters move slightly from their
-    initial values, which are not random. Depths are around the middle of the frame.
-    """
+    Matrices get the variances of He et al. 2015, biases small numbers; other parameters move
+    slightly from their initial values, which are not random. Depths are around the middle of the
+    frame."""
     import torch
     from safetensors.torch import save
 
@@ -90,10 +98,14 @@ def write_model(method: Any, folder: Path) -> None:
                     parameter[:depths] += 0.5
                     parameter[depths:] += MASKS.get(method.configuration, 0.0)
             elif name.endswith("weight") and parameter.ndim > 1:
-                parameter.copy_((0.3 if last else 1.0) * (6 / parameter[0].numel()) ** 0.5 * uniform)
+                parameter.copy_(
+                    (0.3 if last else 1.0) * (6 / parameter[0].numel()) ** 0.5 * uniform
+                )
             else:
                 parameter.add_(0.05 * uniform)
-    content = save({name: tensor.half().contiguous() for name, tensor in network.state_dict().items()})
+    content = save(
+        {name: tensor.half().contiguous() for name, tensor in network.state_dict().items()}
+    )
     folder.mkdir(parents=True)
     (folder / "weights.safetensors").write_bytes(content)
     facts = {

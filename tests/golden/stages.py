@@ -22,7 +22,14 @@ from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.forms import MACHINE, SharedResults
 from benchmark.pipeline.outputs import compute_distances, compute_output, compute_signature
-from benchmark.pipeline.prepared import REFUSED, SECONDS, fit_frame, prepare_mesh, prepare_view, require_result
+from benchmark.pipeline.prepared import (
+    REFUSED,
+    SECONDS,
+    fit_frame,
+    prepare_mesh,
+    prepare_view,
+    require_result,
+)
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Data, Record
 from benchmark.registry import select_one
@@ -43,13 +50,19 @@ def learned_form(name: str, shape: Shape) -> Arrays:
 
 def _form_of(method: Any, shape: Shape) -> Arrays:
     formed = _answer(method, shape)
-    return {**formed, "vertices": method.canonicalise(shape).vertices, "digits": formed["vertices"].dtype.str}
+    return {
+        **formed,
+        "vertices": method.canonicalise(shape).vertices,
+        "digits": formed["vertices"].dtype.str,
+    }
 
 
 def _answer(method: Any, shape: Shape) -> Arrays:
     """Return a form or a descriptor without its times and machine; raise the reason of a refusal."""
     answer = require_result(compute_output(method, shape, SharedResults()))
-    return {name: array for name, array in answer.items() if not name.startswith((SECONDS, MACHINE))}
+    return {
+        name: array for name, array in answer.items() if not name.startswith((SECONDS, MACHINE))
+    }
 
 
 @cache
@@ -65,7 +78,10 @@ def descriptors_of(name: str, names: Sequence[str]) -> Arrays:
     """Return descriptors of shapes, and the distances between them."""
     method: Any = select_one(name).create()
     descriptors = [_answer(method, inputs.shape(shape))["descriptor"] for shape in names]
-    return {**dict(zip(names, descriptors, strict=True)), "distances": compute_distances(method, descriptors)}
+    return {
+        **dict(zip(names, descriptors, strict=True)),
+        "distances": compute_distances(method, descriptors),
+    }
 
 
 def signature(name: str, shape: str) -> Arrays:
@@ -83,7 +99,11 @@ def compared(name: str, forms: Sequence[str]) -> Arrays:
 def _committed(scorer: str, form: str) -> Arrays:
     """Return a committed signature."""
     stored = inputs.arrays("signatures")
-    return {key.rpartition("/")[2]: value for key, value in stored.items() if key.startswith(f"{scorer}/{form}/")}
+    return {
+        key.rpartition("/")[2]: value
+        for key, value in stored.items()
+        if key.startswith(f"{scorer}/{form}/")
+    }
 
 
 def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) -> Arrays:
@@ -91,15 +111,26 @@ def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) 
     scorer = select_one("cm-bof", kind="scorer").create()
     keys = [digest(form) for form in forms]
     record = Record(
-        key=digest(forms), status="unavailable", gallery="", gallery_digest="", input="mesh", method="", title="",
-        family="", data=Data("", "", ""), shapes=list(forms), labels=list(labels),
+        key=digest(forms),
+        status="unavailable",
+        gallery="",
+        gallery_digest="",
+        input="mesh",
+        method="",
+        title="",
+        family="",
+        data=Data("", "", ""),
+        shapes=list(forms),
+        labels=list(labels),
         files={"prepared": keys, "forms": keys, "signatures": keys},
-    )  # fmt: skip
+    )
     with tempfile.TemporaryDirectory() as folder:
         cache, second = Cache(Path(folder)), {SECONDS: np.ones(2)}
         for form, key in zip(forms, keys, strict=True):
             cache.write("prepared", key, {**second, "note:bridges": np.array(len(form))})
-            cache.write("forms", key, {REFUSED: np.array(["no reason", ""])} if form in refused else second)
+            cache.write(
+                "forms", key, {REFUSED: np.array(["no reason", ""])} if form in refused else second
+            )
             cache.write("signatures", key, {**_committed("cm-bof", form), **second})
         content, arrays = rank(record, cache, scorer)
     del content["machines"]
@@ -127,7 +158,9 @@ def observed(given: bool, up: tuple[float, ...] | None, floor: bool = True) -> A
     depth = stored["depth"] if floor else np.where(stored["mask"], stored["depth"], 0)
     height, width = depth.shape  # a part of an image, so that its centre is that of no whole one
     camera = intrinsics.Intrinsics(*stored["camera"], size=(width, height))
-    seen_object = frame.observe(reading.in_metres(depth), camera, stored["mask"] if given else None, up)
+    seen_object = frame.observe(
+        reading.in_metres(depth), camera, stored["mask"] if given else None, up
+    )
     prepared = prepare_view(seen_object.surface, frame.UPRIGHT, frame.HALF_WIDTH)
     notes = {f"seen:{key}": value for key, value in seen_object.notes.items()}
     return {**prepared, "depth": prepared["depth"][::10, ::10], **notes}
@@ -137,9 +170,13 @@ def entries_of(dataset: ShapeSet) -> Arrays:
     """Return the description of the shapes of a data set."""
     sensor = dataset.sensor
     lines = [
-        f"{e.identifier} {e.subject} {e.pose} {dataset.camera(e)} {sensor(e) or ''}".strip() for e in dataset.shapes
+        f"{e.identifier} {e.subject} {e.pose} {dataset.camera(e)} {sensor(e) or ''}".strip()
+        for e in dataset.shapes
     ]
-    return {"entries": lines, "about": f"{dataset.name} {dataset.half_width} {dataset.stand_in_for}"}
+    return {
+        "entries": lines,
+        "about": f"{dataset.name} {dataset.half_width} {dataset.stand_in_for}",
+    }
 
 
 def mesh_of(dataset: ShapeSet, entry: Entry, step: int = 100) -> Arrays:
@@ -151,7 +188,10 @@ def mesh_of(dataset: ShapeSet, entry: Entry, step: int = 100) -> Arrays:
 def bodies() -> Arrays:
     """Return every body before it is scanned, each in one pose, with every pose of the scans."""
     adults = SUBJECTS["humans-scanlike"].values()
-    meshes = [body_mesh(body, POSES[_SCANNED_POSES[n % len(_SCANNED_POSES)]]) for n, body in enumerate(adults)]
+    meshes = [
+        body_mesh(body, POSES[_SCANNED_POSES[n % len(_SCANNED_POSES)]])
+        for n, body in enumerate(adults)
+    ]
     return {"bodies": [body.vertices[::500] for body in meshes]}
 
 
@@ -167,4 +207,7 @@ def changed(change: str, value: Any, place: int) -> Arrays:
 def _flat(nested: Mapping[str, Any]) -> dict[str, Any]:
     """Return the numbers of nested dictionaries by path; NaN marks a query without a measure."""
     (flat,) = pandas.json_normalize(dict(nested)).to_dict("records")
-    return {str(key): np.array(value, float) if isinstance(value, list) else value for key, value in flat.items()}
+    return {
+        str(key): np.array(value, float) if isinstance(value, list) else value
+        for key, value in flat.items()
+    }

@@ -1,8 +1,7 @@
 """What each component makes of small committed inputs is what it made before; ``make golden`` runs all of them.
 
-After a change that is meant, ``make golden ARGS="--force-regen -k NAME"`` writes the files again: say in the commit by
-how much each array moved, and why.
-"""
+After a change that is meant, ``make golden ARGS="--force-regen -k NAME"`` writes the files again:
+say in the commit by how much each array moved, and why."""
 
 from __future__ import annotations
 
@@ -19,12 +18,12 @@ from tests.golden.inputs import GOLDEN
 
 Arrays = dict[str, NDArray[Any]]
 
-#: Number of rows above which only every tenth row of floats is stored, and size above which integers are stored as
-#: their digest.
+#: Number of rows above which only every tenth row of floats is stored, and size above which
+#: integers are stored as their digest.
 MOST_ROWS, MOST_INTEGERS = 800, 3000
 
-#: Smallest unit of a difference. Shapes have unit area: smaller values, such as the stress of a perfect form, have no
-#: scale of their own.
+#: Smallest unit of a difference. Shapes have unit area: smaller values, such as the stress of a
+#: perfect form, have no scale of their own.
 SMALLEST = 1e-3
 
 
@@ -45,7 +44,9 @@ def reduced(array: NDArray[Any]) -> NDArray[Any]:
     if array.dtype.kind == "f" and array.ndim and len(array) > MOST_ROWS:
         return array[::10]
     if array.dtype.kind in "iu" and array.size > MOST_INTEGERS:
-        return np.array(f"{array.dtype.str} {array.shape} {hashlib.sha256(array.tobytes()).hexdigest()[:16]}")
+        return np.array(
+            f"{array.dtype.str} {array.shape} {hashlib.sha256(array.tobytes()).hexdigest()[:16]}"
+        )
     return array
 
 

@@ -23,7 +23,10 @@ def test_numbering_division_and_rigid_motion_leave_no_trace_in_the_frame() -> No
     other = Mesh(other.vertices, np.roll(other.faces[::-1], 1, axis=1))
     assert np.abs(in_frame(other).vertices[new] - framed).max() < 1e-9
     fine = trimesh.Trimesh(BODY.vertices, BODY.faces, process=False).subdivide()
-    assert np.abs(in_frame(Mesh(fine.vertices, fine.faces)).vertices[: BODY.n_vertices] - framed).max() < 1e-9
+    assert (
+        np.abs(in_frame(Mesh(fine.vertices, fine.faces)).vertices[: BODY.n_vertices] - framed).max()
+        < 1e-9
+    )
     moved = BODY.with_vertices(BODY.vertices[:, [1, 2, 0]] * 30 + 7)
     assert np.abs(in_frame(moved).vertices - framed).max() < 1e-9
 
@@ -32,7 +35,9 @@ def test_numbering_division_and_rigid_motion_leave_no_trace_in_the_frame() -> No
 def test_a_symmetric_shape_has_a_frame_and_lies_at_the_origin(name: str) -> None:
     framed = in_frame(SYMMETRIC[name])
     assert framed.area == pytest.approx(1)
-    assert framed.face_areas @ framed.vertices[framed.faces].mean(axis=1) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert framed.face_areas @ framed.vertices[framed.faces].mean(axis=1) == pytest.approx(
+        np.zeros(3), abs=1e-12
+    )
 
 
 def test_a_surface_without_area_is_refused() -> None:
@@ -43,11 +48,16 @@ def test_a_surface_without_area_is_refused() -> None:
         in_frame(BODY.with_vertices(BODY.vertices * 1e160))
 
 
-@pytest.mark.parametrize("mesh", [in_frame(BODY), sphere(2), in_frame(flat_grid(6))], ids=["body", "sphere", "grid"])
+@pytest.mark.parametrize(
+    "mesh", [in_frame(BODY), sphere(2), in_frame(flat_grid(6))], ids=["body", "sphere", "grid"]
+)
 @pytest.mark.kernels
 def test_samples_do_not_depend_on_the_numbering(mesh: Mesh) -> None:
     """Not even where all distances tie, as on a grid."""
-    (one, one_normals), (other, other_normals) = even_samples(mesh, 100), even_samples(relabelled(mesh, 1)[0], 100)
+    (one, one_normals), (other, other_normals) = (
+        even_samples(mesh, 100),
+        even_samples(relabelled(mesh, 1)[0], 100),
+    )
     assert np.abs(one - other).max() < 1e-9
     assert np.abs(one_normals - other_normals).max() < 1e-6
 

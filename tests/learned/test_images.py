@@ -16,7 +16,10 @@ from tests.learned.toy import Image, ellipsoid, person
 
 @pytest.mark.parametrize("value", [np.nan, 1.5, -0.1])
 def test_another_size_and_a_value_that_is_no_depth_are_refused(value: float) -> None:
-    for image, said in ((person(), r"NaN or values outside \[0, 1\]"), (person()[::4, ::4], "render 500 x 500 pixels")):
+    for image, said in (
+        (person(), r"NaN or values outside \[0, 1\]"),
+        (person()[::4, ::4], "render 500 x 500 pixels"),
+    ):
         image[100, 100] = value
         with pytest.raises(InvalidMesh, match=said):
             checked_image(image)
@@ -65,13 +68,21 @@ def test_the_blur_of_an_outline_is_its_width_in_pixels() -> None:
 
 def pair(identifier: str, target_identifier: str, image: Image, target: Image) -> TrainingPair:
     return TrainingPair(
-        identifier=identifier, subject="x", target_identifier=target_identifier, image=image, target=target
+        identifier=identifier,
+        subject="x",
+        target_identifier=target_identifier,
+        image=image,
+        target=target,
     )
 
 
 def test_each_distinct_target_is_kept_once() -> None:
     first, second, third = ellipsoid(0.3, 0.6), ellipsoid(0.6, 0.3), person()
-    given = [pair("a", "t", third, first), pair("b", "u", first, second), pair("c", "t", second, first)]
+    given = [
+        pair("a", "t", third, first),
+        pair("b", "u", first, second),
+        pair("c", "t", second, first),
+    ]
     pairs = gather(given, 4, 64)  # of four pairs, one could not be rendered
     assert (pairs.names, pairs.target_of.tolist()) == (("a", "b", "c"), [0, 1, 0])
     assert (pairs.images.shape, pairs.targets.shape) == ((3, 1, 64, 64), (2, 2, 64, 64))
@@ -98,7 +109,9 @@ def test_depths_of_targets_fill_their_range_and_come_back() -> None:
     assert (scale.mean, scale.factor) == (pytest.approx(3.06 / 6), pytest.approx(0.4 / 0.03))
     below, above = 0.5 - 0.4 / 3, 0.5 + 0.4 / 3
     scaled = scale.apply(targets)
-    torch.testing.assert_close(scaled[:, 0], torch.tensor([[[0.0, 0.1], [below, above]], [[0.0, 0.9], [below, above]]]))
+    torch.testing.assert_close(
+        scaled[:, 0], torch.tensor([[[0.0, 0.1], [below, above]], [[0.0, 0.9], [below, above]]])
+    )
     assert torch.equal(scaled[:, 1], targets[:, 1])
     torch.testing.assert_close(scale.undo(scaled[1])[0][targets[1, 1] > 0], depth[1][depth[1] > 0])
     two_sides = torch.rand(3, 9, 9, dtype=torch.float64) ** 9

@@ -28,7 +28,9 @@ def shape(depth: Image | None, seen: Image | None = None) -> Shape:
 
 
 def equal(first: CanonicalForm, second: CanonicalForm) -> bool:
-    return np.array_equal(first.vertices, second.vertices) and np.array_equal(first.faces, second.faces)
+    return np.array_equal(first.vertices, second.vertices) and np.array_equal(
+        first.faces, second.faces
+    )
 
 
 def test_only_the_image_is_read(method: Learned) -> None:
@@ -37,14 +39,21 @@ def test_only_the_image_is_read(method: Learned) -> None:
     moved = seen.mesh.with_vertices(seen.mesh.vertices @ rotation.T + [3, 1, -2])
     other = Shape(identifier="y", mesh=moved, depth=seen.depth, seed=5)
     assert equal(method.canonicalise(seen), method.canonicalise(other))
-    assert not equal(method.canonicalise(seen), method.canonicalise(shape(ellipsoid(0.3, 0.7), ellipsoid())))
+    assert not equal(
+        method.canonicalise(seen), method.canonicalise(shape(ellipsoid(0.3, 0.7), ellipsoid()))
+    )
 
 
 @pytest.mark.parametrize(
     ("image", "message"),
-    [(None, "needs a depth image; use the view input"), (np.zeros((500, 500), np.float32), "depth image is empty")],
+    [
+        (None, "needs a depth image; use the view input"),
+        (np.zeros((500, 500), np.float32), "depth image is empty"),
+    ],
 )
-def test_a_shape_without_an_image_is_refused(method: Learned, image: Image | None, message: str) -> None:
+def test_a_shape_without_an_image_is_refused(
+    method: Learned, image: Image | None, message: str
+) -> None:
     with pytest.raises(UnsupportedShape, match=message):
         method.canonicalise(shape(image))
 
@@ -60,7 +69,9 @@ def test_a_network_that_predicts_nothing(method: Learned, trained: Path, tmp_pat
 
 
 def test_a_model_of_another_network_is_refused(trained: Path) -> None:
-    with pytest.raises(ConfigurationError, match=f"holds '{TINY.name}', not 'literal'; name the folder"):
+    with pytest.raises(
+        ConfigurationError, match=f"holds '{TINY.name}', not 'literal'; name the folder"
+    ):
         Learned().load(trained)
 
 
@@ -76,12 +87,16 @@ def test_controls_have_the_predicted_mask_and_a_depth_that_no_image_moves(method
             assert not torch.equal(found[0], depth)
     object.__setattr__(method, "relief", "average")
     with pytest.raises(
-        ConfigurationError, match="no average body of 32 x 32 pixels; take the model of a training among"
+        ConfigurationError,
+        match="no average body of 32 x 32 pixels; take the model of a training among",
     ):
         method.predict(person())
 
 
 def test_the_rows_differ_in_what_their_names_say() -> None:
     assert {*get_args(ConfigurationName)} == {name for name in CONFIGURATIONS if name != TINY.name}
-    assert WideExtra(training="animals-sampled").model_folder.parts[-2:] == ("animals-sampled", "wide-extra-seed0")
+    assert WideExtra(training="animals-sampled").model_folder.parts[-2:] == (
+        "animals-sampled",
+        "wide-extra-seed0",
+    )
     assert Streamed().model_folder.parts[-2:] == ("humans-varied", "streamed-people-seed0")

@@ -56,7 +56,9 @@ def test_the_folder_of_a_model_tells_what_was_trained(trained: Path) -> None:
     card = json.loads((trained / CARD).read_text())
     settings = {name: value for name, value in OPTIONS.items() if name not in ("device", "threads")}
     assert settings.items() <= card["schedule"].items()
-    assert card["schedule_in_words"].startswith("32 x 32 pixels, 30 epochs, early_epochs 5, batch 2")
+    assert card["schedule_in_words"].startswith(
+        "32 x 32 pixels, 30 epochs, early_epochs 5, batch 2"
+    )
     assert (card["subjects"], card["tested"]) == (list(toy_data().subjects), digest_of(["plump"]))
     with (trained / HISTORY).open() as file:
         rows = list(csv.DictReader(file))
@@ -72,7 +74,9 @@ def test_predictions_are_those_of_the_weights_on_disk(trained: Path) -> None:
     network = TINY.build(seed=7)
     network.load_state_dict({name: tensor.float() for name, tensor in stored.items()})
     with torch.no_grad():
-        torch.testing.assert_close(load(trained)[0](IMAGE), network.double()(IMAGE), rtol=0, atol=1e-12)
+        torch.testing.assert_close(
+            load(trained)[0](IMAGE), network.double()(IMAGE), rtol=0, atol=1e-12
+        )
 
 
 def test_pixels_that_rounding_may_decide_are_predicted_in_double_precision(
@@ -89,10 +93,14 @@ def test_pixels_that_rounding_may_decide_are_predicted_in_double_precision(
         assert (error < 1e-12) == is_exact
 
 
-def test_depths_of_stretched_targets_are_predicted_in_the_range_of_the_frame(trained: Path, tmp_path: Path) -> None:
+def test_depths_of_stretched_targets_are_predicted_in_the_range_of_the_frame(
+    trained: Path, tmp_path: Path
+) -> None:
     train(TINY.name, 0, toy_data(), tmp_path, {**OPTIONS, "stretch_depth": True}, quiet)
     card = json.loads((tmp_path / CARD).read_text())
-    targets = np.stack([resampled(pair.target, 32) for pair in list(toy_pairs(BUILDS))[::2]]).astype(float)
+    targets = np.stack(
+        [resampled(pair.target, 32) for pair in list(toy_pairs(BUILDS))[::2]]
+    ).astype(float)
     depths = targets[:, 0][targets[:, 1] == 1]
     factor = 0.4 / np.abs(depths - depths.mean()).max()
     assert factor > 2
@@ -116,7 +124,10 @@ def test_a_card_without_a_scale_changes_no_bit(copied: Path) -> None:
 
 def test_a_folder_whose_model_was_replaced_is_read_again(copied: Path) -> None:
     before = load(copied)[0]
-    replace_weights(copied, save({name: tensor.half() for name, tensor in TINY.build(seed=5).state_dict().items()}))
+    replace_weights(
+        copied,
+        save({name: tensor.half() for name, tensor in TINY.build(seed=5).state_dict().items()}),
+    )
     with torch.no_grad():
         assert not torch.equal(load(copied)[0](IMAGE), before(IMAGE))
 
@@ -134,42 +145,70 @@ def flip_last_bit(file: Path) -> None:
             lambda folder: flip_last_bit(folder / WEIGHTS),
             "its card says .*; fetch the file again or train",
         ),
-        (lambda folder: replace_weights(folder, b"PK\x03\x04 a pickle in a zip"), "is damaged: .*; train it"),
+        (
+            lambda folder: replace_weights(folder, b"PK\x03\x04 a pickle in a zip"),
+            "is damaged: .*; train it",
+        ),
         *(
-            (lambda folder, name=name: (folder / name).unlink(), f"{name}: No such file.*; check the path")
+            (
+                lambda folder, name=name: (folder / name).unlink(),
+                f"{name}: No such file.*; check the path",
+            )
             for name in (WEIGHTS, CARD)
         ),
         *(
-            (lambda folder, text=text: (folder / CARD).write_bytes(text), f"{CARD}: .*; train the model again")
+            (
+                lambda folder, text=text: (folder / CARD).write_bytes(text),
+                f"{CARD}: .*; train the model again",
+            )
             for text in (b"{", b"", b"[]", b"{}", b'{"digest": 3}', b"\xe9")
         ),
     ],
 )
-def test_a_damaged_model_is_refused(copied: Path, damage: Callable[[Path], object], message: str) -> None:
+def test_a_damaged_model_is_refused(
+    copied: Path, damage: Callable[[Path], object], message: str
+) -> None:
     damage(copied)
     with pytest.raises(ConfigurationError, match=message):
         load(copied)
 
 
-UNBUILDABLE = [("width", "16"), ("width", 0), ("width", 10**9), ("architecture", "attentive"), ("short_range", 1)]
+UNBUILDABLE = [
+    ("width", "16"),
+    ("width", 0),
+    ("width", 10**9),
+    ("architecture", "attentive"),
+    ("short_range", 1),
+]
 
 
 @pytest.mark.parametrize(
     ("edit", "message"),
     [
         (lambda card: card.pop("digest"), "missing required field `digest`; train the model again"),
-        (lambda card: card.pop("subjects"), "missing required field `subjects`; train the model again"),
+        (
+            lambda card: card.pop("subjects"),
+            "missing required field `subjects`; train the model again",
+        ),
         (lambda card: card.update(subjects=None), r"at `\$.subjects`.*; train the model again"),
         (lambda card: card.update(digest="abc"), r"at `\$.digest`.*; train the model again"),
         (lambda card: card.update(note=math.nan), "malformed.*; train the model again"),
-        (lambda card: card["configuration"].update(width=16), "belong to another network than 'tiny'"),
+        (
+            lambda card: card["configuration"].update(width=16),
+            "belong to another network than 'tiny'",
+        ),
         *(
-            (lambda card, change={name: value}: card["configuration"].update(change), rf"`\$\.configuration\.{name}`")
+            (
+                lambda card, change={name: value}: card["configuration"].update(change),
+                rf"`\$\.configuration\.{name}`",
+            )
             for name, value in UNBUILDABLE
         ),
     ],
 )
-def test_a_card_that_lacks_a_field_or_names_another_network_is_refused(copied: Path, edit: Any, message: str) -> None:
+def test_a_card_that_lacks_a_field_or_names_another_network_is_refused(
+    copied: Path, edit: Any, message: str
+) -> None:
     edit_card(copied, edit)
     with pytest.raises(ConfigurationError, match=message):
         load(copied)
@@ -185,7 +224,9 @@ def test_a_finished_model_is_left_alone(trained: Path, copied: Path) -> None:
     # Where it is computed is not part of what determines the model.
     assert again(trained, {**OPTIONS, "threads": 2})[-1] == f"{trained} holds this model already"
     assert {path: path.stat().st_mtime_ns for path in trained.iterdir()} == before
-    edit_card(copied, lambda card: card["schedule"].update(cosine=False))  # as cards had it until 0.3
+    edit_card(
+        copied, lambda card: card["schedule"].update(cosine=False)
+    )  # as cards had it until 0.3
     assert again(copied)[-1] == f"{copied} holds this model already"
 
 
@@ -206,7 +247,9 @@ def test_a_finished_model_of_another_training_is_refused_with_what_differs(
         again(trained, {**OPTIONS, **options}, **changes)
 
 
-def test_a_finished_model_of_another_seed_or_of_what_no_option_names_is_refused(copied: Path) -> None:
+def test_a_finished_model_of_another_seed_or_of_what_no_option_names_is_refused(
+    copied: Path,
+) -> None:
     with pytest.raises(ConfigurationError, match=r"another seed \(0, not 1\)"):
         train(TINY.name, 1, toy_data(), copied, OPTIONS, quiet)
     edit_card(copied, lambda card: card["schedule"].update(cosine=True))
@@ -222,7 +265,9 @@ def test_a_finished_model_of_another_seed_or_of_what_no_option_names_is_refused(
         ({"resolution": 16}, "the network has no resolution 16; pass -o resolution=N, 32 to 2048"),
     ],
 )
-def test_an_option_that_does_not_fit_leaves_no_folder(tmp_path: Path, options: dict[str, Any], message: str) -> None:
+def test_an_option_that_does_not_fit_leaves_no_folder(
+    tmp_path: Path, options: dict[str, Any], message: str
+) -> None:
     with pytest.raises(ConfigurationError, match=message):
         again(tmp_path / "model", {**OPTIONS, **options})
     assert files(tmp_path) == set()
@@ -235,5 +280,7 @@ def test_no_pair_is_no_training(tmp_path: Path) -> None:
 
 def test_networks_of_generated_bodies_come_trained(tmp_path: Path) -> None:
     for name in ("streamed-people", "field-plain"):
-        with pytest.raises(ConfigurationError, match=f"'{name}' comes trained; train it at commit 4868b8b9"):
+        with pytest.raises(
+            ConfigurationError, match=f"'{name}' comes trained; train it at commit 4868b8b9"
+        ):
             train(name, 0, toy_data(), tmp_path, {}, quiet)

@@ -17,11 +17,14 @@ def images(count: int, height: int, width: int) -> Tensor:
 
 @pytest.mark.parametrize("parts", [(True, True), (False, True), (True, False)])
 @pytest.mark.parametrize(("height", "width"), [(128, 128), (63, 63), (125, 63), (32, 33)])
-def test_any_size_comes_out_as_it_went_in(parts: tuple[bool, bool], height: int, width: int) -> None:
+def test_any_size_comes_out_as_it_went_in(
+    parts: tuple[bool, bool], height: int, width: int
+) -> None:
     with torch.no_grad():
         output = PaperNetwork(16, *parts)(images(2, height, width))
     assert output.shape == (2, 2, height, width)
-    # At first, the mask is about the share of the frame that a shape covers; the depth is no probability.
+    # At first, the mask is about the share of the frame that a shape covers; the depth is no
+    # probability.
     assert float(output[:, 1].mean()) == pytest.approx(1 / (1 + math.exp(-MASK_LOGIT)), abs=0.05)
     assert output[:, 0].min() < 0
 
@@ -36,8 +39,12 @@ def test_weights_depend_on_the_seed_alone() -> None:
     assert not torch.equal(first["short_range.0.0.weight"], other["short_range.0.0.weight"])
 
 
-def test_a_pixel_of_the_output_sees_160_to_176_pixels_across(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("torch.nn.functional.max_pool2d", torch.nn.functional.avg_pool2d)  # all pixels of a block count
+def test_a_pixel_of_the_output_sees_160_to_176_pixels_across(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(
+        "torch.nn.functional.max_pool2d", torch.nn.functional.avg_pool2d
+    )  # all pixels of a block count
     network = PaperNetwork(4).double()
     for parameter in network.parameters():
         parameter.data.abs_()  # no two paths cancel
@@ -49,7 +56,9 @@ def test_a_pixel_of_the_output_sees_160_to_176_pixels_across(monkeypatch: pytest
 
 
 def test_a_window_determines_its_part(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("torch.nn.functional.max_pool2d", torch.nn.functional.avg_pool2d)  # all pixels of a block count
+    monkeypatch.setattr(
+        "torch.nn.functional.max_pool2d", torch.nn.functional.avg_pool2d
+    )  # all pixels of a block count
     network, image = PaperNetwork(2).double(), images(1, 420, 40).double()
     for parameter in network.parameters():
         parameter.data.abs_()  # no two paths cancel

@@ -23,14 +23,40 @@ def scans(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write_rods(folder, (1.0, 1.5, 2.0), rings=12, sides=8, radii=WIDTHS)
 
 
-def test_a_folder_is_trained_on_without_the_subjects_that_are_held_out(scans: Path, tmp_path: Path) -> None:
-    small = ("-o", "resolution=32", "-o", "epochs=1", "-o", "threads=1", "-o", "device=cpu", "--results", tmp_path)
+def test_a_folder_is_trained_on_without_the_subjects_that_are_held_out(
+    scans: Path, tmp_path: Path
+) -> None:
+    small = (
+        "-o",
+        "resolution=32",
+        "-o",
+        "epochs=1",
+        "-o",
+        "threads=1",
+        "-o",
+        "device=cpu",
+        "--results",
+        tmp_path,
+    )
     said = call("train", "learned", "--data", scans, "--hold-out", "ben", *small)
     model = tmp_path / "models" / "own-my-scans" / "literal-seed0"
     assert f"the model is in {model}" in said.replace("\n", "")
     card = json.loads((model / CARD).read_text())
-    assert (card["subjects"], card["tested"], card["pairs"]) == (["anna", "carl"], digest_of(["ben"]), 6)
-    row = ("-d", scans, "-m", "learned[training=own-my-scans]", "--input", "view", "--results", tmp_path)
+    assert (card["subjects"], card["tested"], card["pairs"]) == (
+        ["anna", "carl"],
+        digest_of(["ben"]),
+        6,
+    )
+    row = (
+        "-d",
+        scans,
+        "-m",
+        "learned[training=own-my-scans]",
+        "--input",
+        "view",
+        "--results",
+        tmp_path,
+    )
     assert "never run" in call("plan", *row)
     again = call("train", "learned", "--data", scans, "--hold-out", "ben", *small)
     assert "holds this model already" in again
@@ -38,9 +64,15 @@ def test_a_folder_is_trained_on_without_the_subjects_that_are_held_out(scans: Pa
 
 @pytest.mark.parametrize(
     ("hold_out", "message"),
-    [((), "hold out some"), (("bens",), "did you mean ben"), (tuple(WIDTHS), "has no subject left to train on")],
+    [
+        ((), "hold out some"),
+        (("bens",), "did you mean ben"),
+        (tuple(WIDTHS), "has no subject left to train on"),
+    ],
 )
-def test_what_cannot_be_held_out_is_named(scans: Path, hold_out: tuple[str, ...], message: str) -> None:
+def test_what_cannot_be_held_out_is_named(
+    scans: Path, hold_out: tuple[str, ...], message: str
+) -> None:
     with pytest.raises(ConfigurationError, match=message):
         own_training(scans, hold_out)
 

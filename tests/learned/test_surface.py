@@ -13,7 +13,9 @@ from tests.learned.toy import Image, ellipsoid
 
 def both(width: float, height: float, x: float = 0.0, y: float = 0.0) -> tuple[Image, Image]:
     """Front and back of an ellipsoid whose depth is as large as its width."""
-    front, back = (ellipsoid(width, height, x=x, y=y, thickness=side * width / 2) for side in (1, -1))
+    front, back = (
+        ellipsoid(width, height, x=x, y=y, thickness=side * width / 2) for side in (1, -1)
+    )
     return front, back
 
 
@@ -57,4 +59,6 @@ def test_noise_does_not_tear_a_predicted_surface() -> None:
     # Nothing is missing beside the disc without the grain, whose only boundary is its outline.
     flat, _ = open_surface(np.where(ellipsoid() > 0, np.float32(0.5), np.float32(0)))
     assert (whole.n_vertices, whole.n_faces) == (flat.n_vertices, flat.n_faces)
-    assert np.count_nonzero(edges_of(whole.faces).counts == 1) == np.count_nonzero(edges_of(flat.faces).counts == 1)
+    assert np.count_nonzero(edges_of(whole.faces).counts == 1) == np.count_nonzero(
+        edges_of(flat.faces).counts == 1
+    )

@@ -12,11 +12,22 @@ import torch
 from benchmark.errors import ConfigurationError, TrainingError
 from learned import fitting, training
 from learned.pairs import Pairs, gather
-from learned.training import CHECKPOINT, History, Schedule, device_named, fit, losses, measures, resolved
+from learned.training import (
+    CHECKPOINT,
+    History,
+    Schedule,
+    device_named,
+    fit,
+    losses,
+    measures,
+    resolved,
+)
 from tests.learned.toy import BUILDS, TINY, quiet, toy_data, toy_pairs
 
 CPU = torch.device("cpu")
-PLAN = Schedule(resolution=32, epochs=4, batch=2, early_epochs=1, learning_rate=3e-3, precision="float32")
+PLAN = Schedule(
+    resolution=32, epochs=4, batch=2, early_epochs=1, learning_rate=3e-3, precision="float32"
+)
 PREDICTED = torch.tensor([[[0.5, 0.25], [0.0, 1.0]], [[1.0, 0.5], [0.0, 0.5]]])
 TARGET = torch.tensor([[[1.0, 0.25], [0.0, 0.0]], [[1.0, 1.0], [0.0, 0.0]]])
 
@@ -26,7 +37,9 @@ def pairs() -> Pairs:
     return gather(toy_pairs(BUILDS), 6, 32)
 
 
-def run(pairs: Pairs, folder: Path, plan: Schedule = PLAN, seed: int = 0) -> tuple[torch.nn.Module, History]:
+def run(
+    pairs: Pairs, folder: Path, plan: Schedule = PLAN, seed: int = 0
+) -> tuple[torch.nn.Module, History]:
     folder.mkdir(exist_ok=True)
     network = TINY.build(seed)
     return network, fit(network, pairs, None, plan, folder, seed=seed, device=CPU, log=quiet)
@@ -38,14 +51,20 @@ def equal(first: torch.nn.Module, second: torch.nn.Module) -> bool:
 
 
 @pytest.mark.parametrize(("epochs", "early"), [(500, 100), (60, 12), (5, 1), (1, 0)])
-def test_the_defaults_are_the_papers_and_its_share_of_early_epochs_is_kept(epochs: int, early: int) -> None:
+def test_the_defaults_are_the_papers_and_its_share_of_early_epochs_is_kept(
+    epochs: int, early: int
+) -> None:
     paper = Schedule()
     assert (paper.resolution, paper.epochs, paper.batch, paper.learning_rate) == (500, 500, 8, 1e-3)
     weights = [Schedule(epochs=epochs).depth_weight(epoch) for epoch in range(epochs)]
     assert weights == [0.01] * early + [1.0] * (epochs - early)
     assert Schedule(epochs=epochs, early_epochs=0).depth_weight(0) == 1
     assert paper.in_words() == "500 x 500 pixels, 500 epochs"
-    assert replace(paper, batch=4, early_epochs=0).in_words().endswith("epochs, early_epochs 0, batch 4")
+    assert (
+        replace(paper, batch=4, early_epochs=0)
+        .in_words()
+        .endswith("epochs, early_epochs 0, batch 4")
+    )
 
 
 class OneWeight(torch.nn.Module):
@@ -61,10 +80,14 @@ class OneWeight(torch.nn.Module):
         return (self.weight * image).expand(-1, 2, -1, -1)
 
 
-def one_weight(folder: Path, plan: Schedule, images: torch.Tensor, seed: int = 0) -> tuple[OneWeight, History]:
+def one_weight(
+    folder: Path, plan: Schedule, images: torch.Tensor, seed: int = 0
+) -> tuple[OneWeight, History]:
     """Train one weight on images whose true depth is -1 and true mask 2."""
     target = torch.tensor([-1.0, 2.0])[None, :, None, None].expand(1, 2, 2, 2).contiguous()
-    pairs = Pairs(tuple("abcdef"[: len(images)]), images, target, torch.zeros(len(images), dtype=torch.long))
+    pairs = Pairs(
+        tuple("abcdef"[: len(images)]), images, target, torch.zeros(len(images), dtype=torch.long)
+    )
     network = OneWeight()
     folder.mkdir()
     return network, fit(network, pairs, None, plan, folder, seed=seed, device=CPU, log=quiet)
@@ -72,7 +95,9 @@ def one_weight(folder: Path, plan: Schedule, images: torch.Tensor, seed: int = 0
 
 def test_the_weight_of_the_depth_grows_after_the_early_epochs(tmp_path: Path) -> None:
     """Two epochs of each kind, after Adam's rule: the losses are (w + 1)^2 of the depth and (w - 2)^2 of the mask."""
-    network, (row, *_) = one_weight(tmp_path / "model", replace(PLAN, early_epochs=2), torch.ones(1, 1, 2, 2))
+    network, (row, *_) = one_weight(
+        tmp_path / "model", replace(PLAN, early_epochs=2), torch.ones(1, 1, 2, 2)
+    )
     assert (row["depth loss"], row["mask loss"]) == (4, 1)
     weight, first, second = 1.0, 0.0, 0.0
     for step, alpha in enumerate((0.01, 0.01, 1.0, 1.0), start=1):
@@ -82,9 +107,14 @@ def test_the_weight_of_the_depth_grows_after_the_early_epochs(tmp_path: Path) ->
     assert float(network.weight.detach()) == pytest.approx(weight, abs=1e-6)
 
 
-def test_the_order_of_pairs_differs_between_epochs_and_repeats_with_the_seed(tmp_path: Path) -> None:
+def test_the_order_of_pairs_differs_between_epochs_and_repeats_with_the_seed(
+    tmp_path: Path,
+) -> None:
     images = torch.arange(6.0)[:, None, None, None].expand(6, 1, 2, 2).contiguous()
-    seen = [one_weight(tmp_path / str(k), PLAN, images, seed)[0].seen for k, seed in enumerate((0, 0, 1))]
+    seen = [
+        one_weight(tmp_path / str(k), PLAN, images, seed)[0].seen
+        for k, seed in enumerate((0, 0, 1))
+    ]
     epochs = [seen[0][k : k + 6] for k in range(0, 24, 6)]
     assert all(sorted(epoch) == [*range(6)] for epoch in epochs)
     assert len({*map(tuple, epochs)}) == 4
@@ -96,7 +126,9 @@ def test_the_network_computes_in_the_precision_of_the_schedule(
     tmp_path: Path, precision: Literal["float32", "bfloat16"]
 ) -> None:
     plan = replace(PLAN, epochs=1, precision=precision)
-    assert one_weight(tmp_path / "model", plan, torch.ones(1, 1, 2, 2))[0].is_halved == (precision == "bfloat16")
+    assert one_weight(tmp_path / "model", plan, torch.ones(1, 1, 2, 2))[0].is_halved == (
+        precision == "bfloat16"
+    )
 
 
 @pytest.mark.parametrize(("name", "early"), [("literal", None), ("without_weighting", 0)])
@@ -120,7 +152,9 @@ def test_the_time_left_is_that_of_the_epochs_so_far(monkeypatch: pytest.MonkeyPa
     for epoch in (6, 7, 8):  # the second comes too soon after the first
         progress.show(epoch, {"epoch": epoch, "loss": 0.5})
     bars = ["[############        ] epoch 6/10", "[################    ] epoch 8/10"]
-    assert lines == [f"{bar}  loss 0.50000  {left} s left" for bar, left in zip(bars, (40, 27), strict=True)]
+    assert lines == [
+        f"{bar}  loss 0.50000  {left} s left" for bar, left in zip(bars, (40, 27), strict=True)
+    ]
 
 
 def test_losses_by_hand() -> None:
@@ -148,15 +182,29 @@ def test_every_pair_counts_the_same_in_the_losses_of_an_epoch(
     assert row["depth loss"] == row["mask loss"] == pytest.approx((4 * 1 + 2 * 4) / 6)
 
 
-def test_rows_hold_the_measures_of_their_epochs(pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_hold_the_measures_of_their_epochs(
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(training, "VALIDATIONS", 2)
-    history = fit(TINY.build(0), pairs, pairs, replace(PLAN, epochs=5), tmp_path, seed=0, device=CPU, log=quiet)
+    history = fit(
+        TINY.build(0),
+        pairs,
+        pairs,
+        replace(PLAN, epochs=5),
+        tmp_path,
+        seed=0,
+        device=CPU,
+        log=quiet,
+    )
     assert ["validation mask overlap" in row for row in history] == [False, True, False, True, True]
 
 
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
 def test_a_training_that_stops_anywhere_ends_with_the_same_weights(
-    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, precision: Literal["float32", "bfloat16"]
+    pairs: Pairs,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    precision: Literal["float32", "bfloat16"],
 ) -> None:
     plan = replace(PLAN, precision=precision)
     expected, history = run(pairs, tmp_path / "undisturbed", plan)
@@ -166,7 +214,11 @@ def test_a_training_that_stops_anywhere_ends_with_the_same_weights(
     def interrupted(*arguments: object) -> tuple[torch.Tensor, torch.Tensor]:
         nonlocal calls
         calls += 1
-        if calls in (2, 6, 11):  # within the first epoch, at the start of the second and within the third
+        if calls in (
+            2,
+            6,
+            11,
+        ):  # within the first epoch, at the start of the second and within the third
             raise KeyboardInterrupt
         return inner(*arguments)  # type: ignore[arg-type]
 
@@ -191,7 +243,9 @@ def test_a_checkpoint_of_another_training_is_refused_by_name(
     pairs: Pairs, tmp_path: Path, changes: dict[str, float], seed: int, named: str
 ) -> None:
     run(pairs, tmp_path, replace(PLAN, epochs=4))
-    with pytest.raises(TrainingError, match=f"was made with another {named}; train with the same options"):
+    with pytest.raises(
+        TrainingError, match=f"was made with another {named}; train with the same options"
+    ):
         run(pairs, tmp_path, replace(PLAN, **changes), seed)
     other = Pairs(pairs.names, pairs.images + 1e-6, pairs.targets, pairs.target_of)
     with pytest.raises(TrainingError, match="was made with another data"):
@@ -206,11 +260,15 @@ def test_a_damaged_checkpoint_is_named(pairs: Pairs, tmp_path: Path, content: by
         run(pairs, tmp_path)
 
 
-def test_a_checkpoint_with_a_flipped_bit_is_refused_or_the_same(pairs: Pairs, tmp_path: Path) -> None:
+def test_a_checkpoint_with_a_flipped_bit_is_refused_or_the_same(
+    pairs: Pairs, tmp_path: Path
+) -> None:
     expected, _ = run(pairs, tmp_path)
     content, refused = (tmp_path / CHECKPOINT).read_bytes(), 0
     for place in range(0, len(content), len(content) // 16):
-        (tmp_path / CHECKPOINT).write_bytes(content[:place] + bytes([content[place] ^ 64]) + content[place + 1 :])
+        (tmp_path / CHECKPOINT).write_bytes(
+            content[:place] + bytes([content[place] ^ 64]) + content[place + 1 :]
+        )
         try:
             assert equal(run(pairs, tmp_path)[0], expected)
         except TrainingError:
@@ -232,7 +290,9 @@ def test_a_loss_that_is_no_number_leaves_the_last_checkpoint(pairs: Pairs, tmp_p
 
 def test_a_device_that_is_not_here_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    with pytest.raises(ConfigurationError, match="has no device 'cuda' here; pass -o device=cpu or -o device=auto"):
+    with pytest.raises(
+        ConfigurationError, match="has no device 'cuda' here; pass -o device=cpu or -o device=auto"
+    ):
         device_named("cuda")
     assert device_named("cpu") == CPU
     assert resolved(Schedule(), CPU).precision in ("float32", "bfloat16")

@@ -37,7 +37,12 @@ Image = NDArray[np.float32]
 
 
 def ellipsoid(
-    width: float = 0.6, height: float = 0.6, *, x: float = 0.0, y: float = 0.0, thickness: float = 0.3
+    width: float = 0.6,
+    height: float = 0.6,
+    *,
+    x: float = 0.0,
+    y: float = 0.0,
+    thickness: float = 0.3,
 ) -> Image:
     """Front of an ellipsoid; lengths are shares of the half width of the frame, depths of the whole depth."""
     offsets = (np.arange(SIZE) + 0.5) * 2 / SIZE - 1
@@ -48,7 +53,10 @@ def ellipsoid(
 
 def person() -> Image:
     """A head, a trunk, two arms and two legs."""
-    parts = [ellipsoid(0.12, 0.15, y=0.7, thickness=0.12), ellipsoid(0.2, 0.4, y=0.2, thickness=0.15)]
+    parts = [
+        ellipsoid(0.12, 0.15, y=0.7, thickness=0.12),
+        ellipsoid(0.2, 0.4, y=0.2, thickness=0.15),
+    ]
     for side in (-1, 1):
         parts.append(ellipsoid(0.35, 0.07, x=0.45 * side, y=0.4, thickness=0.07))
         parts.append(ellipsoid(0.09, 0.45, x=0.13 * side, y=-0.45, thickness=0.09))

@@ -20,8 +20,11 @@ ROOT = Path(__file__).parents[2]
 DOCS = sorted((ROOT / "docs").rglob("*.md"))
 #: All pages but the published tables, which are compared byte for byte.
 PAGES = [
-    *sorted(ROOT.glob("*.md")), *DOCS, ROOT / "learned/models/README.md", ROOT / "results/experiments/README.md",
-]  # fmt: skip
+    *sorted(ROOT.glob("*.md")),
+    *DOCS,
+    ROOT / "learned/models/README.md",
+    ROOT / "results/experiments/README.md",
+]
 TEXTS = {page: page.read_text(encoding="utf-8") for page in PAGES}
 
 
@@ -51,14 +54,20 @@ def links(page: Path) -> Iterator[tuple[Path, str]]:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_link_leads_somewhere_from_its_own_page(page: Path) -> None:
     assert [str(target) for target, _ in links(page) if not target.exists()] == []
-    wrong = [(name(target), anchor) for target, anchor in links(page) if anchor and anchor not in anchors(target)]
+    wrong = [
+        (name(target), anchor)
+        for target, anchor in links(page)
+        if anchor and anchor not in anchors(target)
+    ]
     assert wrong == []
 
 
 def test_every_page_is_linked_from_the_first() -> None:
     first = ROOT / "docs" / "README.md"
     assert first in {target for target, _ in links(ROOT / "README.md")}
-    assert [name(page) for page in DOCS if page not in {first, *(target for target, _ in links(first))}] == []
+    assert [
+        name(page) for page in DOCS if page not in {first, *(target for target, _ in links(first))}
+    ] == []
 
 
 def sources() -> Iterator[Path]:
@@ -68,7 +77,11 @@ def sources() -> Iterator[Path]:
 
 
 def test_every_page_that_the_code_names_exists() -> None:
-    named = {(page, path) for path in sources() for page in re.findall(r"docs/[\w/-]+\.md", path.read_text("utf-8"))}
+    named = {
+        (page, path)
+        for path in sources()
+        for page in re.findall(r"docs/[\w/-]+\.md", path.read_text("utf-8"))
+    }
     assert len(named) >= 5
     assert [(page, name(path)) for page, path in named if not (ROOT / page).is_file()] == []
 
@@ -85,19 +98,28 @@ def test_every_section_that_a_message_names_exists() -> None:
 def test_every_commit_and_its_file_that_a_page_names_is_in_the_history() -> None:
     text = " ".join(" ".join(TEXTS.values()).split())
     named = re.findall(r"\b[0-9a-f]{8}\b", text)
-    named += [f"{commit}:{path}" for path, commit in re.findall(r"`([\w/]+\.py)` (?:at|of) commit (\w{8})", text)]
+    named += [
+        f"{commit}:{path}"
+        for path, commit in re.findall(r"`([\w/]+\.py)` (?:at|of) commit (\w{8})", text)
+    ]
     words = ["git", "cat-file", "--batch-check"]
-    done = subprocess.run(words, cwd=ROOT, input="\n".join(named), capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        words, cwd=ROOT, input="\n".join(named), capture_output=True, text=True, check=False
+    )
     if done.returncode or (ROOT / ".git" / "shallow").exists():
         pytest.skip("needs the history")
-    assert [line for line in done.stdout.splitlines() if not re.search(" (commit|blob) ", line)] == []
+    assert [
+        line for line in done.stdout.splitlines() if not re.search(" (commit|blob) ", line)
+    ] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_make_target_and_verb_exists(page: Path) -> None:
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     targets = re.findall(r"(?:^    |`)make ([\w-]+)", TEXTS[page], re.MULTILINE)
-    assert [target for target in targets if not re.search(rf"^{target}:", makefile, re.MULTILINE)] == []
+    assert [
+        target for target in targets if not re.search(rf"^{target}:", makefile, re.MULTILINE)
+    ] == []
     verbs = set(re.findall(r"python -m benchmark ([a-z]+)", TEXTS[page]))
     assert verbs <= VERBS.keys()
 
@@ -129,7 +151,8 @@ def test_the_command_line_lists_every_verb() -> None:
     assert VERBS.keys() <= listed
 
 
-# The page of the architecture ----------------------------------------------------------------------------------------
+# The page of the architecture
+# ----------------------------------------------------------------------------------------
 
 ARCHITECTURE = TEXTS[ROOT / "docs" / "architecture.md"]
 
@@ -141,4 +164,6 @@ def test_every_file_and_name_in_it_that_the_architecture_names_exists() -> None:
     defined = re.findall(r"`(\w+)` in `([\w/]+\.py)`", ARCHITECTURE)
     assert len(re.findall(r"^\d+\. ", ARCHITECTURE, re.MULTILINE)) <= 10 <= len(defined)
     for name, path in defined:
-        assert re.search(rf"^(def |class )?{name}\b", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE), name
+        assert re.search(
+            rf"^(def |class )?{name}\b", (ROOT / path).read_text(encoding="utf-8"), re.MULTILINE
+        ), name

@@ -29,8 +29,16 @@ TABLES = ROOT / "results" / "tables"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 #: The column of each table that the pages cite.
-CITED = {"I": "5 subjects", "I-view": "5 subjects", "II": "ours", "II-view": "ours", "III": "ours",
-         "III-view": "all shapes", "IV": "ours", "III-cross": "against complete surfaces"}  # fmt: skip
+CITED = {
+    "I": "5 subjects",
+    "I-view": "5 subjects",
+    "II": "ours",
+    "II-view": "ours",
+    "III": "ours",
+    "III-view": "all shapes",
+    "IV": "ours",
+    "III-cross": "against complete surfaces",
+}
 
 #: Names that have brackets, in the sentences below.
 SHORT = {AS_PRINTED: "printed", "learned-wide-extra[training=animals-sampled]": "animals"}
@@ -79,21 +87,33 @@ def views(every_view):
 
 @pytest.fixture(scope="module")
 def rows(views):
-    named = {table: {SHORT.get(row.method, row.method): row.scored for row in views[table].rows} for table in CITED}
-    return {t: {name: of[CITED[t]] for name, of in named[t].items() if CITED[t] in of} for t in CITED}
+    named = {
+        table: {SHORT.get(row.method, row.method): row.scored for row in views[table].rows}
+        for table in CITED
+    }
+    return {
+        t: {name: of[CITED[t]] for name, of in named[t].items() if CITED[t] in of} for t in CITED
+    }
 
 
 @pytest.fixture(scope="module")
 def scores(views, rows):
     """Scores by table and row, also of the random order and the best of the paper's classical forms."""
-    found = {f"paper_{t}": {SHORT.get(name, name): Scores(of) for name, of in PRINTED[t].items()} for t in PRINTED}
+    found = {
+        f"paper_{t}": {SHORT.get(name, name): Scores(of) for name, of in PRINTED[t].items()}
+        for t in PRINTED
+    }
     for table, of_table in rows.items():
         of = {name: Scores(one.means) for name, one in of_table.items()}
         of["random"] = Scores(views[table].chance[CITED[table]])
-        of["best"] = Scores({m: max((of[name][m] for name in CLASSICAL if name in of), default=0) for m in MEASURES})
+        of["best"] = Scores(
+            {m: max((of[name][m] for name in CLASSICAL if name in of), default=0) for m in MEASURES}
+        )
         found[table.replace("-", "_")] = of
     found["I_all"] = {
-        row.method: Scores(row.scored["15 subjects"].means) for row in views["I"].rows if "15 subjects" in row.scored
+        row.method: Scores(row.scored["15 subjects"].means)
+        for row in views["I"].rows
+        if "15 subjects" in row.scored
     }
     return found
 
@@ -102,8 +122,9 @@ def scores(views, rows):
 def assessed(every_view):
     return {
         f"{one.claim.table} {SHORT.get(one.claim.better, '')}".strip(): one
-        for one in claims(every_view) if one.claim.words.startswith(("The network", "Poses"))
-    }  # fmt: skip
+        for one in claims(every_view)
+        if one.claim.words.startswith(("The network", "Poses"))
+    }
 
 
 @pytest.fixture(scope="module")
@@ -111,33 +132,60 @@ def judged(every_view, views, rows, scores, assessed):
     """Figures of verdicts and claims, and what else follows from records."""
     text = " ".join(verdicts_markdown(every_view).split())
     count, mean, share, constants, order = re.search(
-        r" (\d+) of 32 .*?random, (.*?) are .*?and (\d+)% .*?hindsight, (\d+)\. .*?paper: (.*?)\. Each", text
+        r" (\d+) of 32 .*?random, (.*?) are .*?and (\d+)% .*?hindsight, (\d+)\. .*?paper: (.*?)\. Each",
+        text,
     ).groups()
     order = dict(word.split() for word in order.split(", "))
-    forms = [row.scored for table in ("I", "I-view") for row in views[table].rows if row.kind == "form" and row.scored]
+    forms = [
+        row.scored
+        for table in ("I", "I-view")
+        for row in views[table].rows
+        if row.kind == "form" and row.scored
+    ]
     view, network = rows["III-view"], rows["III-view"]["learned"]
     unseen = [label not in network.seen_classes for label in network.labels]
-    ablated = [rows["IV"][f"learned{part}"] for part in ("", "-without-srf", "-without-lrf", "-without-weighting")]
+    ablated = [
+        rows["IV"][f"learned{part}"]
+        for part in ("", "-without-srf", "-without-lrf", "-without-weighting")
+    ]
     means = np.array([[one.means[name] for name in MEASURES] for one in ablated])
-    seeds = max(np.ptp([values.mean(axis=0) for values in one.trainings], axis=0).max() for one in ablated)
+    seeds = max(
+        np.ptp([values.mean(axis=0) for values in one.trainings], axis=0).max() for one in ablated
+    )
     paper, chance = scores["paper_II"], scores["II"]["random"]
     near = [abs(paper[name][m] - chance[m]) <= 0.05 for name in CLASSICAL for m in MEASURES]
-    area, best = (rows["III"][name] for name in ("surface-area", max(CLASSICAL, key=lambda n: scores["III"][n]["DCG"])))
+    area, best = (
+        rows["III"][name]
+        for name in ("surface-area", max(CLASSICAL, key=lambda n: scores["III"][n]["DCG"]))
+    )
     is_david = np.array([label.endswith("david") for label in area.labels])
     lead = {"all": area.values - best.values, "others": (area.values - best.values)[~is_david]}
     return {
         "lead": {name: [hundredths(lead) for lead in of.mean(axis=0)] for name, of in lead.items()},
-        "reproduced": count, "exchanged": mean, "constants": constants, "share": share, "order": order,
+        "reproduced": count,
+        "exchanged": mean,
+        "constants": constants,
+        "share": share,
+        "order": order,
         "claims": assessed,
         "uncertain": assessed["I printed"].n_comparisons - assessed["I printed"].certain,
-        "least_order": min([*order.values()][1:]), "most_order": max([*order.values()][1:]), "by_chance": sum(near),
+        "least_order": min([*order.values()][1:]),
+        "most_order": max([*order.values()][1:]),
+        "by_chance": sum(near),
         "of_two": Scores(views["III-view"].chance["cats and horses"]),
         "lowest": hundredths(min(PRINTED["I"][name]["DCG"] for name in CLASSICAL)),
-        "least": {n: hundredths(min(of[f"{n} subjects"].means["DCG"] for of in forms)) for n in (5, 15)},
-        "unseen": sum(unseen), "seen": len(unseen) - sum(unseen),
-        "nn": {name: hundredths(view[name].values[unseen, 0].mean()) for name in ("learned", *CLASSICAL, "identity")},
-        "parts": f"{np.abs(means[1:] - means[0]).max():.3f}".removeprefix("0"), "seeds": hundredths(seeds),
-    }  # fmt: skip
+        "least": {
+            n: hundredths(min(of[f"{n} subjects"].means["DCG"] for of in forms)) for n in (5, 15)
+        },
+        "unseen": sum(unseen),
+        "seen": len(unseen) - sum(unseen),
+        "nn": {
+            name: hundredths(view[name].values[unseen, 0].mean())
+            for name in ("learned", *CLASSICAL, "identity")
+        },
+        "parts": f"{np.abs(means[1:] - means[0]).max():.3f}".removeprefix("0"),
+        "seeds": hundredths(seeds),
+    }
 
 
 def lines_of(path):
@@ -145,13 +193,18 @@ def lines_of(path):
 
 
 def of_two_scorers():
-    return [row for row in lines_of("figures/two-scorers.csv") if row.get("input", "mesh") == "mesh"]
+    return [
+        row for row in lines_of("figures/two-scorers.csv") if row.get("input", "mesh") == "mesh"
+    ]
 
 
 @pytest.fixture(scope="module")
 def experiments():
     table = lines_of("experiments/experiments.csv")
-    return {tuple(row[k] for k in ("experiment", "setting", "epoch", "measure")): float(row["value"]) for row in table}
+    return {
+        tuple(row[k] for k in ("experiment", "setting", "epoch", "measure")): float(row["value"])
+        for row in table
+    }
 
 
 @pytest.fixture(scope="module")
@@ -162,19 +215,33 @@ def measured(experiments):
         for way in ("one network", "one for each group of poses")
     }
     one, poses = nn.values()
-    of = {(row["measure"], row["scorer"], row["method"]): float(row["value"]) for row in of_two_scorers()}
+    of = {
+        (row["measure"], row["scorer"], row["method"]): float(row["value"])
+        for row in of_two_scorers()
+    }
     scorers = ("cm-bof", "spherical-harmonics")
     orders = [[[of[m, scorer, name] for name in CLASSICAL] for scorer in scorers] for m in MEASURES]
     of_trainings = pd.read_csv(ROOT / "results/experiments/depth-range.csv").query("epochs > 0")
-    hidden = pd.read_csv(ROOT / "results/experiments/hidden.csv").groupby(["of", "pose"])[["in mask", "error"]].mean()
+    hidden = (
+        pd.read_csv(ROOT / "results/experiments/hidden.csv")
+        .groupby(["of", "pose"])[["in mask", "error"]]
+        .mean()
+    )
     of_poses = {who: hidden.loc[who].loc[["sitting", "kicking"]] for who in hidden.index.levels[0]}
     return {
         "depths": of_trainings.groupby("setting")["FT"].mean().map(hundredths).to_dict(),
-        "hidden": {who: " and ".join(map(hundredths, of["in mask"])) for who, of in of_poses.items()},
-        "wrong": {who: " and ".join(f"{x:.1f}".removeprefix("0") for x in of["error"]) for who, of in of_poses.items()},
+        "hidden": {
+            who: " and ".join(map(hundredths, of["in mask"])) for who, of in of_poses.items()
+        },
+        "wrong": {
+            who: " and ".join(f"{x:.1f}".removeprefix("0") for x in of["error"])
+            for who, of in of_poses.items()
+        },
         "by_poses": hundredths(one - poses),
-        "taus": " ".join(hundredths(kendalltau(*two).statistic) for two in orders).replace("-0.", "-."),
-    }  # fmt: skip
+        "taus": " ".join(hundredths(kendalltau(*two).statistic) for two in orders).replace(
+            "-0.", "-."
+        ),
+    }
 
 
 @pytest.mark.parametrize("page", SAYS)
@@ -194,7 +261,9 @@ def test_every_figure_of_a_page_is_compared_or_has_a_source(path, scores, judged
     page = path.relative_to(ROOT).as_posix()
     text = " ".join(CODE.sub("", path.read_text(encoding="utf-8")).split())
     for sentence in SAYS.get(page, "").splitlines():
-        text = text.replace(sentence.format(**scores, **judged, **measured), re.sub(r"\{.*?\}", "~", sentence))
+        text = text.replace(
+            sentence.format(**scores, **judged, **measured), re.sub(r"\{.*?\}", "~", sentence)
+        )
     text = re.sub(r"`[^`]*`|\]\([^)]*\)", "", text)
     for line in SOURCES.get(page, "").splitlines():
         words, source = line.split(" <- ")
@@ -205,40 +274,66 @@ def test_every_figure_of_a_page_is_compared_or_has_a_source(path, scores, judged
         if (ROOT / source).is_file():
             known = (ROOT / source).read_text(encoding="utf-8")
             assert [figure for figure in FIGURE.findall(words) if figure not in known] == [], source
-    assert FIGURE.findall(text) == [], f"compare these figures of {page} in sentences.txt, or name their source"
+    assert FIGURE.findall(text) == [], (
+        f"compare these figures of {page} in sentences.txt, or name their source"
+    )
 
 
 def test_the_figure_of_two_scorers_has_the_scores_of_table_iii(scores):
     by_cmbof = [row for row in of_two_scorers() if row["scorer"] == "cm-bof"]
     assert {row["method"] for row in by_cmbof} == {*CLASSICAL}
     for row in by_cmbof:
-        assert float(row["value"]) == pytest.approx(scores["III"][row["method"]][row["measure"]], abs=1e-6)
+        assert float(row["value"]) == pytest.approx(
+            scores["III"][row["method"]][row["measure"]], abs=1e-6
+        )
 
 
 def test_table_iii_has_the_ranks_of_a_second_scorer(views):
     assert views["III"].ranks.keys() == {*CLASSICAL}
-    assert views["III"].ranks["skeleton"] == {"NN": (1, 6), "FT": (3, 6), "ST": (7, 3), "DCG": (3, 6)}
+    assert views["III"].ranks["skeleton"] == {
+        "NN": (1, 6),
+        "FT": (3, 6),
+        "ST": (7, 3),
+        "DCG": (3, 6),
+    }
     assert "|Fast MDS|.73 .52 .77 .77|*.80 .54 .79 .80*|8 8 8 8|" in markdown(views["III"])
     assert any("Skeleton-based (NN 1 to 6, FT 3 to 6" in note for note in table_notes(views["III"]))
-    assert any("Ranks by spherical harmonics: those of 8 rows" in note for note in table_notes(views["III-view"]))
+    assert any(
+        "Ranks by spherical harmonics: those of 8 rows" in note
+        for note in table_notes(views["III-view"])
+    )
 
 
 def test_rows_lie_above_others_as_the_pages_say(views, scores):
-    forms = {t: [row.method for row in views[t].rows if row.kind == "form" and row.scored] for t in ("I", "III")}
+    forms = {
+        t: [row.method for row in views[t].rows if row.kind == "form" and row.scored]
+        for t in ("I", "III")
+    }
     assert [
         (table, one, form, name)
-        for table in forms for form in forms[table] for one in ("surface-area", "shape-dna", "si-hks")
-        for name in MEASURES if name not in above(scores[table][one], scores[table][form])
-    ] == [("III", "surface-area", "skeleton", "NN")]  # fmt: skip
+        for table in forms
+        for form in forms[table]
+        for one in ("surface-area", "shape-dna", "si-hks")
+        for name in MEASURES
+        if name not in above(scores[table][one], scores[table][form])
+    ] == [("III", "surface-area", "skeleton", "NN")]
     people, real, animals = (scores[f"{table}_view"] for table in ("I", "II", "III"))
-    assert above(people["surface-area"], people["printed"]) == above(real["gps"], real["printed"]) == [*MEASURES]
+    assert (
+        above(people["surface-area"], people["printed"])
+        == above(real["gps"], real["printed"])
+        == [*MEASURES]
+    )
     assert above(people["surface-area"], people["learned"]) == []
     assert f"{people['learned']:NN}" == f"{people['learned-size-free']:NN}"
     assert f"{real['gps']:NN}" == f"{real['best']:NN}"
     assert animals["mesh-unfolding"]["NN"] == animals["best"]["NN"]
     assert scores["III_cross"]["mesh-unfolding"]["NN"] == scores["III_cross"]["best"]["NN"]
     assert all(abs(animals["identity"][name] - animals["best"][name]) <= 0.02 for name in MEASURES)
-    ours = (people["learned-wide-extra"], "I"), (real["learned-wide-extra"], "II"), (animals["animals"], "III_view")
+    ours = (
+        (people["learned-wide-extra"], "I"),
+        (real["learned-wide-extra"], "II"),
+        (animals["animals"], "III_view"),
+    )
     assert all(above(one, scores[table]["best"]) == [*MEASURES] for one, table in ours)
 
 
@@ -246,15 +341,22 @@ def test_the_figures_that_are_not_reproduced_are_those_of_the_page(every_view):
     printed, ours = classical_figures(every_view)
     away = ~is_near(printed.to_numpy(), ours.to_numpy())
     assert [{*printed.index[of_measure]} for of_measure in away.T] == [
-        {*CLASSICAL} - {"non-metric-mds", "least-squares-mds"}, *[{"classic-mds", "gps"}] * 2, {"gps"},
-    ]  # fmt: skip
+        {*CLASSICAL} - {"non-metric-mds", "least-squares-mds"},
+        *[{"classic-mds", "gps"}] * 2,
+        {"gps"},
+    ]
 
 
 def test_claims_are_decided_as_the_pages_say(assessed, rows):
     assert {place: one.decision for place, one in assessed.items()} == {
-        "I printed": "undecided", "I": "supported", "II printed": "contradicted", "II": "undecided",
-        "III printed": "not comparable", "III": "not decidable: 5 classes", "IV": "supported",
-    }  # fmt: skip
+        "I printed": "undecided",
+        "I": "supported",
+        "II printed": "contradicted",
+        "II": "undecided",
+        "III printed": "not comparable",
+        "III": "not decidable: 5 classes",
+        "IV": "supported",
+    }
     assert assessed["I printed"].leads == assessed["I"].leads == 32
     tested = [rows["I-view"][name] for name in ("printed", *CLASSICAL)]
     p_values = permutation_test([one.values for one in tested], tested[0].labels)[0, 1:]
@@ -267,8 +369,11 @@ def test_the_paper_ranks_all_shapes_of_tosca_and_perhaps_fifteen_people(judged):
     shares = {n: {floor(100 * k / n + 0.5) for k in range(n + 1)} for n in (19, 41, 80)}
     shares["as C prints them"] = {round(100 * float(f"{k / 80:.2f}")) for k in range(81)}
     assert {n: [nn for nn in nns if round(100 * nn) not in of] for n, of in shares.items()} == {
-        19: [0.71, 0.73, 0.76, 0.78, 0.88, 0.97], 41: [0.74, 0.79, 0.97], 80: [0.97], "as C prints them": [0.73],
-    }  # fmt: skip
+        19: [0.71, 0.73, 0.76, 0.78, 0.88, 0.97],
+        41: [0.74, 0.79, 0.97],
+        80: [0.97],
+        "as C prints them": [0.73],
+    }
     assert sts[-1] < judged["of_two"]["ST"]
     assert judged["least"][15] < judged["lowest"] < judged["least"][5]
 
@@ -280,14 +385,32 @@ def test_figures_of_experiments_are_those_of_their_file(experiments):
     )
     known |= {*of_settings[[*MEASURES, "error"]].mean().to_numpy().ravel().tolist()}
     known |= {
-        *of_settings[[*MEASURES, "error"]].mean().groupby(["epochs", "setting"]).mean().to_numpy().ravel().tolist()
+        *of_settings[[*MEASURES, "error"]]
+        .mean()
+        .groupby(["epochs", "setting"])
+        .mean()
+        .to_numpy()
+        .ravel()
+        .tolist()
     }
-    lines = (ROOT / "results" / "experiments" / "README.md").read_text(encoding="utf-8").splitlines()
-    printed = [word for line in lines if line.startswith("|") for word in re.findall(r"(?<![\w.])\.\d+", line)]
+    lines = (
+        (ROOT / "results" / "experiments" / "README.md").read_text(encoding="utf-8").splitlines()
+    )
+    printed = [
+        word
+        for line in lines
+        if line.startswith("|")
+        for word in re.findall(r"(?<![\w.])\.\d+", line)
+    ]
     assert len(printed) > 80
     for word in printed:
-        assert any(abs(value - float(word)) <= 0.5 * 10.0 ** (1 - len(word)) + 1e-9 for value in known), word
-    curve = {n: experiments["epochs, earlier set", "128 pixels", n, "FT"] for n in ("30", "60", "125", "250", "500")}
+        assert any(
+            abs(value - float(word)) <= 0.5 * 10.0 ** (1 - len(word)) + 1e-9 for value in known
+        ), word
+    curve = {
+        n: experiments["epochs, earlier set", "128 pixels", n, "FT"]
+        for n in ("30", "60", "125", "250", "500")
+    }
     assert max(curve, key=curve.get) == "60"
 
 
@@ -295,7 +418,10 @@ def test_experiments_find_no_cause_by_their_rules(experiments):
     wide, again = "dilations 6 to 18 minus printed", "128 pixels, trained again"
     t = [experiments["A", f"{n} pixels, {wide}", "60", "t of (NN + FT) / 2"] for n in (128, 192)]
     assert not t[0] <= 2 < t[1]
-    assert experiments["B", "width 48, trained again", "60", "FT"] <= experiments["B", "width 16", "60", "FT"]
+    assert (
+        experiments["B", "width 48, trained again", "60", "FT"]
+        <= experiments["B", "width 16", "60", "FT"]
+    )
     of_last = (("500", "FT"), ("40 to 120", "FT"), ("last", "variation of FT"))
     late, early, varied = (experiments["C", again, *of] for of in of_last)
     assert late >= early - 2 * varied
@@ -303,20 +429,28 @@ def test_experiments_find_no_cause_by_their_rules(experiments):
 
 def test_networks_at_128_pixels_have_the_epochs_of_the_page():
     for path in ROOT.glob("learned/models/*/literal-seed*/card.json"):
-        assert json.loads(path.read_bytes())["schedule"]["epochs"] == (500 if "animals-III" in path.parts else 60)
+        assert json.loads(path.read_bytes())["schedule"]["epochs"] == (
+            500 if "animals-III" in path.parts else 60
+        )
 
 
 def test_the_readme_names_what_must_be_installed():
-    makefile, project = ((ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", "pyproject.toml"))
+    makefile, project = (
+        (ROOT / name).read_text(encoding="utf-8") for name in ("Makefile", "pyproject.toml")
+    )
     first, end = re.search(r'requires-python = ">=([\d.]+),<3\.(\d+)"', project).groups()
     assert f"You need Python {first} to 3.{int(end) - 1}, " in README
-    assert f"`{re.search(r'apt-get install [.0-9a-z -]+', makefile)[0]}`" in " ".join(README.split())
+    assert f"`{re.search(r'apt-get install [.0-9a-z -]+', makefile)[0]}`" in " ".join(
+        README.split()
+    )
 
 
 def test_committed_tables_are_those_of_the_published_records(tmp_path):
     words = ("tables", "--published", "--paper", "--results", ROOT / "results", "-o")
     call(*words, tmp_path / "all")
-    made, committed = ({path.name: path.read_bytes() for path in f.iterdir()} for f in (tmp_path / "all", TABLES))
+    made, committed = (
+        {path.name: path.read_bytes() for path in f.iterdir()} for f in (tmp_path / "all", TABLES)
+    )
     assert made == committed
     assert json.loads(made["tables.json"])
     call(*words, tmp_path / "one", "-t", "robustness")
@@ -324,7 +458,11 @@ def test_committed_tables_are_those_of_the_published_records(tmp_path):
 
 
 def test_the_plugin_of_the_readme_keeps_the_contract(tmp_path):
-    (block,) = (text for text in re.findall(r"```python\n(.*?)```", README, re.DOTALL) if "BiharmonicMDS" in text)
+    (block,) = (
+        text
+        for text in re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+        if "BiharmonicMDS" in text
+    )
     path = tmp_path / "biharmonic.py"
     path.write_text(block, encoding="utf-8")
     (component,) = find(str(path))

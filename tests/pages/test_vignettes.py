@@ -21,7 +21,9 @@ pytestmark = pytest.mark.timeout(900)
 
 def walked(folder: Path, page: str) -> None:
     """Run the commands of a page in a folder, and look for what its other indented lines show."""
-    blocks = re.findall(r"^    (.*)$", (DOCS / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE)
+    blocks = re.findall(
+        r"^    (.*)$", (DOCS / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE
+    )
     commands = [line for line in blocks if line.startswith(("python ", "cd ", "(cd "))]
     shown = [" ".join(line.split()) for line in blocks if line not in commands]
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
@@ -29,7 +31,13 @@ def walked(folder: Path, page: str) -> None:
     lines = [line for line in commands if shutil.which("pdflatex") or "make" not in line]
     script = "\n".join(["set -e", *lines])
     done = subprocess.run(
-        ["bash", "-c", script], cwd=folder, env=given, capture_output=True, text=True, timeout=850, check=False
+        ["bash", "-c", script],
+        cwd=folder,
+        env=given,
+        capture_output=True,
+        text=True,
+        timeout=850,
+        check=False,
     )
     assert done.returncode == 0, (page, done.stdout[-1500:], done.stderr[-1500:])
     said = " ".join(done.stdout.split())
@@ -60,5 +68,9 @@ def test_your_own_meshes_and_depth_images(tmp_path: Path) -> None:
     shutil.copytree(ROOT / "examples" / "depth", tmp_path / "examples" / "depth")
     walked(tmp_path, "start/own-data")
     assert (tmp_path / "report" / "index.html").is_file()
-    assert len(list((tmp_path / "forms").rglob("*.*"))) == len(list((tmp_path / "pictures").rglob("*.png"))) == 8
+    assert (
+        len(list((tmp_path / "forms").rglob("*.*")))
+        == len(list((tmp_path / "pictures").rglob("*.png")))
+        == 8
+    )
     assert (tmp_path / "found.png").is_file()

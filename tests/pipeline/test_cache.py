@@ -26,13 +26,18 @@ def test_a_file_with_any_flipped_bit_counts_as_missing_or_is_the_same(tmp_path):
     path = next(tmp_path.rglob("*.npz"))
     content = path.read_bytes()
     for place in range(len(content)):
-        path.write_bytes(content[:place] + bytes([content[place] ^ 1 << place % 8]) + content[place + 1 :])
+        path.write_bytes(
+            content[:place] + bytes([content[place] ^ 1 << place % 8]) + content[place + 1 :]
+        )
         read = cache.read("forms", "key")
         assert read is None or (
-            read.keys() == ARRAYS.keys() and all(np.array_equal(read[name], ARRAYS[name]) for name in read)
+            read.keys() == ARRAYS.keys()
+            and all(np.array_equal(read[name], ARRAYS[name]) for name in read)
         )
     path.write_bytes(content)
-    assert {*cache.read("forms", "key", without=["offsets"], only=["seconds", "offsets"])} == {"seconds"}
+    assert {*cache.read("forms", "key", without=["offsets"], only=["seconds", "offsets"])} == {
+        "seconds"
+    }
     path.write_bytes(content[:-30])
     assert cache.read("forms", "key") is cache.read("forms", "other") is None
 

@@ -31,12 +31,22 @@ from tools.publish import portable, publish, write_published
 
 def made(method="gps", *, nn=0.5, finished="2026-01-01", key="a", **changes):
     facts = {
-        "key": key * 32, "status": "ok", "gallery": "pets", "gallery_digest": "1", "input": "mesh", "method": method,
-        "title": method, "family": "paper", "data": {"name": "pets", "title": "Pets", "source": "pets"},
-        "shapes": ["cat0", "cat1", "dog0", "dog1", "owl0"], "labels": ["cat", "cat", "dog", "dog", "owl"],
-        "scores": dict.fromkeys(MEASURES, nn), "per_query": {name: [nn, nn, nn, nn, None] for name in MEASURES},
-        "finished": finished, "commit": "c0ffee",
-    } | changes  # fmt: skip
+        "key": key * 32,
+        "status": "ok",
+        "gallery": "pets",
+        "gallery_digest": "1",
+        "input": "mesh",
+        "method": method,
+        "title": method,
+        "family": "paper",
+        "data": {"name": "pets", "title": "Pets", "source": "pets"},
+        "shapes": ["cat0", "cat1", "dog0", "dog1", "owl0"],
+        "labels": ["cat", "cat", "dog", "dog", "owl"],
+        "scores": dict.fromkeys(MEASURES, nn),
+        "per_query": {name: [nn, nn, nn, nn, None] for name in MEASURES},
+        "finished": finished,
+        "commit": "c0ffee",
+    } | changes
     return msgspec.convert(facts, Record)
 
 
@@ -62,9 +72,14 @@ def test_what_is_no_record_is_refused_with_its_field(change, fault):
 
 
 def test_a_record_is_read_as_it_was_written(tmp_path):
-    write_record(tmp_path, made(notes={"bridges": {"mean": 0.5, "max": 2}}, unsupported=[["dog0", "too big"]]))
+    write_record(
+        tmp_path,
+        made(notes={"bridges": {"mean": 0.5, "max": 2}}, unsupported=[["dog0", "too big"]]),
+    )
     (record,) = read_records(tmp_path)
-    assert record == made(notes={"bridges": {"mean": 0.5, "max": 2}}, unsupported=[("dog0", "too big")])
+    assert record == made(
+        notes={"bridges": {"mean": 0.5, "max": 2}}, unsupported=[("dog0", "too big")]
+    )
     assert (record.answered, record.coverage) == ([0, 1, 3, 4], 0.8)
 
 
@@ -89,21 +104,32 @@ def test_a_record_with_any_flipped_bit_is_passed_over_or_the_same(tmp_path, caps
     (path,) = (tmp_path / "runs" / "records").iterdir()
     content, known = path.read_bytes(), read_records(tmp_path)
     for place in range(len(content)):
-        path.write_bytes(content[:place] + bytes([content[place] ^ 1 << place % 8]) + content[place + 1 :])
+        path.write_bytes(
+            content[:place] + bytes([content[place] ^ 1 << place % 8]) + content[place + 1 :]
+        )
         assert read_records(tmp_path) in ([], known), content[:place]
-    assert "it was changed after it was written, or written by hand; remove it" in capsys.readouterr().err
+    assert (
+        "it was changed after it was written, or written by hand; remove it"
+        in capsys.readouterr().err
+    )
 
 
 def test_published_records_fill_in_for_the_same_shapes_alone(tmp_path):
-    write_published(tmp_path, [made("identity", key="b"), made("gps", key="c", nn=1.0), made("pca", key="d")])
+    write_published(
+        tmp_path, [made("identity", key="b"), made("gps", key="c", nn=1.0), made("pca", key="d")]
+    )
     write_record(tmp_path, made("gps"))
     assert {(record.method, record.published) for record in read_records(tmp_path)} == {
-        ("gps", False), ("identity", True), ("pca", True),
-    }  # fmt: skip
+        ("gps", False),
+        ("identity", True),
+        ("pca", True),
+    }
     write_record(tmp_path, made("gps", gallery_digest="2"), replaces="a" * 32)
     assert {record.method for record in read_records(tmp_path)} == {"gps"}
     assert len(read_records(tmp_path, local=False)) == 3
-    write_record(tmp_path, made("pca", key="9", finished="2026-01-02"))  # the newest record of the gallery counts
+    write_record(
+        tmp_path, made("pca", key="9", finished="2026-01-02")
+    )  # the newest record of the gallery counts
     assert {record.method for record in read_records(tmp_path)} == {"gps", "pca", "identity"}
 
 
@@ -115,25 +141,42 @@ def merged(folder, *records, into=()):
         write_record(folder / str(number), record)
     outcome = merge([folder / str(number) for number in range(len(records))], folder / "here")
     return outcome, {
-        record.method: (record.status, record.scores.get("NN")) for record in read_records(folder / "here")
+        record.method: (record.status, record.scores.get("NN"))
+        for record in read_records(folder / "here")
     }
 
 
 def test_merge_adds_rows_and_prefers_results_to_failures_and_later_failures_to_earlier(tmp_path):
-    others = made("gps"), made("identity", key="b"), failed(method="pca", key="c", finished="2026-03-01")
-    outcome, here = merged(tmp_path, *others, into=[failed(method="gps"), failed(method="pca", key="d")])
+    others = (
+        made("gps"),
+        made("identity", key="b"),
+        failed(method="pca", key="c", finished="2026-03-01"),
+    )
+    outcome, here = merged(
+        tmp_path, *others, into=[failed(method="gps"), failed(method="pca", key="d")]
+    )
     assert (len(outcome.added), outcome.known, outcome.conflicts) == (3, 0, [])
     assert here == {"gps": ("ok", 0.5), "identity": ("ok", 0.5), "pca": ("failed", None)}
-    assert {record.key[0] for record in read_records(tmp_path / "here") if record.method == "pca"} == {"c"}
+    assert {
+        record.key[0] for record in read_records(tmp_path / "here") if record.method == "pca"
+    } == {"c"}
     news = failed(key="f", finished="2026-03-01"), failed(method="pca", key="e"), made()
-    outcome, _ = merged(tmp_path / "again", *news, into=[made(), failed(method="pca", key="d", finished="2026-03-01")])
+    outcome, _ = merged(
+        tmp_path / "again",
+        *news,
+        into=[made(), failed(method="pca", key="d", finished="2026-03-01")],
+    )
     assert (outcome.added, outcome.known, outcome.conflicts) == ([], 3, [])
     with pytest.raises(StorageError, match=r"holds no records; name a results folder"):
         merge([tmp_path / "none"], tmp_path / "here")
 
 
-@pytest.mark.parametrize(("key", "nn", "finished"), [("a", 0.25, "2026-01-01"), ("b", 0.5, "2026-03-01")])
-def test_two_results_of_a_row_that_are_not_the_same_are_a_conflict_and_ours_stays(tmp_path, key, nn, finished):
+@pytest.mark.parametrize(
+    ("key", "nn", "finished"), [("a", 0.25, "2026-01-01"), ("b", 0.5, "2026-03-01")]
+)
+def test_two_results_of_a_row_that_are_not_the_same_are_a_conflict_and_ours_stays(
+    tmp_path, key, nn, finished
+):
     outcome, here = merged(tmp_path, made(key=key, nn=nn, finished=finished), into=[made()])
     assert [(ours.key[0], theirs.key[0]) for ours, theirs in outcome.conflicts] == [("a", key)]
     assert here == {"gps": ("ok", 0.5)}
@@ -151,7 +194,11 @@ def test_the_row_of_a_colleague_on_the_same_folder_elsewhere_stands_beside_ours(
     (theirs / "dataset.toml").write_text('camera = "side"')  # so that all views are others
     run_toy(theirs, tmp_path / "other", "fast-mds", "gps", input="view")
     merge([tmp_path / "other"], tmp_path / "ours")
-    paths = {record.method: record.data.path for record in read_records(tmp_path / "ours") if record.input == "view"}
+    paths = {
+        record.method: record.data.path
+        for record in read_records(tmp_path / "ours")
+        if record.input == "view"
+    }
     assert paths.pop("fast-mds") == str(theirs)
     assert len(paths) == 3
 
@@ -162,7 +209,10 @@ def test_files_that_no_other_record_names_are_unneeded(rods, tmp_path):
     stray.write_bytes(b"")
     assert unneeded(tmp_path, lambda record: False) == ([], [stray])
     records, files = unneeded(tmp_path, lambda record: record.method == "identity")
-    assert {(record.method, record.input) for record in records} == {("identity", "mesh"), ("identity", "view")}
+    assert {(record.method, record.input) for record in records} == {
+        ("identity", "mesh"),
+        ("identity", "view"),
+    }
     for path in files:
         path.unlink()
     of = {
@@ -170,8 +220,12 @@ def test_files_that_no_other_record_names_are_unneeded(rods, tmp_path):
         for stage in ("forms", "signatures")
     }
     assert {stage: {path.stem for path in (runs / stage).iterdir()} for stage in of} == of
-    assert {path.stem for path in (runs / "records").glob("*.npz")} == {record.key for record in read_records(tmp_path)}
-    assert len(list((runs / "prepared").iterdir())) == 9  # four rods, their views, and the frame of the camera
+    assert {path.stem for path in (runs / "records").glob("*.npz")} == {
+        record.key for record in read_records(tmp_path)
+    }
+    assert (
+        len(list((runs / "prepared").iterdir())) == 9
+    )  # four rods, their views, and the frame of the camera
     every = {path for path in runs.rglob("*.*") if path.is_file()}
     assert set(unneeded(tmp_path, lambda record: True)[1]) == every
 
@@ -190,7 +244,13 @@ def test_publish_replaces_earlier_records_and_leaves_out_private_and_quick_ones(
     write_record(tmp_path, made("mesh-unfolding", key="0", scorer="spherical-harmonics"))
     quick = {"name": "pets", "title": "Pets", "source": "pets", "quick": True}
     write_record(tmp_path, made("identity", key="e", gallery="pets (quick)", data=quick))
-    absent = {"status": "unavailable", "reason": "no model", "scores": {}, "per_query": {}, "commit": ""}
+    absent = {
+        "status": "unavailable",
+        "reason": "no model",
+        "scores": {},
+        "per_query": {},
+        "commit": "",
+    }
     write_record(tmp_path, made("learned", key="f", **absent))
     for far in (1.0, 2.0):
         Cache(tmp_path).write("records", "a" * 32, {"distances": far * (1 - np.eye(5))})
@@ -199,7 +259,11 @@ def test_publish_replaces_earlier_records_and_leaves_out_private_and_quick_ones(
     published = {record.method: record for record in read_records(tmp_path, local=False)}
     assert [record.method for record in added] == ["gps"]
     assert published.keys() == {"gps", "skeleton"}
-    assert (published["gps"].scores["NN"], published["gps"].parts, published["gps"].traceback) == (0.5, {}, "")
+    assert (published["gps"].scores["NN"], published["gps"].parts, published["gps"].traceback) == (
+        0.5,
+        {},
+        "",
+    )
     assert published_distances(tmp_path, published["gps"].distances) == file
     (tmp_path / "runs" / "records" / f"{'a' * 32}.npz").unlink()
     assert read_distances(tmp_path, published["gps"]).tolist() == (2 * (1 - np.eye(5))).tolist()
@@ -224,15 +288,20 @@ def test_publish_deletes_no_line_that_it_cannot_read(tmp_path, clean):
     for name, text in (("pets.jsonl", b"{}\n"), ("other.jsonl", b"\xff\n")):
         (tmp_path / "records" / name).write_bytes(text)
     write_record(tmp_path, made("gps"))
-    with pytest.raises(ConfigurationError, match="2 lines of .*records cannot be read; correct or remove them"):
+    with pytest.raises(
+        ConfigurationError, match="2 lines of .*records cannot be read; correct or remove them"
+    ):
         publish(tmp_path)
     assert {path.name: path.read_bytes() for path in (tmp_path / "records").iterdir()} == {
-        "pets.jsonl": b"{}\n", "other.jsonl": b"\xff\n",
-    }  # fmt: skip
+        "pets.jsonl": b"{}\n",
+        "other.jsonl": b"\xff\n",
+    }
 
 
 def test_published_lines_are_the_same_bytes_in_any_order(tmp_path):
-    rows = [made(name, key=key) for name, key in zip(("gps", "pca", "identity"), "abc", strict=True)]
+    rows = [
+        made(name, key=key) for name, key in zip(("gps", "pca", "identity"), "abc", strict=True)
+    ]
     write_published(tmp_path / "one", map(portable, rows))
     write_published(tmp_path / "two", map(portable, reversed(rows)))
     texts = [(tmp_path / name / "records" / "pets.jsonl").read_bytes() for name in ("one", "two")]
@@ -242,7 +311,13 @@ def test_published_lines_are_the_same_bytes_in_any_order(tmp_path):
 def test_changes_are_named():
     before = {"baselines/gps.py": "0" * 16, "numpy": "2.3", "its parameters": "{}", "the data": "1"}
     assert describe_change(before, before | {"baselines/gps.py": "1" * 16}) == "gps.py changed"
-    everything = {"baselines/gps.py": "1" * 16, "numpy": "2.4", "its parameters": "{2}", "the data": "2", "scipy": "1"}
+    everything = {
+        "baselines/gps.py": "1" * 16,
+        "numpy": "2.4",
+        "its parameters": "{2}",
+        "the data": "2",
+        "scipy": "1",
+    }
     assert describe_change(before, everything) == "gps.py, its parameters, numpy, 2 more changed"
     assert describe_change({}, {}) == "the code changed"
 

@@ -10,7 +10,13 @@ from pathlib import Path
 import pytest
 
 from benchmark import code_digest
-from benchmark.pipeline.records import read_distances, read_form, read_records, record_of, write_record
+from benchmark.pipeline.records import (
+    read_distances,
+    read_form,
+    read_records,
+    record_of,
+    write_record,
+)
 from benchmark.runs import tasks
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import done, planned, run_toy
@@ -35,7 +41,11 @@ class World:
     names = ("stretch", "gps", "identity", "surface-area")
 
     def __init__(self, folder: Path) -> None:
-        self.plugin, self.rods, self.results = folder / "stretch.py", folder / "rods", folder / "results"
+        self.plugin, self.rods, self.results = (
+            folder / "stretch.py",
+            folder / "rods",
+            folder / "results",
+        )
 
     def write(self) -> None:
         folder = self.plugin.parent
@@ -56,7 +66,9 @@ class World:
         return planned(self.rods, self.results, *(names or self.names), plugins=(self.plugin,))
 
     def forget_code(self) -> None:
-        for name in [name for name in sys.modules if name.startswith("plugin_stretch") or name == "lengthen"]:
+        for name in [
+            name for name in sys.modules if name.startswith("plugin_stretch") or name == "lengthen"
+        ]:
             del sys.modules[name]
         for module in (code_digest, tasks):
             for value in vars(module).values():
@@ -66,7 +78,11 @@ class World:
 
     def stale(self) -> dict[str, str]:
         """Return what would run again, and why."""
-        return {job.sides[0].method.base_name: job.reason for job in self.plan() if job.state != "finished"}
+        return {
+            job.sides[0].method.base_name: job.reason
+            for job in self.plan()
+            if job.state != "finished"
+        }
 
 
 @pytest.fixture(scope="module")
@@ -84,8 +100,12 @@ def finished(tmp_path_factory):
 def world(finished, tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", [*sys.path])
     world = World(shutil.copytree(finished, tmp_path / "world"))
-    for record in (world.results / "runs" / "records").glob("*.json"):  # as if it had always been there
-        content = json.loads(record.read_text().replace(str(finished), str(tmp_path / "world"))) | {"checksum": ""}
+    for record in (world.results / "runs" / "records").glob(
+        "*.json"
+    ):  # as if it had always been there
+        content = json.loads(record.read_text().replace(str(finished), str(tmp_path / "world"))) | {
+            "checksum": ""
+        }
         write_record(world.results, record_of(content))
     done(world.plan(), world.results, size=0)
     return world
@@ -153,10 +173,17 @@ def test_the_name_of_a_plugin_file_changes_nothing(world):
     assert world.stale() == {}
 
 
-def test_an_edit_of_a_check_a_ranking_step_or_a_measure_makes_no_form_anew_and_one_of_preparation_does(world, edited):
+def test_an_edit_of_a_check_a_ranking_step_or_a_measure_makes_no_form_anew_and_one_of_preparation_does(
+    world, edited
+):
     made = {"forms", "prepared", "signatures"}
-    expected = {"pipeline/outputs.py": set(), "pipeline/ranking.py": set(), "retrieval/measures.py": set(),
-                "pipeline/forms.py": made - {"prepared"}, "pipeline/prepared.py": made}  # fmt: skip
+    expected = {
+        "pipeline/outputs.py": set(),
+        "pipeline/ranking.py": set(),
+        "retrieval/measures.py": set(),
+        "pipeline/forms.py": made - {"prepared"},
+        "pipeline/prepared.py": made,
+    }
     for name, kinds in expected.items():
         edited(name)
         before = {*(world.results / "runs").glob("*/*.npz")}
@@ -179,5 +206,7 @@ def test_the_next_run_of_a_job_replaces_its_record_and_until_then_its_forms_are_
     assert read_form(world.results, old, "thin1") is not None
     assert read_distances(world.results, old).shape == (4, 4)
     new = done(world.plan("stretch"), world.results, size=0)["stretch"]
-    assert [record.key for record in read_records(world.results) if record.method == "stretch"] == [new.key]
+    assert [record.key for record in read_records(world.results) if record.method == "stretch"] == [
+        new.key
+    ]
     assert new.key != old.key

@@ -17,10 +17,14 @@ from learned.methods import Learned
 
 GENERATED = "people[n=4]"
 CHANGED = [
-    "people[noise=3]", "people[jitter=1]", "people[depth-noise=2][jitter=1]",
-    "animals-few[noise=1]", "people[draw=1][holes=2]",
-    "humans-scanlike[holes=1]", f"{GENERATED}[noise=1]",
-]  # fmt: skip
+    "people[noise=3]",
+    "people[jitter=1]",
+    "people[depth-noise=2][jitter=1]",
+    "animals-few[noise=1]",
+    "people[draw=1][holes=2]",
+    "humans-scanlike[holes=1]",
+    f"{GENERATED}[noise=1]",
+]
 SETS = [*(name for name, source in CATALOGUE.items() if not source.folder), GENERATED, *CHANGED]
 
 
@@ -44,7 +48,11 @@ def refused_on(training: str) -> set[str]:
     if training in ("humans-varied", "animals-sampled"):
         return {name for name in SETS if name.startswith(("animals", "people", GENERATED))}
     if training.startswith("people"):  # draws are not kept apart
-        near = ("people[draw=2]",) if training == "people-fold-2" else ("people[draw=1]", "people[draw=2]")
+        near = (
+            ("people[draw=2]",)
+            if training == "people-fold-2"
+            else ("people[draw=1]", "people[draw=2]")
+        )
         return {name for name in SETS if name.startswith(near)}
     return set()
 
@@ -64,7 +72,9 @@ def test_every_pair_of_a_shipped_model_and_a_generated_set() -> None:
     assert len({model.training for model in models}) >= 7
     subjects = {name: [(e, e.subject) for e in open_dataset(name, None).shapes] for name in SETS}
     for model in models:
-        assert {name for name in SETS if refused(model, name)} == refused_on(model.training), model.folder
+        assert {name for name in SETS if refused(model, name)} == refused_on(model.training), (
+            model.folder
+        )
         for name, shapes in subjects.items():
             seen = {subject for entry, subject in shapes if model.has_seen(entry, name)}
             expected = share_seen(model.training, name) * len({subject for _, subject in shapes})
@@ -75,15 +85,27 @@ def test_every_pair_of_a_shipped_model_and_a_generated_set() -> None:
 def test_a_changed_set_is_treated_by_models_that_have_not_seen_its_subjects(name: str) -> None:
     dataset = open_dataset(name, None)
     of_shape = trainings_by_shape(Learned(), dataset, dataset.shapes, None)
-    trainings = {model.training: model for model in shipped() if model.folder.name == "literal-seed0"}
-    seen = [e.identifier for e in dataset.shapes if trainings[of_shape[e.identifier].name].has_seen(e, name)]
+    trainings = {
+        model.training: model for model in shipped() if model.folder.name == "literal-seed0"
+    }
+    seen = [
+        e.identifier
+        for e in dataset.shapes
+        if trainings[of_shape[e.identifier].name].has_seen(e, name)
+    ]
     assert len(of_shape) == len(dataset.shapes)
     # The paper tests on animals that it trained on, too.
     assert seen == (["dog0", "dog2", "dog4"] if name == "animals-few" else [])
 
 
 def model_with(training: str, **card: object) -> Model:
-    facts = {"digest": "0" * 64, "data": training, "subjects": frozenset("a"), "identifiers": frozenset("a"), **card}
+    facts = {
+        "digest": "0" * 64,
+        "data": training,
+        "subjects": frozenset("a"),
+        "identifiers": frozenset("a"),
+        **card,
+    }
     return Model(training, Path(), Card(**facts))  # type: ignore[arg-type]
 
 
@@ -91,7 +113,9 @@ def test_a_card_that_says_nothing_of_a_set_is_refused_there_if_its_bodies_were_g
     assert refused(model_with("humans-sampled"), "people")
     assert not refused(model_with("people-fold-0"), "humans-scanlike")
     assert not refused(model_with("humans-sampled"), "tosca")
-    assert refused(model_with("people-fold-0", clearance={"humans-scanlike": 0.2}), "humans-scanlike")
+    assert refused(
+        model_with("people-fold-0", clearance={"humans-scanlike": 0.2}), "humans-scanlike"
+    )
     people = model_with("people-fold-0", clearance={"people[draw=0]": 0.3, "people[draw=1]": 0.2})
     assert [refused(people, f"people[draw={draw}]") for draw in (0, 1)] == [False, True]
 
@@ -99,11 +123,19 @@ def test_a_card_that_says_nothing_of_a_set_is_refused_there_if_its_bodies_were_g
 def test_a_model_for_other_subjects_is_refused() -> None:
     for tested, fits in ((digest_of(["man-1"]), False), ("", True)):
         model = model_with("people-fold-0", tested=tested)
-        with nullcontext() if fits else pytest.raises(MissingModel, match="is for other subjects; train it again"):
+        with (
+            nullcontext()
+            if fits
+            else pytest.raises(MissingModel, match="is for other subjects; train it again")
+        ):
             model.check("people[draw=0]", None)
 
 
 def test_partial_shapes_of_tosca_are_seen_by_models_trained_on_it() -> None:
     dog = Entry("cuts_dog_shape_1", "dog", "1")
     model = model_with("tosca-III", identifiers=frozenset({"dog0"}), subjects=frozenset({"dog"}))
-    assert model.has_seen(dog, "shrec16-cuts") and model.has_seen(dog, "tosca") and not model.has_seen(dog, "animals")
+    assert (
+        model.has_seen(dog, "shrec16-cuts")
+        and model.has_seen(dog, "tosca")
+        and not model.has_seen(dog, "animals")
+    )

@@ -20,19 +20,30 @@ def names(*arguments, **options):
 
 
 def test_without_data_the_stand_ins_run_and_say_so():
-    chosen = {gallery.table.identifier: gallery.dataset for gallery in galleries(["I", "II", "III"])}
+    chosen = {
+        gallery.table.identifier: gallery.dataset for gallery in galleries(["I", "II", "III"])
+    }
     assert {name: shapes.stand_in_for for name, shapes in chosen.items()} == {
-        "I": "shrec14-synthetic", "I-view": "shrec14-synthetic", "II": "shrec14-real", "II-view": "shrec14-real",
-        "III": "tosca", "III-view": "tosca",
-    }  # fmt: skip
+        "I": "shrec14-synthetic",
+        "I-view": "shrec14-synthetic",
+        "II": "shrec14-real",
+        "II-view": "shrec14-real",
+        "III": "tosca",
+        "III-view": "tosca",
+    }
 
 
 def test_classical_rows_of_table_one_see_surfaces_of_both_galleries_and_networks_one_view():
     found = names(["I"])
     assert {("I", name, "mesh") for name in SYNTHETIC_HUMANS[1:]} <= {*found}
-    assert {("I", name, "mesh", "view") for name in (FIRST, *(f"{FIRST} fold {k}" for k in range(3)))} <= {*found}
+    assert {
+        ("I", name, "mesh", "view") for name in (FIRST, *(f"{FIRST} fold {k}" for k in range(3)))
+    } <= {*found}
     assert ("I-view", f"{FIRST} fold 1", "view") in found
-    assert {name for table, name, *_ in found if table == "I-view"} == {FIRST, *(f"{FIRST} fold {k}" for k in range(3))}
+    assert {name for table, name, *_ in found if table == "I-view"} == {
+        FIRST,
+        *(f"{FIRST} fold {k}" for k in range(3)),
+    }
 
 
 def test_official_data_replace_the_stand_in(tmp_path):
@@ -54,7 +65,10 @@ def test_a_quick_run_has_one_fold_and_few_poses():
     chosen = galleries(quick=True)
     assert {gallery.name for gallery in chosen} == {f"{FIRST} fold 0 (quick)", "animals (quick)"}
     for gallery in chosen:
-        poses = [sum(e.subject == subject for e in gallery.entries) for subject in {e.subject for e in gallery.entries}]
+        poses = [
+            sum(e.subject == subject for e in gallery.entries)
+            for subject in {e.subject for e in gallery.entries}
+        ]
         assert max(poses) <= QUICK_POSES
     with pytest.raises(ConfigurationError, match="mean over all folds"):
         galleries(["IV"], quick=True)
@@ -66,7 +80,8 @@ def test_a_folder_gets_its_own_table_with_both_inputs(rods, tmp_path):
     assert {name for name, *_ in names([], [str(tmp_path / "III")])} == {"III-folder"}
 
 
-# Rows ----------------------------------------------------------------------------------------------------------------
+# Rows
+# ------------------------------------------------------------------------------------------------
 
 
 def rows(gallery, input_, *chosen, named=False):
@@ -74,7 +89,11 @@ def rows(gallery, input_, *chosen, named=False):
 
 
 def gallery(identifier, **options):
-    return next(gallery for gallery in galleries([identifier], **options) if gallery.table.identifier == identifier)
+    return next(
+        gallery
+        for gallery in galleries([identifier], **options)
+        if gallery.table.identifier == identifier
+    )
 
 
 def test_networks_have_rows_where_views_are_and_all_others_on_surfaces():
@@ -90,7 +109,10 @@ def test_ablations_have_rows_in_table_four_alone():
     assert {"learned", "learned-without-srf", "learned-without-lrf"} <= found <= {*ABLATION}
     assert not {"learned-strict", "learned-without-srf"} & {*rows(gallery("I"), "view")}
     controls = {*CONTROLS} <= found and {*CONTROLS} <= {*rows(gallery("I-view"), "view")}
-    assert controls and not {*CONTROLS} & {*rows(gallery("I"), "view"), *rows(gallery("II-view"), "view")}
+    assert controls and not {*CONTROLS} & {
+        *rows(gallery("I"), "view"),
+        *rows(gallery("II-view"), "view"),
+    }
 
 
 def test_a_method_that_is_named_has_a_row_everywhere():
@@ -104,7 +126,9 @@ def test_a_method_that_is_named_has_a_row_everywhere():
 
 def test_forms_that_the_paper_does_not_compare_run_by_default_on_animals_and_own_sets_alone(rods):
     own = next(iter(galleries([], [str(rods)])))
-    assert "feature-preserved" in rows(gallery("III"), "mesh") and "feature-preserved" in rows(own, "mesh")
+    assert "feature-preserved" in rows(gallery("III"), "mesh") and "feature-preserved" in rows(
+        own, "mesh"
+    )
     humans = {name for table in ("I", "II") for name in rows(gallery(table), "mesh")}
     assert not {"feature-preserved", "accelerated-mds"} & humans
     assert rows(gallery("I"), "mesh", "accelerated-mds", named=True)
@@ -125,7 +149,10 @@ def test_every_row_of_the_paper_is_a_method_with_a_title():
     known = by_name("method")
     for table in TABLES:
         if table.has_paper:
-            assert all(name.partition("[")[0] in known and name in TITLES for name in paper.PRINTED[table.identifier])
+            assert all(
+                name.partition("[")[0] in known and name in TITLES
+                for name in paper.PRINTED[table.identifier]
+            )
 
 
 def test_a_model_that_saw_the_test_shapes_has_no_row_where_none_may_have(tmp_path):

@@ -41,10 +41,14 @@ def made(monkeypatch, name, dataset=None, say=None, **part):
 
 
 def test_pairs_show_a_shape_and_its_subject_in_the_canonical_pose(monkeypatch):
-    data = made(monkeypatch, "people-fold-2", trained=Part((0, 3), (0, 1, 2)), tested=Part((12,), (0, 5)))
+    data = made(
+        monkeypatch, "people-fold-2", trained=Part((0, 3), (0, 1, 2)), tested=Part((12,), (0, 5))
+    )
     got = list(data.pairs())
     assert [(pair.identifier, pair.target_identifier, pair.subject) for pair in got] == [
-        (f"{subject}-{pose}", f"{subject}-0", f"s{subject}") for subject in (0, 3) for pose in range(3)
+        (f"{subject}-{pose}", f"{subject}-0", f"s{subject}")
+        for subject in (0, 3)
+        for pose in range(3)
     ]
     assert data.n_pairs == 6
     assert data.subjects == ("s0", "s3")
@@ -75,10 +79,14 @@ def test_in_a_strict_training_the_canonical_pose_of_the_fold_is_target_alone(mon
 
 def test_a_shape_that_cannot_be_rendered_is_left_out_and_told(monkeypatch):
     said = []
-    data = made(monkeypatch, "people-fold-2", rods(broken="1-1"), said.append, trained=Part((0, 1), (0, 1)))
+    data = made(
+        monkeypatch, "people-fold-2", rods(broken="1-1"), said.append, trained=Part((0, 1), (0, 1))
+    )
     assert [pair.identifier for pair in data.pairs()] == ["0-0", "0-1", "1-0"]
     assert said == ["skipped 1-1: a hole; correct it"]
-    without_target = made(monkeypatch, "people-fold-2", rods(broken="1-0"), trained=Part((0, 1), (0, 1)))
+    without_target = made(
+        monkeypatch, "people-fold-2", rods(broken="1-0"), trained=Part((0, 1), (0, 1))
+    )
     assert [pair.identifier for pair in without_target.pairs()] == ["0-0", "0-1"]
 
 
@@ -95,4 +103,8 @@ def test_trainings_on_people_are_validated_on_new_ones_and_name_their_distance_f
     pair = next(data.validation())
     assert pair.subject == "body-0" and pair.image.any()
     assert data.clearance["people[draw=0]"] >= 0.25 > data.clearance["people[draw=1]"]
-    assert set(data.clearance) == {"humans", "humans-scanlike", *(f"people[draw={draw}]" for draw in range(3))}
+    assert set(data.clearance) == {
+        "humans",
+        "humans-scanlike",
+        *(f"people[draw={draw}]" for draw in range(3)),
+    }

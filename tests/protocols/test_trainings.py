@@ -16,7 +16,11 @@ from learned.methods import Learned, Strict
 SETS = {"people[draw=0]": people(), "animals": animals()}
 FOLDS = [f"people-fold-{a}" for a in range(3)]
 STRICT = [f"people-strict-{a}-{b}" for a in range(3) for b in range(4)]
-GENERATED = [name for name, training in TRAININGS.items() if training.dataset in SETS and training.trained != Part()]
+GENERATED = [
+    name
+    for name, training in TRAININGS.items()
+    if training.dataset in SETS and training.trained != Part()
+]
 
 
 def shown(name):
@@ -24,7 +28,9 @@ def shown(name):
     training = TRAININGS[name]
     dataset = SETS[training.dataset]
     inputs = training.trained.of(dataset)
-    return inputs, {canonical_shapes(dataset)[subject] for subject in {entry.subject for entry in inputs}}
+    return inputs, {
+        canonical_shapes(dataset)[subject] for subject in {entry.subject for entry in inputs}
+    }
 
 
 def unseen_of(name):
@@ -33,11 +39,17 @@ def unseen_of(name):
 
 @pytest.mark.parametrize(
     ("name", "pairs", "subjects", "unseen"),
-    [(name, 200, 10, 100) for name in FOLDS] + [("animals-III", 22, 4, 19)] + [(name, 150, 10, 25) for name in STRICT],
+    [(name, 200, 10, 100) for name in FOLDS]
+    + [("animals-III", 22, 4, 19)]
+    + [(name, 150, 10, 25) for name in STRICT],
 )
 def test_numbers_of_pairs(name, pairs, subjects, unseen):
     inputs, _ = shown(name)
-    assert (len(inputs), len({entry.subject for entry in inputs}), len(unseen_of(name))) == (pairs, subjects, unseen)
+    assert (len(inputs), len({entry.subject for entry in inputs}), len(unseen_of(name))) == (
+        pairs,
+        subjects,
+        unseen,
+    )
 
 
 @pytest.mark.parametrize("name", GENERATED)
@@ -74,7 +86,9 @@ def test_no_shape_of_a_gallery_meets_a_model_that_knows_its_subject(learner):
             training.name: {e.subject for part in shown(training.name) for e in part}
             for training in set(models.values())
         }
-        assert not any(entry.subject in known[models[entry.identifier].name] for entry in gallery.entries)
+        assert not any(
+            entry.subject in known[models[entry.identifier].name] for entry in gallery.entries
+        )
 
 
 def test_each_gallery_gets_the_models_of_its_table():
@@ -88,18 +102,34 @@ def test_each_gallery_gets_the_models_of_its_table():
     assert [names(Learned(), gallery) for gallery in folds] == [{name} for name in FOLDS]
     assert names(Learned(), found["people[draw=0]"]) == {*FOLDS}
     second, third = found["humans-scanlike"], found["animals"]
-    assert [names(Learned(), gallery) for gallery in (second, third)] == [{"people-fold-0"}, {"animals-III"}]
-    assert {name for gallery in (*folds, second) for name in names(sampled, gallery)} == {"humans-sampled"}
+    assert [names(Learned(), gallery) for gallery in (second, third)] == [
+        {"people-fold-0"},
+        {"animals-III"},
+    ]
+    assert {name for gallery in (*folds, second) for name in names(sampled, gallery)} == {
+        "humans-sampled"
+    }
     assert names(Learned(training="people-fold-1"), third) == {"people-fold-1"}
     assert names(Strict(), folds[2]) == {f"people-strict-2-{b}" for b in range(4)}
-    with pytest.raises(ConfigurationError, match="'humans-scanlike' has no folds of subjects and poses"):
+    with pytest.raises(
+        ConfigurationError, match="'humans-scanlike' has no folds of subjects and poses"
+    ):
         names(Strict(), second)
-    with pytest.raises(ConfigurationError, match="unknown training 'people-fold-3'; did you mean people-fold"):
+    with pytest.raises(
+        ConfigurationError, match="unknown training 'people-fold-3'; did you mean people-fold"
+    ):
         names(Learned(training="people-fold-3"), folds[0])
 
 
 @pytest.mark.parametrize("present", [True, False])
-def test_official_scans_get_the_network_of_the_official_people_where_these_are(present, monkeypatch):
-    monkeypatch.setattr(trainings, "is_present", lambda name, root: present and name == "shrec14-synthetic")
-    names = [trainings._trainings(Learned(), name, None)[0].name for name in ("shrec14-real", "humans-scanlike")]
+def test_official_scans_get_the_network_of_the_official_people_where_these_are(
+    present, monkeypatch
+):
+    monkeypatch.setattr(
+        trainings, "is_present", lambda name, root: present and name == "shrec14-synthetic"
+    )
+    names = [
+        trainings._trainings(Learned(), name, None)[0].name
+        for name in ("shrec14-real", "humans-scanlike")
+    ]
     assert names == ["shrec14-synthetic-fold-0" if present else "people-fold-0", "people-fold-0"]

@@ -27,9 +27,17 @@ FORM = "def canonicalise(self, shape):\n        return shape.form(shape.mesh.ver
 
 
 def write_plugin(
-    path: Path, *, imports: str = "", name: str = "smooth", info: str = "", fields: str = "", methods: str = FORM
+    path: Path,
+    *,
+    imports: str = "",
+    name: str = "smooth",
+    info: str = "",
+    fields: str = "",
+    methods: str = FORM,
 ) -> Path:
     """Write a plugin file with one method."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(PLUGIN.format(imports=imports, name=name, info=info, fields=fields, methods=methods))
+    path.write_text(
+        PLUGIN.format(imports=imports, name=name, info=info, fields=fields, methods=methods)
+    )
     return path

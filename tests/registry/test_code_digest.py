@@ -19,12 +19,16 @@ def plugin(tmp_path):
     (tmp_path / "helper.py").write_text("from package.inner import value\n\nFACTOR = value()\n")
     (tmp_path / "package").mkdir()
     (tmp_path / "package" / "__init__.py").write_text("")
-    (tmp_path / "package" / "inner.py").write_text("def value():\n    from . import late\n    return late.VALUE\n")
+    (tmp_path / "package" / "inner.py").write_text(
+        "def value():\n    from . import late\n    return late.VALUE\n"
+    )
     (tmp_path / "package" / "late.py").write_text("VALUE = 1\n")
     (tmp_path / "unused.py").write_text("VALUE = 1\n")
     (tmp_path / "random.py").write_text("VALUE = 1\n")
     (tmp_path / "table.csv").write_text("1\n")
-    return write_plugin(tmp_path / "smooth.py", imports="import random\nimport numpy\nimport helper")
+    return write_plugin(
+        tmp_path / "smooth.py", imports="import random\nimport numpy\nimport helper"
+    )
 
 
 def touch(path, text):
@@ -97,7 +101,10 @@ def test_messages_of_the_suite_do_not_count_and_what_they_show_and_when_does(dig
     )
     code = "\n".join(lines)
     before = digest_in_suite(code)
-    assert digest_in_suite(code.replace("are many", "are too many").replace("drop", "leave out")) == before
+    assert (
+        digest_in_suite(code.replace("are many", "are too many").replace("drop", "leave out"))
+        == before
+    )
     for old, new in (("> 3", "> 4"), ("{n}", "{kind}"), ("ValueError", "TypeError")):
         assert digest_in_suite(code.replace(old, new)) != before
 
@@ -107,7 +114,11 @@ def test_texts_that_are_no_messages_count(digest_in_suite):
 
 
 def test_the_code_of_methods_and_of_generated_sets_reads_no_mesh_files():
-    readers = {"benchmark/geometry/io.py", "benchmark/geometry/gltf.py", "benchmark/datasets/mesh_files.py"}
+    readers = {
+        "benchmark/geometry/io.py",
+        "benchmark/geometry/gltf.py",
+        "benchmark/datasets/mesh_files.py",
+    }
     for name in (
         "baselines.classic_mds",
         "retrieval.cmbof",
@@ -120,7 +131,10 @@ def test_the_code_of_methods_and_of_generated_sets_reads_no_mesh_files():
 def test_the_code_of_a_method_adds_its_own_file_to_that_of_preparation():
     code, of_all = code_of("baselines.identity"), code_of("benchmark.pipeline.prepared")
     assert code.keys() - of_all.keys() == {"baselines/identity.py"}
-    assert not {"benchmark/errors.py", "benchmark/text.py", "psutil", "joblib", "threadpoolctl"} & of_all.keys()
+    assert (
+        not {"benchmark/errors.py", "benchmark/text.py", "psutil", "joblib", "threadpoolctl"}
+        & of_all.keys()
+    )
 
 
 def test_a_version_is_that_of_the_package_that_python_imports(tmp_path):
@@ -137,13 +151,17 @@ def test_a_version_is_that_of_the_package_that_python_imports(tmp_path):
     def code(*folders):
         path = os.pathsep.join(str(tmp_path / folder) for folder in folders)
         run = subprocess.run(
-            [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": path}, capture_output=True
+            [sys.executable, "-c", program],
+            env={**os.environ, "PYTHONPATH": path},
+            capture_output=True,
         )
         return {name: part for name, part in eval(run.stdout).items() if name != "plugin.py"}  # noqa: S307
 
     assert code("first", "second") == {"known": "2.0"}
     assert code("second", "first") == {"known": "1.0"}
-    (tmp_path / "beside" / "known.py").write_text("VALUE = 2\n")  # no distribution, so its source counts
+    (tmp_path / "beside" / "known.py").write_text(
+        "VALUE = 2\n"
+    )  # no distribution, so its source counts
     assert [*code("beside", "first")] == ["known.py"]
 
 
@@ -158,13 +176,17 @@ def test_a_compiled_extension_counts_by_its_content(plugin):
 
 
 def test_an_import_under_any_condition_counts(plugin):
-    write_plugin(plugin, imports="class S:\n    TYPE_CHECKING = True\nif S.TYPE_CHECKING:\n    import unused")
+    write_plugin(
+        plugin, imports="class S:\n    TYPE_CHECKING = True\nif S.TYPE_CHECKING:\n    import unused"
+    )
     assert "unused.py" in code_of(str(plugin))
 
 
 @pytest.mark.parametrize(("name", "what"), [("tabel.csv", "missing"), ("package", "a folder")])
 def test_a_file_that_is_not_there_is_an_error(plugin, name, what):
-    with pytest.raises(ConfigurationError, match=rf"smooth.py depends on '{name}', which is {what}"):
+    with pytest.raises(
+        ConfigurationError, match=rf"smooth.py depends on '{name}', which is {what}"
+    ):
         code_of(str(plugin), [name])
 
 
@@ -182,7 +204,9 @@ def test_a_broken_source_is_left_to_its_import(plugin):
 
 def test_nothing_is_imported(plugin):
     program = f"import sys, benchmark.code_digest as c; c.code_of({str(plugin)!r}); print('numpy' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     assert done.stdout == "False\n"
 
 

@@ -29,14 +29,23 @@ def _path(monkeypatch):
 @pytest.mark.parametrize(
     ("imports", "message"),
     [
-        ("1 / 0", r"smooth.py cannot be imported: smooth.py:8: ZeroDivisionError: division by zero; correct it$"),
-        ("import missing_here", "smooth.py:8: ModuleNotFoundError: .*; install 'missing_here', or put missing_here.py"),
+        (
+            "1 / 0",
+            r"smooth.py cannot be imported: smooth.py:8: ZeroDivisionError: division by zero; correct it$",
+        ),
+        (
+            "import missing_here",
+            "smooth.py:8: ModuleNotFoundError: .*; install 'missing_here', or put missing_here.py",
+        ),
         (
             "MethodInfo(name='A', title='B')",
             r"imported: smooth.py:8: .A. does not fit name of MethodInfo; write lower-case words joined by hyphens$",
         ),
         ("raise SystemExit(3)", r"smooth.py:8: SystemExit: 3"),
-        ("import helper", r"smooth.py cannot be imported: helper.py:2: NameError: name 'x' is not defined"),
+        (
+            "import helper",
+            r"smooth.py cannot be imported: helper.py:2: NameError: name 'x' is not defined",
+        ),
     ],
 )
 def test_an_error_of_an_import_names_file_and_line(tmp_path, imports, message):
@@ -48,7 +57,9 @@ def test_an_error_of_an_import_names_file_and_line(tmp_path, imports, message):
 def test_compiled_code_of_the_suite_outlives_the_import_of_a_plugin(tmp_path, monkeypatch):
     removed = []
     monkeypatch.setattr("benchmark.registry.modules.remove_kernels", removed.extend)
-    path = write_plugin(tmp_path / "smooth.py", imports="from benchmark.geometry.geodesics import all_pairs")
+    path = write_plugin(
+        tmp_path / "smooth.py", imports="from benchmark.geometry.geodesics import all_pairs"
+    )
     load_module(str(path))
     assert removed == [path]
 
@@ -74,17 +85,24 @@ def test_a_plugin_called_random_does_not_replace_the_standard_module(tmp_path):
 
 
 def test_two_plugins_with_helpers_of_one_name_are_refused(tmp_path):
-    paths = [write_plugin(tmp_path / name / "smooth.py", imports="import helper_of_two") for name in "ab"]
+    paths = [
+        write_plugin(tmp_path / name / "smooth.py", imports="import helper_of_two") for name in "ab"
+    ]
     for path in paths:
         path.with_name("helper_of_two.py").write_text(f"WHERE = {path.parent.name!r}\n")
     assert load_module(str(paths[0])).helper_of_two.WHERE == "a"
-    with pytest.raises(ConfigurationError, match=r"b/helper_of_two.py, but 'helper_of_two' is also the name of .*a/"):
+    with pytest.raises(
+        ConfigurationError,
+        match=r"b/helper_of_two.py, but 'helper_of_two' is also the name of .*a/",
+    ):
         load_module(str(paths[1]))
 
 
 def test_a_helper_with_the_name_of_a_package_is_refused(tmp_path):
     (tmp_path / "numpy.py").write_text("")
-    with pytest.raises(ConfigurationError, match=r"numpy.py, but 'numpy' is also the name of .*; rename one"):
+    with pytest.raises(
+        ConfigurationError, match=r"numpy.py, but 'numpy' is also the name of .*; rename one"
+    ):
         load_module(str(write_plugin(tmp_path / "smooth.py", imports="import numpy")))
 
 
@@ -97,30 +115,40 @@ def test_a_file_without_a_plugin_is_refused(tmp_path):
 def test_a_data_set_is_no_plugin(tmp_path):
     made = "from benchmark.datasets.mesh_files import mesh_file_set\nRODS = mesh_file_set(name='rods', shapes=())\n"
     (tmp_path / "rods.py").write_text(made)
-    with pytest.raises(ConfigurationError, match=r"rods.py .*; write a folder, .*: python bent_ellipsoids.py DIR$"):
+    with pytest.raises(
+        ConfigurationError, match=r"rods.py .*; write a folder, .*: python bent_ellipsoids.py DIR$"
+    ):
         in_file(tmp_path / "rods.py")
 
 
 def test_prints_of_a_plugin_go_to_stderr(tmp_path):
     path = write_plugin(tmp_path / "smooth.py", imports="print('imported')")
     program = f"from benchmark.registry.modules import load_module; load_module({str(path)!r})"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
     assert (done.stdout, done.stderr) == ("", "imported\n")
 
 
 def test_a_package_of_another_folder_than_pythons_is_no_code_of_the_user(tmp_path):
     packages = tmp_path / "packages"  # as on a cluster, or after pip install --user
     for folder, file, text in (
-        ("lib", "__init__.py", "from . import inner"), ("lib", "inner.py", ""), ("lib-1.dist-info", "RECORD", "lib/,,"),
+        ("lib", "__init__.py", "from . import inner"),
+        ("lib", "inner.py", ""),
+        ("lib-1.dist-info", "RECORD", "lib/,,"),
         ("lib-1.dist-info", "METADATA", "Metadata-Version: 2.1\nName: lib\nVersion: 1\n"),
-    ):  # fmt: skip
+    ):
         (packages / folder).mkdir(parents=True, exist_ok=True)
         (packages / folder / file).write_text(text)
     odd = tmp_path / "dist-packages"  # of a system, with a module that bears the name of no package
     (odd / "lib").mkdir(parents=True)
     (odd / "lib" / "_utility.py").write_text("")
-    path = write_plugin(tmp_path / "smooth.py", imports="import lib; __import__('lib._utility'[4:])")
+    path = write_plugin(
+        tmp_path / "smooth.py", imports="import lib; __import__('lib._utility'[4:])"
+    )
     program = "from benchmark.reads import watch_this_process; watch_this_process(); "
     program += f"from benchmark.registry.modules import load_module; load_module({str(path)!r})"
     found = os.pathsep.join([str(packages), str(odd / "lib"), os.environ["PYTHONPATH"]])
-    subprocess.run([sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": found}, check=True)
+    subprocess.run(
+        [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": found}, check=True
+    )

@@ -46,7 +46,9 @@ class Power:
         return shape.form(shape.mesh.vertices**self.k)
 
 
-@pytest.mark.parametrize("value", [made(1), Plain, Plain(1), Power(), canonical_form(name="a", title="A")(made(1))])
+@pytest.mark.parametrize(
+    "value", [made(1), Plain, Plain(1), Power(), canonical_form(name="a", title="A")(made(1))]
+)
 def test_an_object_of_the_user_is_never_known_again(value):
     first, second = component_of(value), component_of(value)
     assert first.key() == first.key()
@@ -65,7 +67,9 @@ def test_a_learner_with_a_model_is_refused():
         component_of(learned)
 
 
-@pytest.mark.parametrize("value", [lambda shape: shape.mesh, Power().canonicalise, type("Faulty", (), {}), 3, "".join])
+@pytest.mark.parametrize(
+    "value", [lambda shape: shape.mesh, Power().canonicalise, type("Faulty", (), {}), 3, "".join]
+)
 def test_what_is_no_method_is_refused(value):
     with pytest.raises(ConfigurationError, match="is no method or scorer"):
         component_of(value)
@@ -86,7 +90,9 @@ def test_an_object_is_one_method_with_the_name_of_no_other():
     def gps(shape):
         return shape.mesh.vertices
 
-    with pytest.raises(ConfigurationError, match=r"there is another method 'gps', baselines.gps:GPS; rename yours"):
+    with pytest.raises(
+        ConfigurationError, match=r"there is another method 'gps', baselines.gps:GPS; rename yours"
+    ):
         select([gps])
     with pytest.raises(ConfigurationError, match=r"two methods are called 'power\[k=2\]'"):
         select([Power(k=2), Power(k=2)])

@@ -55,7 +55,12 @@ def method(shape):
 
 #: By name, what a plugin does when it is imported, and at a shape; what it reads lies beside it.
 UNDECLARED, FAULTLESS = (
-    {name: cell for name, *cell in (re.split(r" \| ?", line.replace("\\n", "\n")) for line in part.splitlines()[1:])}
+    {
+        name: cell
+        for name, *cell in (
+            re.split(r" \| ?", line.replace("\\n", "\n")) for line in part.splitlines()[1:]
+        )
+    }
     for part in Path(__file__).with_name("reads.txt").read_text().split("## ")[1:]
 )
 
@@ -67,7 +72,9 @@ def outcomes(tmp_path_factory) -> dict[str, str]:
     for name, (before, within) in (UNDECLARED | FAULTLESS).items():
         files = ("declared.txt",) if name == "declared" else ()
         write_material(folder / name)
-        text = PLUGIN.format(name=name.replace("_", "-"), before=before, within=within or "pass", files=files)
+        text = PLUGIN.format(
+            name=name.replace("_", "-"), before=before, within=within or "pass", files=files
+        )
         (folder / name / "own.py").write_text(text)
     paths = [str(folder / name / "own.py") for name in UNDECLARED | FAULTLESS]
     command = [sys.executable, "-c", PROGRAM, *paths]
@@ -80,7 +87,11 @@ def write_material(folder: Path) -> None:
     folder.mkdir()
     for name in ("value.txt", "declared.txt"):
         (folder / name).write_text("1")
-    modules = {"unseen": "value", "helper": "fine_helper", "compiled": "only_compiled"}  # one process finds all folders
+    modules = {
+        "unseen": "value",
+        "helper": "fine_helper",
+        "compiled": "only_compiled",
+    }  # one process finds all folders
     for name in (modules.get(folder.name, "text"), "program"):
         (folder / f"{name}.py").write_text("VALUE = 1\n")
     np.save(folder / "value.npy", np.zeros(2))
@@ -90,7 +101,9 @@ def write_material(folder: Path) -> None:
     if folder.name == "of_helper":
         (folder / "helper.py").write_text("TEXT = open(__file__[:-9] + 'value.txt').read()\n")
     if folder.name == "compiled":
-        py_compile.compile(str(folder / "only_compiled.py"), cfile=str(folder / "only_compiled.pyc"))
+        py_compile.compile(
+            str(folder / "only_compiled.py"), cfile=str(folder / "only_compiled.pyc")
+        )
         (folder / "only_compiled.py").unlink()
     with zipfile.ZipFile(folder / "value.zip", "w") as archive:
         archive.writestr("in_zip.py", "VALUE = 1\n")
@@ -110,20 +123,34 @@ def test_no_alarm(outcomes, name):
     assert outcomes[name] == "ok"
 
 
-def test_a_job_that_reads_an_undeclared_file_of_its_results_folder_fails_and_leaves_no_form(rods, tmp_path):
+def test_a_job_that_reads_an_undeclared_file_of_its_results_folder_fails_and_leaves_no_form(
+    rods, tmp_path
+):
     text = PLUGIN.format(name="reading", before="", within="open(__file__[:-3])", files=())
     (tmp_path / "reading.py").write_text(text)
     (tmp_path / "reading").write_text("1")
     plugins = (tmp_path / "reading.py",)
     (record,) = run_toy(rods, tmp_path, "reading", plugins=plugins, size=1).values()
-    assert (record.status, "declare it in info: files=('reading',)" in record.reason) == ("failed", True)
-    forms = {keys["forms"] for keys in planned(rods, tmp_path, "reading", plugins=plugins)[0].record.keys}
+    assert (record.status, "declare it in info: files=('reading',)" in record.reason) == (
+        "failed",
+        True,
+    )
+    forms = {
+        keys["forms"] for keys in planned(rods, tmp_path, "reading", plugins=plugins)[0].record.keys
+    }
     assert not any((tmp_path / "runs" / "forms" / f"{key}.npz").exists() for key in forms)
 
 
 def test_a_file_that_one_method_names_is_code_of_all_methods_of_a_plugin(tmp_path):
-    text = PLUGIN.format(name="one", before="VALUE = open(__file__[:-6] + 'value.txt').read()", within="", files=())
-    text += text[text.index("@") :].replace("method", "other").replace('"one"', '"two"').replace("()", "('value.txt',)")
+    text = PLUGIN.format(
+        name="one", before="VALUE = open(__file__[:-6] + 'value.txt').read()", within="", files=()
+    )
+    text += (
+        text[text.index("@") :]
+        .replace("method", "other")
+        .replace('"one"', '"two"')
+        .replace("()", "('value.txt',)")
+    )
     (tmp_path / "own.py").write_text(text)
     keys = set()
     for value in "12":

@@ -27,7 +27,15 @@ def plugin(tmp_path):
     ("text", "expected"),
     [
         ("", [{}]),
-        ("a=1|2,b=x|y", [{"a": "1", "b": "x"}, {"a": "1", "b": "y"}, {"a": "2", "b": "x"}, {"a": "2", "b": "y"}]),
+        (
+            "a=1|2,b=x|y",
+            [
+                {"a": "1", "b": "x"},
+                {"a": "1", "b": "y"},
+                {"a": "2", "b": "x"},
+                {"a": "2", "b": "y"},
+            ],
+        ),
         ("a=(1,2)|(3,4)", [{"a": "(1,2)"}, {"a": "(3,4)"}]),
         ("a='1|2,b=3'|\"it's\"", [{"a": "1|2,b=3"}, {"a": "it's"}]),
     ],
@@ -52,12 +60,20 @@ def test_a_grid_makes_a_method_of_each_choice_in_the_order_that_it_is_written_in
     known = by_name("method", [plugin])
     names = [component.name for component in variants("smooth[power=2|1|2.0,kind=a|b]", known)]
     assert names == ["smooth[power=2.0]", "smooth[power=2.0,kind=b]", "smooth", "smooth[kind=b]"]
-    with pytest.raises(ConfigurationError, match=r"'smooth\[power=1.2\]' stands for 2 methods; name one: smooth$"):
+    with pytest.raises(
+        ConfigurationError, match=r"'smooth\[power=1.2\]' stands for 2 methods; name one: smooth$"
+    ):
         select_one("smooth[power=1|2]", [plugin])
 
 
 @pytest.mark.parametrize(
-    "name", ["smooth[kind='a|b',sizes=(3)]", "smooth[power=0.5,kind='']", 'smooth[kind="it\'s|no"]', "smooth"]
+    "name",
+    [
+        "smooth[kind='a|b',sizes=(3)]",
+        "smooth[power=0.5,kind='']",
+        'smooth[kind="it\'s|no"]',
+        "smooth",
+    ],
 )
 def test_the_name_of_a_component_is_read_as_the_same_component(name, plugin):
     component = select_one(name, [plugin])
@@ -82,15 +98,21 @@ def test_a_plugin_file_runs_its_methods_beside_those_that_are_named(names, expec
 def test_a_method_of_a_file_in_this_folder_is_told_to_be_one(tmp_path, monkeypatch):
     write_plugin(tmp_path / "smooth.py")
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(ConfigurationError, match="unknown method 'smooth'; pass --plugin smooth.py"):
+    with pytest.raises(
+        ConfigurationError, match="unknown method 'smooth'; pass --plugin smooth.py"
+    ):
         select(["smooth"])
 
 
 def test_two_components_of_one_name_are_refused(tmp_path):
     plugin = write_plugin(tmp_path / "smooth.py", name="gps")
-    with pytest.raises(ConfigurationError, match=r"two methods are called 'gps': baselines.gps:GPS and .*smooth.py"):
+    with pytest.raises(
+        ConfigurationError, match=r"two methods are called 'gps': baselines.gps:GPS and .*smooth.py"
+    ):
         by_name("method", [plugin])
-    with pytest.raises(ConfigurationError, match="a method is called 'all', which stands for all; rename it"):
+    with pytest.raises(
+        ConfigurationError, match="a method is called 'all', which stands for all; rename it"
+    ):
         by_name("method", [write_plugin(tmp_path / "all.py", name="all")])
 
 
@@ -112,8 +134,14 @@ def test_objects_classes_and_functions_are_methods():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"fields": "power: float"}, r"smooth cannot be created: .*; give every parameter a valid default"),
-        ({"fields": "def __post_init__(self): raise ValueError('odd')"}, r"created: smooth.py:\d+: ValueError: odd"),
+        (
+            {"fields": "power: float"},
+            r"smooth cannot be created: .*; give every parameter a valid default",
+        ),
+        (
+            {"fields": "def __post_init__(self): raise ValueError('odd')"},
+            r"created: smooth.py:\d+: ValueError: odd",
+        ),
     ],
 )
 def test_a_class_that_cannot_be_created_is_named(changes, message, tmp_path):
@@ -123,9 +151,13 @@ def test_a_class_that_cannot_be_created_is_named(changes, message, tmp_path):
 
 
 def test_a_missing_package_is_named(tmp_path):
-    component = select_one("smooth", [write_plugin(tmp_path / "smooth.py", info='requires=("absent",)')])
+    component = select_one(
+        "smooth", [write_plugin(tmp_path / "smooth.py", info='requires=("absent",)')]
+    )
     assert component.missing_packages() == ("absent",)
-    with pytest.raises(ConfigurationError, match="method 'smooth' needs absent; pip install absent"):
+    with pytest.raises(
+        ConfigurationError, match="method 'smooth' needs absent; pip install absent"
+    ):
         component.create()
 
 

@@ -11,5 +11,7 @@ from tests.toy import write_rods
 def results(tmp_path_factory) -> Results:
     """Results of three methods on bent rods."""
     folder = tmp_path_factory.mktemp("results")
-    run_toy(write_rods(folder / "rods", bends=(0.0, 1.2)), folder, "gps", "identity", "surface-area")
+    run_toy(
+        write_rods(folder / "rods", bends=(0.0, 1.2)), folder, "gps", "identity", "surface-area"
+    )
     return open_results(folder)

@@ -33,15 +33,31 @@ def record(
     per_query = {"NN": values} | {name: [value] * len(labels) for name, value in others.items()}
     gallery = f"{dataset} {fold}".strip() + (" (quick)" if quick else "")
     content = {
-        "key": hashlib.sha256(repr((method, gallery, input_, values, more)).encode()).hexdigest()[:32],
-        "status": "ok", "gallery": gallery, "gallery_digest": "1", "input": input_, "method": method,
-        "title": method.title(), "family": "paper", "shapes": shapes, "labels": list(labels),
-        "data": {"name": dataset, "title": dataset, "source": dataset, "stand_in_for": stand_in_for, "quick": quick},
-        "per_query": per_query, "scores": {name: sum(of) / len(of) for name, of in per_query.items()},
+        "key": hashlib.sha256(repr((method, gallery, input_, values, more)).encode()).hexdigest()[
+            :32
+        ],
+        "status": "ok",
+        "gallery": gallery,
+        "gallery_digest": "1",
+        "input": input_,
+        "method": method,
+        "title": method.title(),
+        "family": "paper",
+        "shapes": shapes,
+        "labels": list(labels),
+        "data": {
+            "name": dataset,
+            "title": dataset,
+            "source": dataset,
+            "stand_in_for": stand_in_for,
+            "quick": quick,
+        },
+        "per_query": per_query,
+        "scores": {name: sum(of) / len(of) for name, of in per_query.items()},
         "seconds": {"canonicalise": 1.0, "geodesics": 0.5, "prepare": 9.0},
         "processor_seconds": {"canonicalise": 1.0, "geodesics": 0.5},
         "finished": "2026-01-01T00:00:00+00:00",
-    }  # fmt: skip
+    }
     return msgspec.convert(content | more, Record)
 
 

@@ -23,17 +23,31 @@ def lines(records, first, second):
 
 
 def test_differences_are_first_minus_second_with_intervals():
-    first, second = record("a", 0.5, labels=LETTERS), record("b", [0.75] * 8 + [0.5] * 8, labels=LETTERS)
+    first, second = (
+        record("a", 0.5, labels=LETTERS),
+        record("b", [0.75] * 8 + [0.5] * 8, labels=LETTERS),
+    )
     head, where, names, nn, *_, legend = lines([first, second], "a", "b")
     assert (head, where) == ("a - b", "rods, mesh: 8 of 16 queries differ")
     assert names.split()[:5] == ["a", "b", "difference", "low", "high"]
     assert "  planned alone  " in names
     assert names.endswith("  among the 2 rows of the table")
-    assert nn.split()[:6] == ["NN", "0.500", "0.625", "-0.125", "-0.237", "-0.013"]  # .125 and 2.365 x .134 / sqrt(8)
-    alike = "not distinguishable (8 classes) (p 0.125)"  # 2 of 16 exchanges of the four classes that differ
+    assert nn.split()[:6] == [
+        "NN",
+        "0.500",
+        "0.625",
+        "-0.125",
+        "-0.237",
+        "-0.013",
+    ]  # .125 and 2.365 x .134 / sqrt(8)
+    # 2 of 16 exchanges of the four classes that differ
+    alike = "not distinguishable (8 classes) (p 0.125)"
     assert nn.split(maxsplit=6)[6] == f"{alike} {alike}"
     assert legend.startswith("low, high: nominal 95 % interval")
-    assert "among the n rows of the table: studentised permutation test over whole classes" in legend.lower()
+    assert (
+        "among the n rows of the table: studentised permutation test over whole classes"
+        in legend.lower()
+    )
 
 
 def test_few_classes_decide_nothing():
@@ -46,7 +60,9 @@ def test_few_classes_decide_nothing():
 def test_classes_that_one_of_the_two_has_seen_in_training_are_no_queries():
     high = [1.0] * 4 + [0.5] * 8
     found = lines([record("net", high, seen=["cat1"]), record("gps", 0.5)], "net", "gps")
-    assert found[1] == "rods, mesh: 0 of 8 queries differ; 4 queries are of classes seen in training"
+    assert (
+        found[1] == "rods, mesh: 0 of 8 queries differ; 4 queries are of classes seen in training"
+    )
     assert found[3].split()[:4] == ["NN", "0.500", "0.500", "0.000"]
     everything = lines([record("net", seen=["cat0", "dog4", "owl8"]), record("gps")], "net", "gps")
     assert everything[1].startswith("rods, mesh: 0 of 0 queries differ")
@@ -67,7 +83,9 @@ def test_the_certain_difference_is_named():
 def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_test_of_the_marks():
     values = {"gps": [0.9] * 8 + [0.3] * 8, "classic-mds": 0.1, "mine": 0.5, "skeleton": 0.48}
     records = [record(name, nn, labels=LETTERS, dataset="tosca") for name, nn in values.items()]
-    seen = record("learned", 0.5, labels=LETTERS, dataset="tosca", input_="view", models=[], seen=["a0"])
+    seen = record(
+        "learned", 0.5, labels=LETTERS, dataset="tosca", input_="view", models=[], seen=["a0"]
+    )
     other_block = record("shape-dna", 0.9, labels=LETTERS, dataset="tosca", scorer="")
     frame = compared([*records, seen, other_block], "mine")
     assert list(frame.other[::4]) == ["classic-mds", "gps", "skeleton", "learned", "shape-dna"]
@@ -84,7 +102,10 @@ def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_te
             found = compared([*records, seen, other_block], *pair)
             assert found.verdict[0] == of_nn.verdict[other], "a comparison has one verdict"
     ((heading, (head, first, *_)),) = summaries(frame)
-    assert heading == "Table III on tosca, ours: mine - each row, 16 queries, among the 4 to 5 rows of the table"
+    assert (
+        heading
+        == "Table III on tosca, ours: mine - each row, 16 queries, among the 4 to 5 rows of the table"
+    )
     assert [*zip(head, first, strict=True)][1:3] == [("NN", "+.40"), ("FT", "+.00")]
     assert first[0::5] == ["Classic MDS", "certain (NN)"]
     assert len(json.loads(frame.to_json(orient="records"))) == 20
@@ -92,15 +113,26 @@ def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_te
 
 @pytest.mark.parametrize(
     ("errors", "nn", "verdict"),
-    [({}, 0.57, "certain"), ({"NN": 0.03}, 0.57, "within the scatter of codebooks"), ({"NN": 0.001}, 0.51, "certain")],
+    [
+        ({}, 0.57, "certain"),
+        ({"NN": 0.03}, 0.57, "within the scatter of codebooks"),
+        ({"NN": 0.001}, 0.51, "certain"),
+    ],
 )
-def test_the_scatter_of_codebooks_is_that_of_the_records_and_else_a_measured_one(errors, nn, verdict):
-    rows = [record(name, value, labels=LETTERS, draw_errors=errors) for name, value in (("a", 0.5), ("b", nn))]
+def test_the_scatter_of_codebooks_is_that_of_the_records_and_else_a_measured_one(
+    errors, nn, verdict
+):
+    rows = [
+        record(name, value, labels=LETTERS, draw_errors=errors)
+        for name, value in (("a", 0.5), ("b", nn))
+    ]
     assert compared(rows, "a", "b").verdict[0] == verdict
 
 
 def test_a_row_without_a_gallery_is_compared_without_a_verdict():
-    folds = [record("a", dataset="people[draw=0]", fold=f"fold {k}", labels=LETTERS) for k in range(3)]
+    folds = [
+        record("a", dataset="people[draw=0]", fold=f"fold {k}", labels=LETTERS) for k in range(3)
+    ]
     part = record("b", dataset="people[draw=0]", fold="fold 0", labels=LETTERS)
     assert set(compared([*folds, part], "a").verdict) == {"incomplete"}
 
@@ -108,11 +140,14 @@ def test_a_row_without_a_gallery_is_compared_without_a_verdict():
 @pytest.mark.parametrize(
     ("others", "message"),
     [
-        ([record("skeleton", labels=LABELS[:11], gallery_digest="2", finished="2020")], "ranks another version"),
+        (
+            [record("skeleton", labels=LABELS[:11], gallery_digest="2", finished="2020")],
+            "ranks another version",
+        ),
         ([record("skeleton", dataset="tubes")], "no table has scores of both gps and skeleton"),
         ([record("other")], "skeleton has no scores; run it, or choose among gps, other"),
     ],
-)  # fmt: skip
+)
 def test_rows_that_cannot_be_compared_are_refused(others, message):
     with pytest.raises(ConfigurationError, match=message):
         compared([record("gps"), *others], "gps", "skeleton")

@@ -32,30 +32,66 @@ from benchmark.report.tables import table_views
 from tests.report.records import failed, record
 
 HOSTILE = [
-    "<script>alert(1)</script>", "</td><img src=x onerror=alert(1)>", "&lt;b&gt;", "a|b|c", "**bold**", "[x](http://y)",
-    "`code`", "\\input{/etc/passwd}", "$x_{1}^2$", "50 % & more #1", "{\\bf x}", "~^_", "../../etc/passwd", "a\nb\tc",
-    "\x1b[31mred\x1b[0m", "\x00\x07", "\u202egnp.exe", "'\"", "naïve café", "漢字 🐈",
-]  # fmt: skip
+    "<script>alert(1)</script>",
+    "</td><img src=x onerror=alert(1)>",
+    "&lt;b&gt;",
+    "a|b|c",
+    "**bold**",
+    "[x](http://y)",
+    "`code`",
+    "\\input{/etc/passwd}",
+    "$x_{1}^2$",
+    "50 % & more #1",
+    "{\\bf x}",
+    "~^_",
+    "../../etc/passwd",
+    "a\nb\tc",
+    "\x1b[31mred\x1b[0m",
+    "\x00\x07",
+    "\u202egnp.exe",
+    "'\"",
+    "naïve café",
+    "漢字 🐈",
+]
 
 
 def views():
-    names = [name for name in HOSTILE if not re.search(r"[\x00-\x1f]", name)]  # records refuse the others
+    names = [
+        name for name in HOSTILE if not re.search(r"[\x00-\x1f]", name)
+    ]  # records refuse the others
     records = [record(f"m{k}", k / 20, title=name, dataset="tosca") for k, name in enumerate(names)]
-    records += [failed("fell", reason, dataset="tosca") for reason in ["<b>\x1b[31m\n|*_$ \\end{table}"]]
+    records += [
+        failed("fell", reason, dataset="tosca") for reason in ["<b>\x1b[31m\n|*_$ \\end{table}"]
+    ]
     return table_views([*records, record("gps", 0.5, dataset="tosca")])
 
 
 @pytest.mark.parametrize(
     ("value", "shown"),
-    [(0.125, ".13"), (0.004999, ".00"), (0.995, "1.00"), (1.0, "1.00"), (0.0, ".00"), (0.574999, ".57"), (0.575, ".58"),
-     (math.nan, "--"), (None, "--")],
-)  # fmt: skip
+    [
+        (0.125, ".13"),
+        (0.004999, ".00"),
+        (0.995, "1.00"),
+        (1.0, "1.00"),
+        (0.0, ".00"),
+        (0.574999, ".57"),
+        (0.575, ".58"),
+        (math.nan, "--"),
+        (None, "--"),
+    ],
+)
 def test_scores_have_two_decimals_and_no_leading_zero(value, shown):
     assert hundredths(value) == shown
 
 
 def test_durations_have_two_digits():
-    assert [duration(x) for x in (None, 0.004, 0.61, 3.94, 42.4)] == ["--", ".00", ".61", "3.9", "42"]
+    assert [duration(x) for x in (None, 0.004, 0.61, 3.94, 42.4)] == [
+        "--",
+        ".00",
+        ".61",
+        "3.9",
+        "42",
+    ]
 
 
 def test_every_name_is_text_in_markdown():
@@ -83,12 +119,16 @@ def test_every_name_is_text_in_a_terminal(monkeypatch):
     shown = in_terminal(views(), 80, monkeypatch)
     assert not re.search(r"[\x00-\x09\x0b-\x1f\x7f\u202e]", shown)
     assert all(
-        name in shown for name in ("<script>alert(1)</script>", "a|b|c", "**bold**", "[x](http://y)", "&lt;b&gt;")
+        name in shown
+        for name in ("<script>alert(1)</script>", "a|b|c", "**bold**", "[x](http://y)", "&lt;b&gt;")
     )
 
 
 def test_latex_may_break_a_title_within_parameters_and_needs_no_help_elsewhere():
-    assert latex_title("m[k=1,size=.5]") == r"m{[}\allowbreak{}k=\allowbreak{}1,\allowbreak{}size=\allowbreak{}.5]"
+    assert (
+        latex_title("m[k=1,size=.5]")
+        == r"m{[}\allowbreak{}k=\allowbreak{}1,\allowbreak{}size=\allowbreak{}.5]"
+    )
     assert latex_title("Non-metric MDS (all, none)") == "Non-metric MDS (all, none)"
 
 
@@ -103,18 +143,29 @@ ENTRY = "@misc{me:26, title = {A {Method} of Mine}}"
 
 
 def citing(**cites):
-    return table_views([record(name, cite=cite, dataset="tosca") for name, cite in cites.items()], ["III"])
+    return table_views(
+        [record(name, cite=cite, dataset="tosca") for name, cite in cites.items()], ["III"]
+    )
 
 
 def test_rows_cite_their_sources_and_the_bibliography_holds_what_they_cite():
     shown = citing(gps="", mine=ENTRY, other="rustamov2007gps", none="", unknown="nobody2001")
     table, entries = latex(shown[0]), bibliography(shown)
-    cites = {"GPS": "rustamov2007gps", "Mine": "me:26", "Other": "rustamov2007gps", "Paper": "canonicalreconstruction"}
+    cites = {
+        "GPS": "rustamov2007gps",
+        "Mine": "me:26",
+        "Other": "rustamov2007gps",
+        "Paper": "canonicalreconstruction",
+    }
     assert dict(re.findall(r"(\w+)~\\cite\{(.+?)\}", table)) == cites
     assert sorted(re.findall(r"^@\w+\{(.*?),", entries, re.M)) == sorted({*cites.values()})
     assert ENTRY in entries
     (seed,) = re.findall(r"@misc\{canonicalreconstruction,.*?\n\}", entries, re.S)
-    assert set(re.findall(r"^  (\w+)", seed, re.M)) == {"key", "title", "note"}  # nobody has told more
+    assert set(re.findall(r"^  (\w+)", seed, re.M)) == {
+        "key",
+        "title",
+        "note",
+    }  # nobody has told more
 
 
 def test_two_entries_with_one_key_are_refused():
@@ -123,9 +174,19 @@ def test_two_entries_with_one_key_are_refused():
 
 
 @pytest.mark.parametrize(
-    "cite", [ENTRY[:-1], ENTRY + "}", ENTRY + ENTRY, ENTRY + " x", "@string{a, b}", "@misc{a b, c = {}}", "@misc{a}",
-             "@misc{a, title = {\\input{/etc/passwd}}}", "@misc{a, title = {^^5cinput{x}}}"]
-)  # fmt: skip
+    "cite",
+    [
+        ENTRY[:-1],
+        ENTRY + "}",
+        ENTRY + ENTRY,
+        ENTRY + " x",
+        "@string{a, b}",
+        "@misc{a b, c = {}}",
+        "@misc{a}",
+        "@misc{a, title = {\\input{/etc/passwd}}}",
+        "@misc{a, title = {^^5cinput{x}}}",
+    ],
+)
 def test_what_is_no_entry_is_not_cited(cite):
     assert entry_of(cite) == ("", "")
 
@@ -157,21 +218,32 @@ def test_markdown_fits_100_columns_and_a_terminal_80(monkeypatch):
 
 def test_the_least_and_the_greatest_fold_stand_beside_the_mean():
     of_view = {"dataset": SYNTHETIC_HUMANS[0], "input_": "view"}
-    records = [record(f"learned[training_seed={s}]", 0.2 * s, fold="fold 0", **of_view) for s in (1, 2)]
+    records = [
+        record(f"learned[training_seed={s}]", 0.2 * s, fold="fold 0", **of_view) for s in (1, 2)
+    ]
     records += [
-        record("learned", nn, fold=fold, **of_view) for nn, fold in ((0.6, "fold 1"), (0.7, "fold 2"), (0.5, ""))
+        record("learned", nn, fold=fold, **of_view)
+        for nn, fold in ((0.6, "fold 1"), (0.7, "fold 2"), (0.5, ""))
     ]
     (table,) = table_views(records, ["I-view"])
     assert "|||.30-.70 .50-.50 .60-.60 .70-.70||" in markdown(table)
-    assert r"$_{\mathrm{.30}}^{\mathrm{.70}}$ & .50$_{\mathrm{.50}}^{\mathrm{.50}}$ & " in latex(table)
+    assert r"$_{\mathrm{.30}}^{\mathrm{.70}}$ & .50$_{\mathrm{.50}}^{\mathrm{.50}}$ & " in latex(
+        table
+    )
     assert table.of_folds(table.rows[0], "15 subjects") == []
     (missing,) = table_views(records[:3], ["I-view"])
     assert missing.of_folds(missing.rows[0], "5 subjects")[0] == pytest.approx((0, 0.6))
 
 
 def test_the_heading_of_networks_says_which_of_them_see_views():
-    learned, field = record("learned", dataset="tosca", input_="view"), record("deformation-field", dataset="tosca")
-    for rows, seen in (([learned], "one depth view"), ([learned, field], "one depth view unless named")):
+    learned, field = (
+        record("learned", dataset="tosca", input_="view"),
+        record("deformation-field", dataset="tosca"),
+    )
+    for rows, seen in (
+        ([learned], "one depth view"),
+        ([learned, field], "one depth view unless named"),
+    ):
         (table, *_) = table_views(rows, ["III"])
         assert [heading for heading, _ in blocks(table)] == [f"Networks ({seen})", ""]
 
@@ -179,8 +251,25 @@ def test_the_heading_of_networks_says_which_of_them_see_views():
 def test_json_keeps_its_keys():
     (row, *_) = as_json(table_views([record("gps", 0.25, dataset="tosca")], ["III"], paper=True))
     assert json.loads(json.dumps(row)) == row
-    assert row.keys() >= {"table", "dataset", "stand_in", "input", "method", "title", "NN", "FT", "ST", "DCG", "paper",
-                          "chance", "n_shapes", "n_classes", "coverage", "seconds", "status"}  # fmt: skip
+    assert row.keys() >= {
+        "table",
+        "dataset",
+        "stand_in",
+        "input",
+        "method",
+        "title",
+        "NN",
+        "FT",
+        "ST",
+        "DCG",
+        "paper",
+        "chance",
+        "n_shapes",
+        "n_classes",
+        "coverage",
+        "seconds",
+        "status",
+    }
     assert (row["method"], row["paper"]["NN"], row["seconds"]) == ("classic-mds", 0.74, None)
 
 
@@ -191,17 +280,32 @@ def test_latex_compiles_without_an_overfull_box(tmp_path, name):
     if not subprocess.run(["kpsewhich", f"{name}.cls"], capture_output=True, check=False).stdout:
         pytest.skip(f"no {name}")
     body = "\n\\clearpage\n".join(latex(view) for view in (*views(), *table_views(WIDE)))
-    shapes = [f"\\DeclareFontShape{{OT1}}{{ptm}}{{{a}}}{{{b}}}{{<->ssub*cmr/{'bx' if a != 'm' else 'm'}/{b}}}{{}}"
-              for a in ("m", "b", "bx") for b in ("n", "it")]  # fmt: skip
+    shapes = [
+        f"\\DeclareFontShape{{OT1}}{{ptm}}{{{a}}}{{{b}}}{{<->ssub*cmr/{'bx' if a != 'm' else 'm'}/{b}}}{{}}"
+        for a in ("m", "b", "bx")
+        for b in ("n", "it")
+    ]
     shapes += [shape.replace("{OT1}{ptm}", "{TS1}{ptm}") for shape in shapes]
     fonts = (
-        ["\\DeclareFontFamily{OT1}{ptm}{}", "\\DeclareFontFamily{TS1}{ptm}{}", *shapes] if name == "IEEEtran" else []
+        ["\\DeclareFontFamily{OT1}{ptm}{}", "\\DeclareFontFamily{TS1}{ptm}{}", *shapes]
+        if name == "IEEEtran"
+        else []
     )  # Times is not everywhere
-    preamble = [*fonts, f"\\documentclass{{{name}}}", "\\usepackage{booktabs,tabularx}", "\\begin{document}"]
+    preamble = [
+        *fonts,
+        f"\\documentclass{{{name}}}",
+        "\\usepackage{booktabs,tabularx}",
+        "\\begin{document}",
+    ]
     (tmp_path / "paper.tex").write_text("\n".join([*preamble, body, "\\end{document}"]))
     done = subprocess.run(
-        ["pdflatex", "-interaction=nonstopmode", "paper.tex"], cwd=tmp_path, capture_output=True, text=True,
-        timeout=200, check=False, errors="replace",
-    )  # fmt: skip
+        ["pdflatex", "-interaction=nonstopmode", "paper.tex"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=200,
+        check=False,
+        errors="replace",
+    )
     assert done.returncode == 0, done.stdout[-2000:]
     assert "Overfull" not in done.stdout

@@ -12,7 +12,9 @@ from tests.toy import rod
 def body(bend=1.2):
     """A rod that is bent and twisted, so that it is not its mirror image."""
     mesh = rod(0.1, bend)
-    return centred(mesh.with_vertices(mesh.vertices + np.outer(mesh.vertices[:, 0] ** 3, [0, 1, 0])))
+    return centred(
+        mesh.with_vertices(mesh.vertices + np.outer(mesh.vertices[:, 0] ** 3, [0, 1, 0]))
+    )
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -27,9 +29,12 @@ def test_rotated_and_mirrored_copies_come_out_equal_and_the_mirrored_one_is_mark
 
 def test_a_form_that_hardly_differs_from_its_turned_self_is_turned_little():
     mesh = rod(0.2, 0.0)
-    mesh = centred(mesh.with_vertices(mesh.vertices * [1, 0.5, 1]))  # half a turn about its axis hardly changes it
+    mesh = centred(
+        mesh.with_vertices(mesh.vertices * [1, 0.5, 1])
+    )  # half a turn about its axis hardly changes it
     other = mesh.with_vertices(
-        mesh.vertices * [1, 1, -1] + np.random.default_rng(0).normal(scale=0.02, size=mesh.vertices.shape)
+        mesh.vertices * [1, 1, -1]
+        + np.random.default_rng(0).normal(scale=0.02, size=mesh.vertices.shape)
     )
     form = turned(Drawn(mesh), Drawn(other))
     assert form.mesh.vertices == pytest.approx(mesh.vertices, abs=0.1)
@@ -40,7 +45,9 @@ def test_distances_admit_rotations_but_no_mirror_image():
     distances, found = alignments(points @ turn, points)
     assert distances.min() < 1e-9
     assert found[distances.argmin()] == pytest.approx(turn.T)
-    known = np.column_stack([points, 9 * np.arange(len(points))])  # each point has one that is nearest
+    known = np.column_stack(
+        [points, 9 * np.arange(len(points))]
+    )  # each point has one that is nearest
     distances, found = alignments(known * [-1, -1, -1, 1], known)
     assert distances.min() > 0.02
     assert np.linalg.det(found) == pytest.approx(1)
@@ -48,9 +55,10 @@ def test_distances_admit_rotations_but_no_mirror_image():
 
 def test_forms_say_how_far_they_are_from_that_of_the_first_pose_in_any_turn_and_mirrored():
     mesh, turn = body(), special_ortho_group(3, 0).rvs()
-    same, other, near = (Drawn(each.with_vertices(sign * each.vertices @ turn)) for each, sign in (
-        (mesh, -1), (body(0.1), 1), (body(1.1), 1)
-    ))  # fmt: skip
+    same, other, near = (
+        Drawn(each.with_vertices(sign * each.vertices @ turn))
+        for each, sign in ((mesh, -1), (body(0.1), 1), (body(1.1), 1))
+    )
     assert turned(same, Drawn(mesh)).apart < 1e-9
     assert 0.01 < turned(near, Drawn(mesh)).apart < 0.5 * turned(other, Drawn(mesh)).apart
 

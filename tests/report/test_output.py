@@ -40,7 +40,12 @@ def test_a_list_that_names_files_elsewhere_or_is_damaged_harms_nothing(tmp_path)
     outside.write_text("kept")
     folder = tmp_path / "out"
     write_files(folder, {"a.md": "1"})
-    for text in (json.dumps({"../outside.txt": "0", "a\0b": "0", "7": 7}), "[[", "[1]", '{"\udcff": "0"}'):
+    for text in (
+        json.dumps({"../outside.txt": "0", "a\0b": "0", "7": 7}),
+        "[[",
+        "[1]",
+        '{"\udcff": "0"}',
+    ):
         (folder / LIST).write_text(text, errors="surrogateescape")
         write_files(folder, {"a.md": "1"})
     assert outside.read_text() == "kept"
@@ -53,24 +58,45 @@ def test_tables_of_another_scorer_or_seed_say_so_and_replace_no_files(tmp_path):
     words, names = ("tables", "--results", tmp_path, "-o", tmp_path / "t"), set()
     for options, said, nn in (
         ((), "(12 shapes of 3 classes).", ".75"),
-        (("--scorer", mirrored["scorer"]), "(12 shapes of 3 classes), scored by CM-BOF (allow\\_mirror=true).", ".50"),
+        (
+            ("--scorer", mirrored["scorer"]),
+            "(12 shapes of 3 classes), scored by CM-BOF (allow\\_mirror=true).",
+            ".50",
+        ),
         (("--seed", "3"), "(12 shapes of 3 classes), seed 3.", ".25"),
         ((), "(12 shapes of 3 classes).", ".75"),
     ):
         call(*words, *options)
         found = {path.name: path.read_text() for path in (tmp_path / "t").iterdir()}
-        (changed,) = [text for name, text in found.items() if name.endswith(".md") and said in " ".join(text.split())]
+        (changed,) = [
+            text
+            for name, text in found.items()
+            if name.endswith(".md") and said in " ".join(text.split())
+        ]
         assert f"|GPS|{nn}" in changed
         assert "Scored by CM-BOF" in changed
         assert names <= found.keys()
         names |= found.keys()
     assert sum(name.endswith(".csv") for name in names) == 3
     assert all(re.fullmatch(r"[\w.-]+", name) for name in names)
-    assert len({text.partition("label{")[2][:40] for name, text in found.items() if name.endswith(".tex")}) == 3
-    scores = Results(tmp_path, tuple(read_records(tmp_path))).scores.query("measure == 'NN' and input == 'mesh'")
+    assert (
+        len(
+            {
+                text.partition("label{")[2][:40]
+                for name, text in found.items()
+                if name.endswith(".tex")
+            }
+        )
+        == 3
+    )
+    scores = Results(tmp_path, tuple(read_records(tmp_path))).scores.query(
+        "measure == 'NN' and input == 'mesh'"
+    )
     assert {(row.scorer, row.seed, row.value) for row in scores.itertuples()} == {
-        ("cm-bof", 0, 0.75), ("cm-bof[allow_mirror=true]", 0, 0.5), ("cm-bof", 3, 0.25),
-    }  # fmt: skip
+        ("cm-bof", 0, 0.75),
+        ("cm-bof[allow_mirror=true]", 0, 0.5),
+        ("cm-bof", 3, 0.25),
+    }
 
 
 def test_the_note_of_the_scorer_has_its_number_of_codebooks():

@@ -41,7 +41,9 @@ from tools.publish import portable, with_distances, write_thumbnails
 
 
 def luminance(colour):
-    red, green, blue = (((int(colour[k : k + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for k in (1, 3, 5))
+    red, green, blue = (
+        ((int(colour[k : k + 2], 16) / 255 + 0.055) / 1.055) ** 2.4 for k in (1, 3, 5)
+    )
     return 0.2126 * red + 0.7152 * green + 0.0722 * blue
 
 
@@ -60,7 +62,9 @@ class Facts(HTMLParser):
         self.text += data
 
     def values(self, name, *tags):
-        return [attrs[name] for tag, attrs in self.found if name in attrs and (not tags or tag in tags)]
+        return [
+            attrs[name] for tag, attrs in self.found if name in attrs and (not tags or tag in tags)
+        ]
 
 
 def pages(folder, *records):
@@ -75,15 +79,26 @@ def read(folder):
         assert all(attrs.get("alt") for tag, attrs in page.found if tag == "img"), name
         assert len(set(page.values("id"))) == len(page.values("id"))
         assert sum(tag == "tr" for tag, _ in page.found) > 1  # no page is empty
-        for link in page.values("href") + page.values("src") + page.values("data", "object") + page.values("data-mesh"):
+        for link in (
+            page.values("href")
+            + page.values("src")
+            + page.values("data", "object")
+            + page.values("data-mesh")
+        ):
             file, _, anchor = link.partition("#")
-            assert link == "data:," or (folder / file).is_file(), link  # so that no network is needed
+            assert link == "data:," or (folder / file).is_file(), (
+                link
+            )  # so that no network is needed
             assert not anchor or anchor in facts[file].values("id"), link
     return found
 
 
-def test_records_alone_make_a_page_that_says_how_to_make_forms_and_has_the_classes_of_each_input(tmp_path):
-    found = pages(tmp_path, record(), record("learned", input_="view"), failed("fell", "it <b>fell</b>"))
+def test_records_alone_make_a_page_that_says_how_to_make_forms_and_has_the_classes_of_each_input(
+    tmp_path,
+):
+    found = pages(
+        tmp_path, record(), record("learned", input_="view"), failed("fell", "it <b>fell</b>")
+    )
     assert found.keys() == {"index.html", "table-rods.html"}
     page = found["table-rods.html"]
     assert "it &lt;b&gt;fell&lt;/b&gt;" in page
@@ -95,33 +110,56 @@ def test_records_alone_make_a_page_that_says_how_to_make_forms_and_has_the_class
     ]
 
 
-def test_a_table_has_one_score_a_cell_with_what_it_is_sorted_by_its_interval_and_the_papers_score(tmp_path):
+def test_a_table_has_one_score_a_cell_with_what_it_is_sorted_by_its_interval_and_the_papers_score(
+    tmp_path,
+):
     labels = [f"s{k // 2}" for k in range(16)]
-    text = pages(tmp_path, record("gps", [k / 16 for k in range(16)], dataset="tosca", labels=labels))[
-        "table-III-tosca.html"
-    ]
+    text = pages(
+        tmp_path, record("gps", [k / 16 for k in range(16)], dataset="tosca", labels=labels)
+    )["table-III-tosca.html"]
     row = re.search(r"<tr>(?:(?!<tr).)*>GPS<.*?</tr>", text, re.DOTALL)[0]
     cells = re.findall(r"<td ([^>]*)>([.\d]*)(.*?)</td>", row, re.DOTALL)
-    assert [score for _, score, _ in cells] == [*[".71", ".52", ".72", ".76", ".47", ".50", ".60", ".70"], "", "1.5"]
+    assert [score for _, score, _ in cells] == [
+        *[".71", ".52", ".72", ".76", ".47", ".50", ".60", ".70"],
+        "",
+        "1.5",
+    ]
     assert cells[4][0] == 'class="" data-value="0.46875"'
-    assert re.fullmatch(r'class="range form" title="DCG .70, nominal 95 %: .\d+ to .\d+; paper .76"', cells[8][0])
+    assert re.fullmatch(
+        r'class="range form" title="DCG .70, nominal 95 %: .\d+ to .\d+; paper .76"', cells[8][0]
+    )
     assert [svg.count('class="paper"') for *_, svg in cells] == [0] * 8 + [1, 0]
     assert cells[9][0] == 'data-value="1.5"'
 
 
 def test_the_overview_has_a_column_for_each_table_and_the_best_of_each_block_is_bold(tmp_path):
-    refused = record("classic-mds", 0.8, dataset="humans-scanlike", unsupported=[("cat0", "too thin")])  # is not best
-    found = pages(tmp_path, record("gps", dataset="people[draw=0]"), record("gps", dataset="humans-scanlike"), refused)
+    refused = record(
+        "classic-mds", 0.8, dataset="humans-scanlike", unsupported=[("cat0", "too thin")]
+    )  # is not best
+    found = pages(
+        tmp_path,
+        record("gps", dataset="people[draw=0]"),
+        record("gps", dataset="humans-scanlike"),
+        refused,
+    )
     index = found["index.html"]
-    assert re.findall(r'title="[^"]*">([^<]*)</a></th>', index) == ["people[draw=0]", "humans-scanlike"]
-    assert cells_of(index, "GPS") == [("0", "other", ".23"), ("29", "", ".70")]  # two of three draws are missing
+    assert re.findall(r'title="[^"]*">([^<]*)</a></th>', index) == [
+        "people[draw=0]",
+        "humans-scanlike",
+    ]
+    assert cells_of(index, "GPS") == [
+        ("0", "other", ".23"),
+        ("29", "", ".70"),
+    ]  # two of three draws are missing
     assert cells_of(index, "Classic MDS") == [("", "", ""), ("29", "other", ".70")]
     assert cells_of(index, "Random order") == [("", "", ".57"), ("", "", ".57")]
 
 
 def cells_of(text, title):
     row = re.search(rf'<th scope="row">{title}</th>(.*?)</tr>', text, re.DOTALL)[1]
-    cells = re.findall(r'<td(?: data-value="[.\d]*" style="--part: (\d+)%" class="(\w*)")?>(.*?)</td>', row)
+    cells = re.findall(
+        r'<td(?: data-value="[.\d]*" style="--part: (\d+)%" class="(\w*)")?>(.*?)</td>', row
+    )
     return cells
 
 
@@ -132,8 +170,13 @@ def test_a_score_of_views_stands_in_the_column_of_views_or_says_so(tmp_path):
         record("learned", dataset="tosca", input_="view", labels=labels),
     ]
     every = table_views([*surfaces, record("gps", dataset="animals", labels=labels)])
-    alone = report_files(tmp_path, [view for view in every if view.table.identifier == "III"])["index.html"]
-    for index, expected in ((alone, [".70 view", ""]), (pages(tmp_path, *surfaces)["index.html"], ["", ".70"])):
+    alone = report_files(tmp_path, [view for view in every if view.table.identifier == "III"])[
+        "index.html"
+    ]
+    for index, expected in (
+        (alone, [".70 view", ""]),
+        (pages(tmp_path, *surfaces)["index.html"], ["", ".70"]),
+    ):
         assert [text for *_, text in cells_of(index, "Depth network, 128 px")] == expected
         assert [text for *_, text in cells_of(index, "GPS")].count(".70") == 1 + (index == alone)
 
@@ -141,9 +184,19 @@ def test_a_score_of_views_stands_in_the_column_of_views_or_says_so(tmp_path):
 def test_turned_views_are_columns_of_the_table_of_unturned_ones(tmp_path):
     labels = [f"s{k // 2}" for k in range(18)]
     gallery = record(dataset="tosca", labels=labels)
-    ranked = RankedShapes(**{name: getattr(gallery, name) for name in RankedShapes.__struct_fields__})
-    titles = {"tosca": "TOSCA", "tosca[view-angle=3]": "TOSCA, view angle: largest angle in degrees 30"}
-    common = {"fold": "against complete surfaces", "input_": "view", "labels": labels, "against": ranked}
+    ranked = RankedShapes(
+        **{name: getattr(gallery, name) for name in RankedShapes.__struct_fields__}
+    )
+    titles = {
+        "tosca": "TOSCA",
+        "tosca[view-angle=3]": "TOSCA, view angle: largest angle in degrees 30",
+    }
+    common = {
+        "fold": "against complete surfaces",
+        "input_": "view",
+        "labels": labels,
+        "against": ranked,
+    }
     rows = [
         record(dataset=name, data={"name": name, "title": title, "source": name}, **common)
         for name, title in titles.items()
@@ -155,15 +208,23 @@ def test_turned_views_are_columns_of_the_table_of_unturned_ones(tmp_path):
             ("table-III-cross-tosca.html", "TOSCA"),
             ("table-III-cross-tosca.html", "TOSCA, cameras turned up to 30°"),
         ]
-    around = record("identity", dataset="tosca", data=rows[0].data, **(common | {"fold": "against 12 cameras"}))
+    around = record(
+        "identity", dataset="tosca", data=rows[0].data, **(common | {"fold": "against 12 cameras"})
+    )
     index = pages(tmp_path, *rows, around)["index.html"]
-    assert re.search(r'<a href="table-III-cameras-tosca.html" title="[^"]*">TOSCA, 12 cameras</a></th>', index)
+    assert re.search(
+        r'<a href="table-III-cameras-tosca.html" title="[^"]*">TOSCA, 12 cameras</a></th>', index
+    )
 
 
 def test_hostile_names_are_text_on_pages_and_in_names_of_files(tmp_path):
-    names = [name for name in HOSTILE if not re.search(r"[\x00-\x1f]", name)]  # records refuse the others
+    names = [
+        name for name in HOSTILE if not re.search(r"[\x00-\x1f]", name)
+    ]  # records refuse the others
     records = [
-        made for name in names for made in (record(dataset=name, title=name), failed("fell", name, dataset=name))
+        made
+        for name in names
+        for made in (record(dataset=name, title=name), failed("fell", name, dataset=name))
     ]
     found = pages(tmp_path, *records)
     assert len(found) > len(names)
@@ -178,20 +239,31 @@ def test_stored_forms_and_distances_are_shown_and_rows_lead_to_them(results, tmp
     files = report_files(results.folder, views)
     write_files(tmp_path, files)
     found = read(tmp_path)
-    scores, forms, queries = (found[f"{views[0].stem}{kind}.html"] for kind in ("", "-forms", "-queries"))
+    scores, forms, queries = (
+        found[f"{views[0].stem}{kind}.html"] for kind in ("", "-forms", "-queries")
+    )
     assert scores.count("-forms.html#") == 2
     assert scores.count("-queries.html#") == 3
-    assert Facts(scores).values("alt", "img")[:2] == ["A form by GPS", "A form by Identity (no canonical form)"]
+    assert Facts(scores).values("alt", "img")[:2] == [
+        "A form by GPS",
+        "A form by Identity (no canonical form)",
+    ]
     shapes = results.records[0].shapes
     said = Facts(forms).values("alt")
     assert len(said) == 3 * len(shapes)
     assert f"Form of {shapes[0]} by GPS" in said
-    assert len(re.findall(r"</button>(?:mirrored)? \.\d\d</td>", forms)) == 2 * 2  # of two classes by two methods
+    assert (
+        len(re.findall(r"</button>(?:mirrored)? \.\d\d</td>", forms)) == 2 * 2
+    )  # of two classes by two methods
     sizes = Counter(Image.open(tmp_path / name).size for name in files if name.endswith(".webp"))
     assert sizes == {(240, 240): 3 * len(shapes), (96, 96): len(shapes)}
-    mesh = json.loads((tmp_path / Facts(forms).values("data-mesh")[0]).read_text().partition(", ")[2][:-2])
+    mesh = json.loads(
+        (tmp_path / Facts(forms).values("data-mesh")[0]).read_text().partition(", ")[2][:-2]
+    )
     assert (
-        len(mesh["points"][0]) == len(mesh["values"]) == results.form(results.job("gps", "rods"), shapes[0]).n_vertices
+        len(mesh["points"][0])
+        == len(mesh["values"])
+        == results.form(results.job("gps", "rods"), shapes[0]).n_vertices
     )
     assert queries.count("data-query") == len(shapes)
 
@@ -217,7 +289,9 @@ def test_published_distances_make_the_page_of_queries_and_a_damaged_file_is_name
     name, rows = f"{view.stem}-queries.html", re.compile(r"<tr id.*?</tr>", re.DOTALL)
     page, own = (report_files(folder, [view])[name] for folder in (copy, results.folder))
     assert rows.findall(page) == rows.findall(own)
-    assert len({*(copy / "records" / "distances").iterdir()}) == page.count("<button data-column") == 3
+    assert (
+        len({*(copy / "records" / "distances").iterdir()}) == page.count("<button data-column") == 3
+    )
     for path in (copy / "records" / "distances").iterdir():
         content = path.read_bytes()
         for damaged in (bytes([content[0] ^ 1, *content[1:]]), content[:-4], content[:-1], b""):
@@ -237,16 +311,33 @@ def test_a_sentence_above_a_table_says_which_row_leads_and_how_surely(tmp_path):
         assert says in pages(tmp_path / str(count), *rows)["index.html"]
 
 
-def test_the_overview_names_rows_above_all_others_of_their_block_and_says_where_data_are_generated(tmp_path):
+def test_the_overview_names_rows_above_all_others_of_their_block_and_says_where_data_are_generated(
+    tmp_path,
+):
     def rows(dataset, scores, count=10):
-        labels, title = [f"s{k // 2}" for k in range(2 * count)], f"{dataset} (generated, {count} classes)"
+        labels, title = (
+            [f"s{k // 2}" for k in range(2 * count)],
+            f"{dataset} (generated, {count} classes)",
+        )
         for name, score in scores.items():
             of_query = {measure: [score] * len(labels) for measure in MEASURES}
-            facts = {"per_query": of_query, "scores": dict.fromkeys(MEASURES, score), "labels": labels}
-            yield record(name, dataset=dataset, data={"name": dataset, "title": title, "source": dataset}, **facts)
+            facts = {
+                "per_query": of_query,
+                "scores": dict.fromkeys(MEASURES, score),
+                "labels": labels,
+            }
+            yield record(
+                name,
+                dataset=dataset,
+                data={"name": dataset, "title": title, "source": dataset},
+                **facts,
+            )
 
     first = [*rows("rods", {"gps": 0.9, "skeleton": 0.5, "classic-mds": 0.5})]
-    others = [*rows("balls", {"gps": 0.9, "skeleton": 0.9}), *rows("few", {"gps": 0.9, "skeleton": 0.0}, 3)]
+    others = [
+        *rows("balls", {"gps": 0.9, "skeleton": 0.9}),
+        *rows("few", {"gps": 0.9, "skeleton": 0.0}, 3),
+    ]
     index = pages(tmp_path, *first, *others)
     found = Facts(index["index.html"]).text
     assert "Canonical forms, complete surfaces: GPS on rods (generated)." in found
@@ -258,23 +349,31 @@ def test_the_overview_names_rows_above_all_others_of_their_block_and_says_where_
 def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch, tmp_path):
     labels = ["a", "a", "b", "b", "b"]
     matrix = np.array(
-        [[0, 1, 2, 2, 2], [1, 0, 2, 2, 2], [9, 9, 0, 1, 2], [3, 9, 4, 0, 5], [9, 9, 2, 1, 0]], dtype=float
+        [[0, 1, 2, 2, 2], [1, 0, 2, 2, 2], [9, 9, 0, 1, 2], [3, 9, 4, 0, 5], [9, 9, 2, 1, 0]],
+        dtype=float,
     )
     refused = record("refuses", labels=labels, input_="view", unsupported=[("b4", "too thin")])
     stored = lambda folder, one: matrix[np.ix_(one.answered, one.answered)]  # noqa: E731
     monkeypatch.setattr("benchmark.report.pages.read_distances", stored)
-    page = pages(tmp_path, record(labels=labels), record("learned", labels=labels, input_="view"), refused)
+    page = pages(
+        tmp_path, record(labels=labels), record("learned", labels=labels, input_="view"), refused
+    )
     page = page["table-rods-queries.html"]
     assert re.findall(r"(?:Mesh|View): \d of 5 queries fail", page) == [
         "Mesh: 1 of 5 queries fail",
         "View: 2 of 5 queries fail",
     ]
-    order = re.findall(r'<tr id="[-\w]+"( class="fine")?><th scope="row"><button data-query="(\d)">', page)
+    order = re.findall(
+        r'<tr id="[-\w]+"( class="fine")?><th scope="row"><button data-query="(\d)">', page
+    )
     assert order[0] == ("", "3")
     assert order[5:7] == [("", "4"), ("", "3")]
     assert all(mark for mark, _ in order[1:5] + order[7:])
     row = re.search(r'data-query="4".*?</tr>', page[page.index("View") :], re.DOTALL)[0]
-    assert re.findall(r"<td(.*?)>(.*?)</td>", row) == [(' class="refused" data-value="-1"', "– refused"), ("", "✓ .70")]
+    assert re.findall(r"<td(.*?)>(.*?)</td>", row) == [
+        (' class="refused" data-value="-1"', "– refused"),
+        ("", "✓ .70"),
+    ]
     data = json.loads(re.search(r"<script type=\"application/json\">(.*?)</script>", page)[1])
     ((title, near, forms),) = data["rows"]
     assert (title, forms) == ("GPS", {})  # no forms are stored
@@ -283,9 +382,14 @@ def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch
 
 def test_matches_are_shapes_of_the_gallery_without_the_name_of_the_query():
     gallery = record(labels=["a", "a", "b", "b"])
-    ranked = RankedShapes(**{name: getattr(gallery, name) for name in RankedShapes.__struct_fields__})
+    ranked = RankedShapes(
+        **{name: getattr(gallery, name) for name in RankedShapes.__struct_fields__}
+    )
     matrix = np.array([[0.0, 3, 2, 1], [5, 4, 0, 6]])
-    for keeps, expected in ((False, [(3, 1, 0.333), (2, 2, 0.667), (1, 3, 1.0)]), (True, [(0, 1, None), (3, 2, None)])):
+    for keeps, expected in (
+        (False, [(3, 1, 0.333), (2, 2, 0.667), (1, 3, 1.0)]),
+        (True, [(0, 1, None), (3, 2, None)]),
+    ):
         found = _nearest(record(labels=["a", "b"], against=ranked, keeps_same_names=keeps), matrix)
         assert found[0][: len(expected)] == expected
         assert found[1] == [(2, 1, None), (1, 2, None), (0, 3, None), (3, 4, None)]
@@ -295,8 +399,15 @@ def test_how_often_a_wrong_match_has_the_pose_of_the_query_stands_beside_chance(
     poses = ["sits", "runs", "kneels"]
     shapes = [*(f"ann_{pose}" for pose in poses), *(f"bob_{pose}" for pose in (*poses, "naps"))]
     named = record(labels=["ann"] * 3 + ["bob"] * 4, shapes=shapes)
-    # By number: 0 and 1 match the other person, in their pose and in another one; 4 matches its own pose; 2 is right.
-    nearest = {0: [(3, 1, 0.5)], 1: [(5, 1, 0.5)], 2: [(0, 1, 1.0)], 3: [(4, 1, 1.0)], 4: [(1, 1, 0.5)]}
+    # By number: 0 and 1 match the other person, in their pose and in another one; 4 matches its own
+    # pose; 2 is right.
+    nearest = {
+        0: [(3, 1, 0.5)],
+        1: [(5, 1, 0.5)],
+        2: [(0, 1, 1.0)],
+        3: [(4, 1, 1.0)],
+        4: [(1, 1, 0.5)],
+    }
     assert _kept_pose(named, nearest) == pytest.approx([2 / 3, (1 / 4 + 1 / 4 + 1 / 3) / 3])
     assert _kept_pose(named, {2: nearest[2]}) == []  # nothing fails
     assert _kept_pose(record(), {0: [(4, 1, 0.5)]}) == []  # poses are numbers
@@ -307,7 +418,9 @@ def test_points_of_a_map_lead_to_their_queries(results, tmp_path):
     write_files(tmp_path, report_files(results.folder, [view]))
     queries = Facts((tmp_path / f"{view.stem}-queries.html").read_text()).values("id")
     (chart,) = Facts((tmp_path / f"{view.stem}.html").read_text()).values("data", "object")
-    links = re.findall(r'<a xlink:href="(.*?)#(.*?)" target="_top">', (tmp_path / chart).read_text())
+    links = re.findall(
+        r'<a xlink:href="(.*?)#(.*?)" target="_top">', (tmp_path / chart).read_text()
+    )
     assert len(links) == 3 * len(results.records[0].shapes)
     assert {file for file, _ in links} == {f"{view.stem}-queries.html"}
     assert {name for _, name in links} <= {*queries}
@@ -316,7 +429,14 @@ def test_points_of_a_map_lead_to_their_queries(results, tmp_path):
 def test_the_first_of_the_class_of_a_query_is_listed_with_its_rank_where_it_is_late():
     matrix = np.array([[0.0, *range(9, 1, -1)], *np.zeros((8, 9))])
     found = _nearest(record(labels=["a", "a", *"bbbbbbb"]), matrix)
-    assert found[0] == [(8, 1, 0.222), (7, 2, 0.333), (6, 3, 0.444), (5, 4, 0.556), (4, 5, 0.667), (1, 8, 1.0)]
+    assert found[0] == [
+        (8, 1, 0.222),
+        (7, 2, 0.333),
+        (6, 3, 0.444),
+        (5, 4, 0.556),
+        (4, 5, 0.667),
+        (1, 8, 1.0),
+    ]
 
 
 def test_text_has_a_contrast_of_four_and_a_half_in_both_schemes(tmp_path):
@@ -328,14 +448,20 @@ def test_text_has_a_contrast_of_four_and_a_half_in_both_schemes(tmp_path):
         for rule in re.findall(r"\{([^{}]*)\}", style):
             colours = dict(re.findall(r"(?<![-\w])(color|background): (?:var\(--)?([#\w]+)", rule))
             if text := colours.get("color"):
-                pair = (scheme.get(name, name) for name in (text, colours.get("background", "page")))
+                pair = (
+                    scheme.get(name, name) for name in (text, colours.get("background", "page"))
+                )
                 brightness = sorted(map(luminance, pair))
                 assert (brightness[1] + 0.05) / (brightness[0] + 0.05) >= 4.5, rule
                 checked += 1
     assert checked >= 16
-    site = (Path(__file__).parents[2] / "docs/images/site.css").read_text()  # where the style of tables stands, too
+    site = (
+        Path(__file__).parents[2] / "docs/images/site.css"
+    ).read_text()  # where the style of tables stands, too
     table = (tmp_path / "report" / "table.css").read_text()
-    assert {name for name in re.findall(r"var\(--(\w+)\)", table) if f"--{name}:" not in site} == set()
+    assert {
+        name for name in re.findall(r"var\(--(\w+)\)", table) if f"--{name}:" not in site
+    } == set()
 
 
 def test_pages_of_400_shapes_are_small(tmp_path):
@@ -345,7 +471,8 @@ def test_pages_of_400_shapes_are_small(tmp_path):
     assert max(map(len, found.values())) < 1_000_000
 
 
-# Figures -------------------------------------------------------------------------------------------------------------
+# Figures
+# ------------------------------------------------------------------------------------------------
 
 
 def test_figures_have_fonts_that_publishers_take(results, tmp_path):
@@ -386,10 +513,21 @@ def test_classes_stand_from_the_hardest_to_the_easiest(monkeypatch):
 def test_classes_are_those_of_all_folds_that_every_row_ranks_averaged_over_trainings():
     folds = {"fold 0": ["ann", "bob"] * 2, "fold 1": ["cat", "dog"] * 2}
     common = {"dataset": SYNTHETIC_HUMANS[0], "input_": "view"}
-    rows = [record("gps", 0.5, fold=fold, labels=labels, **common) for fold, labels in folds.items()]
+    rows = [
+        record("gps", 0.5, fold=fold, labels=labels, **common) for fold, labels in folds.items()
+    ]
     for name, score in (("learned", 0.5), ("learned[training_seed=1]", 0.7)):
         of_queries = rows[0].per_query | {"DCG": [score] * 4}
-        rows.append(record(name, fold="fold 0", labels=folds["fold 0"], models=[], per_query=of_queries, **common))
+        rows.append(
+            record(
+                name,
+                fold="fold 0",
+                labels=folds["fold 0"],
+                models=[],
+                per_query=of_queries,
+                **common,
+            )
+        )
     (view,) = table_views(rows, ["I-view"])
     means = class_means(view)
     assert sorted(means) == ["ann", "bob"]
@@ -403,12 +541,20 @@ def test_below_eight_classes_a_score_has_no_interval_and_a_row_that_lacks_shapes
     lacks = record("identity", labels=many, unsupported=[("s00", "too thin")])
     text = pages(tmp_path, record(labels=many), lacks)["index.html"]
     assert "nominal 95 %:" in text
-    rows = [re.search(rf"<tr>(?:(?!<tr).)*>{name}.*?</tr>", text, re.DOTALL)[0] for name in ("GPS", "Identity")]
+    rows = [
+        re.search(rf"<tr>(?:(?!<tr).)*>{name}.*?</tr>", text, re.DOTALL)[0]
+        for name in ("GPS", "Identity")
+    ]
     assert [row.count(' other"') for row in rows] == [0, 4]
 
 
-def test_a_map_has_shapes_apart_as_their_distances_say_and_a_ring_at_those_whose_match_is_wrong(monkeypatch):
-    labels, places = ["b", "a", "b", "a"], np.array([0.0, 9.0, 1.0, 2.4])  # the last one lies among the others
+def test_a_map_has_shapes_apart_as_their_distances_say_and_a_ring_at_those_whose_match_is_wrong(
+    monkeypatch,
+):
+    labels, places = (
+        ["b", "a", "b", "a"],
+        np.array([0.0, 9.0, 1.0, 2.4]),
+    )  # the last one lies among the others
     apart = np.abs(places[:, None] - places)
     monkeypatch.setattr("benchmark.report.figures.read_distances", lambda folder, record: apart)
     (place,) = map_figure(table_views([record(labels=labels)])[0], StoredForms(None)).axes
@@ -421,9 +567,15 @@ def test_a_map_has_shapes_apart_as_their_distances_say_and_a_ring_at_those_whose
 def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_path):
     view, forms = table_views(results.records)[0], StoredForms(results.folder)
     figure = forms_figure(view, forms, ["thin0", "thin1", "thick0"])
-    assert figure.get_size_inches().tolist() == pytest.approx([5.1, 2.14])  # so three poses take less than 3
+    assert figure.get_size_inches().tolist() == pytest.approx(
+        [5.1, 2.14]
+    )  # so three poses take less than 3
     heads = [place.get_title() for place in figure.axes[:6]]
-    assert heads == [name for shape in ("thin", "thick") for name in (shape, "GPS", "Identity (no\ncanonical form)")]
+    assert heads == [
+        name
+        for shape in ("thin", "thick")
+        for name in (shape, "GPS", "Identity (no\ncanonical form)")
+    ]
     assert len(figure.axes) == 2 * 6
     assert [len(place.images) for place in figure.axes[6:]] == [1, 1, 1, 0, 0, 0]
     save(figure, tmp_path / "forms.png")
@@ -436,7 +588,9 @@ def test_the_nearer_of_two_surfaces_is_drawn():
     square = np.array([[-1, 0, -1], [1, 0, -1], [1, 0, 1], [-1, 0, 1]], dtype=float)
     vertices = np.concatenate([square, square / 2 + [0, -1, 0]])  # a small one before a large one
     faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
-    picture = np.asarray(shaded(Mesh(vertices, faces), FRONT, 64, values=np.repeat([0.0, 1.0], 4))).astype(int)
+    picture = np.asarray(
+        shaded(Mesh(vertices, faces), FRONT, 64, values=np.repeat([0.0, 1.0], 4))
+    ).astype(int)
     middle, rim = picture[32, 32], picture[32, 8]
     assert middle[0] > middle[2]  # orange
     assert rim[2] > rim[0]  # blue
@@ -450,7 +604,10 @@ def test_some_shapes_of_some_classes_are_evenly_spaced():
 def test_a_form_is_drawn_turned_as_its_shape_in_the_colours_of_its_parts():
     mesh = rod(0.1, 0.5)
     turned = mesh.with_vertices(mesh.vertices[:, [1, 2, 0]])
-    picture, same = (mesh_picture(mesh, form).axes[1].images[0].get_array().astype(int) for form in (turned, mesh))
+    picture, same = (
+        mesh_picture(mesh, form).axes[1].images[0].get_array().astype(int)
+        for form in (turned, mesh)
+    )
     assert np.abs(picture - same).max() <= 2
     colours = picture.reshape(-1, 4)
     assert (colours[:, 2] > colours[:, 0] + 50).any()  # blue
@@ -461,6 +618,8 @@ def test_the_object_in_a_depth_image_is_orange_and_its_surroundings_are_pale():
     depths = np.full((40, 30), 2.0)
     mask = np.zeros(depths.shape, dtype=bool)
     mask[10:30, 8:22] = True
-    picture = frame_picture(depths, mask, rod(0.1, 0.5), rod(0.1, 0.5)).axes[1].images[0].get_array()
+    picture = (
+        frame_picture(depths, mask, rod(0.1, 0.5), rod(0.1, 0.5)).axes[1].images[0].get_array()
+    )
     colours = set(map(tuple, np.round(255 * picture.reshape(-1, 3)).astype(int).tolist()))
     assert {(238, 171, 113), (238, 238, 238)} <= colours

@@ -17,7 +17,9 @@ def test_frames_say_what_ran(results):
     area = results.scores.query(
         "method == 'surface-area' and measure == 'NN'"
     )  # scores of forms are those of the default scorer
-    assert area["value"].item() == pytest.approx(jobs.loc[results.job("surface-area", "rods"), "NN"], abs=1e-6)
+    assert area["value"].item() == pytest.approx(
+        jobs.loc[results.job("surface-area", "rods"), "NN"], abs=1e-6
+    )
 
 
 @pytest.mark.parametrize(

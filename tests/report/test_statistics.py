@@ -52,9 +52,9 @@ def test_all_exchanges_of_two_rows_are_counted_as_by_hand():
     values = np.array([gains, np.zeros(8)])[..., None]
     expected = (totals >= abs(gains.sum())).mean()
     assert permutation_test(values, range(8))[0, 1, 0] == pytest.approx(expected, abs=0.01)
-    assert permutation_test(np.array([np.ones(8), np.zeros(8)])[..., None], range(8)).min() == pytest.approx(
-        2 / 2**8, abs=0.003
-    )
+    assert permutation_test(
+        np.array([np.ones(8), np.zeros(8)])[..., None], range(8)
+    ).min() == pytest.approx(2 / 2**8, abs=0.003)
 
 
 def test_three_rows_and_two_measures_are_permuted_together():
@@ -67,7 +67,9 @@ def test_three_rows_and_two_measures_are_permuted_together():
         with np.errstate(invalid="ignore"):
             return np.nan_to_num(np.abs(each.sum(axis=-2)) / np.sqrt((each**2).sum(axis=-2)))
 
-    permuted = np.array([[values[order[:, row], np.arange(8)] for row in range(3)] for order in draws])
+    permuted = np.array(
+        [[values[order[:, row], np.arange(8)] for row in range(3)] for order in draws]
+    )
     largest, observed = studentised(permuted).max(axis=(1, 2, 3)), studentised(values)
     expected = (largest[:, None, None, None] >= observed - 1e-9).mean(axis=0)
     assert permutation_test(values, range(8)) == pytest.approx(expected, abs=0.03)
@@ -86,13 +88,17 @@ def test_no_p_value_is_below_what_the_permutations_can_show():
 
 def test_equal_rows_and_few_classes_have_no_difference():
     assert np.all(permutation_test(np.ones((3, 16, 4)), [*range(8)] * 2) == 1)
-    assert np.isnan(permutation_test(np.random.default_rng(0).random((2, 14, 4)), [*range(7)] * 2)).all()
+    assert np.isnan(
+        permutation_test(np.random.default_rng(0).random((2, 14, 4)), [*range(7)] * 2)
+    ).all()
 
 
 def test_the_queries_of_a_class_count_as_one():
     gains = np.random.default_rng(5).normal(0.1, 1, 10).round(6)
     once = permutation_test(np.array([gains, 0 * gains])[..., None], range(10))
-    often = permutation_test(np.array([gains, 0 * gains]).repeat(9, axis=1)[..., None], np.arange(10).repeat(9))
+    often = permutation_test(
+        np.array([gains, 0 * gains]).repeat(9, axis=1)[..., None], np.arange(10).repeat(9)
+    )
     assert often == pytest.approx(once)
 
 
@@ -102,9 +108,14 @@ def published_sums():
     found = {}
     for view in table_views(read_records(ROOT / "results", local=False), ["I", "II", "III"]):
         title = "5 subjects" if "5 subjects" in view.groups else view.columns[0].title
-        forms = [row.scored[title] for row in view.rows if row.kind == "form" and title in row.scored]
+        forms = [
+            row.scored[title] for row in view.rows if row.kind == "form" and title in row.scored
+        ]
         sums, sizes = zip(*(class_sums(one.values, one.labels) for one in forms), strict=True)
-        found[view.table.identifier], found[f"{view.table.identifier} sizes"] = np.stack(sums, axis=1) / 1e6, sizes[0]
+        found[view.table.identifier], found[f"{view.table.identifier} sizes"] = (
+            np.stack(sums, axis=1) / 1e6,
+            sizes[0],
+        )
     return found
 
 
@@ -124,8 +135,12 @@ def test_of_tables_with_equal_rows_few_show_a_difference(published_sums, n_class
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("table", "n_classes"), [("I", 15), ("II", 9), ("II", 15), ("II", 40), ("III-view", 9)])
-def test_an_equal_pair_among_rows_as_published_is_seldom_certain(published_sums, table, n_classes, monkeypatch):
+@pytest.mark.parametrize(
+    ("table", "n_classes"), [("I", 15), ("II", 9), ("II", 15), ("II", 40), ("III-view", 9)]
+)
+def test_an_equal_pair_among_rows_as_published_is_seldom_certain(
+    published_sums, table, n_classes, monkeypatch
+):
     """The worst pair: the rank of pairs is found in few draws."""
     monkeypatch.setattr("benchmark.report.statistics.DRAWS", 199)
     sums, generator = published_sums[table][:n_classes], np.random.default_rng(6)
@@ -143,7 +158,9 @@ def test_an_equal_pair_among_rows_as_published_is_seldom_certain(published_sums,
 
 
 @pytest.mark.slow
-def test_nine_classes_find_a_difference_of_two_tenths_in_a_quarter_of_cases(published_sums, monkeypatch):
+def test_nine_classes_find_a_difference_of_two_tenths_in_a_quarter_of_cases(
+    published_sums, monkeypatch
+):
     monkeypatch.setattr("benchmark.report.statistics.DRAWS", 199)
     generator, found = np.random.default_rng(6), []
     for _ in range(400):

@@ -39,23 +39,35 @@ def marks(table, column="mesh"):
 
 def test_a_row_is_the_mean_of_its_folds_and_a_missing_fold_counts_0():
     folds = [record("gps", 0.9, fold=f"fold {k}", **HUMANS) for k in range(3)]
-    table = view(*folds, *[record("skeleton", 0.6, fold=f"fold {k}", **HUMANS) for k in (0, 2)], tables=["I"])
+    table = view(
+        *folds, *[record("skeleton", 0.6, fold=f"fold {k}", **HUMANS) for k in (0, 2)], tables=["I"]
+    )
     assert cell(table, "gps", "5 subjects") == pytest.approx(0.9)
     assert cell(table, "skeleton", "5 subjects") == pytest.approx(0.4)
-    assert f"Missing, and counts 0: Skeleton-based ({SYNTHETIC_HUMANS[0]} fold 1)." in table_notes(table)
+    assert f"Missing, and counts 0: Skeleton-based ({SYNTHETIC_HUMANS[0]} fold 1)." in table_notes(
+        table
+    )
 
 
 def test_a_row_is_the_mean_of_all_draws_of_people_and_networks_see_the_first():
     draws = {name: round(0.1 * k, 1) for k, name in enumerate(SYNTHETIC_HUMANS, 3)}
     forms = [
-        record(m, nn * f, dataset=name) for name, nn in draws.items() for m, f in (("gps", 1.0), ("skeleton", 0.5))
+        record(m, nn * f, dataset=name)
+        for name, nn in draws.items()
+        for m, f in (("gps", 1.0), ("skeleton", 0.5))
     ]
-    networks = [record(name, nn, input_="view", dataset=SYNTHETIC_HUMANS[0], models=[])
-                for name, nn in (("learned", 0.8), ("learned-size-free", 0.6))]  # fmt: skip
-    (table,) = (each for each in table_views([*forms, *networks], ["I"]) if each.table.identifier == "I")
+    networks = [
+        record(name, nn, input_="view", dataset=SYNTHETIC_HUMANS[0], models=[])
+        for name, nn in (("learned", 0.8), ("learned-size-free", 0.6))
+    ]
+    (table,) = (
+        each for each in table_views([*forms, *networks], ["I"]) if each.table.identifier == "I"
+    )
     assert cell(table, "gps", "15 subjects") == pytest.approx(sum(draws.values()) / len(draws))
     assert cell(table, "learned", "15 subjects") == 0.8
-    assert marks(table, "15 subjects")["gps"] == "bold"  # nine classes; the network's three are too few
+    assert (
+        marks(table, "15 subjects")["gps"] == "bold"
+    )  # nine classes; the network's three are too few
     assert marks(table, "15 subjects")["learned"] == ""
     apart = f"at most .{len(draws) - 1}0 apart (NN of GPS); networks: one draw."
     apart = f"15 subjects: mean of {len(draws)} draws, {apart}"
@@ -63,7 +75,9 @@ def test_a_row_is_the_mean_of_all_draws_of_people_and_networks_see_the_first():
 
 
 def test_rows_of_one_title_show_their_names():
-    table = view(*[record(name, 0.5, title="Mine") for name in ("mine", "mine-too")], record("gps", 0.5))
+    table = view(
+        *[record(name, 0.5, title="Mine") for name in ("mine", "mine-too")], record("gps", 0.5)
+    )
     assert [row.title for row in table.rows] == ["GPS", "Mine (mine)", "Mine (mine-too)"]
 
 
@@ -74,15 +88,35 @@ def test_rows_of_a_sweep_are_in_the_order_of_its_numbers_and_the_default_row_sho
         name, title = (f"mine[{texts}]", f"Mine (1) ({texts})") if texts else ("mine", "Mine (1)")
         return record(name, title=title, parameters=chosen, defaults=defaults)
 
-    rows = [swept(n=100), swept(n=10), swept(), swept(n=9, x=1e-5), swept(x=2.0), record("gps"), record("minx")]
+    rows = [
+        swept(n=100),
+        swept(n=10),
+        swept(),
+        swept(n=9, x=1e-5),
+        swept(x=2.0),
+        record("gps"),
+        record("minx"),
+    ]
     assert [row.title.removeprefix("Mine (1) ") for row in view(*rows).rows] == [
-        "GPS", "(n=9,x=1e-05)", "(n=10, x=0.5)", "(n=25, x=0.5)", "(x=2.0, n=25)", "(n=100, x=0.5)", "Minx",
-    ]  # fmt: skip
-    assert [row.title for row in view(record("gps", defaults={"n": 25}), swept(n=9)).rows] == ["GPS", "Mine (1) (n=9)"]
+        "GPS",
+        "(n=9,x=1e-05)",
+        "(n=10, x=0.5)",
+        "(n=25, x=0.5)",
+        "(x=2.0, n=25)",
+        "(n=100, x=0.5)",
+        "Minx",
+    ]
+    assert [row.title for row in view(record("gps", defaults={"n": 25}), swept(n=9)).rows] == [
+        "GPS",
+        "Mine (1) (n=9)",
+    ]
 
 
 def test_trainings_are_averaged_within_a_fold_before_folds_are():
-    seeds = [record(f"learned[training_seed={s}]", 0.2 * s, fold="fold 0", input_="view", **HUMANS) for s in (1, 2)]
+    seeds = [
+        record(f"learned[training_seed={s}]", 0.2 * s, fold="fold 0", input_="view", **HUMANS)
+        for s in (1, 2)
+    ]
     rest = [record("learned", 0.6, fold=f"fold {k}", input_="view", **HUMANS) for k in (1, 2)]
     table = view(*seeds, *rest, tables=["IV"])
     assert cell(table, "learned", "ours") == pytest.approx((0.3 + 0.6 + 0.6) / 3)
@@ -93,9 +127,14 @@ def test_trainings_are_averaged_within_a_fold_before_folds_are():
 
 
 def test_networks_see_a_view_and_all_others_complete_surfaces():
-    both = [record(name, nn, input_=i, dataset="tosca", models=models)
-            for name, models in (("gps", []), (AS_PRINTED, [{"training": "t", "data": "d", "digest": "1"}]))
-            for i, nn in (("mesh", 0.5), ("view", 0.8))]  # fmt: skip
+    both = [
+        record(name, nn, input_=i, dataset="tosca", models=models)
+        for name, models in (
+            ("gps", []),
+            (AS_PRINTED, [{"training": "t", "data": "d", "digest": "1"}]),
+        )
+        for i, nn in (("mesh", 0.5), ("view", 0.8))
+    ]
     table, fair = table_views(both, ["III"])
     assert (cell(table, "gps", "ours"), cell(table, AS_PRINTED, "ours")) == (0.5, 0.8)
     assert (table.table.identifier, fair.table.identifier) == ("III", "III-view")
@@ -121,7 +160,14 @@ def test_the_best_of_each_block_is_bold_and_rows_that_it_does_not_certainly_beat
         eight("area", *[0.5] * 4, *[0.2] * 4, **descriptor),
     ]
     table = view(*rows)
-    expected = {"top": "bold", "near": "italic", "close": "italic", "far": "", "dna": "bold", "area": "italic"}
+    expected = {
+        "top": "bold",
+        "near": "italic",
+        "close": "italic",
+        "far": "",
+        "dna": "bold",
+        "area": "italic",
+    }
     assert marks(table) == expected
     assert "No difference is certain: Descriptors (mesh)." in table_notes(table)
     assert "bold" in table.marks["area", "mesh"]
@@ -132,7 +178,9 @@ def test_below_eight_classes_nothing_is_marked():
     assert table.marks == {}
     assert "No difference is certain: mesh (not decidable: 3 classes)." in table_notes(table)
     alone = replace(table, shown=frozenset({"far"}))
-    assert not any("No difference" in note for note in table_notes(alone)), "one row has no rival beside it"
+    assert not any("No difference" in note for note in table_notes(alone)), (
+        "one row has no rival beside it"
+    )
 
 
 @pytest.mark.parametrize(
@@ -141,7 +189,11 @@ def test_below_eight_classes_nothing_is_marked():
     ids=["seen in training", "a shape refused"],
 )
 def test_rows_that_are_incomplete_or_saw_shapes_in_training_have_no_mark(spoiled):
-    table = view(eight("best", *[0.99] * 8, **spoiled), eight("other", *[0.5] * 8), eight("third", *[0.4] * 8))
+    table = view(
+        eight("best", *[0.99] * 8, **spoiled),
+        eight("other", *[0.5] * 8),
+        eight("third", *[0.4] * 8),
+    )
     assert marks(table) == {"best": "", "other": "bold", "third": ""}
 
 
@@ -153,7 +205,9 @@ def test_marks_do_not_change_with_the_methods_that_are_shown():
 
 
 def test_rows_on_another_version_of_the_data_are_left_out_and_named():
-    old = record("gps", 0.9, labels=LABELS[:8], gallery_digest="0", finished="2025-01-01T00:00:00+00:00")
+    old = record(
+        "gps", 0.9, labels=LABELS[:8], gallery_digest="0", finished="2025-01-01T00:00:00+00:00"
+    )
     table = view(old, record("skeleton", 0.5))
     assert [row.method for row in table.rows] == ["skeleton"]
     assert any("gps on rods, mesh" in note for note in table_notes(table))
@@ -171,13 +225,18 @@ def test_notes_say_what_s_is_why_a_score_is_missing_and_what_was_seen_in_trainin
     found = "\n".join(table_notes(table))
     assert "processor seconds per shape for form and geodesics; machine: unknown." in found
     assert "Ranks by spherical harmonics: no record yet." in found
-    assert "Depth network (depth range of the frame) (no model was trained for this data, or it was not run)" in found
+    assert (
+        "Depth network (depth range of the frame) (no model was trained for this data, or it was not run)"
+        in found
+    )
     assert "Classic MDS, Fast MDS, Non-metric MDS, 4 more (not run)" in found
     assert "Trained on the classes of: Depth network, 128 px 8 of 12 shapes (ours)" in found
 
 
 def test_methods_of_the_paper_that_never_ran_are_printed_on_demand():
-    (ran,) = table_views([record("gps", dataset="tosca"), failed("skeleton", dataset="tosca")], ["III"])
+    (ran,) = table_views(
+        [record("gps", dataset="tosca"), failed("skeleton", dataset="tosca")], ["III"]
+    )
     assert [row.title for row in ran.printed_rows] == ["GPS", "Skeleton-based"]
     assert not any("not run" in note for note in table_notes(ran))
     (every,) = table_views([record("gps", dataset="tosca")], ["III"], paper=True)
@@ -187,13 +246,25 @@ def test_methods_of_the_paper_that_never_ran_are_printed_on_demand():
 def test_notes_name_each_kind_of_fact_once_and_every_fact_that_moves_a_score():
     refused = [("cat0", "two pieces"), ("dog4", "cannot be read")]
     rows = [record(f"m{k}", 0.5, unsupported=refused, unprepared=["dog4"]) for k in range(9)]
-    rows += [record("net", models=[], seen=["owl8"]), record("here"), record("there", published=True)]
+    rows += [
+        record("net", models=[], seen=["owl8"]),
+        record("here"),
+        record("there", published=True),
+    ]
     old = record("old", gallery_digest="0", finished="2025")
-    found = table_notes(view(*rows, old, *[failed(f"f{k}", "smooth.py:14: NameError") for k in range(9)]))
+    found = table_notes(
+        view(*rows, old, *[failed(f"f{k}", "smooth.py:14: NameError") for k in range(9)])
+    )
     assert sum("Refused shapes" in note for note in found) == 1
     assert "Cannot be read or prepared, and count 0: dog4 (cannot be read)." in found
     assert sum("smooth.py:14" in note for note in found) == 1
-    for kind in ("not decidable", "s: median", "Trained on the classes", "Published with", "Left out, because"):
+    for kind in (
+        "not decidable",
+        "s: median",
+        "Trained on the classes",
+        "Published with",
+        "Left out, because",
+    ):
         assert sum(kind in note for note in found) == 1, kind
 
 
@@ -205,7 +276,9 @@ def test_a_shape_that_cannot_be_read_is_named_with_the_column_that_lacks_it():
 
 def test_a_table_without_scores_shows_the_input_that_failed():
     assert view(failed("gps", dataset="mine", input="view")).groups == ["view"]
-    assert view(failed("gps", dataset="mine"), failed("gps", dataset="mine", input="view")).groups == ["mesh"]
+    assert view(
+        failed("gps", dataset="mine"), failed("gps", dataset="mine", input="view")
+    ).groups == ["mesh"]
 
 
 def test_a_table_of_which_only_one_fold_was_tried_and_failed_is_printed():
@@ -215,14 +288,26 @@ def test_a_table_of_which_only_one_fold_was_tried_and_failed_is_printed():
 
 
 def test_methods_that_fail_everywhere_have_rows_only_if_they_are_asked_for(tmp_path):
-    rows = [record("mine"), failed("mine", dataset="other"), failed("bad"), failed("mine[n=2]"), failed("gps")]
+    rows = [
+        record("mine"),
+        failed("mine", dataset="other"),
+        failed("bad"),
+        failed("mine[n=2]"),
+        failed("gps"),
+    ]
     for each in [*rows, record("fine", dataset="other")]:
         write_record(tmp_path, each, "")
 
     def titles(*options):
-        said = call("tables", "--results", tmp_path, "--format", "json", *options)  # errors come first
+        said = call(
+            "tables", "--results", tmp_path, "--format", "json", *options
+        )  # errors come first
         shown = json.loads(said[said.index("[\n") :])
-        return {(row["dataset"], row["method"]) for row in shown if not row["NN"] or row["method"] == "mine"}
+        return {
+            (row["dataset"], row["method"])
+            for row in shown
+            if not row["NN"] or row["method"] == "mine"
+        }
 
     kept = {("rods", "mine"), ("other", "mine"), ("rods", "gps")}
     assert titles() == kept
@@ -233,12 +318,16 @@ def test_methods_that_fail_everywhere_have_rows_only_if_they_are_asked_for(tmp_p
 
 
 def test_the_order_of_records_changes_nothing():
-    records = [record(f"m{k}", 0.1 * k, dataset=name) for k in range(5) for name in ("rods", "tosca")]
+    records = [
+        record(f"m{k}", 0.1 * k, dataset=name) for k in range(5) for name in ("rods", "tosca")
+    ]
     expected = table_files(table_views(records), records)
     for seed in range(3):
         random.Random(seed).shuffle(records)
         files = table_files(table_views(records), records)
-        assert sorted(files.pop("scores.csv").splitlines()) == sorted(expected["scores.csv"].splitlines())
+        assert sorted(files.pop("scores.csv").splitlines()) == sorted(
+            expected["scores.csv"].splitlines()
+        )
         assert files == {name: text for name, text in expected.items() if name != "scores.csv"}
 
 
@@ -246,7 +335,9 @@ def test_changed_sets_and_quick_runs_are_in_no_table_of_full_runs():
     records = [record(dataset="animals[noise=2]"), record(dataset="animals", quick=True)]
     assert table_views(chosen_records(records)) == []
     assert [table.quick for table in table_views(chosen_records(records, quick=True))] == [True]
-    assert view(*chosen_records(records), datasets=["animals[noise=2]"]).dataset == "animals[noise=2]"
+    assert (
+        view(*chosen_records(records), datasets=["animals[noise=2]"]).dataset == "animals[noise=2]"
+    )
 
 
 def test_a_table_that_is_asked_for_shows_the_data_that_ran_here_else_the_official_ones():
@@ -265,9 +356,18 @@ def test_rows_that_came_with_the_suite_are_named_beside_those_of_runs_here():
 
 
 def test_robustness_has_a_line_for_each_change_and_strength_below_the_unchanged_set():
-    changes = {"rods": 0.75, "rods[noise=2]": 0.5, "rods[noise=5]": 0.25, "rods[holes=1]": 0.0, "balls": 1.0}
+    changes = {
+        "rods": 0.75,
+        "rods[noise=2]": 0.5,
+        "rods[noise=5]": 0.25,
+        "rods[holes=1]": 0.0,
+        "balls": 1.0,
+    }
     records = [record("gps", nn, dataset=name) for name, nn in changes.items()]
-    records += [record("classic-mds", 1.0, dataset="rods[noise=2]"), record("identity", 1.0, dataset="rods[noise=2]")]
+    records += [
+        record("classic-mds", 1.0, dataset="rods[noise=2]"),
+        record("identity", 1.0, dataset="rods[noise=2]"),
+    ]
     text = robustness_markdown(records)
     assert text.startswith("**Robustness.** NN of complete surfaces of rods;")
     assert [line for line in text.splitlines() if line.startswith("|")] == [
@@ -296,7 +396,10 @@ def test_seconds_are_of_the_processor_and_an_old_record_without_them_has_none():
 
 
 def test_seconds_of_several_machines_are_told_apart():
-    here, there = record("skeleton", machines=["A, 2 cores"]), record("gps", machines=["B, 4 cores"])
+    here, there = (
+        record("skeleton", machines=["A, 2 cores"]),
+        record("gps", machines=["B, 4 cores"]),
+    )
     for other, named in (
         (there, "B, 4 cores; A, 2 cores"),
         (record("gps"), "unknown; A, 2 cores"),
@@ -306,9 +409,18 @@ def test_seconds_of_several_machines_are_told_apart():
 
 
 @pytest.mark.parametrize(
-    "names", [("котики", "собачки"[:6]), ("a b", "a-b"), ("a/b", "a-b"), ("x" * 90, "x" * 91), ("a b", "a20b")]
+    "names",
+    [
+        ("котики", "собачки"[:6]),
+        ("a b", "a-b"),
+        ("a/b", "a-b"),
+        ("x" * 90, "x" * 91),
+        ("a b", "a20b"),
+    ],
 )
 def test_data_sets_of_any_name_have_files_of_their_own(names):
-    files = table_files(table_views(record(dataset=name) for name in names), [], ["markdown"], robustness=False)
+    files = table_files(
+        table_views(record(dataset=name) for name in names), [], ["markdown"], robustness=False
+    )
     assert len(files) == 2
     assert all(name.isascii() and len(name) < 100 for name in files)

@@ -6,12 +6,21 @@ from pandas import DataFrame
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import CLASSICAL, MEASURES, PRINTED, Claim
 from benchmark.report.tables import table_views
-from benchmark.report.verdicts import _exchanged, assess, classical_figures, is_near, verdicts_markdown
+from benchmark.report.verdicts import (
+    _exchanged,
+    assess,
+    classical_figures,
+    is_near,
+    verdicts_markdown,
+)
 from tests.report.records import by_class, record
 
 
 def test_a_figure_is_reproduced_up_to_five_hundredths_and_a_row_that_is_incomplete_has_none():
-    nn = {name: PRINTED["III"][name]["NN"] for name in CLASSICAL} | {"gps": 0.76, "skeleton": 0.8301}
+    nn = {name: PRINTED["III"][name]["NN"] for name in CLASSICAL} | {
+        "gps": 0.76,
+        "skeleton": 0.8301,
+    }
     rows = [record(name, nn[name], dataset="tosca") for name in CLASSICAL]
     rows[0] = record(CLASSICAL[0], 0.74, dataset="tosca", unsupported=[("cat0", "too thin")])
     printed, ours = classical_figures(table_views(rows))
@@ -61,14 +70,26 @@ def test_queries_of_classes_that_a_row_has_seen_decide_nothing():
     assert judged(claim_on("gps", "net"), *rows).decision == "supported"
     few = judged(claim_on("net", "gps"), record("net", 1.0, seen=["cat1"]), record("gps", 0.5))
     assert (few.decision, few.queries, few.leads) == ("not decidable: 2 classes", 8, 1)
-    none = judged(claim_on("net", "gps"), record("net", seen=["cat0", "dog4", "owl8"]), record("gps"))
+    none = judged(
+        claim_on("net", "gps"), record("net", seen=["cat0", "dog4", "owl8"]), record("gps")
+    )
     assert (none.decision, none.queries, none.n_queries) == ("not comparable", 0, 12)
 
 
 def test_claims_say_how_many_queries_decide():
     labels = [name for name in "abcdefghi" for _ in range(2)]
     rows = [record(name, 0.1, dataset="tosca", input_="view", labels=labels) for name in CLASSICAL]
-    rows.append(record("learned", 0.9, dataset="tosca", input_="view", labels=labels, models=[], seen=["a0", "b3"]))
+    rows.append(
+        record(
+            "learned",
+            0.9,
+            dataset="tosca",
+            input_="view",
+            labels=labels,
+            models=[],
+            seen=["a0", "b3"],
+        )
+    )
     text = verdicts_markdown(table_views(rows))
     assert "|Depth network, 128 px|III|not decidable: 7 classes|14 of 18|8 of 24||" in text
 
@@ -77,21 +98,32 @@ def test_of_several_trainings_each_must_lead():
     humans = {"dataset": SYNTHETIC_HUMANS[0], "fold": "fold 0", "input_": "view", "models": []}
     labels = [name for name in "abcdefgh" for _ in range(3)]
     better = [
-        record(name, nn, labels=labels, **humans) for name, nn in (("learned", 0.9), ("learned[training_seed=1]", 0.3))
+        record(name, nn, labels=labels, **humans)
+        for name, nn in (("learned", 0.9), ("learned[training_seed=1]", 0.3))
     ]
     other = record("learned-without-srf", 0.5, labels=labels, **humans)
-    rest = [record(r.method, 0.5, labels=labels, **{**humans, "fold": f"fold {k}"})
-            for r in (*better, other) for k in (1, 2)]  # fmt: skip
+    rest = [
+        record(r.method, 0.5, labels=labels, **{**humans, "fold": f"fold {k}"})
+        for r in (*better, other)
+        for k in (1, 2)
+    ]
     (view,) = table_views([*better, other, *rest], ["IV"])
     assert assess(claim_on("learned", "learned-without-srf"), view).certain == 0
 
 
 def test_the_count_stands_beside_that_of_exchanged_rows_by_hand():
-    printed, ours = (DataFrame(dict.fromkeys(MEASURES, of)) for of in ([0.1, 0.5, 0.5], [0.1, 0.5, 0.9]))
+    printed, ours = (
+        DataFrame(dict.fromkeys(MEASURES, of)) for of in ([0.1, 0.5, 0.5], [0.1, 0.5, 0.9])
+    )
     text = _exchanged(printed, ours)
-    # Of the six exchanges, a stays in two, b's figure falls on b or c in four: 8, 8, 4, 4, 0 and 0 figures.
-    assert text.startswith("With our rows exchanged at random, 4.0 are reproduced on average, and 33% of all exchanges")
-    assert "reproduce 8 or more; the mean of each of our columns reproduces 8, and one" in text  # .50 is near b and c
+    # Of the six exchanges, a stays in two, b's figure falls on b or c in four: 8, 8, 4, 4, 0 and 0
+    # figures.
+    assert text.startswith(
+        "With our rows exchanged at random, 4.0 are reproduced on average, and 33% of all exchanges"
+    )
+    assert (
+        "reproduce 8 or more; the mean of each of our columns reproduces 8, and one" in text
+    )  # .50 is near b and c
     assert "one constant for each measure, chosen in hindsight, 8." in text
     assert "NN .87, FT .87" in text
     assert _exchanged(printed, ours.replace(0.9, np.nan)) == ""

@@ -69,14 +69,21 @@ def test_queries_depend_on_the_gallery_alone(figures, mirrored):
     assert (compute_distances(scorer, gallery, 1, [second]) == both[1:]).all()
     assert (compute_distances(scorer, gallery[::-1], 1, [second, first])[::-1, ::-1] == both).all()
     assert (scorer.compare_to([*gallery], gallery, 1) == scorer.compare(gallery, 1)).all()
-    assert (scorer.compare([*gallery, first], 1)[-1, :-1] != both[0]).any(), "its features are among the words"
+    assert (scorer.compare([*gallery, first], 1)[-1, :-1] != both[0]).any(), (
+        "its features are among the words"
+    )
 
 
 def test_noise_in_the_last_digits_of_a_form_changes_no_bit_of_its_signature(figures):
     random = np.random.default_rng(0)
     for form in figures:
-        noise = 5e-13 * np.ptp(form.vertices, axis=0).max() * random.uniform(-1, 1, form.vertices.shape)
-        clean, noisy = signature(SMALL, form), signature(SMALL, form.with_vertices(form.vertices + noise))
+        noise = (
+            5e-13 * np.ptp(form.vertices, axis=0).max() * random.uniform(-1, 1, form.vertices.shape)
+        )
+        clean, noisy = (
+            signature(SMALL, form),
+            signature(SMALL, form.with_vertices(form.vertices + noise)),
+        )
         assert all(np.array_equal(clean[name], noisy[name]) for name in clean)
 
 
@@ -124,7 +131,9 @@ def test_matching_is_that_of_the_definition():
     np.testing.assert_array_equal(match(forms[:3], list(forms), VIEWS.permutations, 60), matrix[:3])
     order = rng.permutation(7)
     shuffled = [forms[place] for place in order]
-    np.testing.assert_array_equal(match(shuffled, shuffled, VIEWS.permutations, 60), matrix[np.ix_(order, order)])
+    np.testing.assert_array_equal(
+        match(shuffled, shuffled, VIEWS.permutations, 60), matrix[np.ix_(order, order)]
+    )
 
 
 def random_descriptors(seed, count, largest=255):
@@ -146,16 +155,25 @@ def test_the_draw_of_words_depends_on_the_seed_but_not_on_the_order_of_shapes():
 def test_nearest_words_are_exact_and_ties_go_to_the_lower_index(largest, way):
     descriptors, words = random_descriptors(0, 1500, largest), random_descriptors(1, 70, largest)
     words = np.concatenate([words, words[:10], descriptors[:5], 255 - descriptors[:5]])
-    squared = ((descriptors[:, None].astype(np.int64) - words[None].astype(np.int64)) ** 2).sum(axis=2)
-    np.testing.assert_array_equal(nearest_words(descriptors, words, by_integers=way()), squared.argmin(axis=1))
+    squared = ((descriptors[:, None].astype(np.int64) - words[None].astype(np.int64)) ** 2).sum(
+        axis=2
+    )
+    np.testing.assert_array_equal(
+        nearest_words(descriptors, words, by_integers=way()), squared.argmin(axis=1)
+    )
 
 
 def test_a_large_gallery_is_compared_by_the_faster_way(monkeypatch):
-    signatures = [{"descriptors": random_descriptors(k, 60), "view_offsets": np.array([0] + [60] * 66)} for k in (0, 1)]
+    signatures = [
+        {"descriptors": random_descriptors(k, 60), "view_offsets": np.array([0] + [60] * 66)}
+        for k in (0, 1)
+    ]
     few = CMBOF(n_words=20).compare(signatures, 0)
     ways = []
     monkeypatch.setattr("retrieval.cmbof.MANY", 120)
-    monkeypatch.setattr("retrieval.cmbof.integers_pay", lambda: ways.append("asked") or integers_pay())
+    monkeypatch.setattr(
+        "retrieval.cmbof.integers_pay", lambda: ways.append("asked") or integers_pay()
+    )
     np.testing.assert_array_equal(CMBOF(n_words=20).compare(signatures, 0), few)
     assert ways
 
@@ -172,4 +190,8 @@ assert (nearest == (2.0 * rows @ words.T.astype(float) - squares).argmax(axis=1)
 
 @pytest.mark.slow
 def test_processors_whose_sums_of_bytes_overflow_find_the_same_words():
-    subprocess.run([sys.executable, "-c", EXTREMES], check=True, env=os.environ | {"ONEDNN_MAX_CPU_ISA": "AVX2"})
+    subprocess.run(
+        [sys.executable, "-c", EXTREMES],
+        check=True,
+        env=os.environ | {"ONEDNN_MAX_CPU_ISA": "AVX2"},
+    )

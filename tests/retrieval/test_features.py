@@ -17,11 +17,18 @@ def test_the_mirror_image_of_a_view_has_mirrored_descriptors():
     image = gaussian_filter(rng.uniform(size=(2, 129, 129)), (0, 3, 3)).astype(np.float32)
     features, flipped = (
         detect_views(np.ascontiguousarray(one), peak_threshold=1e-3, background=np.nan)
-        for one in (image, image[::-1, ::-1])  # the two views change places, and each is turned upside down
+        for one in (
+            image,
+            image[::-1, ::-1],
+        )  # the two views change places, and each is turned upside down
     )
     found = mirrored(features, np.array([1, 0], dtype=np.int32))
     np.testing.assert_allclose(found["view_offsets"], flipped["view_offsets"], atol=3)
-    near = np.abs(found["descriptors"][:, None].astype(int) - flipped["descriptors"]).max(axis=2).min(axis=1)
+    near = (
+        np.abs(found["descriptors"][:, None].astype(int) - flipped["descriptors"])
+        .max(axis=2)
+        .min(axis=1)
+    )
     assert (near <= 4).mean() > 0.9
 
 
@@ -30,7 +37,9 @@ def spots():
     """An image of spots in bytes, and the frames and descriptors of its keypoints."""
     image = gaussian_filter(np.random.default_rng(0).uniform(size=(256, 256)), 2)
     image = np.uint8(255 * (image - image.min()) / np.ptp(image))
-    return image, *_detect_all(np.float32(image / 255)[None], np.float32(np.nan), 1e-3, EDGE_RATIO)[:2]
+    return image, *_detect_all(np.float32(image / 255)[None], np.float32(np.nan), 1e-3, EDGE_RATIO)[
+        :2
+    ]
 
 
 def test_descriptors_are_those_of_opencv_at_the_same_keypoints(spots):
@@ -43,8 +52,12 @@ def test_descriptors_are_those_of_opencv_at_the_same_keypoints(spots):
         for (x, y, scale, angle), octave, layer in zip(frames, octaves, layers, strict=True)
     ]
     _, theirs = cv2.SIFT_create().compute(image, keypoints)
-    ours = descriptors.reshape(-1, 16, 8)[:, :, -np.arange(8) % 8].reshape(theirs.shape)  # it turns the other way round
-    ours, theirs = (each / np.linalg.norm(each.astype(float), axis=1)[:, None] for each in (ours, theirs))
+    ours = descriptors.reshape(-1, 16, 8)[:, :, -np.arange(8) % 8].reshape(
+        theirs.shape
+    )  # it turns the other way round
+    ours, theirs = (
+        each / np.linalg.norm(each.astype(float), axis=1)[:, None] for each in (ours, theirs)
+    )
     assert len(ours) > 500
     assert np.median((ours * theirs).sum(axis=1)) > 0.996
 

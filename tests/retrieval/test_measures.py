@@ -15,7 +15,9 @@ def test_the_ideal_matrix_scores_one_and_the_only_member_of_a_class_is_no_query(
     assert {name: value for name, value in scores.means.items() if name != "E"} == pytest.approx(
         dict.fromkeys(["NN", "FT", "ST", "DCG", "nDCG", "mAP"], 1.0)
     )
-    assert scores.per_query["E"][-1] == pytest.approx(64 / 71)  # its list has 32 places whatever the class
+    assert scores.per_query["E"][-1] == pytest.approx(
+        64 / 71
+    )  # its list has 32 places whatever the class
     assert (scores.tied_queries, scores.lone_queries) == (0, 1)
     assert np.isnan(scores.per_query["NN"][0])
 
@@ -34,7 +36,9 @@ def test_faults_are_named(distances, labels, message):
 
 
 def test_the_error_of_a_mean_over_draws_is_their_standard_error():
-    right, half, wrong = (np.abs(np.subtract.outer(of, of)) for of in ([0, 1, 5, 6], [0, 1, 5, 2.9], [0, 5, 0.4, 5.5]))
+    right, half, wrong = (
+        np.abs(np.subtract.outer(of, of)) for of in ([0, 1, 5, 6], [0, 1, 5, 2.9], [0, 5, 0.4, 5.5])
+    )
     scored = score_draws([right, half, wrong], ["a", "a", "b", "b"])
     nn = [evaluate(matrix, ["a", "a", "b", "b"]).means["NN"] for matrix in (right, half, wrong)]
     assert nn == [1, 0.75, 0]
@@ -49,16 +53,34 @@ def by_definition(distances, labels, targets, answered):
         row = np.full(len(targets.labels), np.inf)
         row[targets.answered] = distances[answered.index(query)] if query in answered else 0
         others = [place for place in range(len(row)) if place != targets.own[query]]
-        c, hits, orders = sum(targets.labels[place] == label for place in others) or np.nan, set(), []
+        c, hits, orders = (
+            sum(targets.labels[place] == label for place in others) or np.nan,
+            set(),
+            [],
+        )
         for order in permutations(others):
-            g = np.array([targets.labels[place] == label for place in sorted(order, key=lambda place: row[place])])
+            g = np.array(
+                [
+                    targets.labels[place] == label
+                    for place in sorted(order, key=lambda place: row[place])
+                ]
+            )
             ranks = np.arange(1, len(g) + 1)
             w, v, first = 1 / np.log2(np.maximum(ranks, 2)), 1 / np.log2(ranks + 1), ranks <= c
             tiers = g[0], g[first].sum() / c, g[: int(np.nan_to_num(2 * c))].sum() / c
-            precisions = 2 * g.sum() / (len(g) + c), v @ g / v[first].sum(), g @ (g.cumsum() / ranks) / c
+            precisions = (
+                2 * g.sum() / (len(g) + c),
+                v @ g / v[first].sum(),
+                g @ (g.cumsum() / ranks) / c,
+            )
             orders.append([*tiers, w @ g / w[first].sum(), *precisions])
             hits.add(tuple(g))
-        found.append([*np.mean(orders, axis=0) * (query in answered) + 0 * c, query in answered and len(hits) > 1])
+        found.append(
+            [
+                *np.mean(orders, axis=0) * (query in answered) + 0 * c,
+                query in answered and len(hits) > 1,
+            ]
+        )
     return np.array(found)
 
 
@@ -72,14 +94,30 @@ def test_queries_of_any_gallery_are_scored_by_the_definition(seed):
     places, own = random.integers(0, 4, len(known)), np.arange(5)
     targets = Targets(of_gallery, random.integers(-1, 5, 4), known)
     for queries, of, matrix, rows in (
-        (labels, targets, random.integers(0, 4, (len(answered), len(known))).astype(float), answered),
-        (of_gallery, Targets(of_gallery, own, known), np.abs(places[:, None] - places).astype(float), known),
+        (
+            labels,
+            targets,
+            random.integers(0, 4, (len(answered), len(known))).astype(float),
+            answered,
+        ),
+        (
+            of_gallery,
+            Targets(of_gallery, own, known),
+            np.abs(places[:, None] - places).astype(float),
+            known,
+        ),
     ):
         scores = evaluate(matrix, queries, rows, None if queries is of_gallery else of)
         expected = by_definition(matrix, queries, of, rows)
-        np.testing.assert_allclose(np.transpose([*scores.per_query.values()]), expected[:, :-1], atol=1e-12)
+        np.testing.assert_allclose(
+            np.transpose([*scores.per_query.values()]), expected[:, :-1], atol=1e-12
+        )
         np.testing.assert_allclose([*scores.means.values()], np.nanmean(expected[:, :-1], axis=0))
         assert scores.lone_queries == np.isnan(expected[:, 0]).sum() >= 1
         assert scores.tied_queries == expected[:, -1].sum()
-    tied = by_definition(np.zeros((4, 5)), labels, Targets(of_gallery, targets.own, range(5)), range(4))
-    np.testing.assert_allclose([*chance_levels(labels, targets).values()], np.nanmean(tied[:, :-1], axis=0))
+    tied = by_definition(
+        np.zeros((4, 5)), labels, Targets(of_gallery, targets.own, range(5)), range(4)
+    )
+    np.testing.assert_allclose(
+        [*chance_levels(labels, targets).values()], np.nanmean(tied[:, :-1], axis=0)
+    )

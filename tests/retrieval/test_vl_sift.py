@@ -18,8 +18,8 @@ from retrieval.views import BACKGROUND, render, view_sphere
 from tests.golden import inputs
 from tests.retrieval.figures import figure
 
-#: Position and scale of each keypoint of vl_sift of VLFeat 0.9.21 under Octave, counted from 0, without repetitions, by
-#: name of the image and place of the threshold.
+#: Position and scale of each keypoint of vl_sift of VLFeat 0.9.21 under Octave, counted from 0,
+#: without repetitions, by name of the image and place of the threshold.
 GOLDEN = Path(__file__).with_name("vl_sift.npz")
 THRESHOLDS = (1e-3, 0.0)
 
@@ -31,7 +31,9 @@ def images() -> Mapping[str, tuple[NDArray[np.float32], float]]:
         "figure": figure(),
         **{name: inputs.mesh("shapes", name) for name in ("closed", "bridged", "large", "open")},
     }
-    drawn = {name: render(to_unit_sphere(mesh), 256, view_sphere(2))[7] for name, mesh in meshes.items()}
+    drawn = {
+        name: render(to_unit_sphere(mesh), 256, view_sphere(2))[7] for name, mesh in meshes.items()
+    }
     depths = {**inputs.arrays("depth"), "frame": inputs.arrays("frame")["depth"]}
     uniform = np.random.RandomState(0).uniform  # a frozen stream
     noise = {"noise_square": uniform(size=(400, 400)), "noise_wide": uniform(size=(300, 517))}
@@ -57,8 +59,15 @@ def test_keypoints_are_those_of_vl_sift(threshold: float, kind: str) -> None:
         for name, (image, background) in images().items():
             if name.startswith(kind):
                 frames = _detect_all(image[None], np.float32(background), threshold, EDGE_RATIO)[0]
-                ours, expected = np.unique(frames[:, :3], axis=0), theirs[f"{name}_{THRESHOLDS.index(threshold)}"]
-                n_ours, n_theirs, same = n_ours + len(ours), n_theirs + len(expected), same + n_same(expected, ours)
+                ours, expected = (
+                    np.unique(frames[:, :3], axis=0),
+                    theirs[f"{name}_{THRESHOLDS.index(threshold)}"],
+                )
+                n_ours, n_theirs, same = (
+                    n_ours + len(ours),
+                    n_theirs + len(expected),
+                    same + n_same(expected, ours),
+                )
     assert n_theirs > 90
     assert n_ours == pytest.approx(n_theirs, rel=0.01)
     assert same >= 0.99 * n_theirs

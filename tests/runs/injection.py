@@ -15,7 +15,9 @@ def fail(real, how, times):
     """Let a function that methods share fail in one way, as often as that, and work from then on."""
 
     def failing(*arguments):
-        if len([*NOTES.glob("failed-*")]) >= times:  # a file that a plugin does not declare must not be read
+        if (
+            len([*NOTES.glob("failed-*")]) >= times
+        ):  # a file that a plugin does not declare must not be read
             return real(*arguments)
         note(f"failed-{os.getpid()}")
         if how == "sleep":

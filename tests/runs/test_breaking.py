@@ -39,7 +39,9 @@ class World:
 
     def start(self, *words: object, results: str = "results", most: int = -1) -> psutil.Process:
         """Start a run of all methods that may write files of at most a size."""
-        limit = (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))) if most >= 0 else None
+        limit = (
+            (lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))) if most >= 0 else None
+        )
         selection = ("-d", self.rods, "--input", "mesh", "--plugin", "own.py", "-j", 2)
         options = ("--scorer", SMALL_SCORER, "--results", results)
         # Python would leave compiled modules of the suite cut off.
@@ -74,11 +76,17 @@ class World:
 
     def damage(self, count: int = 20) -> None:
         """Cut files, or flip a bit of them, and run."""
-        files = sorted(path for path in (self.results / "runs").rglob("*.*") if path.suffix in (".npz", ".json"))
+        files = sorted(
+            path
+            for path in (self.results / "runs").rglob("*.*")
+            if path.suffix in (".npz", ".json")
+        )
         for path in self.random.sample(files, min(count, len(files))):
             content = bytearray(path.read_bytes())
             content[self.random.randrange(len(content))] ^= 1 << self.random.randrange(8)
-            path.write_bytes(content[: self.random.choice([None, self.random.randrange(len(content))])])
+            path.write_bytes(
+                content[: self.random.choice([None, self.random.randrange(len(content))])]
+            )
         self.start().communicate()
 
     def fill_the_disk(self) -> None:
@@ -108,9 +116,17 @@ def test_a_figure_is_that_of_an_undisturbed_run_or_there_is_a_reason(tmp_path):
     world.start(results="undisturbed").communicate()
     right = world.outcomes("undisturbed")
     assert {name for name, (status, *_) in right.items() if status == "ok"} == {"deep", "picky"}
-    for disturb in (world.kill_worker, world.kill_program, world.damage, world.fill_the_disk, world.run_two):
+    for disturb in (
+        world.kill_worker,
+        world.kill_program,
+        world.damage,
+        world.fill_the_disk,
+        world.run_two,
+    ):
         disturb()
-        wrong = [name for name, of in world.outcomes().items() if of[0] == "ok" and of != right[name]]
+        wrong = [
+            name for name, of in world.outcomes().items() if of[0] == "ok" and of != right[name]
+        ]
         assert not wrong, disturb.__name__
     world.start().communicate()
     assert world.outcomes() == right

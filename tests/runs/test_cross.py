@@ -53,11 +53,15 @@ def forms(results):
 def finished(rods, tmp_path_factory):
     """Rods that were run under both inputs."""
     results = tmp_path_factory.mktemp("results")
-    assert [record.status for record in run(jobs(rods, "", results, input=None), results, size=0)] == ["ok"] * 2
+    assert [
+        record.status for record in run(jobs(rods, "", results, input=None), results, size=0)
+    ] == ["ok"] * 2
     return results
 
 
-def test_a_job_takes_the_forms_of_both_inputs_from_the_cache_and_its_ranking_is_that_of_its_distances(rods, finished):
+def test_a_job_takes_the_forms_of_both_inputs_from_the_cache_and_its_ranking_is_that_of_its_distances(
+    rods, finished
+):
     before, how = forms(finished), {"input": "view", "same_names": True}
     record = result(rods, rods, finished, **how)
     assert before == forms(finished)
@@ -79,8 +83,12 @@ def test_no_query_changes_the_ranking_of_another_one(method, rods, finished, tmp
     shutil.copytree(rods, tmp_path / "some", ignore=shutil.ignore_patterns("thin1*", "thick0*"))
     every, some = (result(queries, rods, finished, method) for queries in (rods, tmp_path / "some"))
     rows = [every.shapes.index(name) for name in some.shapes]
-    np.testing.assert_array_equal(read_distances(finished, some), read_distances(finished, every)[rows])
-    assert (some.per_query["NN"], every.per_query["NN"]) == ([1, 1], [1] * 4), "the very shape is in the gallery"
+    np.testing.assert_array_equal(
+        read_distances(finished, some), read_distances(finished, every)[rows]
+    )
+    assert (some.per_query["NN"], every.per_query["NN"]) == ([1, 1], [1] * 4), (
+        "the very shape is in the gallery"
+    )
 
 
 def test_shapes_without_a_result_rank_last_or_find_nothing(rods, finished, tmp_path):
@@ -89,12 +97,19 @@ def test_shapes_without_a_result_rank_last_or_find_nothing(rods, finished, tmp_p
     (gallery / "thin0.off").write_text("OFF")
     write_off(queries / "alone0.off", rod(0.3, 0.0))
     record = result(queries, gallery, finished, same_names=True)
-    assert [[name for name, _ in side.unsupported] for side in record.sides] == [["thin1"], ["thin0"]]
+    assert [[name for name, _ in side.unsupported] for side in record.sides] == [
+        ["thin1"],
+        ["thin0"],
+    ]
     measured = dict(zip(record.shapes, record.per_query["FT"], strict=True))
     assert (measured["alone0"], measured["thin1"], record.lone_queries) == (None, 0, 1)
-    assert record.per_query["mAP"][record.shapes.index("thin0")] > 0, "thin1 has a form in the gallery"
+    assert record.per_query["mAP"][record.shapes.index("thin0")] > 0, (
+        "thin1 has a form in the gallery"
+    )
     (view,) = table_views([record])
-    assert view.caption.startswith("Retrieval on queries against gallery without same names (4 queries of 2 classes, ")
+    assert view.caption.startswith(
+        "Retrieval on queries against gallery without same names (4 queries of 2 classes, "
+    )
     assert ", 1 left out, among 4 shapes), scored by CM-BOF (image_size=64" in view.caption
     assert view.chance["mesh"]["NN"] == pytest.approx(1 / 3)
     kept = finished / "runs"
@@ -111,17 +126,30 @@ def test_shapes_without_a_result_rank_last_or_find_nothing(rods, finished, tmp_p
     write_off(gallery / "thin0.off", rod(0.06, 0.5))
     (stale,) = jobs(queries, gallery, finished, same_names=True)
     assert (stale.state, stale.before.key) == ("stale", record.key)
-    (other,) = jobs(queries, shutil.copytree(rods, tmp_path / "elsewhere" / "gallery"), finished, same_names=True)
-    assert (other.state, other.before) == ("missing", None), "another folder of this name replaces nothing"
+    (other,) = jobs(
+        queries,
+        shutil.copytree(rods, tmp_path / "elsewhere" / "gallery"),
+        finished,
+        same_names=True,
+    )
+    assert (other.state, other.before) == ("missing", None), (
+        "another folder of this name replaces nothing"
+    )
 
 
 def test_tables_of_views_against_surfaces_are_made_on_request_alone(tmp_path):
     assert not [one for one in galleries([], ["animals"]) if one.gallery_of_queries]
     found = [one for one in galleries(["III-cross"]) if one.gallery_of_queries]
-    assert [one.name for one in found] == [f"{name} against complete surfaces" for name in ("animals", *TURNED)]
+    assert [one.name for one in found] == [
+        f"{name} against complete surfaces" for name in ("animals", *TURNED)
+    ]
     assert {one.gallery_of_queries.source for one in found} == {"animals"}
-    assert [table.identifier for table in tables_of("animals", "against rods")] == ["animals against rods"]
-    assert [view.table.identifier for view in table_views([made_up(dataset="animals", input_="view")])] == ["III-view"]
+    assert [table.identifier for table in tables_of("animals", "against rods")] == [
+        "animals against rods"
+    ]
+    assert [
+        view.table.identifier for view in table_views([made_up(dataset="animals", input_="view")])
+    ] == ["III-view"]
     planned = plan_selection(tmp_path, tables=["III-cross"], quick=True, input="view")
     states = {(job.record.gallery, job.record.method): job.state for job in planned}
     assert "sd-gdm" not in {method for _, method in states}, "as in quick runs"
@@ -134,28 +162,67 @@ def test_galleries_that_fit_no_queries_are_refused(rods, tmp_path):
         galleries(["III"], [str(rods)], gallery=str(rods))
     assert "--gallery needs queries" in refusal("plan", "-d", rods, "--same-names")
     other = write_rods(tmp_path / "other", (0.0,), radii={"a": 0.1, "b": 0.2})
-    with pytest.raises(DatasetError, match="queries are of thick, thin, and shapes of other of a, b; name the classes"):
+    with pytest.raises(
+        DatasetError,
+        match="queries are of thick, thin, and shapes of other of a, b; name the classes",
+    ):
         jobs(rods, other, tmp_path)
 
 
 def test_frames_are_ranked_among_meshes_and_find_them(rods, finished, tmp_path):
-    frames, meshes, results = tmp_path / "frames", tmp_path / "meshes", ("--results", tmp_path / "results")
+    frames, meshes, results = (
+        tmp_path / "frames",
+        tmp_path / "meshes",
+        ("--results", tmp_path / "results"),
+    )
     for subject, radius in (("man-1", 0.1), ("woman-3", 0.2)):
         write_off(meshes / subject / "kneeling.off", rod(radius, 0.0))
         (frames / subject).mkdir(parents=True)
         for name in ("kneeling.png", "kneeling_mask.png"):
             shutil.copy(FRAMES / subject / name, frames / subject)
     shutil.copy(FRAMES / "camera.json", frames)
-    words = ("run", "-d", frames, "--gallery", meshes, "-m", "identity", *SMALL, *results, "-j", "0")
+    words = (
+        "run",
+        "-d",
+        frames,
+        "--gallery",
+        meshes,
+        "-m",
+        "identity",
+        *SMALL,
+        *results,
+        "-j",
+        "0",
+    )
     said = " ".join(call(*words).split())
-    assert "frames against meshes: 2 queries have names of its shapes; --same-names leaves these out" in said
+    assert (
+        "frames against meshes: 2 queries have names of its shapes; --same-names leaves these out"
+        in said
+    )
     assert "Retrieval on frames against meshes (2 queries of 2 classes, among 2 shapes)" in said
     assert "nothing can be retrieved" in refusal(*words, "--same-names")
-    assert "forms of queries are others" in refusal(*words[:5], *results, "--forms", f"mine={meshes}")
-    table = benchmark.run(frames, "identity", gallery=meshes, input="view", scorer=SMALL_SCORER, results=results[1])
-    assert table[["dataset", "fold", "status"]].to_numpy().tolist() == [["frames", "against meshes", "ok"]]
-    asked = ("retrieve", "-d", rods, *SMALL, "--results", finished, frames / "man-1" / "kneeling.png", "-m")
-    views, surfaces = (call(*asked, "identity", *more).splitlines() for more in ((), ("--input", "mesh")))
+    assert "forms of queries are others" in refusal(
+        *words[:5], *results, "--forms", f"mine={meshes}"
+    )
+    table = benchmark.run(
+        frames, "identity", gallery=meshes, input="view", scorer=SMALL_SCORER, results=results[1]
+    )
+    assert table[["dataset", "fold", "status"]].to_numpy().tolist() == [
+        ["frames", "against meshes", "ok"]
+    ]
+    asked = (
+        "retrieve",
+        "-d",
+        rods,
+        *SMALL,
+        "--results",
+        finished,
+        frames / "man-1" / "kneeling.png",
+        "-m",
+    )
+    views, surfaces = (
+        call(*asked, "identity", *more).splitlines() for more in ((), ("--input", "mesh"))
+    )
     assert views[:-1] != surfaces[:-1]
     assert "needs views, and " in refusal(*asked, "learned-streamed", "--input", "mesh")
 
@@ -175,25 +242,39 @@ def test_a_gallery_that_four_cameras_see_is_as_near_as_its_nearest_view(rods, tm
         view = prepare_view(shapes.load(entry), Camera(turned, shapes.camera(entry).up), width)
         return area.describe(shape_of(view, entry.identifier))
 
-    views = [[described(entry, np.radians(angle)) for angle in range(45, 360, 90)] for entry in shapes.shapes]
-    expected = [[min(area.distances([described(entry, 0), each])[0, 1] for each in of) for of in views]
-                for entry in shapes.shapes]  # fmt: skip
+    views = [
+        [described(entry, np.radians(angle)) for angle in range(45, 360, 90)]
+        for entry in shapes.shapes
+    ]
+    expected = [
+        [min(area.distances([described(entry, 0), each])[0, 1] for each in of) for of in views]
+        for entry in shapes.shapes
+    ]
     np.testing.assert_allclose(read_distances(tmp_path, record), expected, atol=1e-9)
     assert (record.gallery, len(record.gallery_of_queries.shapes)) == ("rods against 4 cameras", 4)
     found = open_results(tmp_path).matches(record.key, "thin0", 9)
     assert sorted(found["shape"]) == ["thick0", "thick1", "thin1"], "its own shape is left out"
-    others = [jobs(rods, *how, tmp_path, "surface-area", input="view", gallery_views=n)[0].record
-              for how, n in ((("",), 6), ((rods,), 4))]  # fmt: skip
+    others = [
+        jobs(rods, *how, tmp_path, "surface-area", input="view", gallery_views=n)[0].record
+        for how, n in ((("",), 6), ((rods,), 4))
+    ]
     assert {record.key} & {other.key for other in others} == set()
     assert others[1].gallery == "rods against 4 cameras around rods"
 
 
 def test_the_views_of_a_shape_are_prepared_together(rods, tmp_path, monkeypatch):
     tasks = []
-    monkeypatch.setattr("tests.runs.toy.Work", lambda task, context: tasks.append(task) or Work(task, context))
+    monkeypatch.setattr(
+        "tests.runs.toy.Work", lambda task, context: tasks.append(task) or Work(task, context)
+    )
     seen_from_around(rods, tmp_path, "identity")
-    around = {shape: [f"{shape}@{k}" for k in range(4)] for shape in ("thick0", "thick1", "thin0", "thin1")}
-    prepared = [[step.shape for step in task.steps] for task in tasks if task.steps[0].stage == "prepared"]
+    around = {
+        shape: [f"{shape}@{k}" for k in range(4)]
+        for shape in ("thick0", "thick1", "thin0", "thin1")
+    }
+    prepared = [
+        [step.shape for step in task.steps] for task in tasks if task.steps[0].stage == "prepared"
+    ]
     assert sorted(prepared) == sorted([[""], *([shape] for shape in around), *around.values()])
 
 
@@ -202,18 +283,30 @@ def test_shapes_that_are_named_like_views_are_prepared_alone(rods, tmp_path, mon
     for path, name in zip(sorted(rods.glob("*.off")), names, strict=True):
         (tmp_path / "rods").mkdir(exist_ok=True)
         shutil.copy(path, tmp_path / "rods" / f"{name}.off")
-    monkeypatch.setattr("tests.runs.toy.Work", lambda task, context: tasks.append(task) or Work(task, context))
+    monkeypatch.setattr(
+        "tests.runs.toy.Work", lambda task, context: tasks.append(task) or Work(task, context)
+    )
     (record,) = run(jobs(tmp_path / "rods", "", tmp_path, input="mesh"), tmp_path, size=0)
-    prepared = [[step.shape for step in task.steps] for task in tasks if task.steps[0].stage == "prepared"]
+    prepared = [
+        [step.shape for step in task.steps] for task in tasks if task.steps[0].stage == "prepared"
+    ]
     assert (record.status, sorted(prepared)) == ("ok", [[name] for name in names])
 
 
 @pytest.mark.parametrize("input_", ["mesh", "view"])
 def test_networks_have_forms_of_views_alone(input_):
     queries = made_up()
-    there = {"gallery": "rods", "gallery_digest": "2", "input": input_, "shapes": queries.shapes,
-             "labels": queries.labels, "data": {"name": "rods", "title": "rods", "source": "rods"}}  # fmt: skip
-    (view,) = table_views([made_up("learned", fold="against 2 cameras", input_="view", against=there)])
+    there = {
+        "gallery": "rods",
+        "gallery_digest": "2",
+        "input": input_,
+        "shapes": queries.shapes,
+        "labels": queries.labels,
+        "data": {"name": "rods", "title": "rods", "source": "rods"},
+    }
+    (view,) = table_views(
+        [made_up("learned", fold="against 2 cameras", input_="view", against=there)]
+    )
     assert any("No form of a surface" in note for note in table_notes(view)) == (input_ == "mesh")
 
 
@@ -237,7 +330,9 @@ def test_one_constant_form_scores_chance_whatever_views_are_refused(rods, tmp_pa
         record = seen_from_around(rods, tmp_path, Constant(*refuses))
         (view,) = table_views([record])
         assert record.gallery_of_queries.unsupported == []
-        assert {name: record.scores[name] for name in view.chance["view"]} == pytest.approx(view.chance["view"])
+        assert {name: record.scores[name] for name in view.chance["view"]} == pytest.approx(
+            view.chance["view"]
+        )
     record = seen_from_around(rods, tmp_path, Constant("thick1@"))
     assert record.gallery_of_queries.unsupported == [("thick1", "no; yes")]
     assert read_distances(tmp_path, record).shape == (4, 3)
@@ -260,10 +355,14 @@ def test_tables_of_twelve_cameras_have_a_column_with_their_own(tmp_path):
     (own, *_) = found
     assert (own.gallery_of_queries.n_views, own.gallery_of_queries.inputs) == (13, ("view",))
     last = own.gallery_of_queries.seen.entries[12]
-    assert own.gallery_of_queries.seen.dataset.camera(last) == own.gallery_of_queries.dataset.camera(
-        own.gallery_of_queries.entries[0]
-    )
+    assert own.gallery_of_queries.seen.dataset.camera(
+        last
+    ) == own.gallery_of_queries.dataset.camera(own.gallery_of_queries.entries[0])
     for one in found:
         rows = [component.base_name for component in one.rows("view", select([], ()))]
-        assert {"identity", "mesh-unfolding", "surface-area", "learned", "learned-wide-extra"} <= {*rows} <= {*ROUND}
+        assert (
+            {"identity", "mesh-unfolding", "surface-area", "learned", "learned-wide-extra"}
+            <= {*rows}
+            <= {*ROUND}
+        )
     assert not [one for one in galleries() if one.gallery_of_queries]

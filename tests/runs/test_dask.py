@@ -19,7 +19,9 @@ pytestmark = pytest.mark.slow
 
 
 def test_rows_are_those_of_one_machine_though_a_worker_is_killed(rods, tmp_path, cluster):
-    jobs = planned(rods, tmp_path / "results", "slow", "surface-area", "bug", "segfault", plugins=(FAULTS,))
+    jobs = planned(
+        rods, tmp_path / "results", "slow", "surface-area", "bug", "segfault", plugins=(FAULTS,)
+    )
     killed = []
 
     def kill(progress):
@@ -32,8 +34,11 @@ def test_rows_are_those_of_one_machine_though_a_worker_is_killed(rods, tmp_path,
     here = run_toy(rods, tmp_path / "here", "slow", "surface-area", plugins=(FAULTS,))
     assert killed
     assert {name: record.status for name, record in records.items()} == {
-        "slow": "ok", "surface-area": "ok", "bug": "failed", "segfault": "crashed",
-    }  # fmt: skip
+        "slow": "ok",
+        "surface-area": "ok",
+        "bug": "failed",
+        "segfault": "crashed",
+    }
     for name, record in here.items():
         assert (records[name].scores, records[name].per_query) == (record.scores, record.per_query)
 
@@ -47,15 +52,30 @@ def test_a_cluster_serves_each_run_anew(rods, tmp_path, cluster):
         )
         write_off(folder / "thin1.off", rod(0.06, 0.5 + number))
         options = {"plugins": (plugin,), "scorer": "cm-bof"}
-        records = done(planned(folder, tmp_path / "results", "smooth", **options), tmp_path / "results", dask=cluster)
-        clean = done(planned(folder, tmp_path / f"clean{number}", "smooth", **options), tmp_path / f"clean{number}")
-        assert (records["smooth"].status, records["smooth"].per_query) == ("ok", clean["smooth"].per_query)
-        there, here = (read_distances(tmp_path / name, records["smooth"]) for name in ("results", f"clean{number}"))
+        records = done(
+            planned(folder, tmp_path / "results", "smooth", **options),
+            tmp_path / "results",
+            dask=cluster,
+        )
+        clean = done(
+            planned(folder, tmp_path / f"clean{number}", "smooth", **options),
+            tmp_path / f"clean{number}",
+        )
+        assert (records["smooth"].status, records["smooth"].per_query) == (
+            "ok",
+            clean["smooth"].per_query,
+        )
+        there, here = (
+            read_distances(tmp_path / name, records["smooth"])
+            for name in ("results", f"clean{number}")
+        )
         assert (there == here).all()
 
 
 def test_a_later_run_has_its_own_time_limit(rods, tmp_path, cluster):
-    records = done(planned(rods, tmp_path / "one", "fine", plugins=(FAULTS,)), tmp_path / "one", dask=cluster)
+    records = done(
+        planned(rods, tmp_path / "one", "fine", plugins=(FAULTS,)), tmp_path / "one", dask=cluster
+    )
     jobs = planned(rods, tmp_path / "two", "hang", plugins=(FAULTS,))
     limited = done(jobs, tmp_path / "two", dask=cluster, timeout=3.0)
     assert (records["fine"].status, limited["hang"].status) == ("ok", "timeout")
@@ -64,5 +84,7 @@ def test_a_later_run_has_its_own_time_limit(rods, tmp_path, cluster):
 
 def test_a_scheduler_that_does_not_answer_is_named(rods, tmp_path, monkeypatch):
     jobs = planned(rods, tmp_path / "results", "surface-area")
-    with pytest.raises(ConfigurationError, match=r"no dask scheduler answers at tcp://127.0.0.1:9; start one"):
+    with pytest.raises(
+        ConfigurationError, match=r"no dask scheduler answers at tcp://127.0.0.1:9; start one"
+    ):
         done(jobs, tmp_path / "results", dask="tcp://127.0.0.1:9")

@@ -26,9 +26,20 @@ from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 from tests.toy import wait_for
 
 FAULTY = (
-    "fine", "bug", "exits", "os-exit", "segfault", "hang", "memory", "nan", "picky",
-    "refuses", "first-three", "last-three", "noisy",
-)  # fmt: skip
+    "fine",
+    "bug",
+    "exits",
+    "os-exit",
+    "segfault",
+    "hang",
+    "memory",
+    "nan",
+    "picky",
+    "refuses",
+    "first-three",
+    "last-three",
+    "noisy",
+)
 
 #: Status and reason of each.
 ENDINGS = {
@@ -37,7 +48,10 @@ ENDINGS = {
     "os-exit": ("crashed", "thick0: the process ended with exit code 3"),
     "segfault": ("crashed", "thick0: the process ended with SIGSEGV"),
     "hang": ("timeout", "thick0: stopped after 4 s; pass a longer --timeout"),
-    "memory": ("memory", "thick0: out of memory; run with fewer jobs (-j 1) or on a larger machine"),
+    "memory": (
+        "memory",
+        "thick0: out of memory; run with fewer jobs (-j 1) or on a larger machine",
+    ),
     "nan": ("failed", "thick0: faults.py: method 'nan' returned no canonical form"),
 }
 
@@ -94,13 +108,20 @@ def test_a_fault_ends_its_job_and_says_where(faulty, name):
     record, (status, reason) = faulty[0][name], ENDINGS[name]
     first = {"thick0", "thin0", "thick1", "thin1"}  # which shape is first depends on the workers
     shape, _, rest = record.reason.partition(": ")
-    assert (record.status, rest.startswith(reason.partition(": ")[2]), shape in first) == (status, True, True), record
+    assert (record.status, rest.startswith(reason.partition(": ")[2]), shape in first) == (
+        status,
+        True,
+        True,
+    ), record
 
 
 @pytest.mark.slow
 def test_a_method_that_writes_into_the_connection_of_its_process_does_not_hang_the_run(faulty):
     record = faulty[0]["noisy"]
-    assert (record.status, "the process ended with SIGKILL" in record.reason) == ("incomplete", True)
+    assert (record.status, "the process ended with SIGKILL" in record.reason) == (
+        "incomplete",
+        True,
+    )
 
 
 @pytest.mark.slow
@@ -110,15 +131,17 @@ def test_the_others_are_scored_and_a_refused_shape_counts_as_zero(faulty):
     assert records["picky"].unsupported == [("thick1", "too bent; straighten it")]
     assert records["picky"].coverage == 0.75
     index = records["picky"].shapes.index("thick1")
-    assert {name: values[index] for name, values in records["picky"].per_query.items()} == dict.fromkeys(
-        records["picky"].scores, 0.0
-    )
+    assert {
+        name: values[index] for name, values in records["picky"].per_query.items()
+    } == dict.fromkeys(records["picky"].scores, 0.0)
     assert {record.method for record in read_records(faulty[1] / "results")} == set(FAULTY)
     assert "in bug\n    return 1 / 0" in records["bug"].traceback
 
 
 @pytest.mark.slow
-def test_a_method_that_refuses_all_shapes_has_no_scores_and_one_that_refuses_most_has_whichever_they_are(faulty):
+def test_a_method_that_refuses_all_shapes_has_no_scores_and_one_that_refuses_most_has_whichever_they_are(
+    faulty,
+):
     assert (faulty[0]["refuses"].status, len(faulty[0]["refuses"].shapes)) == ("unsupported", 4)
     assert faulty[0]["refuses"].reason == "none of 4 shapes could be processed; thick0: not today"
     assert faulty[0]["first-three"].scores == faulty[0]["last-three"].scores
@@ -135,7 +158,12 @@ def test_children_of_a_stopped_method_end(faulty):
 @pytest.mark.slow
 def test_failed_jobs_run_again_only_when_asked(rods, faulty):
     results = faulty[1] / "results"
-    for rerun, runs in (((), False), (("failed",), True), (("finished", "failed"), True), (("finished",), False)):
+    for rerun, runs in (
+        ((), False),
+        (("failed",), True),
+        (("finished", "failed"), True),
+        (("finished",), False),
+    ):
         (job,) = planned(rods, results, "bug", plugins=(FAULTS,), rerun=rerun)
         assert (job.is_pending, job.state) == (runs, "failed")
 
@@ -162,7 +190,9 @@ def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(pair, tmp_path, m
     assert len(records) == 2
 
 
-def test_an_interruption_of_all_processes_and_a_pause_of_the_machine_fail_no_method(pair, tmp_path, monkeypatch):
+def test_an_interruption_of_all_processes_and_a_pause_of_the_machine_fail_no_method(
+    pair, tmp_path, monkeypatch
+):
     monkeypatch.setenv("FAULTS", str(tmp_path))
     paused = []
 
@@ -187,7 +217,9 @@ def test_what_cannot_be_prepared_is_refused_for_all_and_named_once(rods, tmp_pat
     records = run_toy(folder, tmp_path / "results", "identity", "surface-area", input=None)
     for record in records.values():
         assert (record.status, record.unprepared, record.coverage) == ("ok", ["thin2"], 0.8)
-    assert [line[:30] for line in capsys.readouterr().err.splitlines()] == ["thin2: not a readable off file"]
+    assert [line[:30] for line in capsys.readouterr().err.splitlines()] == [
+        "thin2: not a readable off file"
+    ]
 
 
 WRITES = (
@@ -203,13 +235,17 @@ def test_a_descriptor_that_writes_into_its_input_fails(rods, tmp_path):
     assert (record.status, reason in record.reason) == ("failed", True), record.reason
 
 
-def test_no_key_of_a_method_is_that_of_a_solver_and_no_fault_of_a_method_takes_a_shape_from_others(rods, tmp_path):
+def test_no_key_of_a_method_is_that_of_a_solver_and_no_fault_of_a_method_takes_a_shape_from_others(
+    rods, tmp_path
+):
     methods = ("alters", "misreads", "needs-geodesics", "surface-area")
     records = run_toy(rods, tmp_path / "results", *methods, plugins=(FAULTS,))
-    alone = run_toy(rods, tmp_path / "alone", "needs-geodesics", plugins=(FAULTS,))["needs-geodesics"]
-    assert {name: record.status for name, record in records.items()} == dict.fromkeys(methods, "ok") | {
-        "misreads": "incomplete"
-    }
+    alone = run_toy(rods, tmp_path / "alone", "needs-geodesics", plugins=(FAULTS,))[
+        "needs-geodesics"
+    ]
+    assert {name: record.status for name, record in records.items()} == dict.fromkeys(
+        methods, "ok"
+    ) | {"misreads": "incomplete"}
     assert records["needs-geodesics"].per_query == alone.per_query
     replaces = records["alters"]
     assert replaces.processor_seconds["canonicalise"] < 0.1 < replaces.seconds["canonicalise"] < 0.5
@@ -227,11 +263,16 @@ def test_a_method_changes_nothing_of_another_one_of_its_file(rods, tmp_path):
 def test_arrays_of_a_scorer_may_have_any_name(rods, tmp_path):
     (tmp_path / "named.py").write_text(NAMED)
     plugins = (tmp_path / "named.py",)
-    record = run_toy(rods, tmp_path / "results", "identity", scorer="named", plugins=plugins)["identity"]
+    record = run_toy(rods, tmp_path / "results", "identity", scorer="named", plugins=plugins)[
+        "identity"
+    ]
     assert (record.status, record.coverage) == ("ok", 1.0)
 
 
-PREPARATION, GEODESICS = "benchmark.pipeline.prepared:prepare_mesh", "benchmark.geometry.geodesics:all_pairs"
+PREPARATION, GEODESICS = (
+    "benchmark.pipeline.prepared:prepare_mesh",
+    "benchmark.geometry.geodesics:all_pairs",
+)
 READING, UNREADABLE = "benchmark.geometry.io:_load", OSError(5, "Input/output error")
 
 
@@ -249,7 +290,11 @@ def failing(pair, tmp_path, monkeypatch):
     (tmp_path / "sitecustomize.py").write_text("import tests.runs.injection\n")
 
     def run_failing(function, how, times):
-        options = {"size": int(isinstance(how, str)), "timeout": 8.0 if how == "sleep" else 60.0, "plugins": (FAULTS,)}
+        options = {
+            "size": int(isinstance(how, str)),
+            "timeout": 8.0 if how == "sleep" else 60.0,
+            "plugins": (FAULTS,),
+        }
         with monkeypatch.context() as patch:
             if options["size"]:
                 patch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
@@ -272,22 +317,29 @@ def failing(pair, tmp_path, monkeypatch):
         *(
             pytest.param(*fault, marks=pytest.mark.slow)
             for fault in [
-                (PREPARATION, "sleep"), (PREPARATION, "kill"), (GEODESICS, "sleep"), (GEODESICS, "kill"),
+                (PREPARATION, "sleep"),
+                (PREPARATION, "kill"),
+                (GEODESICS, "sleep"),
+                (GEODESICS, "kill"),
                 ("retrieval.measures:score_draws", "kill"),
             ]
         ),
     ],
-)  # fmt: skip
+)
 def test_a_result_that_is_missing_for_a_passing_reason_is_tried_again_in_the_same_run(
     undisturbed, failing, function, how
 ):
     records = failing(function, how, times=1)
-    assert {name: (record.status, record.per_query) for name, record in records.items()} == undisturbed
+    assert {
+        name: (record.status, record.per_query) for name, record in records.items()
+    } == undisturbed
 
 
 @pytest.fixture(scope="module")
 def undisturbed(pair, tmp_path_factory):
-    records = run_toy(pair, tmp_path_factory.mktemp("quiet"), "needs-geodesics", "fine", plugins=(FAULTS,))
+    records = run_toy(
+        pair, tmp_path_factory.mktemp("quiet"), "needs-geodesics", "fine", plugins=(FAULTS,)
+    )
     return {name: (record.status, record.per_query) for name, record in records.items()}
 
 
@@ -295,7 +347,11 @@ def undisturbed(pair, tmp_path_factory):
     ("function", "how", "reason"),
     [
         pytest.param(
-            *(PREPARATION, "kill", "thick0 has no result: its preparation: the process ended with SIGKILL"),
+            *(
+                PREPARATION,
+                "kill",
+                "thick0 has no result: its preparation: the process ended with SIGKILL",
+            ),
             marks=pytest.mark.slow,
         ),
         (GEODESICS, MemoryError(), "thick0 has no geodesics: out of memory"),
@@ -309,26 +365,40 @@ def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
     records = failing(function, how, times=99)
     if function == GEODESICS:
         records.pop("fine")  # it needs none
-    assert {(record.status, bool(record.scores)) for record in records.values()} == {("incomplete", False)}
-    assert all(reason in record.reason and record.reason.count("run again") == 1 for record in records.values())
+    assert {(record.status, bool(record.scores)) for record in records.values()} == {
+        ("incomplete", False)
+    }
+    assert all(
+        reason in record.reason and record.reason.count("run again") == 1
+        for record in records.values()
+    )
     jobs = planned(pair, results, "needs-geodesics", "fine", plugins=(FAULTS,))
     assert {job.record.method for job in jobs if job.is_pending} >= records.keys()
     done(jobs, results, size=0)
     records = {record.method: (record.status, record.per_query) for record in read_records(results)}
     assert records == undisturbed
-    assert not any(job.is_pending for job in planned(pair, results, "needs-geodesics", "fine", plugins=(FAULTS,)))
+    assert not any(
+        job.is_pending
+        for job in planned(pair, results, "needs-geodesics", "fine", plugins=(FAULTS,))
+    )
 
 
-def test_a_system_without_the_libraries_of_pymeshlab_ends_the_run_with_the_remedy(rods, tmp_path, monkeypatch):
+def test_a_system_without_the_libraries_of_pymeshlab_ends_the_run_with_the_remedy(
+    rods, tmp_path, monkeypatch
+):
     monkeypatch.setitem(sys.modules, "pymeshlab", None)
-    with pytest.raises(BenchmarkError, match=r"pymeshlab cannot be imported: .*; on Debian and Ubuntu: apt-get"):
+    with pytest.raises(
+        BenchmarkError, match=r"pymeshlab cannot be imported: .*; on Debian and Ubuntu: apt-get"
+    ):
         run_toy(rods, tmp_path / "results", "identity")
     assert not read_records(tmp_path / "results")
 
 
 def test_what_a_plugin_sets_in_the_environment_reaches_no_other_process(tmp_path, monkeypatch):
     monkeypatch.setenv("OF_USER", "before")
-    load_module(str(write_plugin(tmp_path / "own.py", imports="import os\nos.environ['OF_USER'] = 'after'")))
+    load_module(
+        str(write_plugin(tmp_path / "own.py", imports="import os\nos.environ['OF_USER'] = 'after'"))
+    )
     worker = Worker(2**32, 1)
     worker._start()
     assert worker.connection.poll(60)  # it runs: before, its environment may not be readable

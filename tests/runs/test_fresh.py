@@ -22,7 +22,9 @@ from tests.runs.toy import FAULTS, LIGHT, LIGHT_SCORER, done, planned, run_toy
 from tests.toy import rod, write_off, write_rods
 from tests.verbs import call, refusal
 
-STRETCHED = "def canonicalise(self, shape):\n        return shape.form(shape.mesh.vertices**3 * factor())"
+STRETCHED = (
+    "def canonicalise(self, shape):\n        return shape.form(shape.mesh.vertices**3 * factor())"
+)
 
 
 @pytest.fixture
@@ -36,7 +38,11 @@ def own(tmp_path, monkeypatch):
 
 def distances_of(folder, method, results="results", plugins=(), **options):
     """Run a method on surfaces from Python; return its distances."""
-    options |= {"scorer": "distance-distribution", "plugins": [*plugins, LIGHT_SCORER], "input": "mesh"}
+    options |= {
+        "scorer": "distance-distribution",
+        "plugins": [*plugins, LIGHT_SCORER],
+        "input": "mesh",
+    }
     jobs = benchmark.run(folder, method, results=results, **options)
     assert list(jobs["status"]) == ["ok"], jobs["reason"].tolist()
     return benchmark.open_results(results).distances(jobs.index[0])
@@ -57,7 +63,9 @@ def stretched(rods, tmp_path_factory):
     return distances
 
 
-def test_an_edited_plugin_or_helper_is_imported_again_by_the_next_run_of_a_session(own, tmp_path, stretched):
+def test_an_edited_plugin_or_helper_is_imported_again_by_the_next_run_of_a_session(
+    own, tmp_path, stretched
+):
     plugin, helper = tmp_path / "smooth.py", tmp_path / "lengthening.py"
     write_plugin(plugin, imports="from lengthening import factor", methods=STRETCHED)
     for number, factor in enumerate(("[1, 1, 1]", "[3, 1, 1]", "[1, 1, 5]")):
@@ -65,7 +73,9 @@ def test_an_edited_plugin_or_helper_is_imported_again_by_the_next_run_of_a_sessi
         if number == 2:
             plugin.write_text(plugin.read_text().replace("* factor()", "* factor()[::-1]"))
         expected = (5, 1, 1) if number == 2 else eval(factor)  # noqa: S307
-        np.testing.assert_array_equal(distances_of(own, "smooth", plugins=[plugin]), stretched(*expected))
+        np.testing.assert_array_equal(
+            distances_of(own, "smooth", plugins=[plugin]), stretched(*expected)
+        )
 
 
 def sub_folder(folder):
@@ -77,7 +87,9 @@ def on_the_path(folder):
     (folder / "elsewhere").mkdir()
     return (
         folder / "elsewhere" / "far.py",
-        "import sys; sys.path.append({!r}); from far import FACTOR".format(str(folder / "elsewhere")),
+        "import sys; sys.path.append({!r}); from far import FACTOR".format(
+            str(folder / "elsewhere")
+        ),
         "",
     )
 
@@ -96,8 +108,12 @@ def by_a_link(folder):
     return folder / "kept.txt", "from linked import FACTOR", ""
 
 
-@pytest.mark.parametrize("place", [sub_folder, on_the_path, named_file, of_the_same_second, by_a_link])
-def test_what_a_plugin_imports_is_in_its_key_and_of_today(own, tmp_path, monkeypatch, place, stretched):
+@pytest.mark.parametrize(
+    "place", [sub_folder, on_the_path, named_file, of_the_same_second, by_a_link]
+)
+def test_what_a_plugin_imports_is_in_its_key_and_of_today(
+    own, tmp_path, monkeypatch, place, stretched
+):
     monkeypatch.setattr(sys, "dont_write_bytecode", False)
     file, imports, info = place(tmp_path)
     methods = STRETCHED.replace("factor()", "[1, 1, FACTOR]")
@@ -105,11 +121,15 @@ def test_what_a_plugin_imports_is_in_its_key_and_of_today(own, tmp_path, monkeyp
     for number, factor in enumerate((1, 5)):
         file.write_text(f"FACTOR = {factor}\n")
         os.utime(file, ns=(10**18, 10**18 + number))
-        np.testing.assert_array_equal(distances_of(own, "smooth", plugins=[plugin]), stretched(1, 1, factor))
+        np.testing.assert_array_equal(
+            distances_of(own, "smooth", plugins=[plugin]), stretched(1, 1, factor)
+        )
 
 
 def test_a_helper_that_is_written_after_its_import_failed_counts_from_then_on(own, tmp_path):
-    plugin = write_plugin(tmp_path / "smooth.py", imports="from belated import factor", methods=STRETCHED)
+    plugin = write_plugin(
+        tmp_path / "smooth.py", imports="from belated import factor", methods=STRETCHED
+    )
     with pytest.raises(ConfigurationError, match="put belated.py beside the file"):
         distances_of(own, "smooth", plugins=[plugin])
     keys = []
@@ -122,15 +142,35 @@ def test_a_helper_that_is_written_after_its_import_failed_counts_from_then_on(ow
 
 def test_code_of_the_ranking_that_is_edited_during_a_run_ranks_nothing(own, tmp_path, monkeypatch):
     jobs = planned(own, tmp_path / "results", "identity")
-    monkeypatch.setattr("benchmark.runs.tasks.code_of_modules", lambda _: {"retrieval/measures.py": "edited"})
-    assert "its code changed during the run" in done(jobs, tmp_path / "results", size=0)["identity"].reason
+    monkeypatch.setattr(
+        "benchmark.runs.tasks.code_of_modules", lambda _: {"retrieval/measures.py": "edited"}
+    )
+    assert (
+        "its code changed during the run"
+        in done(jobs, tmp_path / "results", size=0)["identity"].reason
+    )
 
 
 @pytest.mark.parametrize("size", [0, 1])
-def test_a_plugin_that_changes_the_current_folder_leaves_results_where_they_belong(own, tmp_path, size):
+def test_a_plugin_that_changes_the_current_folder_leaves_results_where_they_belong(
+    own, tmp_path, size
+):
     moves = "def canonicalise(self, shape):\n        os.chdir('/')\n        return shape.form(shape.mesh.vertices)"
     write_plugin(tmp_path / "smooth.py", imports="import os; os.chdir('/')", methods=moves)
-    call("run", "-d", "rods", "-m", "smooth", "--plugin", "smooth.py", "--input", "mesh", *LIGHT, "-j", size)
+    call(
+        "run",
+        "-d",
+        "rods",
+        "-m",
+        "smooth",
+        "--plugin",
+        "smooth.py",
+        "--input",
+        "mesh",
+        *LIGHT,
+        "-j",
+        size,
+    )
     assert len(read_records(tmp_path / "results")) == 1
     assert Path.cwd() == tmp_path
 
@@ -153,7 +193,8 @@ def test_a_shape_that_is_not_the_planned_one_leaves_nothing(own, tmp_path, size)
     records = done(jobs, results, size=size)
     assert {record.status for record in records.values()} == {"incomplete"}
     assert {record.reason for record in records.values()} <= {
-        "thin1 changed during the run; run again",  # all views share a frame, which is fitted to all shapes
+        # all views share a frame, which is fitted to all shapes
+        "thin1 changed during the run; run again",
         *(
             f"{name} changed during the run; run again (and {n} more)"
             for name in ("thick0", "thick1", "thin0")
@@ -168,7 +209,9 @@ def test_a_shape_that_is_not_the_planned_one_leaves_nothing(own, tmp_path, size)
     }
 
 
-@pytest.mark.parametrize("view", ["mesh", "view"])  # of views, the frame of the camera reads it first
+@pytest.mark.parametrize(
+    "view", ["mesh", "view"]
+)  # of views, the frame of the camera reads it first
 def test_a_mesh_that_changes_while_it_is_read_is_read_again(own, tmp_path, monkeypatch, view):
     real, original = io.read_mesh, (own / "thin1.off").read_bytes()
     seen = []
@@ -190,7 +233,9 @@ def test_a_mesh_that_changes_while_it_is_read_is_read_again(own, tmp_path, monke
 
 
 @pytest.mark.parametrize("size", [0, 1])
-def test_an_edit_of_a_plugin_during_a_run_leaves_its_job_incomplete_alone_and_its_scores(rods, tmp_path, size):
+def test_an_edit_of_a_plugin_during_a_run_leaves_its_job_incomplete_alone_and_its_scores(
+    rods, tmp_path, size
+):
     plugin, results = tmp_path / "edited.py", tmp_path / "results"
     plugin.write_text(FAULTS.read_text())
     run_toy(rods, results, "fine", plugins=(plugin,))
@@ -200,14 +245,22 @@ def test_an_edit_of_a_plugin_during_a_run_leaves_its_job_incomplete_alone_and_it
     plugin.write_text(FAULTS.read_text() + "CONSTANT = 1\n")
     records = done(jobs, results, size=size)
     assert [record for record in read_records(results) if record.method == "fine"] == scored
-    assert {name: record.status for name, record in records.items()} == {"fine": "incomplete", "identity": "ok"}
-    assert records["fine"].reason == "its code changed during the run, or is another one on this machine; run again"
+    assert {name: record.status for name, record in records.items()} == {
+        "fine": "incomplete",
+        "identity": "ok",
+    }
+    assert (
+        records["fine"].reason
+        == "its code changed during the run, or is another one on this machine; run again"
+    )
 
 
 def test_force_computes_forms_anew_and_replaces_scores_by_scores_alone(own, tmp_path):
     table, results = tmp_path / "table.txt", tmp_path / "results"
     table.write_text("1 1 1")
-    methods = STRETCHED.replace("factor()", f"[float(x) for x in open({str(table)!r}).read().split()]")
+    methods = STRETCHED.replace(
+        "factor()", f"[float(x) for x in open({str(table)!r}).read().split()]"
+    )
     plugin = write_plugin(tmp_path / "smooth.py", methods=methods)
     first = distances_of(own, "smooth", plugins=[plugin])
     table.write_text("1 1 7")
@@ -215,7 +268,9 @@ def test_force_computes_forms_anew_and_replaces_scores_by_scores_alone(own, tmp_
     assert not distances_of(own, "smooth", plugins=[plugin], again=True).equals(first)
     before = read_records(results)
     table.write_text("nothing")
-    jobs = benchmark.run(own, "smooth", plugins=[plugin, LIGHT_SCORER], scorer="distance-distribution", again=True)
+    jobs = benchmark.run(
+        own, "smooth", plugins=[plugin, LIGHT_SCORER], scorer="distance-distribution", again=True
+    )
     assert list(jobs["status"]) == ["failed"]
     assert read_records(results) == before
 
@@ -233,20 +288,29 @@ def test_what_cannot_run_replaces_no_record(own, tmp_path):
 
 def paths_and_states(folder, results):
     run_toy(folder, results, "identity")
-    return sorted((Path(record.data.path).parent.name, record.status) for record in read_records(results))
+    return sorted(
+        (Path(record.data.path).parent.name, record.status) for record in read_records(results)
+    )
 
 
 def test_a_folder_is_what_lies_at_its_path(tmp_path):
     results = tmp_path / "results"
-    one, two = (write_rods(tmp_path / name / "rods", bends=(0.0, bend)) for name, bend in (("a", 1.0), ("b", 0.5)))
+    one, two = (
+        write_rods(tmp_path / name / "rods", bends=(0.0, bend))
+        for name, bend in (("a", 1.0), ("b", 0.5))
+    )
     paths_and_states(one, results)
     assert paths_and_states(two, results) == [("a", "ok"), ("b", "ok")]
     write_off(two / "thin1.off", rod(0.06, 0.3))
-    assert paths_and_states(two, results) == [("a", "ok"), ("b", "ok")], "a change replaces its own record"
+    assert paths_and_states(two, results) == [("a", "ok"), ("b", "ok")], (
+        "a change replaces its own record"
+    )
     copy = shutil.copytree(one, tmp_path / "c" / "rods")
     forms = sorted((results / "runs" / "forms").iterdir())
     assert paths_and_states(copy, results) == [("a", "ok"), ("b", "ok"), ("c", "ok")]
-    assert sorted((results / "runs" / "forms").iterdir()) == forms, "a copy is ranked from the forms of the original"
+    assert sorted((results / "runs" / "forms").iterdir()) == forms, (
+        "a copy is ranked from the forms of the original"
+    )
     first, *_, last = sorted(read_records(results), key=lambda record: record.data.path)
     assert first.per_query == last.per_query
 
@@ -255,13 +319,27 @@ def test_data_sets_of_one_name_are_told_apart(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     results = tmp_path / "results"
     for name, bend in (("a/x", 1.0), ("b/x", 0.5)):
-        run_toy(write_rods(tmp_path / name / "rods", bends=(0.0, bend)), results, "identity", scorer="cm-bof")
-    assert {record.data.name for record in label_data_sets(read_records(results))} == {"a/x/rods", "b/x/rods"}
+        run_toy(
+            write_rods(tmp_path / name / "rods", bends=(0.0, bend)),
+            results,
+            "identity",
+            scorer="cm-bof",
+        )
+    assert {record.data.name for record in label_data_sets(read_records(results))} == {
+        "a/x/rods",
+        "b/x/rods",
+    }
     table = call("tables", "--results", results, "-d", tmp_path / "b" / "x" / "rods")
     assert "b/x/rods" in table
     assert "a/x/rods" not in table
     assert call("tables", "--results", results, "-d", "b/x/rods") == table
-    assert len({*call("tables", "--results", results, "--format", "csv").split()} & {"a/x/rods", "b/x/rods"}) <= 2
+    assert (
+        len(
+            {*call("tables", "--results", results, "--format", "csv").split()}
+            & {"a/x/rods", "b/x/rods"}
+        )
+        <= 2
+    )
     files = call("tables", "--results", results, "-o", tmp_path / "tables")
     assert files
     names = sorted(path.name for path in (tmp_path / "tables").glob("table-*.md"))
@@ -273,11 +351,15 @@ def test_data_sets_of_one_name_are_told_apart(tmp_path, monkeypatch):
         "tables", "--results", results, "-d", "rods"
     )
     call("forget", "--results", results, "-d", "a/x/rods", "--yes")
-    assert [record.data.path for record in read_records(results)] == [str(tmp_path / "b" / "x" / "rods")]
+    assert [record.data.path for record in read_records(results)] == [
+        str(tmp_path / "b" / "x" / "rods")
+    ]
 
 
 def test_a_plan_has_a_job_once_with_all_tables_that_show_it(tmp_path):
     jobs = plan_selection(tmp_path, tables=["I"], methods=["learned"])
-    shown = {(table.table.identifier, job.record.gallery) for job in jobs for table in job.galleries}
+    shown = {
+        (table.table.identifier, job.record.gallery) for job in jobs for table in job.galleries
+    }
     assert {("I", "people[draw=0]"), ("I-view", "people[draw=0]")} <= shown
     assert len({job.record.key for job in jobs}) == len(jobs)

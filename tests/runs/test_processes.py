@@ -38,12 +38,18 @@ def poison(shape):
 
 def figures(results: Path) -> dict[str, object]:
     """Everything that a run made but the times and machines, by file and by row."""
-    of_rows = {str(r.row): (r.status, r.key, r.per_query) for r in read_records(results) if r.method != "poison"}
+    of_rows = {
+        str(r.row): (r.status, r.key, r.per_query)
+        for r in read_records(results)
+        if r.method != "poison"
+    }
     files = dict[str, object]()
     for path in (results / "runs").glob("*/*.npz"):
         with zipfile.ZipFile(path) as archive:
             files[f"{path.parent.name}/{path.name}"] = {
-                name: archive.read(name) for name in archive.namelist() if not name.startswith((":seconds", ":machine"))
+                name: archive.read(name)
+                for name in archive.namelist()
+                if not name.startswith((":seconds", ":machine"))
             }
     return of_rows | files
 
@@ -67,7 +73,11 @@ def test_rows_of_the_suite_are_those_of_an_undisturbed_run(tmp_path, monkeypatch
     command = [sys.executable, "-m", "benchmark", "run", "-d", "rods", "--scorer", SMALL_SCORER]
     subprocess.run([*command, *suite, "-j", "1", "--results", "clean"], check=True)
     if how == "python":  # as an object of the program, too, which then plans the rows of the suite
-        program = PROGRAM.format(SMALL_SCORER).replace("own", "poison.poison").replace("import ", "import poison, ")
+        program = (
+            PROGRAM.format(SMALL_SCORER)
+            .replace("own", "poison.poison")
+            .replace("import ", "import poison, ")
+        )
         subprocess.run([sys.executable, "-c", program], check=True)
     else:
         for methods in (["-m", "poison", "--plugin", "poison.py"], suite):

@@ -35,11 +35,17 @@ def started(rods, tmp_path, monkeypatch):
 
 
 def is_gone(process):
-    return not psutil.pid_exists(process) or psutil.Process(process).status() == psutil.STATUS_ZOMBIE
+    return (
+        not psutil.pid_exists(process) or psutil.Process(process).status() == psutil.STATUS_ZOMBIE
+    )
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
-def test_a_run_that_is_stopped_ends_at_once_says_so_and_keeps_what_is_done(started, rods, tmp_path, number):
+@pytest.mark.parametrize(
+    "number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
+def test_a_run_that_is_stopped_ends_at_once_says_so_and_keeps_what_is_done(
+    started, rods, tmp_path, number
+):
     program, workers = started
     assert len(workers) >= 2  # one of the suite waits while the plugin runs
     program.send_signal(number)
@@ -47,7 +53,10 @@ def test_a_run_that_is_stopped_ends_at_once_says_so_and_keeps_what_is_done(start
     assert (program.returncode, "Traceback" in error) == (130, False), error
     assert re.search("interrupted.*run again", error)
     wait_for(lambda: all(map(is_gone, workers)), 5.0)
-    kept = {path: path.stat().st_mtime_ns for path in (tmp_path / "results" / "runs" / "prepared").iterdir()}
+    kept = {
+        path: path.stat().st_mtime_ns
+        for path in (tmp_path / "results" / "runs" / "prepared").iterdir()
+    }
     import_plugins_anew()  # it writes its notes elsewhere in this process
     record = run_toy(rods, tmp_path / "results", "waits-once", plugins=(FAULTS,))["waits-once"]
     assert record.status == "ok"
@@ -59,12 +68,17 @@ def test_workers_end_with_a_program_that_is_killed(started, tmp_path):
     program.kill()
     program.communicate()
     wait_for(lambda: all(map(is_gone, workers)), 5.0)
-    with writing(tmp_path / "results"):  # its lock ended with it, and so did what it left half-written
+    with writing(
+        tmp_path / "results"
+    ):  # its lock ended with it, and so did what it left half-written
         assert not list((tmp_path / "results" / "runs").rglob("*.tmp"))
 
 
 def test_a_second_run_in_a_folder_is_refused(rods, tmp_path):
-    with writing(tmp_path), pytest.raises(StorageError, match="another run is writing to .*; wait for its end"):
+    with (
+        writing(tmp_path),
+        pytest.raises(StorageError, match="another run is writing to .*; wait for its end"),
+    ):
         run_toy(rods, tmp_path, "surface-area")
 
 
@@ -89,7 +103,13 @@ def finished(rods, tmp_path_factory):
 
 @pytest.mark.parametrize(
     ("stage", "damage"),
-    [("prepared", "truncated"), ("forms", "flipped"), ("signatures", "empty"), ("records", "flipped"), ("*", "empty")],
+    [
+        ("prepared", "truncated"),
+        ("forms", "flipped"),
+        ("signatures", "empty"),
+        ("records", "flipped"),
+        ("*", "empty"),
+    ],
 )
 def test_a_damaged_file_of_any_kind_is_made_again(rods, finished, tmp_path, stage, damage):
     results, before = shutil.copytree(finished[0], tmp_path / "results"), finished[1]
@@ -106,7 +126,10 @@ def test_a_plan_says_that_a_plugin_ran_in_this_process(rods, tmp_path):
     options = {"plugins": (FAULTS,), "scorer": "cm-bof"}
     (job,) = planned(rods, tmp_path, "last-three", in_this_process=True, **options)
     (again,) = planned(rods, tmp_path, "last-three", records=[job.record], **options)
-    assert (again.state, again.reason[:50]) == ("stale", "it ran in the process of a program, or with -j 0, ")
+    assert (again.state, again.reason[:50]) == (
+        "stale",
+        "it ran in the process of a program, or with -j 0, ",
+    )
 
 
 def test_a_debugger_works_in_this_process_and_its_end_is_nobodys_fault(rods, tmp_path, monkeypatch):
@@ -124,13 +147,17 @@ def test_workers_and_this_process_make_the_same_record(rods, tmp_path):
     made, seen = [], []
     for size in (0, 1):
         results = tmp_path / str(size)
-        jobs = planned(rods, results, "classic-mds", "shape-dna") + planned(rods, results, "gps", input="view")
+        jobs = planned(rods, results, "classic-mds", "shape-dna") + planned(
+            rods, results, "gps", input="view"
+        )
         records = done(jobs, results, size=size, watch=seen.append)
         made.append({name: (r.key, r.scores, r.per_query) for name, r in records.items()})
         assert {tuple(record.machines) for record in records.values()} == {(describe_machine(),)}
     assert made[0].keys() == {"classic-mds", "shape-dna", "gps"}
     assert made[0] == made[1]
-    steps = 3 * 4 + 1 + 3 * 4 + 2 * 4  # shapes prepared for each method and a frame, forms and descriptors, signatures
+    steps = (
+        3 * 4 + 1 + 3 * 4 + 2 * 4
+    )  # shapes prepared for each method and a frame, forms and descriptors, signatures
     assert (seen[-1].done, seen[-1].total) == (steps, steps)
     assert any("gps, " in name for progress in seen for name in progress.working)
 
@@ -138,15 +165,22 @@ def test_workers_and_this_process_make_the_same_record(rods, tmp_path):
 def test_an_estimate_takes_the_seconds_of_finished_jobs_and_shared_stages_once(rods, tmp_path):
     run_toy(rods, tmp_path, "classic-mds", "identity")
     record = {record.method: record for record in read_records(tmp_path)}
-    jobs = planned(rods, tmp_path, "classic-mds", "identity", "fine", rerun=("finished",), plugins=(FAULTS,))
+    jobs = planned(
+        rods, tmp_path, "classic-mds", "identity", "fine", rerun=("finished",), plugins=(FAULTS,)
+    )
     found = estimate(jobs, record.values())
-    each = [sum(record[name].seconds[stage] for stage in ("canonicalise", "signature")) for name in record]
+    each = [
+        sum(record[name].seconds[stage] for stage in ("canonicalise", "signature"))
+        for name in record
+    ]
     shared = record["classic-mds"].seconds["prepare"] + record["classic-mds"].seconds["geodesics"]
     assert found.unknown == 1
     ranking = sum(record[name].seconds["ranking"] for name in record)
     assert ranking > 0
     assert found.seconds == pytest.approx(4 * (sum(each) + shared + ranking), abs=1e-3)
-    assert estimate([*jobs, *jobs], record.values()).seconds == found.seconds  # each form counts once
+    assert (
+        estimate([*jobs, *jobs], record.values()).seconds == found.seconds
+    )  # each form counts once
 
 
 def test_a_plan_in_an_empty_folder_is_estimated_from_published_records(rods, tmp_path):

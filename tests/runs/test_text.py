@@ -36,7 +36,11 @@ def test_text_from_outside_ends_no_run(tmp_path):
     (rods / "thin\udcff7.off").symlink_to("nowhere")
     (rods / "thick7.off").write_bytes(b"OFF\n\xff")
     plugins = [
-        write_plugin(folder / f"{name}.py", name=name, methods=f"def canonicalise(self, shape):\n        {text}")
+        write_plugin(
+            folder / f"{name}.py",
+            name=name,
+            methods=f"def canonicalise(self, shape):\n        {text}",
+        )
         for name, text in {
             "raises": f"raise ValueError({ODD})",
             "refuses": f"from benchmark.api import UnsupportedShape\n        raise UnsupportedShape({ODD}, {ODD})",
@@ -44,7 +48,18 @@ def test_text_from_outside_ends_no_run(tmp_path):
             "notes": f"return shape.form(shape.mesh.vertices, **{{{ODD}[:9]: 1.0}})",
         }.items()
     ]
-    words = ["run", "-d", rods, "--input", "mesh", "--results", folder / "results", *LIGHT, "-j", "1"]
+    words = [
+        "run",
+        "-d",
+        rods,
+        "--input",
+        "mesh",
+        "--results",
+        folder / "results",
+        *LIGHT,
+        "-j",
+        "1",
+    ]
     words += [word for plugin in plugins for word in ("--plugin", plugin)]
     command = [sys.executable, "-m", "benchmark", *map(os.fspath, words)]
     limit = (2**31, 2**31)  # less than a worker may take, as by ulimit -d
@@ -56,13 +71,28 @@ def test_text_from_outside_ends_no_run(tmp_path):
     assert not {0x1B, 0x07} & {*done.stderr, *done.stdout}
     records = {record.method: record for record in read_records(folder / "results")}
     assert {name: record.status for name, record in records.items()} == {
-        "raises": "failed", "refuses": "unsupported", "prints": "ok", "notes": "failed",
-    }  # fmt: skip
+        "raises": "failed",
+        "refuses": "unsupported",
+        "prints": "ok",
+        "notes": "failed",
+    }
     assert {name for name, _ in records["prints"].unsupported} == {"thin\\udcff7", "thick7"}
-    assert all(len(record.reason) <= 3000 and record.reason.isprintable() for record in records.values())
+    assert all(
+        len(record.reason) <= 3000 and record.reason.isprintable() for record in records.values()
+    )
     assert len(records["raises"].traceback) < 30_000
-    states = call("plan", "-d", folder / "rods", "--plugin", folder / "prints.py", "--input", "mesh",
-                  "--results", folder / "results", *LIGHT)  # fmt: skip
+    states = call(
+        "plan",
+        "-d",
+        folder / "rods",
+        "--plugin",
+        folder / "prints.py",
+        "--input",
+        "mesh",
+        "--results",
+        folder / "results",
+        *LIGHT,
+    )
     assert states.startswith("finished")
 
 

@@ -14,7 +14,8 @@ from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Work
 from tests.toy import wait_for
 
 FAULTS = Path(__file__).with_name("faults.py")
-#: A scorer without images and words, for runs whose scores do not matter: a process that needs no torch starts sooner.
+#: A scorer without images and words, for runs whose scores do not matter: a process that needs no
+#: torch starts sooner.
 LIGHT_SCORER = Path(__file__).parents[2] / "examples" / "distance_distribution.py"
 LIGHT = ("--scorer", "distance-distribution", "--plugin", LIGHT_SCORER)
 
@@ -41,7 +42,9 @@ def planned(
     folder: Path | str, results: Path, *methods: Any, plugins: tuple[Path, ...] = (), **options: Any
 ) -> list[Planned]:
     chosen = {"scorer": "distance-distribution", "input": "mesh"} | options
-    return plan_selection(results, datasets=[str(folder)], methods=methods, plugins=[*plugins, LIGHT_SCORER], **chosen)
+    return plan_selection(
+        results, datasets=[str(folder)], methods=methods, plugins=[*plugins, LIGHT_SCORER], **chosen
+    )
 
 
 def done(jobs: list[Planned], results: Path, **options: Any) -> dict[str, Record]:
@@ -49,7 +52,9 @@ def done(jobs: list[Planned], results: Path, **options: Any) -> dict[str, Record
     return {record.method: record for record in run(jobs, results, **options)}
 
 
-def run_toy(folder: Path, results: Path, *methods: Any, size: int = 0, timeout: float = 60.0, **options: Any) -> Any:
+def run_toy(
+    folder: Path, results: Path, *methods: Any, size: int = 0, timeout: float = 60.0, **options: Any
+) -> Any:
     return done(planned(folder, results, *methods, **options), results, size=size, timeout=timeout)
 
 

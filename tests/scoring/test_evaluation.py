@@ -17,12 +17,24 @@ from tests.scoring.line import LABELS, NAMES, D, X
 from tests.toy import rod, write_off
 from tests.verbs import call, refusal
 
-#: Measures of queries by hand. Ranks of what is relevant: a0 1 2 8; a2 half of 1 and 2, half of 3 and
-#: 4, and 8.
+#: Measures of queries by hand. Ranks of what is relevant: a0 1 2 8; a2 half of 1 and 2, half of 3
+#: and 4, and 8.
 LOG = math.log2
 BY_HAND = {
-    "a0": {"NN": 1, "FT": 2 / 3, "ST": 2 / 3, "DCG": (2 + 1 / 3) / (2 + 1 / LOG(3)), "mAP": (2 + 3 / 8) / 3},
-    "a2": {"NN": 0.5, "FT": 0.5, "ST": 2 / 3, "DCG": (1 + 0.5 / LOG(3) + 0.25 + 1 / 3) / (2 + 1 / LOG(3)), "E": 3 / 7},
+    "a0": {
+        "NN": 1,
+        "FT": 2 / 3,
+        "ST": 2 / 3,
+        "DCG": (2 + 1 / 3) / (2 + 1 / LOG(3)),
+        "mAP": (2 + 3 / 8) / 3,
+    },
+    "a2": {
+        "NN": 0.5,
+        "FT": 0.5,
+        "ST": 2 / 3,
+        "DCG": (1 + 0.5 / LOG(3) + 0.25 + 1 / 3) / (2 + 1 / LOG(3)),
+        "E": 3 / 7,
+    },
 }
 
 
@@ -36,8 +48,12 @@ def files(tmp_path_factory):
     np.savetxt(folder / "m.txt", D)
     np.savetxt(folder / "m.csv", D, delimiter=",")
     pd.DataFrame(D, NAMES, NAMES).iloc[::-1, :].to_csv(folder / "named.csv")
-    (folder / "labels.txt").write_text("".join(f"{name} {label}\n" for name, label in zip(NAMES, LABELS, strict=True)))
-    (folder / "labels.csv").write_text((folder / "labels.txt").read_text().replace(" ", ";"), encoding="utf-8-sig")
+    (folder / "labels.txt").write_text(
+        "".join(f"{name} {label}\n" for name, label in zip(NAMES, LABELS, strict=True))
+    )
+    (folder / "labels.csv").write_text(
+        (folder / "labels.txt").read_text().replace(" ", ";"), encoding="utf-8-sig"
+    )
     (folder / "plain.txt").write_text("\n".join(LABELS))
     numbers = {label: [str(k) for k, of in enumerate(LABELS) if of == label] for label in "abcde"}
     classes = "".join(f"{label} 0 {len(n)}\n{' '.join(n)}\n" for label, n in numbers.items())
@@ -76,7 +92,9 @@ OWN = dict(zip(KEYS, ("cat", "cat", "dog", "dog"), strict=True))
 PLAIN = "0,1,4,3\n1,0,5,2\n4,5,0,1\n3,2,1,0\n"
 
 
-@pytest.mark.parametrize("path", sorted(Path(__file__).with_name("inputs").iterdir()), ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", sorted(Path(__file__).with_name("inputs").iterdir()), ids=lambda path: path.stem
+)
 def test_names_that_are_numbers_are_found_in_any_text(path):
     found = score(path, OWN)
     assert list(found.queries.index) == list(KEYS)
@@ -118,21 +136,33 @@ def test_rows_without_names_have_the_order_that_all_agree_on_or_that_is_named(tm
     by_list.astype("<f4").tofile(tmp_path / "m.matrix")
     pd.DataFrame(SMALL).to_csv(tmp_path / "row-numbers.csv")
     for given in (SMALL, tmp_path / "row-numbers.csv"):
-        with pytest.raises(ConfigurationError, match="from row 1: list: 3, 2, 0; number: 0, 1, 2; pass --order list"):
+        with pytest.raises(
+            ConfigurationError,
+            match="from row 1: list: 3, 2, 0; number: 0, 1, 2; pass --order list",
+        ):
             score(given, tmp_path / "c.cla")
         labels = {"3": "a", "0": "a", "1": "b", "2": "b"}
-        with pytest.raises(ConfigurationError, match="list: 3, 0, 1; number: 0, 1, 2; pass --order list or number"):
+        with pytest.raises(
+            ConfigurationError, match="list: 3, 0, 1; number: 0, 1, 2; pass --order list or number"
+        ):
             score(given, labels)
         assert list(score(given, labels, order="list").queries.index) == list("3012")
         assert score(given, tmp_path / "c.cla", order="number").scores.loc["FT", "score"] == 1
-    for found in (score(by_list, tmp_path / "c.cla", "list"), score(tmp_path / "m.matrix", tmp_path / "c.cla")):
+    for found in (
+        score(by_list, tmp_path / "c.cla", "list"),
+        score(tmp_path / "m.matrix", tmp_path / "c.cla"),
+    ):
         assert found.queries["class"].to_dict() == {"3": "dog", "2": "dog", "0": "cat", "1": "cat"}
         assert found.scores.loc["FT", "score"] == 1
-    assert list(score(pd.DataFrame(SMALL, range(1, 5), range(1, 5)), OWN).queries.index) == list(KEYS)
+    assert list(score(pd.DataFrame(SMALL, range(1, 5), range(1, 5)), OWN).queries.index) == list(
+        KEYS
+    )
     shuffled = pd.DataFrame(by_list, [3, 2, 0, 1], [3, 2, 0, 1])
     assert score(shuffled, pd.Series(["cat", "cat", "dog", "dog"])).scores.loc["FT", "score"] == 1
     for labels, order in ((tmp_path / "c.cla", "natural"), (list("aabb"), "list")):
-        with pytest.raises(ConfigurationError, match="order .*'(natural|list)'; (choose one of list, number|omit)"):
+        with pytest.raises(
+            ConfigurationError, match="order .*'(natural|list)'; (choose one of list, number|omit)"
+        ):
             score(SMALL, labels, order)
     for name in ("cat1", "cat2", "cat10", "dog1"):
         (tmp_path / f"{name}.off").touch()
@@ -140,23 +170,37 @@ def test_rows_without_names_have_the_order_that_all_agree_on_or_that_is_named(tm
     for number in range(4):
         (tmp_path / "meshes" / f"m{number}.off").touch()
     (tmp_path / "meshes" / "c.cla").write_text(psb)
-    assert list(score(tmp_path / "m.matrix", tmp_path / "meshes").queries.index) == ["m3", "m2", "m0", "m1"]
+    assert list(score(tmp_path / "m.matrix", tmp_path / "meshes").queries.index) == [
+        "m3",
+        "m2",
+        "m0",
+        "m1",
+    ]
     (tmp_path / "c.cla").unlink()
     said = "row 2: listing: cat10, cat2, dog1; natural: cat2, cat10, dog1; pass --order listing or natural"
     assert said in refusal("score", tmp_path / "m.matrix", "--labels", tmp_path)
     called = call("score", tmp_path / "m.matrix", "--labels", tmp_path, "--order", "listing")
     assert called.startswith("ranked, but no queries: 1 of 4 shapes")
     classes = score(SMALL, tmp_path, "listing").queries["class"].to_dict()
-    assert [*classes.items()] == [("cat1", "cat"), ("cat10", "cat"), ("cat2", "cat"), ("dog1", "dog")]
+    assert [*classes.items()] == [
+        ("cat1", "cat"),
+        ("cat10", "cat"),
+        ("cat2", "cat"),
+        ("dog1", "dog"),
+    ]
 
 
 def test_shapes_of_class_minus_one_are_ranked_and_no_queries(tmp_path):
-    (tmp_path / "c.cla").write_text("PSB 1\n3 6\n\ncat 0 2\n0\n1\n\ndog 0 2\n2\n3\n\n-1 0 2\n4\n5\n")
+    (tmp_path / "c.cla").write_text(
+        "PSB 1\n3 6\n\ncat 0 2\n0\n1\n\ndog 0 2\n2\n3\n\n-1 0 2\n4\n5\n"
+    )
     x = np.array([0, 0.1, 5, 5.1, 10, 20])
     found = score(np.abs(x[:, None] - x), tmp_path / "c.cla")
     assert found.scores.loc["NN", "score"] == 1
     assert found.queries["NN"].notna().sum() == 4
-    assert found.notes == ("ranked, but no queries: 2 of 6 shapes (alone in their class, or of class -1)",)
+    assert found.notes == (
+        "ranked, but no queries: 2 of 6 shapes (alone in their class, or of class -1)",
+    )
     for number in range(6):
         write_off(tmp_path / f"m{number}.off", rod(0.1, 0.1 * number))
     classes = [entry.subject for entry in folder_set(tmp_path).shapes]
@@ -168,13 +212,23 @@ def test_shapes_of_class_minus_one_are_ranked_and_no_queries(tmp_path):
 HERE = Path(__file__).parent / "labels"
 
 
-@pytest.mark.parametrize("labels", [
-    HERE / "minus-one.txt", [*"aaabbbccc", -1, -1.0, "-1.000e+00"], dict(enumerate([*"aaabbbccc", *[-1] * 3])),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "labels",
+    [
+        HERE / "minus-one.txt",
+        [*"aaabbbccc", -1, -1.0, "-1.000e+00"],
+        dict(enumerate([*"aaabbbccc", *[-1] * 3])),
+    ],
+)
 def test_class_minus_one_is_no_query_wherever_labels_come_from(labels, tmp_path):
     found = score(HERE / "D.txt", labels, "list" if isinstance(labels, dict) else "")
     assert (found.scores.loc["NN", "score"], found.queries["NN"].notna().sum()) == (1, 9)
-    beside = score(np.loadtxt(HERE / "D.txt") + 1, labels, "list" if isinstance(labels, dict) else "", gallery=labels)
+    beside = score(
+        np.loadtxt(HERE / "D.txt") + 1,
+        labels,
+        "list" if isinstance(labels, dict) else "",
+        gallery=labels,
+    )
     assert beside.queries["NN"].notna().sum() == 9
     for number in range(3):
         write_off(tmp_path / "-1" / f"m{number}.off", rod(0.1, 0.1 * number))
@@ -184,34 +238,49 @@ def test_class_minus_one_is_no_query_wherever_labels_come_from(labels, tmp_path)
 @pytest.mark.parametrize("missing", [None, math.nan, pd.NA, "", " ", "NaN", "?", "--"])
 def test_shapes_without_a_label_are_counted_and_the_first_is_named(missing, tmp_path):
     labels = [*LABELS[:9], *[missing] * 3]
-    with pytest.raises(ConfigurationError, match="shapes without a label: 3, the first is 'row 10'"):
+    with pytest.raises(
+        ConfigurationError, match="shapes without a label: 3, the first is 'row 10'"
+    ):
         score(D, labels)
-    with pytest.raises(ConfigurationError, match=f"shapes without a label: 3, the first is '{NAMES[9]}'"):
+    with pytest.raises(
+        ConfigurationError, match=f"shapes without a label: 3, the first is '{NAMES[9]}'"
+    ):
         score(pd.DataFrame(D, NAMES, NAMES), pd.Series(labels, NAMES))
     if str(missing).strip():
-        (tmp_path / "labels.csv").write_text("".join(f"{a},{b}\n" for a, b in zip(NAMES, labels, strict=True)))
+        (tmp_path / "labels.csv").write_text(
+            "".join(f"{a},{b}\n" for a, b in zip(NAMES, labels, strict=True))
+        )
         with pytest.raises(ConfigurationError, match="shapes without a label: 3"):
             score(D, tmp_path / "labels.csv")
 
 
 def test_one_class_is_refused_and_numbers_are_one_class_however_they_are_written():
     for gallery in (None, ["a"] * 12):
-        with pytest.raises(ConfigurationError, match="there is one class .'a'., so every ranking is perfect"):
+        with pytest.raises(
+            ConfigurationError, match="there is one class .'a'., so every ranking is perfect"
+        ):
             score(D, ["a"] * 12, gallery=gallery)
-    mixed = score(HERE / "D.txt", [1, 1.0, "1", 20, "20.0", "2.000e+01", 3, 3, np.float64(3), 7, 7.5, "07"])
+    mixed = score(
+        HERE / "D.txt", [1, 1.0, "1", 20, "20.0", "2.000e+01", 3, 3, np.float64(3), 7, 7.5, "07"]
+    )
     assert (mixed.scores.loc["NN", "score"], mixed.queries["NN"].notna().sum()) == (1, 9)
 
 
 def test_distances_with_names_need_labels_with_names_or_an_order():
     frame = pd.DataFrame(D, NAMES, NAMES)
-    with pytest.raises(ConfigurationError, match="the distances name their shapes, .* --order list"):
+    with pytest.raises(
+        ConfigurationError, match="the distances name their shapes, .* --order list"
+    ):
         score(frame, LABELS)
     assert score(frame, LABELS, "list").scores.equals(score(D, LABELS).scores)
 
 
 def test_queries_that_are_in_the_gallery_are_noted():
     frame, labels = pd.DataFrame(D, NAMES, NAMES), dict(zip(NAMES, LABELS, strict=True))
-    assert any("12 queries are at distance 0" in note for note in score(frame, labels, gallery=labels).notes)
+    assert any(
+        "12 queries are at distance 0" in note
+        for note in score(frame, labels, gallery=labels).notes
+    )
     assert not any("distance 0" in note for note in score(frame + 1, labels, gallery=labels).notes)
 
 
@@ -235,7 +304,9 @@ def test_a_row_of_latex_is_escaped_and_has_the_measures_of_the_tables(tmp_path):
 
 
 def test_similarities_are_refused_or_warned_of():
-    with pytest.warns(UserWarning, match="the nearest are of other classes more often than by chance"):
+    with pytest.warns(
+        UserWarning, match="the nearest are of other classes more often than by chance"
+    ):
         found = score(np.where(np.eye(4), 0, 6 - SMALL), list(OWN.values()))
     assert found.scores.loc["NN", "score"] == 0
     with pytest.raises(ConfigurationError, match="set the diagonal of distances to 0"):
@@ -251,7 +322,9 @@ def test_similarities_are_refused_or_warned_of():
 def test_a_mat_file_holds_one_full_matrix_of_any_numbers(kind, tmp_path):
     savemat(tmp_path / "m.mat", {"D": SMALL.astype(kind), "labels": np.arange(4)})
     assert score(tmp_path / "m.mat", list(OWN.values())).scores.loc["FT", "score"] == 1
-    savemat(tmp_path / "m.mat", {"D": SMALL.astype(kind), "distances": csc_matrix(SMALL), "E": SMALL})
+    savemat(
+        tmp_path / "m.mat", {"D": SMALL.astype(kind), "distances": csc_matrix(SMALL), "E": SMALL}
+    )
     with pytest.raises(ConfigurationError, match="2 full matrices of real numbers: D, E"):
         score(tmp_path / "m.mat", list(OWN.values()))
 
@@ -266,14 +339,20 @@ def test_names_in_a_file_of_arrays_find_their_labels(name, tmp_path):
     }
     savemat(path, content) if name == "m.mat" else np.savez(path, **content)
     found = score(path, OWN)
-    assert (list(found.queries.index), found.scores.loc["FT", "score"]) == ([KEYS[k] for k in order], 1)
+    assert (list(found.queries.index), found.scores.loc["FT", "score"]) == (
+        [KEYS[k] for k in order],
+        1,
+    )
 
 
 def test_damage_is_found(files, tmp_path):
     D.astype("<f4").tofile(files / "m.matrix")
     for name in ("m.npy", "m.npz", "m.mat", "m.matrix"):
         content = (files / name).read_bytes()
-        for end in (*range(0, len(content), len(content) // 30), *range(len(content) - 20, len(content))):
+        for end in (
+            *range(0, len(content), len(content) // 30),
+            *range(len(content) - 20, len(content)),
+        ):
             (tmp_path / name).write_bytes(content[:end])
             with pytest.raises(ConfigurationError):
                 score(tmp_path / name, LABELS)
@@ -288,15 +367,27 @@ def test_damage_is_found(files, tmp_path):
 @pytest.mark.parametrize(
     ("distances", "labels", "problem"),
     [
-        (np.where(np.eye(12, k=3), np.nan, D), LABELS, "NaN or infinite, the first in row 1, column 4"),
+        (
+            np.where(np.eye(12, k=3), np.nan, D),
+            LABELS,
+            "NaN or infinite, the first in row 1, column 4",
+        ),
         (D - 3, LABELS, "negative"),
         (1 / (1 + D), LABELS, "farthest from itself"),
         (D[:, :11], LABELS, r"shape \(12, 11\), float64, is no N x N matrix"),
         (D, LABELS[:11], "there are 12 rows of distances and 11 labels"),
         (D.astype(complex), LABELS, "is no N x N matrix"),
         (np.triu(D), LABELS, "not symmetric .*; average them with the transpose"),
-        (pd.DataFrame(D, NAMES, NAMES), dict.fromkeys(NAMES[1:], "a"), "shapes without a label: 1, the first is 'a0'"),
-        (pd.DataFrame(D, NAMES, [*NAMES[::-1][:11], "x"]), LABELS, "rows and columns .* have different names"),
+        (
+            pd.DataFrame(D, NAMES, NAMES),
+            dict.fromkeys(NAMES[1:], "a"),
+            "shapes without a label: 1, the first is 'a0'",
+        ),
+        (
+            pd.DataFrame(D, NAMES, [*NAMES[::-1][:11], "x"]),
+            LABELS,
+            "rows and columns .* have different names",
+        ),
         (D, [f"x{k}" for k in range(12)], "no class has two members"),
     ],
 )
@@ -350,28 +441,42 @@ def test_wrong_labels_are_named(text, problem, tmp_path):
 
 def test_a_rectangular_matrix_has_rows_of_queries(tmp_path):
     matrix = pd.DataFrame([[1, 2, 2, 4], [4, 3, 2, 1], [1, 1, 1, 1]], ["x", "y", "z"], [*"1357"])
-    queries, gallery = {"x": "a", "y": "b", "z": "c"}, {"7": "b", "5": "b", "3": "a", "1": "a", "9": "d"}
+    queries, gallery = (
+        {"x": "a", "y": "b", "z": "c"},
+        {"7": "b", "5": "b", "3": "a", "1": "a", "9": "d"},
+    )
     matrix.iloc[:, ::-1].to_csv(tmp_path / "named.csv")
     np.savetxt(tmp_path / "plain.txt", matrix)
     savemat(tmp_path / "m.mat", {"D": matrix.to_numpy(), "E": np.eye(3)})
     matrix.to_numpy("<f4").tofile(tmp_path / "m.matrix")
     for given, *labels in (
-        (matrix, queries, gallery), (tmp_path / "named.csv", queries, gallery),
-        *((given, [*"abc"], [*"aabb"]) for given in (matrix.to_numpy(), *sorted(tmp_path.glob("*.[tm]*")))),
-    ):  # fmt: skip
+        (matrix, queries, gallery),
+        (tmp_path / "named.csv", queries, gallery),
+        *(
+            (given, [*"abc"], [*"aabb"])
+            for given in (matrix.to_numpy(), *sorted(tmp_path.glob("*.[tm]*")))
+        ),
+    ):
         found = score(given, labels[0], gallery=labels[1])
         assert found.scores.loc["FT", ["score", "chance"]].tolist() == [(0.75 + 1) / 2, 0.5], given
         assert found.notes == ("2 queries; 1 left out, as the gallery has no shape of their class",)
-    for wrong, problem in ((matrix.replace(4, np.inf), "the first in row 1, column 4"), (-matrix, "negative")):
+    for wrong, problem in (
+        (matrix.replace(4, np.inf), "the first in row 1, column 4"),
+        (-matrix, "negative"),
+    ):
         with pytest.raises(ConfigurationError, match=problem):
             score(wrong, queries, gallery=gallery)
-    with pytest.raises(ConfigurationError, match="no query has a shape of its class in the gallery"):
+    with pytest.raises(
+        ConfigurationError, match="no query has a shape of its class in the gallery"
+    ):
         score(matrix, dict.fromkeys("xyz", "q"), gallery=gallery)
     for name, of in (("queries.txt", queries), ("gallery.txt", gallery)):
         (tmp_path / name).write_text("".join(f"{shape} {label}\n" for shape, label in of.items()))
     labels = ("--labels", tmp_path / "queries.txt", "--gallery", tmp_path / "gallery.txt")
     assert "2 queries; 1 left out" in call("score", tmp_path / "named.csv", *labels)
-    assert "the queries as its gallery" in refusal("score", tmp_path / "named.csv", *labels, "--results", tmp_path)
+    assert "the queries as its gallery" in refusal(
+        "score", tmp_path / "named.csv", *labels, "--results", tmp_path
+    )
 
 
 def test_names_and_labels_may_have_other_forms_of_unicode():

@@ -34,13 +34,21 @@ FAULTS = {
         lambda f: write_tetrahedron(f / "401.off", 9),
         "holds 401 shapes, not the official 400: 401.off is one too many; unpack the official archive",
     ),
-    "zeros": ("shrec14-synthetic", lambda f: (f / "007.obj").touch(), "holds one shape as (7|007).obj and (7|007).obj"),
+    "zeros": (
+        "shrec14-synthetic",
+        lambda f: (f / "007.obj").touch(),
+        "holds one shape as (7|007).obj and (7|007).obj",
+    ),
     "a missing model": (
         "shrec11",
         lambda f: (f / "T137.off").unlink(),
         "test.cla lists 600 models for 599 meshes: there is no T137; unpack",
     ),
-    "no list": ("shrec11", lambda f: (f / "test.cla").unlink(), "holds no list of classes; put the official .cla file"),
+    "no list": (
+        "shrec11",
+        lambda f: (f / "test.cla").unlink(),
+        "holds no list of classes; put the official .cla file",
+    ),
     "two lists": (
         "shrec10",
         lambda f: relist(f, str, "sub.cla") or (f / "test.cla").touch(),
@@ -53,7 +61,9 @@ FAULTS = {
     ),
     "two labels exchanged": (
         "shrec11",
-        lambda f: relist(f, lambda text: moved(moved(text, "class4", "class5"), "class5", "class4")),
+        lambda f: relist(
+            f, lambda text: moved(moved(text, "class4", "class5"), "class5", "class4")
+        ),
         "classes 'class4', 'class5' of .*test.cla do not hold their official models; fetch",
     ),
     "a class of the cuts": (
@@ -83,20 +93,35 @@ def test_folders_of_classes_take_the_place_of_the_list(sets, damaged, tmp_path):
     folder = damaged("shrec11")
     (folder / "test.cla").unlink()
     for number in range(600):
-        place = folder / "shrec_16" / f"beast{class_of(number, 30)}" / ("test" if number % 5 == 0 else "train")
+        place = (
+            folder
+            / "shrec_16"
+            / f"beast{class_of(number, 30)}"
+            / ("test" if number % 5 == 0 else "train")
+        )
         place.mkdir(parents=True, exist_ok=True)
         (folder / f"T{number}.off").rename(place / f"T{number}.off")
     dataset, listed = open_dataset("shrec11", tmp_path), open_dataset("shrec11", sets)
-    assert [(e.identifier, e.subject) for e in dataset.shapes] == [(e.identifier, e.subject) for e in listed.shapes]
+    assert [(e.identifier, e.subject) for e in dataset.shapes] == [
+        (e.identifier, e.subject) for e in listed.shapes
+    ]
     # 31 and 1 are of one class; 32 is not.
     path = dataset.shapes[32].path
     path.rename(dataset.shapes[1].path.with_name("T32.off"))
-    with pytest.raises(DatasetError, match="class 'beast[0-9]+' of .*shrec11 has (19|21) models, not the official 20"):
+    with pytest.raises(
+        DatasetError,
+        match="class 'beast[0-9]+' of .*shrec11 has (19|21) models, not the official 20",
+    ):
         open_dataset("shrec11", tmp_path)
 
 
 def test_a_set_of_one_subject_says_what_it_is_for(sets):
     said = call("data", "check", "scape", "--data-root", sets)
-    assert "data set 'scape' shows one subject, so nothing can be retrieved; use it with canonicalise" in said
-    with pytest.raises(DatasetError, match="'topkids' shows one subject, so nothing can be retrieved; use it with"):
+    assert (
+        "data set 'scape' shows one subject, so nothing can be retrieved; use it with canonicalise"
+        in said
+    )
+    with pytest.raises(
+        DatasetError, match="'topkids' shows one subject, so nothing can be retrieved; use it with"
+    ):
         galleries([], ["topkids"], sets)

@@ -36,11 +36,21 @@ def test_every_set_is_tested():
 
 
 @pytest.mark.parametrize(("name", "n_shapes", "n_classes", "n_poses", "example"), SIZES)
-def test_a_set_in_its_layout_has_its_shapes_and_labels(sets, name, n_shapes, n_classes, n_poses, example):
+def test_a_set_in_its_layout_has_its_shapes_and_labels(
+    sets, name, n_shapes, n_classes, n_poses, example
+):
     dataset = open_dataset(name, sets)
     sizes = Counter(entry.subject for entry in dataset.shapes)
-    assert (len(dataset.shapes), len(sizes), set(sizes.values())) == (n_shapes, n_classes, {n_poses})
-    assert len({entry.identifier for entry in dataset.shapes}) == len({e.path for e in dataset.shapes}) == n_shapes
+    assert (len(dataset.shapes), len(sizes), set(sizes.values())) == (
+        n_shapes,
+        n_classes,
+        {n_poses},
+    )
+    assert (
+        len({entry.identifier for entry in dataset.shapes})
+        == len({e.path for e in dataset.shapes})
+        == n_shapes
+    )
     (entry,) = [entry for entry in dataset.shapes if entry.identifier == example[0]]
     assert (entry.subject, entry.pose) == example[1:]
     assert entry.path.stem == example[0]
@@ -54,7 +64,28 @@ def test_the_digests_are_those_of_the_official_lists():
     # A class of each list, as the tracks gave them out.
     crabs = (49, 15, 154, 83, 144, 26, 181, 139, 56, 82, 161, 9, 3, 187, 166, 156, 68, 162, 128, 19)
     assert members["shrec10"][members_digest(crabs)] == "crabs"
-    alien = (137, 30, 50, 124, 290, 5, 422, 545, 411, 9, 511, 311, 31, 547, 418, 573, 220, 133, 18, 228)
+    alien = (
+        137,
+        30,
+        50,
+        124,
+        290,
+        5,
+        422,
+        545,
+        411,
+        9,
+        511,
+        311,
+        31,
+        547,
+        418,
+        573,
+        220,
+        133,
+        18,
+        228,
+    )
     assert members["shrec11"][members_digest(alien)] == "alien"
     assert (len(members["shrec10"]), len(members["shrec11"])) == (10, 30)
 
@@ -85,13 +116,22 @@ def test_canonical_poses_are_the_null_shapes(sets):
 
 
 def test_an_absent_set_says_where_it_is_wanted_and_where_it_comes_from(tmp_path):
-    with pytest.raises(DatasetError, match="'faust' is not at .*/faust; put it there .* http://faust.is.tue.mpg.de"):
+    with pytest.raises(
+        DatasetError, match="'faust' is not at .*/faust; put it there .* http://faust.is.tue.mpg.de"
+    ):
         open_dataset("faust", tmp_path)
 
 
 def test_the_extended_table_is_made_for_every_set_that_is_here(sets, tmp_path):
-    assert set(EXTENDED) == set(SETS) - {"tosca"} - {"shrec14-synthetic", "shrec14-real", "topkids", "scape"}
-    assert list(dict.fromkeys(gallery.name for gallery in galleries(["extended"], data_root=sets))) == [*EXTENDED]
+    assert set(EXTENDED) == set(SETS) - {"tosca"} - {
+        "shrec14-synthetic",
+        "shrec14-real",
+        "topkids",
+        "scape",
+    }
+    assert list(
+        dict.fromkeys(gallery.name for gallery in galleries(["extended"], data_root=sets))
+    ) == [*EXTENDED]
     make("kids", tmp_path)
     chosen = galleries(["extended"], data_root=tmp_path)
     assert {(gallery.dataset.name, len(gallery.entries)) for gallery in chosen} == {("kids", 32)}
