@@ -159,8 +159,10 @@ def test_what_is_larger_than_the_limit_is_refused(
     name: str, size: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("benchmark.geometry.io.LARGEST_FILE", size)
+    monkeypatch.setattr("benchmark.files.LARGEST_FILE", size)
     assert read_mesh(VALID / name).n_faces == 2
     monkeypatch.setattr("benchmark.geometry.io.LARGEST_FILE", size - 1)
+    monkeypatch.setattr("benchmark.files.LARGEST_FILE", size - 1)
     with pytest.raises(UnreadableMesh, match="more than"):
         read_mesh(VALID / name)
 

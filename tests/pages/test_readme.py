@@ -110,11 +110,13 @@ def scores(views, rows):
             {m: max((of[name][m] for name in CLASSICAL if name in of), default=0) for m in MEASURES}
         )
         found[table.replace("-", "_")] = of
-    found["I_all"] = {
-        row.method: Scores(row.scored["15 subjects"].means)
-        for row in views["I"].rows
-        if "15 subjects" in row.scored
-    }
+    for table, name in (("I", "I_all"), ("I-view", "I_all_view")):
+        found[name] = {
+            row.method: Scores(row.scored["15 subjects"].means)
+            for row in views[table].rows
+            if "15 subjects" in row.scored
+        }
+        found[name]["random"] = Scores(views[table].chance["15 subjects"])
     return found
 
 
@@ -163,7 +165,7 @@ def judged(every_view, views, rows, scores, assessed):
     return {
         "lead": {name: [hundredths(lead) for lead in of.mean(axis=0)] for name, of in lead.items()},
         "reproduced": count,
-        "exchanged": mean,
+        "exchanged": float(mean),
         "constants": constants,
         "share": share,
         "order": order,
