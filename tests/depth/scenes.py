@@ -27,6 +27,7 @@ class Scene:
     wall: float | None = 1.2
     floor: bool = True
     others: tuple[Mesh, ...] = ()
+    body: Mesh | None = None
 
     @property
     def rotation(self) -> Points:
@@ -41,10 +42,10 @@ class Scene:
 
     def drawn(self, camera: Intrinsics = KINECT) -> tuple[Depths, Mask]:
         """Return the depth image, metres, and the pixels of the body."""
-        body, *rest = (self._mesh(mesh, camera) for mesh in (figure(), *self.others))
-        rest += (
-            [self._plane((0, 0, 1), figure().vertices[:, 2].min(), camera)] if self.floor else []
-        )
+        standing = self.body or figure()
+        body, *rest = (self._mesh(mesh, camera) for mesh in (standing, *self.others))
+        lowest = standing.vertices[:, 2].min()
+        rest += [self._plane((0, 0, 1), lowest, camera)] if self.floor else []
         rest += [self._plane((0, -1, 0), -self.wall, camera)] if self.wall is not None else []
         nothing = np.full_like(body, np.inf)
         behind = np.min([nothing, *(np.where(image > 0, image, np.inf) for image in rest)], axis=0)
