@@ -10,8 +10,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-SLOPE = 0.2
-"""Slope of LeakyReLU below zero."""
+from learned.paper_network import SLOPE, initialise
 
 RESOLUTION = 128
 """Pixels per side of an image."""
@@ -29,17 +28,23 @@ class CodeNetwork(nn.Module):
         Channels of the outermost block.
     code_size
         Length of the code.
+    seed
+        Seed of the random weights, which depend on nothing else.
     """
 
-    def __init__(self, width: int = 16, code_size: int = 256) -> None:
+    def __init__(self, width: int = 16, code_size: int = 256, seed: int = 0) -> None:
         super().__init__()
         self.widths = [width, 2 * width, 4 * width, 8 * width, 8 * width]
         flat = self.widths[-1] * _INNERMOST**2
-        self.encoder = self._encoder()
-        self.encode = nn.Linear(flat, code_size)
-        self.decode = nn.Linear(code_size, flat)
-        self.decoder = self._decoder()
-        self.head = self._head()
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            self.encoder = self._encoder()
+            self.encode = nn.Linear(flat, code_size)
+            self.decode = nn.Linear(code_size, flat)
+            self.decoder = self._decoder()
+            self.head = self._head()
+            if isinstance(self.head, nn.Conv2d):
+                initialise(self, self.head)
 
     def _encoder(self) -> nn.Sequential:
         def block(before: int, after: int) -> nn.Sequential:

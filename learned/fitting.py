@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -18,9 +18,10 @@ from benchmark.api.learning import CARD, TrainingData
 from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError
 from benchmark.machine import available_cores, describe_machine
-from learned.images import DepthScale
-from learned.models import CONFIGURATIONS, load, save
-from learned.pairs import Pairs, gather
+from benchmark.protocols.trainings import FROZEN_AT
+from learned.code_network import RESOLUTION as CODE_PIXELS
+from learned.models import CONFIGURATIONS, Configuration, load, save
+from learned.pairs import AnyPairs, gather, keep
 from learned.paper_network import RESOLUTIONS
 from learned.training import (
     CHECKPOINT,
@@ -33,8 +34,22 @@ from learned.training import (
     resolved,
 )
 
-TRAINABLE_AT = "4868b8b9"
-"""Last commit that trains the networks of generated bodies."""
+TRAINABLE: Mapping[str, Sequence[int]] = {"progressive": RESOLUTIONS, "global-code": (CODE_PIXELS,)}
+"""Architectures that this code trains, and the pixels per side that each supports."""
+
+DEFAULTS: Mapping[str, Mapping[str, Any]] = {
+    "without_weighting": {"early_epochs": 0},
+    "wide-extra": {
+        "resolution": CODE_PIXELS,
+        "epochs": 8,
+        "early_epochs": 0,
+        "batch": 32,
+        "stretch_depth": True,
+        "masked_depth": True,
+        "cosine": True,
+    },
+}
+"""Schedule of a network where it is not the paper's."""
 
 SAMPLES = 60
 """Pairs of each kind that are predicted for measures at the end."""
@@ -58,26 +73,26 @@ def train(
 ) -> None:
     """Train a model into a folder; see :meth:`learned.methods.TrainedNetwork.train`."""
     configuration = CONFIGURATIONS[name]
-    if configuration.architecture != "progressive":
+    if configuration.architecture not in TRAINABLE:
         raise ConfigurationError(
-            f"network '{name}' comes trained", f"train it at commit {TRAINABLE_AT}"
+            f"network '{name}' comes trained", f"train it at commit {FROZEN_AT}"
         )
     own = {key: value for key, value in options.items() if key in Machine.__dataclass_fields__}
     machine = Machine(**checked(Machine, own, "the training"))
     device = device_named(machine.device)
-    settings = {key: value for key, value in options.items() if key not in own}
-    settings = ({"early_epochs": 0} if name == "without_weighting" else {}) | settings
+    chosen = {key: value for key, value in options.items() if key not in own}
+    settings = {**DEFAULTS.get(name, {}), **chosen}
     schedule = resolved(Schedule(**checked(Schedule, settings, "the schedule")), device)
-    if schedule.resolution not in RESOLUTIONS:
-        hint = f"pass -o resolution=N, {RESOLUTIONS[0]} to {RESOLUTIONS[-1]}"
+    resolutions = TRAINABLE[configuration.architecture]
+    if schedule.resolution not in resolutions:
+        hint = f"pass -o resolution=N, {resolutions[0]} to {resolutions[-1]}"
         raise ConfigurationError(f"the network has no resolution {schedule.resolution}", hint)
     words, network = schedule.in_words(), configuration.build(seed)
     recipe = asdict(schedule) | {"seed": seed, "shapes": list(data.identifiers)}
     _check_finished(folder, recipe)
     torch.set_num_threads(machine.threads or available_cores())
     say(f"training '{name}', seed {seed}: {words}; {data.title}")
-    pairs = gather(data.pairs(), data.n_pairs, schedule.resolution, configuration.crop)
-    pairs = pairs.scaled(DepthScale.of(pairs.targets)) if schedule.stretch_depth else pairs
+    pairs = _pairs(configuration, data, schedule, folder, say)
     recipe["images"] = pairs.digest()
     if _check_finished(folder, recipe):
         say(f"{folder} holds this model already")
@@ -86,13 +101,18 @@ def train(
         data.validation(), data.n_validation, schedule.resolution, configuration.crop
     ).scaled(pairs.scale)
     folder.mkdir(parents=True, exist_ok=True)
-    history = fit(network, pairs, unseen, schedule, folder, seed=seed, device=device, log=say)
+    history, seconds = fit(
+        network, pairs, unseen, schedule, folder, seed=seed, device=device, log=say
+    )
     network = network.cpu().eval()
     facts = {
         "seed": seed,
         "data_digest": recipe["images"],
         "depth_scale": msgspec.to_builtins(pairs.scale),
         "schedule_in_words": f"{words}, {describe_machine()}",
+        "extra_data": data.extra_data,
+        "machine": describe_machine(),
+        "core_seconds": round(seconds),
         "training_measures": _measured(network, pairs),
         "validation_measures": _measured(network, unseen),
     }
@@ -102,6 +122,24 @@ def train(
     say(f"finished; the losses of the last epoch are {json.dumps(history[-1])}")
 
 
+def _pairs(
+    configuration: Configuration,
+    data: TrainingData,
+    schedule: Schedule,
+    folder: Path,
+    say: Callable[[str], None],
+) -> AnyPairs:
+    """Return the pairs of a training, in memory or beside its models on disk."""
+    resolution, crop = schedule.resolution, configuration.crop
+    pairs: AnyPairs
+    if data.bodies is None:
+        pairs = gather(data.pairs(), data.n_pairs, resolution, crop)
+    else:
+        kept = folder.parent / f"pairs-{resolution}{'-cropped' if crop else ''}"
+        pairs = keep(data.bodies, resolution, crop, kept, say)
+    return pairs.stretched() if schedule.stretch_depth else pairs
+
+
 def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
     """Return whether a folder holds a finished model; raise ``ConfigurationError`` if it is of another recipe."""
     if not (folder / CARD).is_file():
@@ -109,7 +147,8 @@ def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
     card = json.loads((folder / CARD).read_bytes())
     facts = {"seed": "seed", "shapes": "identifiers", "images": "data_digest"}
     known = {name: card.get(fact) for name, fact in facts.items() if name in recipe}
-    if changed := differences((card.get("schedule") or {}) | known, recipe):
+    made = {**asdict(Schedule()), **(card.get("schedule") or {}), **known}
+    if changed := differences(made, recipe):
         problem = f"{folder} holds a finished model of another training, with another {changed}"
         raise ConfigurationError(
             problem, "delete the folder to train anew, or name other --results"
@@ -118,7 +157,7 @@ def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
 
 
 @torch.inference_mode()
-def _measured(network: nn.Module, pairs: Pairs) -> dict[str, float]:
+def _measured(network: nn.Module, pairs: AnyPairs) -> dict[str, float]:
     """Return the measures of some predictions of the finished network."""
     rows = torch.from_numpy(
         np.linspace(0, len(pairs) - 1, min(SAMPLES, len(pairs))).round().astype(np.int64)

@@ -160,7 +160,12 @@ class DepthScale(msgspec.Struct, frozen=True):
         """Return the map for depths and masks of all targets, shape (t, 2, r, r)."""
         depths = targets[:, 0][targets[:, 1] > COVERED].double()
         mean = math.fsum(depths.tolist()) / len(depths)  # equal on every machine
-        return cls(mean, 0.4 / max(float((depths - mean).abs().max()), LEAST_DEPTH))
+        return cls.between(float(depths.min()), float(depths.max()), mean)
+
+    @classmethod
+    def between(cls, least: float, largest: float, mean: float) -> Self:
+        """Return the map for depths with these bounds and this mean."""
+        return cls(mean, 0.4 / max(largest - mean, mean - least, LEAST_DEPTH))
 
     def apply(self, targets: Tensor) -> Tensor:
         """Map the foreground of targets, shape (t, 2, r, r)."""

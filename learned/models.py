@@ -72,9 +72,9 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
         """Return the network with random weights."""
         if self.architecture == "progressive":
             return PaperNetwork(self.width, self.short_range, self.long_range, seed)
-        return {"global-code": CodeNetwork, "people": PeopleNetwork, "field": FieldNetwork}[
-            self.architecture
-        ]()
+        if self.architecture == "global-code":
+            return CodeNetwork(self.width, seed=seed)
+        return {"people": PeopleNetwork, "field": FieldNetwork}[self.architecture]()
 
 
 CONFIGURATIONS: Mapping[str, Configuration] = {

@@ -1,18 +1,29 @@
-"""Training pairs in memory."""
+"""Training pairs in memory, or, if they are too many, on disk."""
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
+import json
+import time
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from benchmark.api.learning import TrainingPair
+from benchmark.api.learning import Bodies, TrainingPair
 from benchmark.errors import TrainingError
+from benchmark.files import write_text
 from learned.images import DepthScale, Floats, checked_image, resampled
+
+KEEPING_SECONDS = 60.0
+"""Seconds between two notes of how many pairs are on disk, which is what an interruption costs."""
+
+_MIDDLE = 0.5
+"""Depth that is 0 on disk: near it, where all bodies are, half precision is finest."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +67,10 @@ class Pairs:
     def scaled(self, scale: DepthScale) -> Pairs:
         """Return the pairs with the depths of targets mapped."""
         return replace(self, targets=scale.apply(self.targets), scale=scale)
+
+    def stretched(self) -> Pairs:
+        """Return the pairs with the depths of targets stretched to .1 to .9."""
+        return self.scaled(DepthScale.of(self.targets))
 
     def digest(self) -> str:
         """Return the digest of names and pixels, 64 hexadecimal digits."""
@@ -105,3 +120,140 @@ def gather(
         torch.tensor(target_of),
     )
     return Pairs(tuple(names), *tensors)
+
+
+@dataclass(frozen=True, eq=False)
+class PairsOnDisk:
+    """Pairs in a memory-mapped file of half precision; each target is one of the images.
+
+    Parameters
+    ----------
+    names
+        Names of the images, one per pair.
+    depths
+        Depth of each image minus a half, shape (n, r, r), float16; -1/2 is the background.
+    target_of
+        Row of ``depths`` that is the target of each pair, shape (n,).
+    device
+        Device of the pairs that are read.
+    scale
+        Map of the depths of targets.
+    """
+
+    names: tuple[str, ...]
+    depths: np.memmap[Any, np.dtype[np.float16]]
+    target_of: Tensor
+    device: torch.device = field(default_factory=lambda: torch.device("cpu"))
+    scale: DepthScale = field(default_factory=DepthScale)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __getitem__(self, rows: Tensor) -> tuple[Tensor, Tensor]:
+        """Return images and targets of some pairs."""
+        rows = rows.cpu()
+        image, _ = self._read(rows).split(1, dim=1)
+        target = self.scale.apply(self._read(self.target_of[rows]))
+        return image.to(self.device), target.to(self.device)
+
+    def _read(self, rows: Tensor) -> Tensor:
+        """Return depth and mask of some images, shape (n, 2, r, r)."""
+        depth = torch.from_numpy(self.depths[rows.numpy()].astype(np.float32) + _MIDDLE)
+        return torch.stack([depth, (depth > 0).float()], dim=1)
+
+    def to(self, device: torch.device) -> PairsOnDisk:
+        """Return the pairs, to be read to a device."""
+        return replace(self, device=device)
+
+    def scaled(self, scale: DepthScale) -> PairsOnDisk:
+        """Return the pairs with the depths of targets mapped."""
+        return replace(self, scale=scale)
+
+    def stretched(self) -> PairsOnDisk:
+        """Return the pairs with the depths of targets stretched to .1 to .9."""
+        total = 0
+        count = 0
+        least = np.inf
+        largest = -np.inf
+        for row in self.target_of.unique().tolist():
+            image = self.depths[row]
+            depths = image[image > -_MIDDLE].astype(np.float64)
+            # Multiples of 2**-24, so that their sum is exact, in whichever order.
+            total += int((depths * 2**24).astype(np.int64).sum())
+            count += len(depths)
+            least = min(least, depths.min())
+            largest = max(largest, depths.max())
+        return self.scaled(
+            DepthScale.between(least + _MIDDLE, largest + _MIDDLE, total / count / 2**24 + _MIDDLE)
+        )
+
+    def digest(self) -> str:
+        """Return the digest of names and pixels, 64 hexadecimal digits."""
+        digest = hashlib.sha256("\0".join(self.names).encode())
+        for first in range(0, len(self), 1000):
+            digest.update(np.ascontiguousarray(self.depths[first : first + 1000]).data)
+        digest.update(self.target_of.numpy().data)
+        return digest.hexdigest()
+
+
+AnyPairs = Pairs | PairsOnDisk
+
+
+def keep(
+    bodies: Bodies, resolution: int, crop: bool, folder: Path, say: Callable[[str], None]
+) -> PairsOnDisk:
+    """Return the pairs of bodies that are too many for memory, from a folder, where they are made once.
+
+    Parameters
+    ----------
+    bodies
+        The bodies and their images.
+    resolution
+        Pixels per side.
+    crop
+        Whether the images are cropped to the body.
+    folder
+        Folder of the pairs; an interrupted call goes on.
+    say
+        Called with a line of progress every minute.
+
+    Raises
+    ------
+    TrainingError
+        If the folder holds the pairs of other bodies or of other code.
+    """
+    note = folder / "progress.json"
+    made = {"recipe": bodies.recipe, "resolution": resolution, "crop": crop}
+    finished = 0
+    if note.is_file():
+        stored = json.loads(note.read_text(encoding="utf-8"))
+        finished = stored.pop("bodies")
+        if stored != made:
+            problem = f"the pairs in {folder} were made by other code"
+            raise TrainingError(problem, "delete that folder to make them again")
+    folder.mkdir(parents=True, exist_ok=True)
+    n_images = bodies.n_images
+    depths = np.lib.format.open_memmap(
+        folder / "depths.npy",
+        mode="r+" if finished else "w+",
+        dtype=np.float16,
+        shape=(len(bodies.names) * n_images, resolution, resolution),
+    )
+
+    def note_finished(count: int) -> None:
+        depths.flush()
+        write_text(note, json.dumps({**made, "bodies": count}))
+
+    noted = time.perf_counter()
+    for number in range(finished, len(bodies.names)):
+        for place, image in enumerate(bodies.images(number)):
+            depth, _ = resampled(checked_image(image), resolution, crop)
+            depths[number * n_images + place] = depth - _MIDDLE
+        if time.perf_counter() - noted > KEEPING_SECONDS:
+            noted = time.perf_counter()
+            note_finished(number + 1)
+            say(f"images of {number + 1} of {len(bodies.names)} bodies are made")
+    if finished < len(bodies.names):
+        note_finished(len(bodies.names))
+    rows = torch.arange(len(depths))
+    return PairsOnDisk(bodies.identifiers(), depths, rows // n_images * n_images)

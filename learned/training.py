@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import ctypes
+import math
 import sys
 import time
 import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 import torch
@@ -18,7 +19,7 @@ from torch import Tensor, nn
 from benchmark.api.contracts import Interval
 from benchmark.errors import ConfigurationError, TrainingError
 from learned.images import COVERED
-from learned.pairs import Pairs
+from learned.pairs import AnyPairs, Pairs
 
 CHECKPOINT = "checkpoint.pt"
 
@@ -56,6 +57,14 @@ class Schedule:
     stretch_depth
         Whether the depths of targets are stretched to .1 to .9; see
         :class:`learned.images.DepthScale`.
+    masked_depth
+        Whether the depth loss is the mean over the pixels of the target's body; otherwise, over
+        all pixels.
+    cosine
+        Whether the step size falls to zero along half a cosine, from step to step.
+    repeat
+        How often each pair occurs in an epoch. With it, trainings on few and on many pairs have
+        the same steps.
     """
 
     resolution: Annotated[int, Interval(1)] = 500
@@ -66,6 +75,15 @@ class Schedule:
     learning_rate: Annotated[float, Interval(0, closed="neither")] = 1e-3
     precision: Literal["auto", "float32", "bfloat16"] = "auto"
     stretch_depth: bool = False
+    masked_depth: bool = False
+    cosine: bool = False
+    repeat: Annotated[int, Interval(1)] = 1
+
+    def step_size(self, step: int, steps: int) -> float:
+        """Return the step size of Adam in a step, counted from 0, of a training of so many steps."""
+        if not self.cosine:
+            return self.learning_rate
+        return self.learning_rate * (1 + math.cos(math.pi * step / steps)) / 2
 
     def depth_weight(self, epoch: int) -> float:
         """Return the weight of the depth loss in an epoch, counted from 0."""
@@ -93,9 +111,15 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     return ", ".join(name + values[name] * (len(values[name]) < 40) for name in names)
 
 
-def losses(prediction: Tensor, target: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the mean squared errors of depth and mask, both of shape (n, 2, h, w)."""
+def losses(prediction: Tensor, target: Tensor, masked_depth: bool = False) -> tuple[Tensor, Tensor]:
+    """Return the mean squared errors of depth and mask, both of shape (n, 2, h, w).
+
+    The error of the depth is a mean over all pixels, or over those of the target's mask.
+    """
     depth, mask = (prediction - target).square().unbind(1)
+    if masked_depth:
+        body = target[:, 1]
+        return (depth * body).sum() / body.sum().clamp(min=1), mask.mean()
     return depth.mean(), mask.mean()
 
 
@@ -150,9 +174,24 @@ def resolved(schedule: Schedule, device: torch.device) -> Schedule:
     return replace(schedule, precision="bfloat16" if half else "float32")
 
 
+class Fitted(NamedTuple):
+    """What remains of a training beside the weights.
+
+    Attributes
+    ----------
+    history
+        Losses of each epoch.
+    core_seconds
+        Processor time of all its runs, without what an interruption lost.
+    """
+
+    history: History
+    core_seconds: float
+
+
 def fit(
     network: nn.Module,
-    pairs: Pairs,
+    pairs: AnyPairs,
     validation: Pairs | None,
     schedule: Schedule,
     folder: Path,
@@ -160,7 +199,7 @@ def fit(
     seed: int,
     device: torch.device,
     log: Callable[[str], None],
-) -> History:
+) -> Fitted:
     """Train a network in place; on the same machine, an interrupted training ends with the same weights.
 
     Parameters
@@ -182,8 +221,8 @@ def fit(
 
     Returns
     -------
-    list
-        Losses of each epoch.
+    Fitted
+        Losses of each epoch, and the time that the training took.
 
     Raises
     ------
@@ -200,13 +239,15 @@ def fit(
     )
     release = torch.__version__.partition("+")[0]  # a training may go on with another build
     state.resume(asdict(schedule) | {"data": pairs.digest(), "seed": seed, "torch": release})
-    if state.epoch or state.step:
-        log(f"going on after epoch {state.epoch} of {schedule.epochs}")
+    steps = math.ceil(len(pairs) * schedule.repeat / schedule.batch)
+    begun = state.epoch + state.step / steps
+    if begun:
+        log(f"going on after epoch {round(begun, 2):g} of {schedule.epochs}")
     pairs, validation = pairs.to(device), validation.to(device) if validation else None
-    progress = _Progress(schedule.epochs, state.epoch, log)
+    progress = _Progress(schedule.epochs, begun, log)
     for epoch in range(state.epoch, schedule.epochs):
-        _train_epoch(state, pairs, schedule, seed, epoch)
-        row = state.finished_epoch(len(pairs))
+        _train_epoch(state, pairs, schedule, seed, epoch, progress)
+        row = state.finished_epoch(len(pairs) * schedule.repeat)
         if validation and (
             (epoch + 1) % max(1, schedule.epochs // VALIDATIONS) == 0
             or epoch + 1 == schedule.epochs
@@ -215,18 +256,31 @@ def fit(
                 f"validation {name}": value
                 for name, value in _evaluated(network, validation, schedule).items()
             }
-        state.save_if_due(at_once=epoch + 1 == schedule.epochs)
-        progress.show(epoch + 1, row)
-    return state.history
+        is_last = epoch + 1 == schedule.epochs
+        state.save_if_due(at_once=is_last)
+        progress.show(epoch + 1, row, at_once=is_last or epoch == int(begun))
+    return Fitted(state.history, state.seconds)
 
 
-def _train_epoch(state: _State, pairs: Pairs, schedule: Schedule, seed: int, epoch: int) -> None:
+def _train_epoch(
+    state: _State,
+    pairs: AnyPairs,
+    schedule: Schedule,
+    seed: int,
+    epoch: int,
+    progress: _Progress,
+) -> None:
     network, optimizer = state.network.train(), state.optimizer
-    device = pairs.images.device
-    order = torch.from_numpy(np.random.default_rng([seed, epoch]).permutation(len(pairs)))
-    for rows in order.split(schedule.batch)[state.step :]:
+    device = next(network.parameters()).device
+    drawn = np.random.default_rng([seed, epoch]).permutation(len(pairs) * schedule.repeat)
+    batches = torch.from_numpy(drawn % len(pairs)).split(schedule.batch)
+    for rows in batches[state.step :]:
         image, target = pairs[rows.to(device)]
-        depth, mask = losses(_predicted(network, image, schedule), target)
+        prediction = _predicted(network, image, schedule)
+        depth, mask = losses(prediction, target, schedule.masked_depth)
+        step = epoch * len(batches) + state.step
+        for group in optimizer.param_groups:
+            group["lr"] = schedule.step_size(step, schedule.epochs * len(batches))
         optimizer.zero_grad()
         (schedule.depth_weight(epoch) * depth + mask).backward()
         optimizer.step()
@@ -234,6 +288,7 @@ def _train_epoch(state: _State, pairs: Pairs, schedule: Schedule, seed: int, epo
         state.sums = state.sums.to(device) + len(rows) * torch.stack([depth, mask]).detach()
         state.step += 1
         state.save_if_due()
+        progress.show(epoch + state.step / len(batches))
 
 
 def _predicted(network: nn.Module, image: Tensor, schedule: Schedule) -> Tensor:
@@ -271,6 +326,8 @@ class _State:
         self.sums = torch.zeros(2)
         self.saved = time.perf_counter()
         self.history: History = []
+        self.seconds = 0.0
+        self.began = time.process_time()
 
     def resume(self, recipe: Mapping[str, Any]) -> None:
         """Restore what the checkpoint holds, if there is one; refuse that of another training."""
@@ -282,7 +339,7 @@ class _State:
                 if damaged := archive.testzip():
                     raise ValueError(damaged)
             state = torch.load(self.path, map_location="cpu", weights_only=True)
-            if changed := differences(state["recipe"], recipe):
+            if changed := differences({**asdict(Schedule()), **state["recipe"]}, recipe):
                 problem = f"{self.path} was made with another {changed}"
                 raise TrainingError(
                     problem, "train with the same options, or delete the folder to begin anew"
@@ -291,6 +348,7 @@ class _State:
             self.optimizer.load_state_dict(state["optimizer"])
             self.epoch, self.step = state["epoch"], state["step"]
             self.sums, self.history = state["sums"], state["history"]
+            self.seconds = state.get("seconds", 0.0)
         except TrainingError:
             raise
         except Exception as error:  # torch raises errors of many types for a damaged file
@@ -313,9 +371,12 @@ class _State:
             return
         self._check_sums()
         self.saved = now
+        self.seconds += time.process_time() - self.began
+        self.began = time.process_time()
         state = {"network": self.network.state_dict(), "optimizer": self.optimizer.state_dict()}
         state |= {
-            name: getattr(self, name) for name in ("recipe", "epoch", "step", "sums", "history")
+            name: getattr(self, name)
+            for name in ("recipe", "epoch", "step", "sums", "history", "seconds")
         }
         partial = self.path.with_suffix(".tmp")
         try:
@@ -333,22 +394,23 @@ class _State:
 
 
 class _Progress:
-    """A line of progress with the time left, at most every 20 seconds and after the last epoch."""
+    """A line of progress with the time left, at most every 20 seconds and after the first and the last epoch."""
 
-    def __init__(self, epochs: int, first: int, log: Callable[[str], None]) -> None:
+    def __init__(self, epochs: int, first: float, log: Callable[[str], None]) -> None:
         self.epochs, self.first, self.log = epochs, first, log
         self.began = self.shown = time.perf_counter()
 
-    def show(self, epoch: int, row: Mapping[str, float]) -> None:
-        """Show the losses after an epoch."""
+    def show(self, epochs: float, row: Mapping[str, float] = {}, at_once: bool = False) -> None:
+        """Show how many epochs are done, a part of the present one included, and the losses of the last."""
         now = time.perf_counter()
-        if now - self.shown < 20 and epoch not in (self.first + 1, self.epochs):
+        if now - self.shown < 20 and not at_once:
             return
         self.shown = now
-        left = (now - self.began) / (epoch - self.first) * (self.epochs - epoch)
-        values = "  ".join(f"{name} {value:.5f}" for name, value in row.items() if name != "epoch")
-        bar = "#" * round(20 * epoch / self.epochs)
-        self.log(f"[{bar:20}] epoch {epoch}/{self.epochs}  {values}  {left:.0f} s left")
+        left = (now - self.began) / (epochs - self.first) * (self.epochs - epochs)
+        losses = [f"{name} {value:.5f}" for name, value in row.items() if name != "epoch"]
+        bar = "#" * round(20 * epochs / self.epochs)
+        place = f"epoch {round(epochs, 2):g}/{self.epochs}"
+        self.log("  ".join([f"[{bar:20}] {place}", *losses, f"{left:.0f} s left"]))
 
 
 def _keep_freed_memory() -> None:

@@ -35,6 +35,7 @@ from benchmark.files import named_errors, read_file
 __all__ = [
     "CARD",
     "WEIGHTS",
+    "Bodies",
     "Card",
     "Learner",
     "MeasuresFit",
@@ -90,6 +91,45 @@ Pairs = Callable[[], Iterator[TrainingPair]]
 
 
 @dataclass(frozen=True, kw_only=True)
+class Bodies:
+    """Bodies whose pairs are too many for memory; a learner may keep them on disk at its resolution.
+
+    Parameters
+    ----------
+    names
+        Name of each body.
+    n_images
+        Number of images of each; the first is the target of all.
+    images
+        Returns the images of a body by its place in ``names``, each as in :class:`TrainingPair`.
+    recipe
+        Digest of what makes the images.
+    """
+
+    names: tuple[str, ...]
+    n_images: int
+    images: Callable[[int], Iterable[NDArray[np.float32]]]
+    recipe: str
+
+    def identifiers(self) -> tuple[str, ...]:
+        """Return the name of each image."""
+        return tuple(f"{name}_{place}" for name in self.names for place in range(self.n_images))
+
+    def pairs(self) -> Iterator[TrainingPair]:
+        """Yield the pairs of one body after the other."""
+        for number, name in enumerate(self.names):
+            images = list(self.images(number))
+            for place, image in enumerate(images):
+                yield TrainingPair(
+                    identifier=f"{name}_{place}",
+                    subject=name,
+                    target_identifier=f"{name}_0",
+                    image=image,
+                    target=images[0],
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
 class TrainingData:
     """Training pairs of one protocol.
 
@@ -118,6 +158,10 @@ class TrainingData:
         and other subjects of the set; empty if no body has a phenotype.
     commit
         Commit of the suite that made the pairs; "" if unknown.
+    bodies
+        What the pairs are made from, if they are too many for memory; otherwise None.
+    extra_data
+        Whether they are more than the paper's.
     """
 
     name: str
@@ -131,6 +175,8 @@ class TrainingData:
     n_validation: int
     clearance: Mapping[str, float] = field(default_factory=dict)
     commit: str = ""
+    bodies: Bodies | None = None
+    extra_data: bool = False
 
 
 @runtime_checkable

@@ -34,6 +34,11 @@ from benchmark.geometry.mesh import FloatArray, Mesh
 TESTED = ("humans", "humans-scanlike", "people")
 """Generated test sets of people; ``humans``, which ``people`` replaced, has subjects alone."""
 
+JUDGES = "people[n=12]"
+"""Bodies that no table holds, on which experiments compare networks."""
+
+N_JUDGES = 12
+
 CLEARANCE = 0.25
 """Minimum Euclidean distance in phenotype space between a training body and any test subject."""
 
@@ -139,6 +144,8 @@ def _angles(entry: Entry) -> FloatArray:
 @functools.cache
 def _phenotypes(dataset: str) -> FloatArray:
     """Return the phenotypes of the subjects of a set, of one draw or over all draws."""
+    if dataset == JUDGES:
+        return np.array([astuple(_body(f"body-{number}")) for number in range(N_JUDGES)])
     found = [
         bodies.values()
         for name, bodies in SUBJECTS.items()
@@ -157,7 +164,7 @@ def clearances(bodies: Iterable[Subject], sets: Iterable[str] = TESTED) -> dict[
     return clearance_of
 
 
-def new_subject(random: np.random.Generator, kind: int) -> Subject:
+def new_subject(random: np.random.Generator, kind: int, away_from: Iterable[str] = ()) -> Subject:
     """Draw a body at a distance of at least :data:`CLEARANCE` from the subjects of all sets.
 
     Age and shape are uniform, as is the gender of a child.
@@ -168,8 +175,10 @@ def new_subject(random: np.random.Generator, kind: int) -> Subject:
         Random generator.
     kind
         0 for a man, 1 for a woman, 2 for a child.
+    away_from
+        Further sets whose subjects are avoided, such as :data:`JUDGES`.
     """
-    taken = np.concatenate([_phenotypes(name) for name in (*TESTED, "animals")])
+    taken = np.concatenate([_phenotypes(name) for name in (*TESTED, "animals", *away_from)])
     while True:
         gender = random.uniform() if kind == 2 else float(kind)
         age = random.uniform(*(_CHILDREN if kind == 2 else _ADULTS))

@@ -3,29 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.api.learning import Learner, TrainingData, TrainingPair, digest_of
+from benchmark.api.learning import Bodies, Learner, TrainingData, TrainingPair, digest_of
+from benchmark.code_digest import code_digest
+from benchmark.datasets import sampled
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.bodies import SUBJECTS
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.people import PEOPLE, TESTED, clearances
+from benchmark.datasets.people import CLEARANCE, JUDGES, PEOPLE, TESTED, clearances
 from benchmark.errors import ConfigurationError, ShapeError, check_known
 from benchmark.pipeline.environment import commit
 from benchmark.pipeline.prepared import frame_of, prepare_view
 from benchmark.protocols.galleries import galleries
-from benchmark.protocols.trainings import TRAININGS, Training, trainings_by_shape
+from benchmark.protocols.trainings import (
+    FROZEN_AT,
+    SAMPLED_PEOPLE,
+    TRAININGS,
+    Training,
+    trainings_by_shape,
+)
 from benchmark.reference.paper import NUMERALS
 
 Say = Callable[[str], None]
 
-VALIDATION = "people[n=10]"
-"""Set of new people, far from all tested ones, on whom trainings on people are validated, in every fifth pose."""
+VALIDATION = "people[n=22]"
+"""Set of new people, far from all tested ones; trainings on people are validated on the last ten in every fifth pose.
+
+The first twelve judge experiments with networks, and no training sees them."""
 
 _PHENOTYPES = {**SUBJECTS["people[draw=0]"], **SUBJECTS["animals"]}
 """Bodies of the people in sets that are trained on."""
@@ -63,11 +73,12 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
     ConfigurationError
         If the training data would include a test subject, or would be empty.
     """
-    if training.is_sampled:
-        raise ConfigurationError(
-            f"the bodies of '{training.name}' are not generated any more", "take its model"
-        )
+    if training.is_frozen:
+        problem = f"the bodies of '{training.name}' are not generated any more"
+        raise ConfigurationError(problem, f"take its model, or train at commit {FROZEN_AT}")
     dataset = open_dataset(training.dataset, data_root)
+    if training.name == SAMPLED_PEOPLE:
+        return _sampled(dataset, say)
     trained, tested = training.trained.of(dataset), training.tested.of(dataset)
     subjects, tested_subjects = (
         tuple(dict.fromkeys(entry.subject for entry in part)) for part in (trained, tested)
@@ -81,10 +92,10 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
         raise ConfigurationError(problem, "keep the subjects of the data set apart")
     canonical = canonical_shapes(dataset)
     shown = dict.fromkeys([*trained, *(canonical[subject] for subject in subjects)])
-    held_out, new = tested, dataset
+    new: ShapeSet = dataset
+    held_out: Sequence[Entry] = tested
     if {*subjects} <= {*PEOPLE[0]}:
-        new = open_dataset(VALIDATION)
-        held_out = new.shapes[::5]
+        new, held_out = _validation()
     return TrainingData(
         name=training.name,
         title=f"{dataset.title}, {training.words}",
@@ -97,6 +108,44 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
         n_validation=len(held_out),
         clearance=_clearances(subjects, dataset.name),
         commit=commit(),
+    )
+
+
+def _validation() -> tuple[ShapeSet, Sequence[Entry]]:
+    """Return the set of people on whom trainings on people are validated, and the shapes of it to take."""
+    new = open_dataset(VALIDATION)
+    judges = {entry.subject for entry in open_dataset(JUDGES).shapes}
+    others = [entry for entry in new.shapes if entry.subject not in judges]
+    return new, others[::5]
+
+
+def _sampled(frame: ShapeSet, say: Say) -> TrainingData:
+    """Return the pairs of random people in the frame of a data set."""
+    half_width = frame_of(frame)
+    new, held_out = _validation()
+    code = code_digest(sampled.__name__)
+    names = tuple(f"sample-{number}" for number in range(sampled.N_BODIES))
+    bodies = Bodies(
+        names=names,
+        n_images=sampled.N_SHAPES,
+        images=partial(sampled.sampled_images, half_width=half_width),
+        recipe=f"{len(names)} bodies x {sampled.N_SHAPES}, {half_width}, {code}",
+    )
+    title = f"{len(names)} random people in the canonical pose and {sampled.N_POSES} random ones"
+    return TrainingData(
+        name=SAMPLED_PEOPLE,
+        title=title,
+        subjects=(f"{names[0]} to {names[-1]}",),
+        identifiers=(f"{names[0]}_0 to {names[-1]}_{sampled.N_POSES}",),
+        tested="",
+        pairs=bodies.pairs,
+        n_pairs=len(names) * sampled.N_SHAPES,
+        validation=lambda: _rendered(held_out, new, half_width, say),
+        n_validation=len(held_out),
+        clearance=dict.fromkeys(sampled.AWAY_FROM, CLEARANCE),
+        commit=commit(),
+        bodies=bodies,
+        extra_data=True,
     )
 
 

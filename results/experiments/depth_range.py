@@ -226,7 +226,7 @@ def go_on(results: Path, targets: str) -> None:
         with torch.no_grad():  # the same function in the units of the targets
             head.weight[0] *= scale.factor
             head.bias[0] = 0.5 + scale.factor * (head.bias[0] - scale.mean)
-        history = training.fit(
+        history, _ = training.fit(
             network,
             pairs.scaled(scale),
             None,

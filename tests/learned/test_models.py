@@ -252,8 +252,8 @@ def test_a_finished_model_of_another_seed_or_of_what_no_option_names_is_refused(
 ) -> None:
     with pytest.raises(ConfigurationError, match=r"another seed \(0, not 1\)"):
         train(TINY.name, 1, toy_data(), copied, OPTIONS, quiet)
-    edit_card(copied, lambda card: card["schedule"].update(cosine=True))
-    with pytest.raises(ConfigurationError, match=r"another cosine \(True, not None\)"):
+    edit_card(copied, lambda card: card["schedule"].update(jitter=True))
+    with pytest.raises(ConfigurationError, match=r"another jitter \(True, not None\)"):
         again(copied)
 
 

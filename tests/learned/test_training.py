@@ -14,6 +14,7 @@ from learned import fitting, training
 from learned.pairs import Pairs, gather
 from learned.training import (
     CHECKPOINT,
+    Fitted,
     History,
     Schedule,
     device_named,
@@ -42,7 +43,9 @@ def run(
 ) -> tuple[torch.nn.Module, History]:
     folder.mkdir(exist_ok=True)
     network = TINY.build(seed)
-    return network, fit(network, pairs, None, plan, folder, seed=seed, device=CPU, log=quiet)
+    return network, fit(
+        network, pairs, None, plan, folder, seed=seed, device=CPU, log=quiet
+    ).history
 
 
 def equal(first: torch.nn.Module, second: torch.nn.Module) -> bool:
@@ -90,7 +93,9 @@ def one_weight(
     )
     network = OneWeight()
     folder.mkdir()
-    return network, fit(network, pairs, None, plan, folder, seed=seed, device=CPU, log=quiet)
+    return network, fit(
+        network, pairs, None, plan, folder, seed=seed, device=CPU, log=quiet
+    ).history
 
 
 def test_the_weight_of_the_depth_grows_after_the_early_epochs(tmp_path: Path) -> None:
@@ -136,7 +141,8 @@ def test_the_ablation_of_the_weighting_has_no_early_epochs(
     name: str, early: int | None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plans: list[Schedule] = []
-    monkeypatch.setattr(fitting, "fit", lambda *given, **_: plans.append(given[3]) or [{}])
+    fitted = Fitted([{}], 1.0)
+    monkeypatch.setattr(fitting, "fit", lambda *given, **_: plans.append(given[3]) or fitted)
     monkeypatch.setattr(fitting, "save", lambda *_: None)
     monkeypatch.setattr(fitting, "load", lambda _: None)
     monkeypatch.setattr(fitting, "_measured", lambda *_: {})
@@ -150,7 +156,7 @@ def test_the_time_left_is_that_of_the_epochs_so_far(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(training.time, "perf_counter", lambda: next(now))
     progress = training._Progress(10, 5, lines.append)
     for epoch in (6, 7, 8):  # the second comes too soon after the first
-        progress.show(epoch, {"epoch": epoch, "loss": 0.5})
+        progress.show(epoch, {"epoch": epoch, "loss": 0.5}, at_once=epoch == 6)
     bars = ["[############        ] epoch 6/10", "[################    ] epoch 8/10"]
     assert lines == [
         f"{bar}  loss 0.50000  {left} s left" for bar, left in zip(bars, (40, 27), strict=True)
@@ -195,7 +201,7 @@ def test_rows_hold_the_measures_of_their_epochs(
         seed=0,
         device=CPU,
         log=quiet,
-    )
+    ).history
     assert ["validation mask overlap" in row for row in history] == [False, True, False, True, True]
 
 
