@@ -14,11 +14,10 @@ import torch
 from torch import nn
 
 from benchmark.api.contracts import Interval
-from benchmark.api.learning import CARD, TrainingData
+from benchmark.api.learning import CARD, FROZEN_AT, TrainingData
 from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError
 from benchmark.machine import available_cores, describe_machine
-from benchmark.protocols.trainings import FROZEN_AT
 from learned.code_network import RESOLUTION as CODE_PIXELS
 from learned.models import CONFIGURATIONS, Configuration, load, save
 from learned.pairs import AnyPairs, gather, keep

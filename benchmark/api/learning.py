@@ -53,6 +53,9 @@ WEIGHTS = "weights.safetensors"
 CARD = "card.json"
 """Name of the file with training data and schedule of a model; written last, so that it marks a finished model."""
 
+FROZEN_AT = "4868b8b9"
+"""Last commit of the suite that trains its frozen networks, and generates the bodies that they were shown."""
+
 Split = Literal["table", "strict", "sampled"]
 """Training data of a learner: the training subjects of the table, folds over subjects and poses, or sampled bodies."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.api.learning import Bodies, Learner, TrainingData, TrainingPair, digest_of
+from benchmark.api.learning import FROZEN_AT, Bodies, Learner, TrainingData, TrainingPair, digest_of
 from benchmark.code_digest import code_digest
 from benchmark.datasets import sampled
 from benchmark.datasets.base import canonical_shapes
@@ -22,7 +22,6 @@ from benchmark.pipeline.environment import commit
 from benchmark.pipeline.prepared import frame_of, prepare_view
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import (
-    FROZEN_AT,
     SAMPLED_PEOPLE,
     TRAININGS,
     Training,
