@@ -129,3 +129,12 @@ def check_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
     for name in names:
         if name not in known:
             raise did_you_mean(kind, name, known)
+
+
+def surface_command(name: str) -> str:
+    """Return a command for a hint: it makes a surface of the points in a file."""
+    return (
+        f"python -c \"import pymeshlab; m = pymeshlab.MeshSet(); m.load_new_mesh('{name}'); "
+        "m.compute_normal_for_point_clouds(); m.generate_surface_reconstruction_screened_poisson(); "
+        "m.save_current_mesh('surface.ply')\""
+    )

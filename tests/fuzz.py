@@ -21,10 +21,10 @@ from PIL import Image
 
 import benchmark
 from benchmark.datasets.folder import read_cla
+from benchmark.datasets.mesh_files import read_mesh, write_mesh
 from benchmark.depth.intrinsics import read_intrinsics
 from benchmark.depth.reading import read_mask, read_values
 from benchmark.errors import BenchmarkError
-from benchmark.geometry.io import read_mesh, write_mesh
 from benchmark.scoring.files import as_distances
 from tests.toy import rod
 

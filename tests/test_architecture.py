@@ -83,3 +83,14 @@ def test_no_modules_import_each_other_in_a_circle():
         for name, path in modules()
     }
     TopologicalSorter(graph).prepare()
+
+
+def test_one_module_of_the_harness_knows_the_formats_of_mesh_files():
+    users = {
+        name
+        for name, path in modules()
+        if any(target.startswith("benchmark.formats") for target in imports(path))
+    }
+    assert {name for name in users if not name.startswith("benchmark.formats")} == {
+        "benchmark.datasets.mesh_files"
+    }

@@ -11,12 +11,12 @@ import pytest
 
 import benchmark
 from benchmark.datasets.folder import folder_set
+from benchmark.datasets.mesh_files import read_mesh
 from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import Intrinsics, read_intrinsics
 from benchmark.depth.reading import read_mask, read_values
 from benchmark.errors import BenchmarkError
 from benchmark.files import file_digest, read_file, sweep, write_atomically, write_text
-from benchmark.geometry.io import read_mesh
 from benchmark.pipeline.records import read_files
 
 

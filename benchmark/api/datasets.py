@@ -82,7 +82,7 @@ class ShapeSet:
     folder
         Folder of the files; None for a generated set.
     code
-        Modules whose code makes the meshes.
+        Function that returns the modules whose code makes the mesh of a shape.
     framed
         The data set whose frame its views have; None for its own.
 
@@ -106,7 +106,7 @@ class ShapeSet:
     inputs: tuple[Input, ...] = ("mesh", "view")
     stand_in_for: str = ""
     folder: Path | None = None
-    code: tuple[str, ...] = ()
+    code: Callable[[Entry], Sequence[str]] = lambda _: ()
     framed: ShapeSet | None = None
 
     def __post_init__(self) -> None:

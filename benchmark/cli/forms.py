@@ -20,6 +20,7 @@ from benchmark.cli.options import Selection
 from benchmark.cli.run import planned_jobs
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.frames import frame_settings
+from benchmark.datasets.mesh_files import WRITABLE, read_mesh, write_mesh
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
@@ -34,7 +35,6 @@ from benchmark.depth_forms import (
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.files import write_text
 from benchmark.geometry.camera import FRONT
-from benchmark.geometry.io import WRITABLE, read_mesh, write_mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.cache import Arrays, Cache
 from benchmark.pipeline.forms import shape_of

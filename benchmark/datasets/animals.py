@@ -63,7 +63,7 @@ def animals() -> ShapeSet:
         key=_key,
         camera=lambda entry: SIDE if entry.subject in _FROM_THE_SIDE else FRONT,
         half_width=190.0,
-        code=(__name__, "benchmark.datasets.bodies"),
+        code=lambda _: (__name__, "benchmark.datasets.bodies"),
     )
 
 

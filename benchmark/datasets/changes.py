@@ -188,7 +188,7 @@ def changed(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
         name=changed_name(shapes.name, name, level),
         title=f"{shapes.title}, {change.title}: {change.unit} {amount:g}",
         key=lambda entry: f"{shapes.key(entry)} {name} {amount!r} {seed(entry)}",
-        code=tuple(dict.fromkeys([*shapes.code, __name__])),
+        code=lambda entry: (*shapes.code(entry), __name__),
     )
     if of_set := change.of_set:
         views = of_set(shapes, level)

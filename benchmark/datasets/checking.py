@@ -17,18 +17,11 @@ import numpy as np
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
-from benchmark.datasets.folder import (
-    POINTS,
-    all_mesh_files,
-    is_hidden,
-    mesh_stem,
-    skipped_files,
-    sub_folders,
-)
-from benchmark.datasets.mesh_files import mesh_file_set
+from benchmark.datasets.folder import all_mesh_files, is_hidden, skipped_files, sub_folders
+from benchmark.datasets.mesh_files import POINTS, mesh_file_set, mesh_stem
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
-from benchmark.errors import BenchmarkError, DatasetError, ShapeError
+from benchmark.errors import BenchmarkError, DatasetError, ShapeError, surface_command
 from benchmark.geometry.cleaning import compact, topology
 from benchmark.geometry.depth import (
     FEWEST_PIXELS,
@@ -37,7 +30,6 @@ from benchmark.geometry.depth import (
     camera_coordinates,
     common_half_width,
 )
-from benchmark.geometry.io import SURFACE
 from benchmark.geometry.preparation import prepare
 from benchmark.text import listed
 
@@ -255,7 +247,7 @@ def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
     for path in skipped_files(folder) if dataset.name not in SETS else ():
         what, hint = (
             "points, not a surface",
-            f"make a surface of them: {SURFACE.format(name='FILE')}",
+            f"make a surface of them: {surface_command('FILE')}",
         )
         if is_hidden(path):
             what, hint = "hidden", "remove what macOS writes beside each file, or rename a shape"

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Watched, canonical_shapes
+from benchmark.datasets.mesh_files import write_mesh
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import ConfigurationError, DatasetError, ShapeError
 from benchmark.geometry.camera import Camera
-from benchmark.geometry.io import write_mesh
 
 
 def export(

@@ -12,26 +12,23 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import natural_key
 from benchmark.datasets.frames import depth_frames
 from benchmark.datasets.labels import class_name, read_labels
-from benchmark.datasets.mesh_files import mesh_file_set
+from benchmark.datasets.mesh_files import (
+    BESIDE,
+    MESHES,
+    READABLE,
+    mesh_file_set,
+    mesh_stem,
+    mesh_suffix,
+)
 from benchmark.datasets.settings import SETTINGS_FILE, with_settings
 from benchmark.depth.intrinsics import CAMERA_FILES
 from benchmark.depth.reading import EXTENSIONS, MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
 from benchmark.files import LARGEST_LIST, decode, named_errors, read_file
-from benchmark.geometry.io import READABLE, mesh_suffix
 from benchmark.text import listed, printable
 
-#: Extensions of meshes that cannot be read: they are shapes that count as 0; and of point clouds,
-#: which are skipped.
-UNREAD = (".3ds", ".3mf", ".dae", ".fbx", ".vtk", ".vtp", ".wrl")
-POINTS = (".pcd", ".pts", ".xyz")
-
-
-#: Files beside meshes and images that are known.
+#: Textures, settings and texts beside meshes and images, which are known.
 _BESIDE = (
-    ".tri",
-    ".bin",
-    ".mtl",
     ".jpg",
     ".jpeg",
     ".bmp",
@@ -108,11 +105,6 @@ def depth_files(folder: Path) -> list[Path]:
     return _listed(folder, lambda path: not path.is_dir() and is_depth_file(path))
 
 
-def mesh_stem(path: Path) -> str:
-    """Return the name of a mesh file without its extension, also before ``.gz``."""
-    return Path(path.stem).stem if path.suffix.lower() == ".gz" else path.stem
-
-
 def mesh_files(folder: Path) -> list[Path]:
     """Return the mesh files of a folder in natural order, one per stem; raise ``DatasetError`` if it is unreadable."""
     by_stem: dict[str, Path] = {}
@@ -127,12 +119,11 @@ def all_mesh_files(folder: Path) -> list[Path]:
     Unsupported formats, broken links, pipes and devices are included, so that they are reported and
     counted.
     """
-    known = (*READABLE, *UNREAD)
 
     def is_mesh(path: Path) -> bool:
-        return mesh_suffix(path) in known and not path.is_dir()
+        return mesh_suffix(path) in MESHES and not path.is_dir()
 
-    return sorted(_listed(folder, is_mesh), key=lambda path: known.index(mesh_suffix(path)))
+    return sorted(_listed(folder, is_mesh), key=lambda path: MESHES.index(mesh_suffix(path)))
 
 
 def sub_folders(folder: Path) -> list[Path]:
@@ -142,7 +133,8 @@ def sub_folders(folder: Path) -> list[Path]:
 
 def skipped_files(folder: Path) -> list[Path]:
     """Return files of a folder and its sub-folders that are not known, and hidden ones that would be."""
-    places, known = (folder, *sub_folders(folder)), {*READABLE, *UNREAD, *EXTENSIONS, *_BESIDE}
+    places = (folder, *sub_folders(folder))
+    known = {*MESHES, *BESIDE, *EXTENSIONS, *_BESIDE}
 
     def is_unknown(path: Path) -> bool:
         is_read = path.parent == folder and (

@@ -1,15 +1,134 @@
-"""Data sets of mesh files: how the file of a shape is read, and what its mesh depends on."""
+"""Mesh files: their formats, how the file of a shape is read, and what its mesh depends on.
+
+This is the only module of the suite that knows formats: those are the modules of
+:mod:`benchmark.formats` that have a ``FORMAT``.
+"""
 
 from __future__ import annotations
 
+import pkgutil
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from benchmark import formats
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.errors import UnreadableMesh
-from benchmark.files import file_digest
-from benchmark.geometry.io import companions, read_mesh
+from benchmark.errors import ConfigurationError, UnreadableMesh
+from benchmark.files import file_digest, write_atomically
+from benchmark.formats import unread
+from benchmark.formats.base import Format, mesh_stem, mesh_suffix
+from benchmark.formats.reading import read_with
 from benchmark.geometry.mesh import Mesh
+
+__all__ = [
+    "BESIDE",
+    "FORMATS",
+    "MESHES",
+    "POINTS",
+    "READABLE",
+    "WRITABLE",
+    "digest_of_entry",
+    "files_beside",
+    "files_of",
+    "find_formats",
+    "mesh_file_set",
+    "mesh_stem",
+    "mesh_suffix",
+    "read_entry",
+    "read_mesh",
+    "readers_of",
+    "write_mesh",
+]
+
+
+def find_formats() -> dict[str, Format]:
+    """Return the formats of the package by extension, preferred ones first."""
+    names = [found.name for found in pkgutil.iter_modules(formats.__path__)]
+    modules = [import_module(f"{formats.__name__}.{name}") for name in names]
+    every: list[Format] = [module.FORMAT for module in modules if hasattr(module, "FORMAT")]
+    every.sort(key=lambda format: (format.preference, format.module))
+    return {extension: format for format in every for extension in format.extensions}
+
+
+FORMATS = find_formats()
+"""Formats by extension; of several files of a shape, that of the first is read."""
+
+READABLE: tuple[str, ...] = tuple(FORMATS)
+WRITABLE: tuple[str, ...] = tuple(name for name, format in FORMATS.items() if format.write)
+
+MESHES: tuple[str, ...] = tuple(dict.fromkeys([*READABLE, *unread.MESHES]))
+"""Extensions of meshes, preferred first; a file that cannot be read is a shape that counts as 0."""
+
+POINTS: tuple[str, ...] = tuple(name for name in unread.POINTS if name not in FORMATS)
+"""Extensions of point clouds, which are skipped."""
+
+_FORMATS_BESIDE: dict[str, Format] = {
+    extension: format for format in FORMATS.values() for extension in format.extensions_beside
+}
+
+BESIDE: tuple[str, ...] = tuple(_FORMATS_BESIDE)
+"""Extensions of files that belong to a mesh file and are none themselves."""
+
+
+def read_mesh(path: Path | str) -> Mesh:
+    """Read a triangle mesh; vertices and faces keep the order of the file.
+
+    Parameters
+    ----------
+    path
+        A file with one of the extensions in :data:`READABLE`, also with ``.gz`` behind it. Polygons
+        are split into triangle fans, each around the first corner that sees all others.
+
+    Returns
+    -------
+    Mesh
+        The mesh in units of the file, neither cleaned nor scaled.
+
+    Raises
+    ------
+    UnreadableMesh
+        If the file is missing, empty, too large, truncated, not numeric, or in an unknown format.
+    InvalidMesh
+        If a coordinate is not finite, a vertex index is out of range, or there are no faces.
+    """
+    path = Path(path)
+    suffix = mesh_suffix(path)
+    if suffix in _FORMATS_BESIDE:
+        owner = _FORMATS_BESIDE[suffix].extensions[0]
+        hint = f"name that file instead, such as {mesh_stem(path)}{owner}"
+        raise UnreadableMesh(f"{path}: it belongs to a {owner} file", hint)
+    if suffix not in FORMATS:
+        hint = f"convert it to one of {', '.join(READABLE)}"
+        raise UnreadableMesh(f"{path}: unknown extension '{suffix}'", hint)
+    return read_with(FORMATS[suffix], path)
+
+
+def write_mesh(path: Path | str, mesh: Mesh) -> None:
+    """Write a mesh by extension, with coordinates in full precision; on a full disk, the old file remains.
+
+    Raises
+    ------
+    ConfigurationError
+        If the extension is none of :data:`WRITABLE`, or the file cannot be written.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    write = FORMATS[suffix].write if suffix in WRITABLE else None
+    if write is None:
+        raise ConfigurationError(
+            f"{path}: cannot write '{suffix}' files", f"choose one of {', '.join(WRITABLE)}"
+        )
+    data = write(mesh)
+    try:
+        write_atomically(path.resolve(), lambda file: file.write(data))
+    except OSError as error:
+        raise ConfigurationError(
+            f"{path}: {error.strerror}", "choose a file in a folder that can be written"
+        ) from error
+
+
+# Shapes of data sets
+# ------------------------------------------------------------------------------------------------
 
 
 def mesh_file_set(**facts: Any) -> ShapeSet:
@@ -18,7 +137,7 @@ def mesh_file_set(**facts: Any) -> ShapeSet:
         load=read_entry,
         key=digest_of_entry,
         files=files_of,
-        code=("benchmark.geometry.io",),
+        code=readers_of,
         **facts,
     )
 
@@ -32,6 +151,12 @@ def read_entry(entry: Entry) -> Mesh:
     return read_mesh(entry.path)
 
 
+def readers_of(entry: Entry) -> tuple[str, ...]:
+    """Return the modules that read the mesh file of a shape: the format of the file, and what all formats share."""
+    format = FORMATS.get(mesh_suffix(entry.path)) if entry.path else None
+    return (read_with.__module__, format.module) if format else ()
+
+
 def digest_of_entry(entry: Entry) -> str:
     """Return the digest of the mesh file of a shape; "" if it has none."""
     try:
@@ -42,4 +167,10 @@ def digest_of_entry(entry: Entry) -> str:
 
 def files_of(entry: Entry) -> list[Path]:
     """Return the mesh file of a shape and the files beside it that belong to it."""
-    return [entry.path, *companions(entry.path)] if entry.path else []
+    return [entry.path, *files_beside(entry.path)] if entry.path else []
+
+
+def files_beside(path: Path) -> list[Path]:
+    """Return the files beside a mesh file from which its mesh is read, too."""
+    format = FORMATS.get(mesh_suffix(path))
+    return list(format.files_beside(path)) if format else []

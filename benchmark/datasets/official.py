@@ -17,8 +17,8 @@ from pathlib import Path
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import natural_key
-from benchmark.datasets.folder import class_list, mesh_files, mesh_stem, read_cla, sub_folders
-from benchmark.datasets.mesh_files import mesh_file_set
+from benchmark.datasets.folder import class_list, mesh_files, read_cla, sub_folders
+from benchmark.datasets.mesh_files import mesh_file_set, mesh_stem
 from benchmark.datasets.settings import with_settings
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera

@@ -98,7 +98,7 @@ def _bodies(subjects: list[str], body: Callable[[str], Subject], **facts: Any) -
         ),
         load=lambda entry: body_mesh(body(entry.subject), POSES[entry.pose]),
         key=lambda entry: describe(body(entry.subject), POSES[entry.pose]),
-        code=("benchmark.datasets.bodies",),
+        code=lambda _: ("benchmark.datasets.bodies",),
         **facts,
     )
 
@@ -125,7 +125,7 @@ def humans_scanlike() -> ShapeSet:
         ),
         half_width=_OF_SCANS,
         stand_in_for="shrec14-real",
-        code=("benchmark.datasets.bodies", "benchmark.datasets.scanning"),
+        code=lambda _: ("benchmark.datasets.bodies", "benchmark.datasets.scanning"),
     )
 
 

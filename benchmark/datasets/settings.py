@@ -84,7 +84,8 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
             by = 1 / math.sqrt(mesh.area) if "normalise" in values and mesh.area else factor(entry)
             return mesh.with_vertices(by * mesh.vertices)
 
-        changes |= {"load": load, "code": (*shapes.code, __name__)}
+        changes["load"] = load
+        changes["code"] = lambda entry: (*shapes.code(entry), __name__)
         changes["key"] = lambda entry: (
             f"{shapes.key(entry)} {values.get('normalise') or factor(entry)}"
         )

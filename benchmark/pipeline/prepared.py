@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +83,12 @@ class PreparedShapes:
     @cached_property
     def code(self) -> dict[str, str]:
         """Code that makes the meshes and prepares them."""
-        return code_of_modules([*self.shapes.code, __name__])
+        makers = dict.fromkeys(name for entry in self.shapes.shapes for name in self._makers(entry))
+        return code_of_modules(makers)
+
+    def _makers(self, entry: Entry) -> tuple[str, ...]:
+        """Return the modules that make the mesh of a shape and prepare it."""
+        return (*self.shapes.code(entry), __name__)
 
     @cached_property
     def camera_key(self) -> str:
@@ -108,11 +113,16 @@ class PreparedShapes:
         shapes, view = self.shapes, []
         if self.input == "view":
             view = [self.camera_key, repr(shapes.camera(entry)), repr(shapes.sensor(entry))]
-        return digest([self.input, shapes.key(entry), view, self._code_digest])
+        return digest([self.input, shapes.key(entry), view, self._digest_of(self._makers(entry))])
 
     @cached_property
     def _code_digest(self) -> str:
         return digest(self.code)
+
+    @cached_property
+    def _digest_of(self) -> Callable[[tuple[str, ...]], str]:
+        """Return the digest of the code of modules, which many shapes share."""
+        return cache(lambda modules: digest(code_of_modules(modules)))
 
     def find(self, identifier: str, key: str) -> Entry:
         """Return the shape with a name; raise :class:`Incomplete` unless its key is the planned one."""

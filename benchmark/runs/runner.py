@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from benchmark.datasets.mesh_files import READABLE, mesh_suffix
 from benchmark.depth.reading import EXTENSIONS
 from benchmark.errors import BenchmarkError
-from benchmark.geometry.io import READABLE, mesh_suffix
 from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import memory_per_process
 from benchmark.pipeline.cache import Cache, writing

@@ -15,8 +15,8 @@ import numpy as np
 from benchmark.api.contracts import CanonicalForm, Input, MethodInfo, Shape
 from benchmark.code_digest import code_of_modules, digest, digest_of_bytes
 from benchmark.datasets.catalogue import is_known
+from benchmark.datasets.mesh_files import READABLE, read_mesh
 from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
-from benchmark.geometry.io import READABLE, read_mesh
 from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.environment import commit, packages

@@ -3,7 +3,7 @@
 import numpy as np
 from PIL import Image
 
-from benchmark.geometry.io import read_mesh
+from benchmark.datasets.mesh_files import read_mesh
 from benchmark.geometry.mesh import Mesh
 from tests.geometry.surfaces import joined, limbed_body, sphere
 from tests.toy import rod, write_off

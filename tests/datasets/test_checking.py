@@ -7,8 +7,8 @@ import pytest
 
 from benchmark.datasets.checking import check, check_source
 from benchmark.datasets.folder import folder_set
+from benchmark.datasets.mesh_files import read_mesh, write_mesh
 from benchmark.geometry.cleaning import count_holes
-from benchmark.geometry.io import read_mesh, write_mesh
 from benchmark.geometry.mesh import Mesh, edges_of
 from tests.toy import rod, write_off, write_rods
 from tests.verbs import call

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 import time
 import tracemalloc
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +13,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmark import formats
+from benchmark.datasets.mesh_files import (
+    READABLE,
+    WRITABLE,
+    files_beside,
+    mesh_suffix,
+    read_mesh,
+    write_mesh,
+)
 from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
-from benchmark.geometry.io import WRITABLE, _fans, companions, read_mesh, write_mesh
+from benchmark.formats.polygons import split_polygons
 from benchmark.geometry.mesh import Mesh
 from tests.toy import files_of_at_most, rod
 
@@ -47,6 +58,37 @@ def test_odd_but_valid_files_are_read(name: str) -> None:
     assert mesh.n_vertices == 4
 
 
+def test_each_format_has_a_valid_file_and_is_named_on_the_page_of_meshes() -> None:
+    names = {mesh_suffix(path) for path in VALID.iterdir()}
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "own-meshes.md").read_text()
+    assert set(READABLE) <= names
+    assert [name for name in READABLE if name not in page] == []
+
+
+def test_a_format_is_found_in_its_module_and_files_of_others_are_preferred(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "tetrahedron.py").write_text(TETRAHEDRON)
+    monkeypatch.setattr(formats, "__path__", [*formats.__path__, str(tmp_path)])
+    monkeypatch.delitem(sys.modules, "benchmark.datasets.mesh_files")
+    files = import_module("benchmark.datasets.mesh_files")
+    assert (*READABLE, ".tet") == files.READABLE
+    (tmp_path / "a.tet").write_text("2")
+    assert files.read_mesh(tmp_path / "a.tet").vertices.max() == 2.0
+    monkeypatch.delitem(sys.modules, "benchmark.formats.tetrahedron")
+
+
+TETRAHEDRON = """
+import numpy as np
+from benchmark.formats.base import Format
+
+def read(data, path):
+    corners = np.array([[1, 2, 3], [1, 4, 2], [2, 4, 3], [3, 4, 1]])
+    return float(data) * np.eye(4, 3), corners
+
+FORMAT = Format(module=__name__, extensions=(".tet",), first_vertex=1, read=read)
+"""
+
 POLYGONS = {
     "L": ([[0, 0], [2, 0], [2, 1], [1, 1], [1, 2], [0, 2]], 3.0),
     "dart": ([[0, 0], [2, 1], [4, 0], [2, 3]], 4.0),
@@ -78,7 +120,7 @@ def test_bent_convex_quads_are_split_at_their_first_corner(seed: int) -> None:
     vertices = np.stack(
         [np.cos(angles), np.sin(angles), random.normal(0, 0.3, len(angles))], axis=1
     )
-    triangles = _fans(vertices, corners.ravel(), np.full(99, 4))
+    triangles = split_polygons(vertices, corners.ravel(), np.full(99, 4))
     np.testing.assert_array_equal(triangles, corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3))
 
 
@@ -86,7 +128,7 @@ def test_the_triangles_beside_packed_vertices_count_as_theirs(tmp_path: Path) ->
     for name, others in (("a.vert", ["a.tri", "a.tri.gz"]), ("a.vert.gz", ["a.tri.gz", "a.tri"])):
         for other in reversed(others):
             (tmp_path / other).touch()
-            assert companions(tmp_path / name) == [tmp_path / other]
+            assert files_beside(tmp_path / name) == [tmp_path / other]
         for other in others:
             (tmp_path / other).unlink()
 
@@ -101,7 +143,7 @@ def test_a_pair_counts_from_1_or_0_and_an_unclear_or_incomplete_one_is_refused(
         UnreadableMesh, match=r"vertices 1 to 3 of 4, so they may count from 0 or from 1"
     ):
         read(tmp_path, "a.vert", POINTS.encode(), "1 2 3\n")
-    with pytest.raises(UnreadableMesh, match=r"holds triangles alone; name a\.vert"):
+    with pytest.raises(UnreadableMesh, match=r"belongs to a \.vert file; .* such as a\.vert"):
         read_mesh(tmp_path / "a.tri")
     with pytest.raises(UnreadableMesh, match=r"alone\.tri: No such file"):
         read(tmp_path, "alone.vert", POINTS.encode())
@@ -158,11 +200,13 @@ def test_a_hostile_file_is_refused_in_time_and_memory_of_its_size(
 def test_what_is_larger_than_the_limit_is_refused(
     name: str, size: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("benchmark.geometry.io.LARGEST_FILE", size)
-    monkeypatch.setattr("benchmark.files.LARGEST_FILE", size)
+    def allow(largest: int) -> None:
+        for module in ("benchmark.formats.reading", "benchmark.files"):
+            monkeypatch.setattr(f"{module}.LARGEST_FILE", largest)
+
+    allow(size)
     assert read_mesh(VALID / name).n_faces == 2
-    monkeypatch.setattr("benchmark.geometry.io.LARGEST_FILE", size - 1)
-    monkeypatch.setattr("benchmark.files.LARGEST_FILE", size - 1)
+    allow(size - 1)
     with pytest.raises(UnreadableMesh, match="more than"):
         read_mesh(VALID / name)
 

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 from benchmark.api.datasets import Entry
-from benchmark.datasets.mesh_files import digest_of_entry
+from benchmark.datasets.mesh_files import digest_of_entry, read_mesh
 from benchmark.errors import InvalidMesh, UnreadableMesh
-from benchmark.geometry.gltf import buffer_files
-from benchmark.geometry.io import read_mesh
+from benchmark.formats.gltf import buffer_files
 from benchmark.geometry.mesh import Mesh
 from tests.geometry.test_files import FAN, INPUTS, SQUARE
 
@@ -212,6 +211,6 @@ def test_a_scene_of_more_vertices_than_a_file_can_hold_is_refused(
     file = File()
     file.tree["nodes"] = [{"mesh": 0}] * 5
     file.tree["scenes"] = [{"nodes": [0, 1, 2, 3, 4]}]
-    monkeypatch.setattr("benchmark.geometry.gltf._MOST_VERTICES", 19)
+    monkeypatch.setattr("benchmark.formats.gltf._MOST_VERTICES", 19)
     with pytest.raises(UnreadableMesh, match="its scene shows more than 19 vertices"):
         file.read(tmp_path)

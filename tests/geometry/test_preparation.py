@@ -13,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmark.api.contracts import Shape
+from benchmark.datasets.mesh_files import read_mesh
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.cleaning import (
@@ -23,7 +24,6 @@ from benchmark.geometry.cleaning import (
     make_manifold,
     topology,
 )
-from benchmark.geometry.io import read_mesh
 from benchmark.geometry.laplacian import cotangent_laplacian, eigenpairs
 from benchmark.geometry.mesh import Mesh, edges_of, in_spatial_order, sides_of
 from benchmark.geometry.preparation import Prepared, prepare

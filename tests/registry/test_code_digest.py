@@ -115,8 +115,8 @@ def test_texts_that_are_no_messages_count(digest_in_suite):
 
 def test_the_code_of_methods_and_of_generated_sets_reads_no_mesh_files():
     readers = {
-        "benchmark/geometry/io.py",
-        "benchmark/geometry/gltf.py",
+        "benchmark/formats/reading.py",
+        "benchmark/formats/off.py",
         "benchmark/datasets/mesh_files.py",
     }
     for name in (

@@ -273,7 +273,7 @@ PREPARATION, GEODESICS = (
     "benchmark.pipeline.prepared:prepare_mesh",
     "benchmark.geometry.geodesics:all_pairs",
 )
-READING, UNREADABLE = "benchmark.geometry.io:_load", OSError(5, "Input/output error")
+READING, UNREADABLE = "benchmark.formats.reading:load", OSError(5, "Input/output error")
 
 
 @pytest.fixture(scope="module")

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 import benchmark
+from benchmark.datasets import mesh_files
 from benchmark.errors import ConfigurationError
-from benchmark.geometry import io
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import read_distances, read_records
 from benchmark.runs.planning import plan_selection
@@ -213,7 +213,7 @@ def test_a_shape_that_is_not_the_planned_one_leaves_nothing(own, tmp_path, size)
     "view", ["mesh", "view"]
 )  # of views, the frame of the camera reads it first
 def test_a_mesh_that_changes_while_it_is_read_is_read_again(own, tmp_path, monkeypatch, view):
-    real, original = io.read_mesh, (own / "thin1.off").read_bytes()
+    real, original = mesh_files.read_mesh, (own / "thin1.off").read_bytes()
     seen = []
 
     def change_meanwhile(path):

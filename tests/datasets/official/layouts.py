@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+from benchmark.datasets.mesh_files import write_mesh
 from benchmark.datasets.official import SETS, OfficialSet, members_digest
-from benchmark.geometry.io import write_mesh
 from benchmark.geometry.mesh import Mesh
 
 #: Sets whose classes stand in a list: number of classes and of shapes in each, name of file, number

@@ -1,4 +1,7 @@
-"""Reading of glTF 2.0: the triangles of the default scene; what would move or replace them is refused by its name."""
+"""glTF 2.0, ``.gltf`` and ``.glb``: the triangles of the default scene, whose vertices count from 0.
+
+What would move or replace them is refused by its name: skins, morph targets, extensions.
+"""
 
 from __future__ import annotations
 
@@ -13,6 +16,7 @@ import numpy as np
 
 from benchmark.errors import UnreadableMesh
 from benchmark.files import parse_json, read_file
+from benchmark.formats.base import Format
 from benchmark.geometry.mesh import FloatArray, IntArray
 
 Arrays = tuple[FloatArray, IntArray]
@@ -45,8 +49,8 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 _MOST_VERTICES = 2**24
 
 
-def read_gltf(data: bytes, path: Path) -> Arrays:
-    """Read the triangles of the default scene of a ``.gltf`` or ``.glb`` file; animations are not played.
+def read(data: bytes, path: Path) -> Arrays:
+    """Return the triangles of the default scene of a file; animations are not played.
 
     Raises
     ------
@@ -237,3 +241,14 @@ class _File:
         except OSError as error:
             hint = "put that file beside it, or export a .glb"
             raise UnreadableMesh(f"its buffer {name}: {error.strerror}", hint) from error
+
+
+FORMAT = Format(
+    module=__name__,
+    extensions=(".glb", ".gltf"),
+    first_vertex=0,
+    read=read,
+    files_beside=buffer_files,
+    extensions_beside=(".bin",),
+    preference=6,
+)

@@ -1,0 +1,100 @@
+"""Lines and numbers of mesh files that are text."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.errors import UnreadableMesh
+from benchmark.geometry.mesh import FloatArray, IntArray
+from benchmark.text import counted
+
+_NUMBER = re.compile(
+    r"[-+]?((\d+\.?\d*|\.\d+)(e[-+]?\d+)?|nan(\(.*\))?|inf(inity)?)", re.ASCII | re.IGNORECASE
+)
+
+#: Largest whole number that double precision tells from its neighbours.
+_LARGEST_INTEGER = 2**53
+
+
+def plain_text(data: bytes) -> bytes:
+    """Return text in ASCII, without comments and byte-order marks, with one kind of line break.
+
+    Raises
+    ------
+    UnreadableMesh
+        If it ends within a line of numbers: the last one may be cut off.
+    """
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        data = data.decode("utf-16").encode()
+    text = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if b"#" in text:
+        text = re.sub(rb"(?<!\S)#[^\n]*", b"\n", text)
+    if re.match(rb"\s*[vf\d.+-]", text.rpartition(b"\n")[2]):
+        problem = "its last line has no line break, so it may be cut off"
+        raise UnreadableMesh(
+            problem, "fetch or export it again, or add a line break if it is whole"
+        )
+    return text
+
+
+def filled_lines(text: bytes) -> list[bytes]:
+    """Return the lines that are not blank."""
+    return [line for line in text.split(b"\n") if line.strip()]
+
+
+def parse_numbers(text: bytes) -> FloatArray:
+    """Parse numbers; raises ``ValueError`` at anything else (Python itself would take ``1_0`` and other scripts)."""
+    if not text.strip():
+        return np.empty(0)
+    try:
+        return np.fromstring(text.decode("ascii"), sep=" ")
+    except (DeprecationWarning, ValueError) as error:
+        if re.search(rb"\d,\d", text):
+            raise UnreadableMesh(
+                "numbers have decimal commas", "export with LC_NUMERIC=C"
+            ) from error
+        words = text.decode("latin-1").split()
+        wrong = next((word for word in words if not _NUMBER.fullmatch(word)), "")
+        raise ValueError(f"expected a number, not '{wrong:.20}'") from error
+
+
+def parse_table(lines: Sequence[bytes], widths: Collection[int] = (3,)) -> FloatArray:
+    """Parse lines of as many numbers, of which the first three are returned; a fourth alone is a weight."""
+    found = {len(line.split()) for line in lines}
+    if other := found.difference(widths):
+        raise ValueError(f"a line has {counted(min(other), 'number')}, not {min(widths)}")
+    if 4 in found and (_fourth_numbers(lines) != 1).any():
+        raise ValueError("a line has a fourth number, which is not 1")
+    if len(found) == 1:
+        return parse_numbers(b" ".join(lines)).reshape(len(lines), found.pop())[:, :3]
+    first_three = [b" ".join(line.split()[:3]) for line in lines]
+    return parse_numbers(b" ".join(first_three)).reshape(len(lines), 3)
+
+
+def _fourth_numbers(lines: Sequence[bytes]) -> FloatArray:
+    """Return the fourth numbers of the lines of four."""
+    rows = [line.split() for line in lines]
+    return parse_numbers(b" ".join(row[3] for row in rows if len(row) == 4))
+
+
+def whole_numbers(numbers: NDArray[np.number]) -> IntArray:
+    """Return vertex indices as integers; raises ``ValueError`` if one is not a whole number."""
+    is_small = np.abs(numbers) <= _LARGEST_INTEGER
+    if not is_small.all() or (numbers != np.floor(numbers)).any():
+        raise ValueError("a vertex index is not a whole number")
+    return numbers.astype(np.int64)
+
+
+def is_padding(rest: bytes) -> bool:
+    """Return whether what follows the rows of a file says nothing."""
+    return not rest.strip(b"\0 \t\r\n")
+
+
+def rows_of(prefix: str, table: NDArray[Any]) -> bytes:
+    """Return three numbers a line, in full precision, behind a prefix."""
+    return "".join(f"{prefix}{a!r} {b!r} {c!r}\n" for a, b, c in table.tolist()).encode()

@@ -1,0 +1,78 @@
+"""Wavefront OBJ: faces count vertices from 1; a negative corner counts back from the latest vertex.
+
+Vertices, faces and their groups are read. Splines (``curv``, ``surf``) and other files (``call``)
+are refused.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from benchmark.errors import UnreadableMesh
+from benchmark.formats.ascii import (
+    parse_numbers,
+    parse_table,
+    plain_text,
+    rows_of,
+    whole_numbers,
+)
+from benchmark.formats.base import Arrays, Format
+from benchmark.geometry.mesh import IntArray, Mesh
+
+_VERTEX = re.compile(rb"(?m)^[ \t]*v[ \t]+(\S.*)")
+_FACE = re.compile(rb"(?m)^[ \t]*fo?[ \t]+(\S.*)")
+
+#: A line that begins with another word than those that say nothing of the surface.
+_OTHER_LINE = re.compile(
+    rb"(?m)^[ \t]*(?!(?:v[tnp]?|fo?|[lpgos]|mg|mtllib|usemtl|usemap|maplib|bevel|[cd]_interp|lod"
+    rb"|shadow_obj|trace_obj)(?:[ \t]|$))([^ \t\n]+)"
+)
+
+
+def read(data: bytes, _: Path) -> Arrays:
+    """Return the vertices and polygons of an OBJ file, counted from 1."""
+    text = plain_text(data).replace(b"\\\n", b" ")
+    vertices = list(_VERTEX.finditer(text))
+    polygons = list(_FACE.finditer(text))
+    if not vertices:
+        raise ValueError("there is no line of a vertex, 'v x y z'")
+    if other := _OTHER_LINE.search(text):
+        word = other[1].decode("ascii", "backslashreplace")
+        raise UnreadableMesh(
+            f"it has lines '{word:.20}', which are not read", "export one file of triangles"
+        )
+    sizes = np.array([len(polygon[1].split()) for polygon in polygons], dtype=np.int64)
+    # Numbers behind a slash are those of textures and normals.
+    words = re.sub(rb"/\S*", b"", b" ".join(polygon[1] for polygon in polygons))
+    indices = whole_numbers(parse_numbers(words))
+    vertex_starts = np.array([vertex.start() for vertex in vertices])
+    face_starts = np.array([polygon.start() for polygon in polygons], dtype=np.int64)
+    latest = np.repeat(np.searchsorted(vertex_starts, face_starts), sizes)
+    corners = _counted_from_1(indices, latest)
+    return parse_table([vertex[1] for vertex in vertices], (3, 4, 6, 7)), corners, sizes
+
+
+def _counted_from_1(indices: IntArray, latest: IntArray) -> IntArray:
+    """Return corners that count forwards, for those that count back from the latest vertex before them."""
+    forwards = indices + latest + 1
+    is_missing = indices + latest < 0  # it counts back beyond the first vertex
+    return np.where(indices < 0, np.where(is_missing, -1, forwards), indices)
+
+
+def write(mesh: Mesh) -> bytes:
+    """Return the content of an OBJ file."""
+    return rows_of("v ", mesh.vertices) + rows_of("f ", mesh.faces + 1)
+
+
+FORMAT = Format(
+    module=__name__,
+    extensions=(".obj",),
+    first_vertex=1,
+    read=read,
+    write=write,
+    extensions_beside=(".mtl",),
+    preference=1,
+)

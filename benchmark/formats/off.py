@@ -1,0 +1,103 @@
+"""Geomview OFF, as text: faces count vertices from 0.
+
+A vertex may go on with a normal, a colour or a texture, as the header says (``NOFF``, ``COFF``,
+``STOFF``), and a face with a colour.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmark.formats.ascii import (
+    filled_lines,
+    parse_numbers,
+    parse_table,
+    plain_text,
+    rows_of,
+    whole_numbers,
+)
+from benchmark.formats.base import Arrays, Format
+from benchmark.geometry.mesh import IntArray, Mesh
+from benchmark.text import counted
+
+_HEADER = re.compile(
+    rb"(?:((?:ST)?C?N?C?)OFF)?\s*(\d{1,12})\s+(\d{1,12})(?:[ \t]+\d+)?[ \t]*\n", re.IGNORECASE
+)
+
+
+def read(data: bytes, _: Path) -> Arrays:
+    """Return the vertices and polygons of an OFF file."""
+    text = plain_text(data).lstrip()
+    header = _HEADER.match(text)
+    if not header:
+        raise ValueError("it does not begin with OFF and the numbers of vertices and faces")
+    n_vertices = int(header[2])
+    n_faces = int(header[3])
+    body = text[header.end() :]
+    lines = filled_lines(body)
+    if len(lines) in (1, n_vertices + n_faces):
+        triangles = _triangle_mesh(body, n_vertices, n_faces)
+        if triangles:
+            return triangles
+    if len(lines) != n_vertices + n_faces:
+        raise ValueError(
+            f"{n_vertices} vertices and {n_faces} faces announced, but {len(lines)} lines follow"
+        )
+    width = _numbers_of_a_vertex(header[1] or b"")
+    vertices = parse_table(lines[:n_vertices], (width, width + 3, width + 4))
+    return vertices, *_counted_polygons(lines[n_vertices:])
+
+
+def _numbers_of_a_vertex(prefix: bytes) -> int:
+    """Return how many numbers a vertex has without its colour, from what stands before OFF."""
+    width = 3
+    if b"N" in prefix.upper():
+        width += 3
+    if b"S" in prefix.upper():
+        width += 2
+    return width
+
+
+def _counted_polygons(lines: Sequence[bytes]) -> tuple[IntArray, IntArray]:
+    """Parse lines of the number of corners, the corners, and perhaps a colour."""
+    rows = [line.split() for line in lines]
+    sizes = whole_numbers(parse_numbers(b" ".join(row[0] for row in rows)))
+    corners: list[bytes] = []
+    for number, (row, size) in enumerate(zip(rows, sizes, strict=True), 1):
+        if len(row) <= size:
+            found = counted(len(row) - 1, "corner")
+            raise ValueError(f"face {number} of {len(rows)} has {found}, not {size}")
+        corners += row[1 : 1 + size]
+    return whole_numbers(parse_numbers(b" ".join(corners))), sizes
+
+
+def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> Arrays | None:
+    """Read rows of three for vertices and of four for triangles; None for anything else."""
+    try:
+        numbers = parse_numbers(body)
+    except ValueError:
+        return None
+    if len(numbers) != 3 * n_vertices + 4 * n_faces:
+        return None
+    faces = numbers[3 * n_vertices :].reshape(-1, 4)
+    if (faces[:, 0] != 3).any():
+        return None
+    return numbers[: 3 * n_vertices].reshape(-1, 3), whole_numbers(faces[:, 1:])
+
+
+def write(mesh: Mesh) -> bytes:
+    """Return the content of an OFF file."""
+    header = b"OFF\n%d %d 0\n" % (mesh.n_vertices, mesh.n_faces)
+    return header + rows_of("", mesh.vertices) + rows_of("3 ", mesh.faces)
+
+
+FORMAT = Format(
+    module=__name__,
+    extensions=(".off",),
+    first_vertex=0,
+    read=read,
+    write=write,
+    preference=0,
+)

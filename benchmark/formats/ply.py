@@ -1,0 +1,226 @@
+"""PLY, as text or binary in either byte order: faces count vertices from 0.
+
+The elements ``vertex`` and ``face`` are read, with properties of any number and in any order.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.formats.ascii import (
+    filled_lines,
+    is_padding,
+    parse_numbers,
+    plain_text,
+    whole_numbers,
+)
+from benchmark.formats.base import Arrays, Format
+from benchmark.geometry.mesh import Mesh
+
+#: Sign of the byte order of each format of a header; numbers of text are parsed as doubles.
+_ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
+
+#: Types of numbers of a header, as numpy writes them.
+_TYPES = {
+    "char": "i1",
+    "uchar": "u1",
+    "short": "i2",
+    "ushort": "u2",
+    "int": "i4",
+    "uint": "u4",
+    "float": "f4",
+    "double": "f8",
+    "int8": "i1",
+    "uint8": "u1",
+    "int16": "i2",
+    "uint16": "u2",
+    "int32": "i4",
+    "uint32": "u4",
+    "int64": "i8",
+    "uint64": "u8",
+    "float32": "f4",
+    "float64": "f8",
+}
+
+Run = NDArray[Any]
+"""Rows of an element whose lists are of the same lengths, as a structured array."""
+
+
+class _Field(NamedTuple):
+    """A property of an element; ``size_type`` is the type of the length of a list, "" for a number."""
+
+    name: str
+    type: str
+    size_type: str
+
+
+class _Element(NamedTuple):
+    """An element of a header."""
+
+    name: str
+    n_rows: int
+    fields: list[_Field]
+
+
+def read(data: bytes, _: Path) -> Arrays:
+    """Return the vertices and polygons of a PLY file."""
+    header, body = _split_header(data)
+    elements, is_text = _elements(header)
+    names = [element.name for element in elements]
+    is_known = {"vertex", "face"} <= {*names} and "tristrips" not in names
+    if not is_known or len(names) > len({*names}):
+        raise ValueError(
+            f"it has the elements {', '.join(names) or 'none'}, not vertex and face alone"
+        )
+    lines: list[bytes] = []
+    if is_text:
+        lines = filled_lines(plain_text(body))
+        body = parse_numbers(b" ".join(lines)).tobytes()
+    runs = _runs(elements, body)
+    if is_text:
+        _check_lines(lines, runs)
+    vertices = np.concatenate(
+        [np.stack([run[axis] for axis in "xyz"], axis=1) for run in runs["vertex"]]
+    )
+    faces = runs["face"]
+    names_of_face = faces[0].dtype.names or ()
+    corners = "vertex_index" if "vertex_index" in names_of_face else "vertex_indices"
+    sizes = np.concatenate([np.full(len(run), run[corners].shape[1]) for run in faces])
+    flat = np.concatenate([run[corners].ravel() for run in faces])
+    return vertices.astype(np.float64), whole_numbers(flat), sizes
+
+
+def _split_header(data: bytes) -> tuple[list[str], bytes]:
+    """Return the lines of the header behind ``ply``, and what follows it."""
+    breaks = (b"\r\n", b"\n", b"\r")
+    end = next((end for end in breaks if data.startswith(b"ply" + end)), b"\n")
+    head, mark, body = data.partition(end + b"end_header" + end)
+    if not data.startswith(b"ply" + end) or not mark:
+        raise ValueError("it does not begin with a header between the lines 'ply' and 'end_header'")
+    return head.decode("latin-1").splitlines()[1:], body
+
+
+def _elements(lines: Sequence[str]) -> tuple[list[_Element], bool]:
+    """Return the elements of a header, and whether numbers are text."""
+    elements: list[_Element] = []
+    order: str | None = None
+    for line in lines:
+        match line.split():
+            case [] | ["comment" | "obj_info", *_]:
+                pass
+            case ["format", name, "1.0"] if order is None and name in _ORDERS:
+                order = _ORDERS[name]
+            case ["element", name, count] if order is not None and re.fullmatch(
+                "[0-9]{1,18}", count
+            ):
+                elements.append(_Element(name, int(count), []))
+            case ["property", kind, name] if elements and kind in _TYPES:
+                field = _Field(name, _type_in_file(kind, order), "")
+                elements[-1].fields.append(field)
+            case ["property", "list", size, kind, name] if (
+                elements and {size, kind} <= _TYPES.keys()
+            ):
+                field = _Field(name, _type_in_file(kind, order), _type_in_file(size, order))
+                elements[-1].fields.append(field)
+            case _:
+                raise ValueError(f"the line '{line:.80}' of its header is not read")
+    return elements, order == ""
+
+
+def _type_in_file(kind: str, order: str | None) -> str:
+    """Return the type of numbers, as numpy writes it, in the byte order of a file."""
+    return order + _TYPES[kind] if order else "<f8"
+
+
+def _runs(elements: Sequence[_Element], body: bytes) -> Mapping[str, Sequence[Run]]:
+    """Return the rows of each element; raises ``ValueError`` unless they are all that follows the header."""
+    runs: dict[str, list[Run]] = {}
+    at = 0
+    for element in elements:
+        runs[element.name] = _element_runs(body, at, element)
+        at += sum(run.nbytes for run in runs[element.name])
+    if not is_padding(body[at:]):
+        raise ValueError(f"{len(body) - at} bytes follow the rows that its header announces")
+    return runs
+
+
+def _check_lines(lines: Sequence[bytes], runs: Mapping[str, Sequence[Run]]) -> None:
+    """Raise ``ValueError`` unless each line of a text holds one row."""
+    widths = [
+        np.full(len(run), run.itemsize // 8) for of_element in runs.values() for run in of_element
+    ]
+    if np.concatenate(widths).tolist() != [len(line.split()) for line in lines]:
+        raise ValueError("its lines are not the rows that its header announces")
+
+
+def _element_runs(data: bytes, at: int, element: _Element) -> list[Run]:
+    """Return the rows of an element, in runs; that of an element without rows is empty."""
+    runs: list[Run] = []
+    count = element.n_rows
+    most = count
+    while count or not runs:
+        row, lengths = _row_at(data, at, element, count)
+        fitting = min(count, most, (len(data) - at) // max(row.itemsize, 1))
+        if count and not (fitting and row.itemsize):
+            raise ValueError(f"{count} rows of {element.name} announced, but it ends before them")
+        run = np.frombuffer(data, row, fitting, at) if fitting else np.empty(0, row)
+        differs = np.zeros(len(run), dtype=bool)
+        for name, length in lengths.items():
+            differs |= run[name] != length
+        most *= 2
+        if differs.any():
+            run = run[: differs.argmax()]
+            most = 1
+        runs.append(run)
+        at += run.nbytes
+        count -= len(run)
+    return runs
+
+
+def _row_at(
+    data: bytes, at: int, element: _Element, count: int
+) -> tuple[np.dtype[Any], dict[str, int]]:
+    """Return the layout of the row that begins at a place, and the lengths of its lists by their fields."""
+    layout: list[Any] = []
+    lengths: dict[str, int] = {}
+    for field in element.fields:
+        if not field.size_type:
+            layout.append((field.name, field.type))
+            continue
+        name = f"{field.name} size"
+        layout.append((name, field.size_type))
+        lengths[name] = 0
+        if count and at < len(data):
+            begun = np.frombuffer(data, layout, 1, at)
+            lengths[name] = int(whole_numbers(begun[name])[0])
+        layout.append((field.name, field.type, (lengths[name],)))
+    return np.dtype(layout), lengths
+
+
+def write(mesh: Mesh) -> bytes:
+    """Return the content of a binary PLY file."""
+    header = (
+        "ply\nformat binary_little_endian 1.0\n"
+        f"element vertex {mesh.n_vertices}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {mesh.n_faces}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    faces = np.empty(mesh.n_faces, dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"] = 3
+    faces["corners"] = mesh.faces
+    return header.encode("ascii") + mesh.vertices.astype("<f8").tobytes() + faces.tobytes()
+
+
+FORMAT = Format(
+    module=__name__,
+    extensions=(".ply",),
+    first_vertex=0,
+    read=read,
+    write=write,
+    preference=2,
+)

@@ -1,0 +1,85 @@
+"""Corners of triangles and polygons as files list them: counted from 0, and split into triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmark.errors import InvalidMesh
+from benchmark.geometry.mesh import IntArray, Points
+from benchmark.text import counted
+
+#: Polygons of one size that are split at a time.
+_MOST_POLYGONS = 2**16
+
+#: Most corners of a polygon that are tried as the centre of its fan.
+_MOST_CORNERS = 500
+
+#: Area of a triangle of a fan that may look the other way, as a share of the polygon: that of a
+#: corner on a side, in single precision.
+_FOLDED = 1e-6
+
+
+def count_from_0(corners: IntArray, n_vertices: int, first: int) -> IntArray:
+    """Return corners counted from 0 instead of ``first``; raises ``InvalidMesh`` if vertices are missing."""
+    low, high = int(corners.min()), int(corners.max())
+    other = 1 - first
+    fits = first <= low and high < n_vertices + first
+    if not fits and other <= low and high < n_vertices + other:
+        hint = "subtract 1 from each corner" if other else "add 1 to each corner"
+        raise InvalidMesh(f"this format counts vertices from {first}, the file from {other}", hint)
+    if not fits:
+        problem = f"faces name vertices {low} to {high}, but there are {first} to {n_vertices + first - 1}"
+        raise InvalidMesh(problem, "fetch or export the file again")
+    return corners - first
+
+
+def split_polygons(vertices: Points, corners: IntArray, sizes: IntArray) -> IntArray:
+    """Split polygons, one after the other, into fans around the first corner that sees all others."""
+    if (too_few := np.flatnonzero(sizes < 3)).size:
+        size = counted(int(sizes[too_few[0]]), "corner")
+        raise ValueError(f"face {too_few[0] + 1} of {len(sizes)} has {size}")
+    starts = np.cumsum(sizes) - sizes
+    centres = _fan_centres(vertices, corners, starts, sizes)
+    if (blind := np.flatnonzero(centres < 0)).size:
+        problem = f"face {blind[0] + 1} of {len(sizes)} is a polygon without a corner that sees all others"
+        raise InvalidMesh(problem, "triangulate the polygons before exporting them")
+    polygon = np.repeat(np.arange(len(sizes)), sizes - 2)
+    within = np.arange(len(polygon)) - np.repeat(starts - 2 * np.arange(len(starts)), sizes - 2)
+    turned = [(centres[polygon] + step) % sizes[polygon] for step in (0, within + 1, within + 2)]
+    return np.stack([corners[starts[polygon] + place] for place in turned], axis=1)
+
+
+def _fan_centres(
+    vertices: Points, corners: IntArray, starts: IntArray, sizes: IntArray
+) -> IntArray:
+    """Return the place of the first corner of each polygon that sees all others; -1 if there is none."""
+    centres = np.zeros(len(sizes), dtype=np.int64)
+    extent = np.abs(vertices).max() or 1.0  # products of coordinates stay in range
+    if not np.isfinite(extent):
+        return centres  # this is refused as a mesh
+    for size in np.unique(sizes[sizes > 3]):
+        same = np.flatnonzero(sizes == size)
+        for block in np.array_split(same, len(same) // _MOST_POLYGONS + 1):
+            places = starts[block, None] + np.arange(size)
+            centres[block] = _seeing_corners(vertices[corners[places]] / extent)
+    return centres
+
+
+def _seeing_corners(polygons: Points) -> IntArray:
+    """Return the first corner of each polygon, shape (p, k, 3), whose fan nowhere folds back; -1 if there is none."""
+    first = np.full(len(polygons), -1)
+    left = np.arange(len(polygons))
+    for corner in range(min(polygons.shape[1], _MOST_CORNERS)):
+        a, *others = np.moveaxis(np.roll(polygons[left], -corner, axis=1), 1, 0)
+        sides = np.stack(others) - a
+        normals = np.cross(sides[:-1], sides[1:])
+        whole = normals.sum(axis=0)
+        square = (whole**2).sum(axis=1)
+        ahead = ((normals * whole).sum(axis=2) >= -_FOLDED * square).all(axis=0)
+        # Of sides that cross, halves cancel.
+        ahead &= square >= _FOLDED * (normals**2).sum(axis=(0, 2))
+        first[left[ahead]] = corner
+        left = left[~ahead]
+        if not len(left):
+            break
+    return first

@@ -1,0 +1,54 @@
+"""A mesh from a file of a format, without trust in its content; every error names the file and gives a hint."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import warnings
+from pathlib import Path
+
+from benchmark.errors import InvalidMesh, UnreadableMesh, surface_command
+from benchmark.files import LARGEST_FILE, named_errors, read_file
+from benchmark.formats.base import Format, mesh_suffix
+from benchmark.formats.polygons import count_from_0, split_polygons
+from benchmark.geometry.mesh import Mesh
+
+
+def read_with(format: Format, path: Path) -> Mesh:
+    """Return the mesh in a file of a format, in its units and order, neither cleaned nor scaled.
+
+    Raises
+    ------
+    UnreadableMesh
+        If the file is missing, empty, too large, truncated or not numeric.
+    InvalidMesh
+        If a coordinate is not finite, a vertex index is out of range, or there are no faces.
+    """
+    kind = f"{mesh_suffix(path)[1:]} file"
+    with named_errors(path, kind, UnreadableMesh, "fetch or export the file again"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of readers, about damaged files
+            # numpy below 2.3 does not raise.
+            warnings.filterwarnings("error", "string or file could not be read")
+            vertices, corners, *sizes = format.read(load(path), path)
+        if not len(corners):
+            raise InvalidMesh(
+                "there are no faces", f"make a surface of the points: {surface_command(path.name)}"
+            )
+        corners = count_from_0(corners, len(vertices), format.first_vertex)
+        faces = split_polygons(vertices, corners, sizes[0]) if sizes else corners
+        return Mesh(vertices, faces)  # type: ignore[arg-type]
+
+
+def load(path: Path) -> bytes:
+    """Return the content of a file, unpacked; raises ``UnreadableMesh`` if it is empty or too large."""
+    data = read_file(path, LARGEST_FILE)
+    if data and path.suffix.lower() == ".gz":
+        data = gzip.GzipFile(fileobj=io.BytesIO(data)).read(LARGEST_FILE + 1)
+    if len(data) > LARGEST_FILE:
+        raise UnreadableMesh(
+            f"it holds more than {LARGEST_FILE / 2**30:g} GiB", "decimate the mesh"
+        )
+    if not data.strip():
+        raise UnreadableMesh("the file is empty", "fetch or export the file again")
+    return data
