@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import time
 import tracemalloc
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +17,14 @@ from benchmark.datasets.mesh_files import (
     READABLE,
     WRITABLE,
     files_beside,
+    find_formats,
     mesh_suffix,
     read_mesh,
     write_mesh,
 )
 from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
 from benchmark.formats.polygons import split_polygons
+from benchmark.formats.reading import read_with
 from benchmark.geometry.mesh import Mesh
 from tests.toy import files_of_at_most, rod
 
@@ -70,12 +71,11 @@ def test_a_format_is_found_in_its_module_and_files_of_others_are_preferred(
 ) -> None:
     (tmp_path / "tetrahedron.py").write_text(TETRAHEDRON)
     monkeypatch.setattr(formats, "__path__", [*formats.__path__, str(tmp_path)])
-    monkeypatch.delitem(sys.modules, "benchmark.datasets.mesh_files")
-    files = import_module("benchmark.datasets.mesh_files")
-    assert (*READABLE, ".tet") == files.READABLE
-    (tmp_path / "a.tet").write_text("2")
-    assert files.read_mesh(tmp_path / "a.tet").vertices.max() == 2.0
+    found = find_formats()
     monkeypatch.delitem(sys.modules, "benchmark.formats.tetrahedron")
+    assert [*found] == [*READABLE, ".tet"]
+    (tmp_path / "a.tet").write_text("2")
+    assert read_with(found[".tet"], tmp_path / "a.tet").vertices.max() == 2.0
 
 
 TETRAHEDRON = """
