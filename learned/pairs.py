@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import torch
@@ -16,7 +17,7 @@ from torch import Tensor
 
 from benchmark.api.learning import Bodies, TrainingPair
 from benchmark.errors import TrainingError
-from benchmark.files import write_text
+from benchmark.files import write_atomically, write_text
 from learned.images import DepthScale, Floats, checked_image, resampled
 
 KEEPING_SECONDS = 60.0
@@ -233,12 +234,11 @@ def keep(
             raise TrainingError(problem, "delete that folder to make them again")
     folder.mkdir(parents=True, exist_ok=True)
     n_images = bodies.n_images
-    depths = np.lib.format.open_memmap(
-        folder / "depths.npy",
-        mode="r+" if finished else "w+",
-        dtype=np.float16,
-        shape=(len(bodies.names) * n_images, resolution, resolution),
-    )
+    path = folder / "depths.npy"
+    if not path.is_file():
+        shape = (len(bodies.names) * n_images, resolution, resolution)
+        write_atomically(path, lambda file: _write_empty(file, shape))
+    depths = np.lib.format.open_memmap(path, mode="r+")
 
     def note_finished(count: int) -> None:
         depths.flush()
@@ -257,3 +257,10 @@ def keep(
         note_finished(len(bodies.names))
     rows = torch.arange(len(depths))
     return PairsOnDisk(bodies.identifiers(), depths, rows // n_images * n_images)
+
+
+def _write_empty(file: BinaryIO, shape: tuple[int, ...]) -> None:
+    """Write an array of zeros that takes no space before it is filled."""
+    header = {"descr": np.dtype(np.float16).str, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, header)
+    file.truncate(file.tell() + math.prod(shape) * np.dtype(np.float16).itemsize)

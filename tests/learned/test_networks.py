@@ -8,6 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from learned.code_network import CodeNetwork
 from learned.paper_network import MASK_LOGIT, PaperNetwork, window_around
 
 
@@ -37,6 +38,15 @@ def test_weights_depend_on_the_seed_alone() -> None:
     assert torch.equal(torch.random.get_rng_state(), before)
     assert all(torch.equal(first[name], again[name]) for name in first)
     assert not torch.equal(first["short_range.0.0.weight"], other["short_range.0.0.weight"])
+
+
+def test_weights_of_the_global_code_depend_on_the_seed_alone() -> None:
+    first, other = CodeNetwork(seed=3).state_dict(), CodeNetwork(seed=4).state_dict()
+    torch.manual_seed(11)
+    again = CodeNetwork(seed=3).state_dict()
+    assert all(torch.equal(first[name], again[name]) for name in first)
+    assert not torch.equal(first["encoder.0.0.weight"], other["encoder.0.0.weight"])
+    assert first["head.bias"].tolist() == [0, MASK_LOGIT]
 
 
 def test_a_pixel_of_the_output_sees_160_to_176_pixels_across(

@@ -166,6 +166,41 @@ def test_the_time_left_is_that_of_the_epochs_so_far(monkeypatch: pytest.MonkeyPa
 def test_losses_by_hand() -> None:
     depth, mask = losses(PREDICTED[None], TARGET[None])
     assert (float(depth), float(mask)) == ((0.25 + 0 + 0 + 1) / 4, (0 + 0.25 + 0 + 0.25) / 4)
+    depth, mask = losses(PREDICTED[None], TARGET[None], masked_depth=True)
+    assert (float(depth), float(mask)) == ((0.25 + 0) / 2, (0 + 0.25 + 0 + 0.25) / 4)
+
+
+def test_the_step_size_falls_along_half_a_cosine() -> None:
+    falling = Schedule(cosine=True, learning_rate=2.0)
+    assert [falling.step_size(step, 4) for step in (0, 2, 4)] == pytest.approx([2, 1, 0])
+    assert Schedule(learning_rate=2.0).step_size(3, 4) == 2
+
+
+def test_steps_have_the_step_size_of_their_place_in_the_whole_training(
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked: list[tuple[int, int]] = []
+
+    def step_size(_: Schedule, step: int, steps: int) -> float:
+        asked.append((step, steps))
+        return 1e-3
+
+    monkeypatch.setattr(Schedule, "step_size", step_size)
+    run(pairs, tmp_path, replace(PLAN, epochs=2, batch=4, repeat=2))
+    assert asked == [(step, 6) for step in range(6)]
+
+
+def test_a_repeated_pair_occurs_as_often_as_others_in_an_epoch(
+    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[int] = []
+    read = Pairs.__getitem__
+    monkeypatch.setattr(
+        Pairs, "__getitem__", lambda pairs, rows: seen.extend(rows.tolist()) or read(pairs, rows)
+    )
+    run(pairs, tmp_path, replace(PLAN, epochs=1, batch=5, repeat=3))
+    assert sorted(seen) == sorted(3 * [*range(6)])
+    assert seen[:6] != [*range(6)] and len(set(seen[:6])) < 6
 
 
 def test_measures_by_hand() -> None:

@@ -1,6 +1,7 @@
 """Pairs as a learner gets them, on a toy set of fifteen subjects in twenty poses."""
 
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -108,3 +109,24 @@ def test_trainings_on_people_are_validated_on_new_ones_and_name_their_distance_f
         "humans-scanlike",
         *(f"people[draw={draw}]" for draw in range(3)),
     }
+
+
+def test_random_people_are_kept_apart_from_tested_ones_and_from_the_judges():
+    data = training_data(TRAININGS["humans-sampled"], None, print)
+    assert (data.n_pairs, data.n_validation) == (70_000, 40)
+    assert data.clearance == dict.fromkeys(
+        ("humans", "humans-scanlike", "people", "people[n=12]"), 0.25
+    )
+    assert data.bodies is not None and len(data.bodies.names) == 10_000
+    assert data.extra_data and not data.tested
+    first, second = islice(data.pairs(), 2)
+    assert (first.identifier, second.identifier) == ("sample-0_0", "sample-0_1")
+    assert np.array_equal(first.image, first.target)
+    assert np.array_equal(second.target, first.target)
+    assert not np.array_equal(second.image, first.image)
+
+
+@pytest.mark.parametrize("name", ["animals-sampled", "humans-varied"])
+def test_frozen_trainings_name_the_commit_that_has_their_generator(name):
+    with pytest.raises(ConfigurationError, match="not generated any more; .* commit 4868b8b9"):
+        training_data(TRAININGS[name], None, print)
