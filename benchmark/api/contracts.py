@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, r
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from benchmark.api.parameters import CheckedParameters, Interval, Matches
+from benchmark.api.parameters import CheckedParameters, Interval, Matches, parameter_values
 from benchmark.errors import InvalidMesh, UnsupportedShape
 from benchmark.geometry.mesh import Mesh, read_only
 from benchmark.text import NAME
@@ -148,6 +148,25 @@ class AllPairs:
     """Key of the geodesic distances in a :data:`ResultCache`, which equals no key that a method chooses."""
 
 
+def identify_result(key: Hashable, owner: Hashable) -> Hashable:
+    """Return what tells a shared result apart: one of a method by class and parameters, any other also by its owner.
+
+    Parameters
+    ----------
+    key
+        The key that a method chose.
+    owner
+        Who asks. A method that holds more than its parameters, such as a model, shares nothing.
+    """
+    if isinstance(key, AllPairs):
+        return key
+    if isinstance(key, Method):
+        values = parameter_values(key)
+        if getattr(key, "__dict__", None) == values:
+            return type(key), repr(values), key  # 1, 1.0 and True are equal
+    return owner, key
+
+
 ResultCache = Callable[[Hashable, Callable[[], Any]], Any]
 """Returns the result under a key; calls the function, which computes it, if it is missing."""
 
@@ -185,7 +204,7 @@ class Shape:
 
     def __post_init__(self) -> None:
         if self.depth is not None:
-            object.__setattr__(self, "depth", read_only(np.array(self.depth)))
+            object.__setattr__(self, "depth", read_only(np.asarray(self.depth)))
 
     @classmethod
     def from_arrays(cls, vertices: ArrayLike, faces: ArrayLike, name: str = "shape") -> Shape:
@@ -233,8 +252,9 @@ class Shape:
         """
         from benchmark.geometry import geodesics
 
-        # A view of an array that is read-only cannot be made writable.
-        compute = lambda: read_only(geodesics.rounded(geodesics.all_pairs(self.mesh))).view()  # noqa: E731
+        def compute() -> FloatArray:
+            return read_only(geodesics.rounded(geodesics.all_pairs(self.mesh)))
+
         matrix: FloatArray = self.compute_once(AllPairs(), compute)
         return matrix
 
@@ -244,16 +264,21 @@ class Shape:
         Parameters
         ----------
         key
-            What the result is: the method with its parameters. A run charges the seconds to each
-            method that uses it.
+            What the result is: the method with its parameters. A result under any other key, such
+            as a text, is of the method that asks, with its parameters, and no other method gets it;
+            outside of a run, where nobody knows who asks, it is computed each time. A run charges
+            the seconds to each method that uses it.
         compute
             Computes the result, which must be read-only.
         """
         if self.cache is not None:
             return self.cache(key, compute)
-        if key not in self._results:
-            self._results[key] = compute()
-        return self._results[key]
+        if not isinstance(key, AllPairs | Method):
+            return compute()
+        identity = identify_result(key, None)
+        if identity not in self._results:
+            self._results[identity] = compute()
+        return self._results[identity]
 
     def geodesics_from(self, sources: ArrayLike) -> FloatArray:
         """Return geodesic distances from a few vertices to all vertices, without computing all pairs.

@@ -131,10 +131,7 @@ class Case:
         """Return the dissimilarities of all pairs by a descriptor or a scorer."""
         created = self.create()
         answers = [self._answer(created, shape) for shape in shapes]
-        for answer in answers:  # as in a run
-            for array in answer.values() if self.is_scorer else [answer]:
-                read_only(array)
-        return compute_distances(created, answers, draw)
+        return compute_distances(created, [self._read_only(answer) for answer in answers], draw)
 
     def answers_after_another(self) -> list[FloatArray]:
         """Return :attr:`reference` and :meth:`compared` of a process that began with other shapes."""
@@ -150,6 +147,12 @@ class Case:
     def compared(self, bends: Sequence[float] = BENDS) -> list[FloatArray]:
         """Return the dissimilarities of the figure in its poses, in a list that is empty if nothing is compared."""
         return [self.dissimilarities([self.shape(bend) for bend in bends])] if self.compares else []
+
+    def _read_only(self, answer: Any) -> Any:
+        """Return a signature or a vector as a run passes it on: read from a file, which nobody can write to."""
+        if self.is_scorer:
+            return {name: read_only(array) for name, array in answer.items()}
+        return read_only(answer)
 
     def _answer(self, created: Any, shape: Shape) -> Any:
         if self.is_scorer:

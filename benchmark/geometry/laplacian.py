@@ -40,19 +40,15 @@ class Laplacian:
     mass: FloatArray
 
     def __post_init__(self) -> None:
-        for array in (
-            self.stiffness.data,
-            self.stiffness.indices,
-            self.stiffness.indptr,
-            self.mass,
-        ):
-            read_only(array)
+        matrix = self.stiffness
+        arrays = [read_only(array) for array in (matrix.data, matrix.indices, matrix.indptr)]
+        own = type(matrix)(tuple(arrays), shape=matrix.shape, copy=False)
+        object.__setattr__(self, "stiffness", own)
+        object.__setattr__(self, "mass", read_only(self.mass))
 
     def shared(self) -> Laplacian:
         """Return the same arrays in a matrix of its own, whose entries cannot be set for others."""
-        matrix = self.stiffness
-        arrays = (matrix.data, matrix.indices, matrix.indptr)
-        return Laplacian(type(matrix)(arrays, shape=matrix.shape, copy=False), self.mass)
+        return Laplacian(self.stiffness, self.mass)
 
 
 def cotangent_laplacian(mesh: Mesh) -> Laplacian:

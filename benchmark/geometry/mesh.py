@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,9 +27,9 @@ class Mesh:
     Parameters
     ----------
     vertices
-        Coordinates, shape (n, 3); stored as a read-only float64 copy.
+        Coordinates, shape (n, 3); stored as float64 that nobody can write to.
     faces
-        Vertex indices, shape (m, 3), 0-based; stored as a read-only int32 copy.
+        Vertex indices, shape (m, 3), 0-based; stored as int32 that nobody can write to.
 
     Raises
     ------
@@ -124,9 +124,22 @@ def vertex_normals(mesh: Mesh) -> Points:
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:
-    """Return an array, which can no longer be written to."""
-    array.flags.writeable = False
-    return array
+    """Return the numbers of an array in memory that nobody can write to, not even through its base.
+
+    They lie in ``bytes``: an array that owns its memory, or is a view of one that does, can be made
+    writable again by ``setflags``.
+    """
+    if _is_of_bytes(array):
+        return array
+    order: Literal["C", "F"] = "F" if array.flags.fnc else "C"
+    return np.ndarray(array.shape, array.dtype, array.tobytes(order), order=order)
+
+
+def _is_of_bytes(array: NDArray[Any]) -> bool:
+    base = array.base
+    while isinstance(base, np.ndarray):
+        base = base.base
+    return isinstance(base, bytes)
 
 
 def _checked(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[Any]:
@@ -154,7 +167,7 @@ def _checked(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[An
         raise InvalidMesh(
             f"{what} name vertices {values.min()} to {values.max()}", "count the vertices from 0"
         )
-    return read_only(np.array(values, dtype=dtype, order="C", copy=True))
+    return read_only(np.asarray(values, dtype=dtype, order="C"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,8 +192,8 @@ class Edges:
     grouped_sides: IntArray
 
     def __post_init__(self) -> None:
-        for array in (self.ends, self.counts, self.of_sides, self.grouped_sides):
-            read_only(array)
+        for name in ("ends", "counts", "of_sides", "grouped_sides"):
+            object.__setattr__(self, name, read_only(getattr(self, name)))
 
     @property
     def first(self) -> IntArray:

@@ -8,11 +8,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from benchmark.api.contracts import AllPairs, CanonicalForm, FloatArray, Mesh, Shape
+from benchmark.api.contracts import (
+    AllPairs,
+    CanonicalForm,
+    FloatArray,
+    Mesh,
+    Shape,
+    identify_result,
+)
+from benchmark.geometry.mesh import read_only
 from benchmark.machine import describe_machine
 from benchmark.pipeline.cache import Arrays
 from benchmark.pipeline.prepared import NOTE, SECONDS, Incomplete, clock, timed
@@ -41,6 +50,8 @@ class SharedResults:
     def __init__(self, uncharged: Uncharged = lambda _: nullcontext()) -> None:
         self._uncharged = uncharged
         self._results: dict[Hashable, tuple[Any, FloatArray]] = {}
+        #: Who asks now: the component with its parameters and its model.
+        self.owner: Hashable = None
         #: Seconds of the matrix that the current method used, and those that passed and are not its
         #: own.
         self.used = np.zeros(2)
@@ -54,7 +65,10 @@ class SharedResults:
         NoGeodesics
             If there is no memory for distances.
         """
-        known, is_geodesics, start = key in self._results, isinstance(key, AllPairs), clock()
+        start = clock()
+        is_geodesics = isinstance(key, AllPairs)
+        identity = identify_result(key, self.owner)
+        known = identity in self._results
         if not known:
             try:
                 with self._uncharged("geodesics") if is_geodesics else nullcontext():
@@ -63,14 +77,28 @@ class SharedResults:
                 if is_geodesics:
                     raise NoGeodesics("has no geodesics: out of memory") from error
                 raise
-            self._results[key] = result, clock() - start
-        result, seconds = self._results[key]
+            self._results[identity] = _read_only(result), clock() - start
+        result, seconds = self._results[identity]
         if is_geodesics:
             self.used = seconds
             self.waited = self.waited + (0.0 if known else seconds)
         elif known:
             self.waited = self.waited - seconds
+        if isinstance(result, CanonicalForm):
+            return replace(result, notes=dict(result.notes))
         return result
+
+
+def _read_only(result: Any) -> Any:
+    """Return a shared result whose arrays no method that gets it can change."""
+    if isinstance(result, np.ndarray) and not result.dtype.hasobject:
+        return read_only(result)
+    if isinstance(result, tuple) and type(result) is tuple:
+        return tuple(_read_only(part) for part in result)
+    if isinstance(result, CanonicalForm):
+        vertices, faces = _read_only((result.vertices, result.faces))
+        return replace(result, vertices=vertices, faces=faces)
+    return result
 
 
 def shape_of(

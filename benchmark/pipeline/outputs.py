@@ -176,18 +176,25 @@ def compute_distances(
     InvalidForm
         If they are anything but a matrix of finite real numbers, shape (N, N) without queries.
     """
+    given = _given(outputs)
     if queries is None:
         matrix = (
-            comparing.compare(outputs, draw)
+            comparing.compare(given, draw)
             if isinstance(comparing, Scorer)
-            else comparing.distances(outputs)
+            else comparing.distances(given)
         )
         return _check_numbers(matrix, comparing, (len(outputs),) * 2, _MATRIX_HINT)
     if compare_to := getattr(comparing, "compare_to", None):
         shape = len(queries), len(outputs)
-        return _check_numbers(compare_to(queries, outputs, draw), comparing, shape, _MATRIX_HINT)
+        matrix = compare_to(_given(queries), given, draw)
+        return _check_numbers(matrix, comparing, shape, _MATRIX_HINT)
     each = (compute_distances(comparing, [*outputs, query], draw) for query in queries)
     return np.stack([matrix[-1, :-1].copy() for matrix in each])  # a view would keep its matrix
+
+
+def _given(outputs: Sequence[Any]) -> tuple[Any, ...]:
+    """Return vectors or signatures as a component gets them: what it changes in them reaches no other draw."""
+    return tuple(dict(of) if isinstance(of, Mapping) else of for of in outputs)
 
 
 def _check_numbers(

@@ -417,7 +417,9 @@ class Work:
                 forms.shape_of(prepared, step.shape, step.job.row.seed, shared),
                 shared,
             )
-        return compute_output(method, *self._shapes[key])
+        shape, shared = self._shapes[key]
+        shared.owner = step.component, step.model
+        return compute_output(method, shape, shared)
 
     def _signature(self, step: Step) -> Arrays:
         scorer, form = self._context.created(step), self._read(step, "forms")

@@ -2,13 +2,14 @@
 
 import subprocess
 import sys
-from dataclasses import FrozenInstanceError
+from dataclasses import FrozenInstanceError, dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import pytest
 
 from baselines.smacof import LeastSquaresMDS
-from benchmark.api import CanonicalForm, Mesh, ScorerInfo, Shape, canonical_form
+from benchmark.api import CanonicalForm, Mesh, MethodInfo, ScorerInfo, Shape, canonical_form
 from benchmark.errors import ConfigurationError
 
 VERTICES, FACES = np.eye(4)[:, :3], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
@@ -71,6 +72,12 @@ def arrays_in(value, seen):
         yield from arrays_in(part, seen)
 
 
+def bases_of(array):
+    while isinstance(array.base, np.ndarray):
+        array = array.base
+        yield array
+
+
 def test_what_methods_share_is_read_only():
     depth = np.ones((4, 4), np.float32)
     shape = Shape(identifier="corner", mesh=Mesh(VERTICES, FACES), depth=depth)
@@ -80,6 +87,9 @@ def test_what_methods_share_is_read_only():
         shape.laplacian(),
         shape.geodesics_from([0]),
         shape.form(VERTICES),
+        shape.geodesics(),
+        shape.mesh.edge_lengths,
+        [vars(shape.laplacian().stiffness)],
     ]
     LeastSquaresMDS().canonicalise(shape)
     for name in dir(Mesh):
@@ -87,9 +97,38 @@ def test_what_methods_share_is_read_only():
     shape.laplacian().stiffness.data = np.ones(16)  # of a matrix of its own
     arrays = [*arrays_in([shape, *given, shape.laplacian()], set())]
     assert len(arrays) >= 12
-    assert not any(array.flags.writeable for array in arrays)
+    for array in arrays:
+        for part in (array, *bases_of(array)):
+            with pytest.raises(ValueError, match="cannot set WRITEABLE flag"):
+                part.setflags(write=True)
     np.testing.assert_allclose(shape.laplacian().stiffness.sum(axis=1), np.zeros(4), atol=1e-12)
     with pytest.raises(FrozenInstanceError):
         shape.seed = 7
     depth[:] = 2  # that of the caller
     assert shape.depth.max() == 1
+
+
+def shared_by_class(strength, shape):
+    @dataclass(frozen=True)
+    class Shares:
+        """A method whose parameters do not all count in its equality."""
+
+        info: ClassVar[MethodInfo] = MethodInfo(name="shares", title="Shares")
+        strength: float = field(compare=False)
+
+        def canonicalise(self, shape):
+            return shape.form(shape.mesh.vertices)
+
+    return [
+        shape.compute_once(Shares(strength=value), lambda value=value: value) for value in strength
+    ]
+
+
+def test_a_shared_result_is_of_a_method_with_its_parameters():
+    shape = Shape.from_arrays(VERTICES, FACES)
+    assert shared_by_class([2.0, 3.0, 1, True, 1.0, 2.0], shape) == [2.0, 3.0, 1, True, 1.0, 2.0]
+    first = shape.compute_once(LeastSquaresMDS(), lambda: "first")
+    assert shape.compute_once(LeastSquaresMDS(rtol=1e-6), lambda: "second") == first
+    assert shape.compute_once(LeastSquaresMDS(rtol=1e-3), lambda: "third") == "third"
+    # Outside of a run nobody knows whose text it is.
+    assert [shape.compute_once("text", lambda of=of: of) for of in "ab"] == ["a", "b"]
