@@ -5,9 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
-from collections.abc import Iterator
 from pathlib import Path
-from unittest.mock import patch
 
 import pytest
 from hypothesis import settings
@@ -56,17 +54,12 @@ for number, handler in (
         signal.signal(number, handler)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def no_worker_with_size_0() -> Iterator[None]:
-    """Let runs of no workers do everything in this process, which is seconds faster."""
-    from benchmark.runs import runner
+@pytest.fixture
+def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let runs that a test starts from Python do everything in this process, which is seconds faster."""
     from tests.runs.toy import ThisProcess
 
-    real = runner._workers
-    with patch.object(
-        runner, "_workers", lambda size, *other: real(size, *other) if size else ThisProcess()
-    ):
-        yield
+    monkeypatch.setattr("benchmark.runs.runner.start_workers", lambda *_: ThisProcess())
 
 
 @pytest.fixture(scope="module")

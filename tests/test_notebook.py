@@ -24,9 +24,9 @@ NOTEBOOK = Path(__file__).parents[1] / "examples" / "first_table.ipynb"
 
 
 @pytest.fixture(autouse=True)
-def without_workers(request, monkeypatch):
+def without_workers(request):
     if "slow" not in request.keywords:
-        monkeypatch.setattr("benchmark.notebook.available_cores", lambda: 0)
+        request.getfixturevalue("in_this_process")
 
 
 def flat_shape(shape):

@@ -1,9 +1,5 @@
 """Text from outside is one line that can be printed anywhere, and says what it said."""
 
-import os
-import subprocess
-import sys
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -39,33 +35,3 @@ def test_whatever_it_was_it_can_be_printed_on_one_line(text):
 )
 def test_what_cannot_be_printed_is_written_as_python_writes_it(text, told):
     assert clean(text) == told
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"PYTHONIOENCODING": "ascii"},
-        {"PYTHONIOENCODING": "latin-1:strict"},
-        {"LC_ALL": "C", "PYTHONUTF8": "0"},
-    ],
-    ids=str,
-)
-def test_a_terminal_that_lacks_a_character_ends_no_run(tmp_path, settings):
-    """One process for the whole way from an argument to the terminal: there is no such method, which is said."""
-    command = [
-        sys.executable,
-        "-m",
-        "benchmark",
-        "describe",
-        "†-\udcff-ü\x1b[31m",
-        "--results",
-        os.fspath(tmp_path),
-    ]
-    done = subprocess.run(
-        command, capture_output=True, env=os.environ | settings, check=False, timeout=120
-    )
-    assert done.returncode == 2
-    assert b"Traceback" not in done.stderr
-    assert done.stderr.startswith(b"error: ")
-    assert done.stderr.count(b"\n") == 1
-    assert b"\x1b" not in done.stderr

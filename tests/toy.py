@@ -19,6 +19,10 @@ from benchmark.geometry.mesh import Mesh
 #: The scorer with few and small images, for tests that scores do not matter to.
 SMALL_SCORER = "cm-bof[image_size=64,subdivisions=0]"
 
+#: Seconds after which a test gives up on a process that hangs; a busy machine needs long for what
+#: takes no time on an idle one.
+PATIENCE = 250.0
+
 RADII = {"thin": 0.06, "thick": 0.18}
 
 
@@ -92,7 +96,7 @@ def files_of_at_most(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def wait_for(condition: Callable[[], Any], seconds: float = 60.0) -> Any:
+def wait_for(condition: Callable[[], Any], seconds: float = PATIENCE) -> Any:
     """Return what a condition gives once it holds."""
     until = time.monotonic() + seconds
     while not (found := condition()):

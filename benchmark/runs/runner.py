@@ -8,7 +8,7 @@ from datetime import UTC, datetime
 from functools import cache
 from itertools import chain
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
@@ -22,7 +22,7 @@ from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.records import Record, record_of, write_record
 from benchmark.runs.planning import Planned
 from benchmark.runs.tasks import File, Outcome, Queue, Step, Task
-from benchmark.runs.workers import Pool
+from benchmark.runs.workers import Pool, Workers
 from benchmark.text import say
 
 #: Bytes of memory of the smallest process.
@@ -44,6 +44,7 @@ def run(
     size: int = 1,
     timeout: float = 7200.0,
     dask: str = "",
+    workers: Workers | None = None,
     anew: bool = False,
     watch: Callable[[Progress], object] = lambda _: None,
 ) -> Iterator[Record]:
@@ -61,6 +62,9 @@ def run(
         Seconds that a method may take for a shape.
     dask
         Address of the scheduler of a dask cluster that does the work instead.
+    workers
+        Where the work is done, in place of ``size`` processes or a cluster. They are closed at the
+        end.
     anew
         Whether to compute everything although it is in the cache.
     watch
@@ -81,7 +85,7 @@ def run(
             for step in of_shape:
                 Cache(results).remove(*step.file)
         drop_stale_kernels()
-        workers = _workers(size, timeout, dask)
+        workers = workers or start_workers(size, timeout, dask)
         try:
             yield from _Run(pending, results).records(workers, watch)
         finally:
@@ -108,7 +112,8 @@ def with_results(
     return [*merged.values()]
 
 
-def _workers(size: int, timeout: float, dask: str) -> Any:
+def start_workers(size: int, timeout: float, dask: str) -> Workers:
+    """Return workers on this machine, as many as its memory allows, or those of a dask cluster."""
     if dask:
         from benchmark.runs.dask import DaskPool
 
@@ -141,7 +146,7 @@ class _Run:
         #: Messages about shapes, by data set.
         self.announced = set[tuple[str, str]]()
 
-    def records(self, workers: Any, watch: Callable[[Progress], object]) -> Iterator[Record]:
+    def records(self, workers: Workers, watch: Callable[[Progress], object]) -> Iterator[Record]:
         """Run the jobs."""
         yield from self._begin([*self.jobs])
         total = self._n_left

@@ -9,10 +9,11 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from multiprocessing.connection import Pipe, wait
+from typing import Protocol
 
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.prepared import Incomplete
@@ -61,6 +62,20 @@ _PROGRAM = (
 
 #: A child is killed when the thread that started it ends; this one ends with the program.
 _starter = ThreadPoolExecutor(1, thread_name_prefix="workers")
+
+
+class Workers(Protocol):
+    """Where the tasks of a run are done."""
+
+    @property
+    def working(self) -> Sequence[str]:
+        """What is being worked on, in words."""
+
+    def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
+        """Begin tasks of a queue, and yield the steps that have ended."""
+
+    def close(self) -> None:
+        """End all work."""
 
 
 class Worker:

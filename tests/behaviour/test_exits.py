@@ -10,6 +10,7 @@ from contextlib import suppress
 import pytest
 
 from tests.behaviour.suite import call, environment, start
+from tests.toy import PATIENCE
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +22,7 @@ def scored(material, tmp_path_factory):
     return folder
 
 
-def ended(process, timeout=60):
+def ended(process, timeout=PATIENCE):
     out, err = process.communicate(timeout=timeout)
     return process.returncode, out or "", err or ""
 
@@ -39,7 +40,7 @@ def test_no_standard_streams_at_all(scored, tmp_path):
         f"{sys.executable} -m benchmark tables --results {scored / 'results'} -d rods -o {tmp_path}"
     )
     shell = ["sh", "-c", f"exec {command} <&- >&- 2>&-"]
-    assert subprocess.run(shell, env=environment(), timeout=60, check=False).returncode == 0
+    assert subprocess.run(shell, env=environment(), timeout=PATIENCE, check=False).returncode == 0
     assert (tmp_path / "tables.json").is_file()
 
 
@@ -55,3 +56,33 @@ def test_a_terminal_gets_the_same_figures(scored):
     text = " ".join(re.sub(r"\x1b\[[0-9;]*m", "", shown.decode()).split())
     assert re.search(r"Surface area 1\.0+ ", text)
     assert "Random order .40 .40 .80 .71" in text
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"PYTHONIOENCODING": "ascii"},
+        {"PYTHONIOENCODING": "latin-1:strict"},
+        {"LC_ALL": "C", "PYTHONUTF8": "0"},
+    ],
+    ids=str,
+)
+def test_a_terminal_that_lacks_a_character_ends_no_run(tmp_path, settings):
+    """One process for the whole way from an argument to the terminal: there is no such method, which is said."""
+    command = [
+        sys.executable,
+        "-m",
+        "benchmark",
+        "describe",
+        "†-\udcff-ü\x1b[31m",
+        "--results",
+        os.fspath(tmp_path),
+    ]
+    done = subprocess.run(
+        command, capture_output=True, env=os.environ | settings, check=False, timeout=PATIENCE
+    )
+    assert done.returncode == 2
+    assert b"Traceback" not in done.stderr
+    assert done.stderr.startswith(b"error: ")
+    assert done.stderr.count(b"\n") == 1
+    assert b"\x1b" not in done.stderr

@@ -12,7 +12,7 @@ from benchmark.cli.options import Selection
 from benchmark.pipeline.records import write_record
 from benchmark.text import say
 from tests.report.records import record
-from tests.toy import write_rods
+from tests.toy import PATIENCE, write_rods
 from tests.verbs import VERBS, call, refusal
 
 ALL = {**VERBS, **{f"data {name}": verb for name, verb in VERBS["data"].commands.items()}}
@@ -54,7 +54,11 @@ for words, unused in (
     print(unused & sys.modules.keys())
 """
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=PATIENCE,
     )
     assert done.stdout == 3 * "set()\n"
 

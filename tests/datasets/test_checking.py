@@ -1,5 +1,4 @@
 import re
-import time
 
 import igl
 import numpy as np
@@ -272,9 +271,7 @@ def test_units_or_areas_bring_the_shapes_of_a_mixed_folder_to_one_size(tmp_path,
 @pytest.mark.slow
 @pytest.mark.data
 def test_tosca_is_whole_but_for_one_open_mesh(data_root):
-    start = time.process_time()
     lines = call("data", "check", "tosca", "--data-root", data_root).splitlines()
-    assert time.process_time() - start < 10
     assert "tosca: 80 shapes, 9 classes, not a stand-in" in lines
     assert [line for line in lines if line.startswith(("error", "warning"))] == [
         "warning  victoria10.off  20 boundary edges; close the surface for methods that need it closed"

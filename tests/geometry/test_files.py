@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-import time
 import tracemalloc
 from pathlib import Path
 
@@ -180,15 +179,13 @@ HOSTILE = {
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_a_hostile_file_is_refused_in_time_and_memory_of_its_size(
+def test_a_hostile_file_is_refused_in_memory_of_its_size_and_ends(
     tmp_path: Path, name: str
 ) -> None:
     tracemalloc.start()
-    start = time.process_time()
     try:
         with pytest.raises((UnreadableMesh, InvalidMesh)):
             read(tmp_path, name, HOSTILE[name])
-        assert time.process_time() - start < 20
         assert tracemalloc.get_traced_memory()[1] < 250 * len(HOSTILE[name]) + 2**22
     finally:
         tracemalloc.stop()

@@ -92,7 +92,7 @@ def finished(tmp_path_factory):
     world.write()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys, "path", [*sys.path])
-        done(world.plan(), world.results, size=0)
+        done(world.plan(), world.results)
     return world.rods.parent
 
 
@@ -107,7 +107,7 @@ def world(finished, tmp_path, monkeypatch):
             "checksum": ""
         }
         write_record(world.results, record_of(content))
-    done(world.plan(), world.results, size=0)
+    done(world.plan(), world.results)
     return world
 
 
@@ -187,7 +187,7 @@ def test_an_edit_of_a_check_a_ranking_step_or_a_measure_makes_no_form_anew_and_o
     for name, kinds in expected.items():
         edited(name)
         before = {*(world.results / "runs").glob("*/*.npz")}
-        assert done(world.plan("stretch", "gps"), world.results, size=0)["gps"].status == "ok"
+        assert done(world.plan("stretch", "gps"), world.results)["gps"].status == "ok"
         after = {*(world.results / "runs").glob("*/*.npz")}
         assert {path.parent.name for path in after - before} == kinds | {"records"}, name
 
@@ -205,7 +205,7 @@ def test_the_next_run_of_a_job_replaces_its_record_and_until_then_its_forms_are_
     (old,) = [record for record in read_records(world.results) if record.method == "stretch"]
     assert read_form(world.results, old, "thin1") is not None
     assert read_distances(world.results, old).shape == (4, 4)
-    new = done(world.plan("stretch"), world.results, size=0)["stretch"]
+    new = done(world.plan("stretch"), world.results)["stretch"]
     assert [record.key for record in read_records(world.results) if record.method == "stretch"] == [
         new.key
     ]

@@ -56,7 +56,7 @@ class World:
         """Wait until a run has written some files, or has ended."""
         began = time.time()
         written = lambda: [path for path in self.results.rglob("*.npz") if is_newer(path, began)]  # noqa: E731
-        wait_for(lambda: len(written()) >= count or run.poll() is not None, 120)
+        wait_for(lambda: len(written()) >= count or run.poll() is not None)
 
     def kill(self, choose: Callable[[psutil.Process], list[psutil.Process]]) -> None:
         """Kill one of the processes of a run that makes everything anew, at some moment."""

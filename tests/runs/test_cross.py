@@ -25,6 +25,7 @@ from benchmark.runs.planning import plan_selection
 from benchmark.runs.runner import run
 from benchmark.runs.tasks import Work
 from tests.report.records import record as made_up
+from tests.runs.toy import ThisProcess, done
 from tests.toy import SMALL_SCORER, rod, write_off, write_rods
 from tests.verbs import call, refusal
 
@@ -41,7 +42,7 @@ def jobs(queries, gallery, results, method="identity", **options):
 
 
 def result(*arguments, **options):
-    (record,) = run(jobs(*arguments, **options), arguments[2], size=0)
+    (record,) = done(jobs(*arguments, **options), arguments[2]).values()
     return record
 
 
@@ -53,9 +54,8 @@ def forms(results):
 def finished(rods, tmp_path_factory):
     """Rods that were run under both inputs."""
     results = tmp_path_factory.mktemp("results")
-    assert [
-        record.status for record in run(jobs(rods, "", results, input=None), results, size=0)
-    ] == ["ok"] * 2
+    of_both = run(jobs(rods, "", results, input=None), results, workers=ThisProcess())
+    assert [record.status for record in of_both] == ["ok"] * 2
     return results
 
 
@@ -286,7 +286,7 @@ def test_shapes_that_are_named_like_views_are_prepared_alone(rods, tmp_path, mon
     monkeypatch.setattr(
         "tests.runs.toy.Work", lambda task, context: tasks.append(task) or Work(task, context)
     )
-    (record,) = run(jobs(tmp_path / "rods", "", tmp_path, input="mesh"), tmp_path, size=0)
+    (record,) = done(jobs(tmp_path / "rods", "", tmp_path, input="mesh"), tmp_path).values()
     prepared = [
         [step.shape for step in task.steps] for task in tasks if task.steps[0].stage == "prepared"
     ]

@@ -28,9 +28,8 @@ STRETCHED = (
 
 
 @pytest.fixture
-def own(tmp_path, monkeypatch):
+def own(tmp_path, monkeypatch, in_this_process):
     """A folder of rods of one's own, and the current folder; runs from Python start no workers."""
-    monkeypatch.setattr("benchmark.notebook.available_cores", lambda: 0)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [*sys.path])
     return write_rods(tmp_path / "rods", bends=(0.0, 1.0))
@@ -145,10 +144,7 @@ def test_code_of_the_ranking_that_is_edited_during_a_run_ranks_nothing(own, tmp_
     monkeypatch.setattr(
         "benchmark.runs.tasks.code_of_modules", lambda _: {"retrieval/measures.py": "edited"}
     )
-    assert (
-        "its code changed during the run"
-        in done(jobs, tmp_path / "results", size=0)["identity"].reason
-    )
+    assert "its code changed during the run" in done(jobs, tmp_path / "results")["identity"].reason
 
 
 @pytest.mark.parametrize("size", [0, 1])

@@ -18,8 +18,8 @@ from benchmark.registry.modules import import_plugins_anew
 from benchmark.runs.planning import estimate
 from benchmark.runs.runner import run
 from tests.behaviour.suite import start
-from tests.runs.toy import FAULTS, LIGHT, done, noted, planned, run_toy
-from tests.toy import files_of_at_most, wait_for
+from tests.runs.toy import FAULTS, LIGHT, ThisProcess, done, noted, planned, run_toy
+from tests.toy import PATIENCE, files_of_at_most, wait_for
 
 
 @pytest.fixture
@@ -49,10 +49,10 @@ def test_a_run_that_is_stopped_ends_at_once_says_so_and_keeps_what_is_done(
     program, workers = started
     assert len(workers) >= 2  # one of the suite waits while the plugin runs
     program.send_signal(number)
-    error = program.communicate(timeout=20)[1]
+    error = program.communicate(timeout=PATIENCE)[1]
     assert (program.returncode, "Traceback" in error) == (130, False), error
     assert re.search("interrupted.*run again", error)
-    wait_for(lambda: all(map(is_gone, workers)), 5.0)
+    wait_for(lambda: all(map(is_gone, workers)))
     kept = {
         path: path.stat().st_mtime_ns
         for path in (tmp_path / "results" / "runs" / "prepared").iterdir()
@@ -67,7 +67,7 @@ def test_workers_end_with_a_program_that_is_killed(started, tmp_path):
     program, workers = started
     program.kill()
     program.communicate()
-    wait_for(lambda: all(map(is_gone, workers)), 5.0)
+    wait_for(lambda: all(map(is_gone, workers)))
     with writing(
         tmp_path / "results"
     ):  # its lock ended with it, and so did what it left half-written
@@ -82,15 +82,15 @@ def test_a_second_run_in_a_folder_is_refused(rods, tmp_path):
         run_toy(rods, tmp_path, "surface-area")
 
 
-@pytest.mark.parametrize("size", [0, 1])
-def test_a_full_disk_ends_the_run_with_one_line(rods, tmp_path, size):
+@pytest.mark.parametrize("workers", [ThisProcess(), None], ids=["this process", "a worker"])
+def test_a_full_disk_ends_the_run_with_one_line(rods, tmp_path, workers):
     jobs = planned(rods, tmp_path, "surface-area")
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     with (
         files_of_at_most(100),
         pytest.raises(BenchmarkError, match="cannot write to .*File too large; free some space"),
     ):
-        list(run(jobs, tmp_path, size=size))
+        list(run(jobs, tmp_path, workers=workers))
     assert run_toy(rods, tmp_path, "surface-area")["surface-area"].status == "ok"
 
 

@@ -48,14 +48,17 @@ def planned(
 
 
 def done(jobs: list[Planned], results: Path, **options: Any) -> dict[str, Record]:
-    """Run jobs and return their records by method."""
+    """Run jobs and return their records by method; without options, in this process, which is seconds faster."""
+    options = options or {"workers": ThisProcess()}
     return {record.method: record for record in run(jobs, results, **options)}
 
 
 def run_toy(
     folder: Path, results: Path, *methods: Any, size: int = 0, timeout: float = 60.0, **options: Any
 ) -> Any:
-    return done(planned(folder, results, *methods, **options), results, size=size, timeout=timeout)
+    """Plan toy jobs and run them: in this process, or in so many others."""
+    jobs = planned(folder, results, *methods, **options)
+    return done(jobs, results, size=size, timeout=timeout) if size else done(jobs, results)
 
 
 def noted(path: Path) -> list[int]:
