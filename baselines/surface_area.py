@@ -10,6 +10,9 @@ import numpy as np
 
 from benchmark.api.contracts import FloatArray, MethodInfo, Shape, UnsupportedShape
 
+#: Largest relative difference of two areas that rounding alone explains.
+ROUNDING = 1e-9
+
 
 @dataclass(frozen=True, kw_only=True)
 class SurfaceArea:
@@ -17,7 +20,8 @@ class SurfaceArea:
 
     A control: bending preserves the area. If all files share one unit of length, this single number
     may retrieve subjects well, and a row below it has learned little about shape. Shapes are
-    compared by absolute difference.
+    compared by absolute difference. Areas that differ by rounding are equal, so that a set whose
+    surfaces were all given one area is at chance.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -50,4 +54,7 @@ class SurfaceArea:
         self, queries: Sequence[FloatArray], gallery: Sequence[FloatArray], draw: int = 0
     ) -> FloatArray:
         """Return those of M queries to N shapes, shape (M, N)."""
-        return np.abs(np.reshape(queries, (-1, 1)) - np.reshape(gallery, (1, -1)))
+        of_query, of_shape = np.reshape(queries, (-1, 1)), np.reshape(gallery, (1, -1))
+        differences = np.abs(of_query - of_shape)
+        is_rounding = differences <= ROUNDING * np.maximum(of_query, of_shape)
+        return np.where(is_rounding, 0.0, differences)

@@ -15,6 +15,7 @@ from scipy.spatial.distance import squareform
 
 from benchmark.code_digest import digest_of_bytes
 from benchmark.datasets.catalogue import CATALOGUE
+from benchmark.datasets.official import SETS
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.pipeline.cache import storing
@@ -124,10 +125,20 @@ def write_published(results: Path, records: Iterable[Record]) -> None:
             write_atomically(folder / name, lambda file, text=text: file.write(text), durable=True)  # type: ignore[misc]
 
 
+def has_pictures(record: Record) -> bool:
+    """Return whether pictures of the forms of a record may be published."""
+    official = SETS.get(record.data.name.partition("[")[0])
+    return official is None or official.pictures
+
+
 def write_thumbnails(results: Path, records: Iterable[Record]) -> None:
-    """Write a picture of a form of each row whose forms are stored, of complete surfaces where it has both."""
+    """Write a picture of a form of each row whose forms are stored, of complete surfaces where it has both.
+
+    Sets whose terms allow no pictures have none.
+    """
     forms, drawn = StoredForms(results, Path(os.environ.get(DATA_VARIABLE, "."))), set[Path]()
-    for record in sorted(records, key=lambda record: (record.input, record.row)):
+    shown = [record for record in records if has_pictures(record)]
+    for record in sorted(shown, key=lambda record: (record.input, record.row)):
         file = thumbnail(results, record.data.name, row_of(record))
         form = (
             forms.form(record, record.shapes[record.answered[0]])

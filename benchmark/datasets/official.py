@@ -11,17 +11,21 @@ import re
 import tomllib
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import natural_key
+from benchmark.datasets.copies import KnownCopy
 from benchmark.datasets.folder import class_list, mesh_files, read_cla, sub_folders
-from benchmark.datasets.mesh_files import mesh_file_set, mesh_stem
+from benchmark.datasets.mesh_files import digest_of_entry, mesh_file_set, mesh_stem
 from benchmark.datasets.settings import with_settings
+from benchmark.datasets.sizes import key_with_area, scaled_to_area
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
+from benchmark.geometry.mesh import Mesh
 
 #: File names of class lists in the format of the Princeton Shape Benchmark.
 LISTS = re.compile(r".*\.cla|categories\.txt", re.IGNORECASE)
@@ -53,6 +57,9 @@ class OfficialSet:
     canonical_poses: Mapping[str, str] = field(default_factory=dict)
     side: tuple[str, ...] = ()
     up: str = "z"
+    half_width: float | None = None
+    copies: tuple[KnownCopy, ...] = ()
+    pictures: bool = True
     other_use: str = ""
 
     @cached_property
@@ -111,16 +118,43 @@ class OfficialSet:
             If ``dataset.toml`` has an unknown key, class or pose.
         """
         read = self._listed if self.listed else self._named if self.poses else self._classed
-        return with_settings(
-            mesh_file_set(
-                name=name,
-                title=self.title,
-                shapes=tuple(read(folder)),
-                camera=self.camera,
-                folder=folder,
-                canonical_poses=self.canonical_poses,
-            )
+        shapes = mesh_file_set(
+            name=name,
+            title=self.title,
+            shapes=tuple(read(folder)),
+            camera=self.camera,
+            half_width=self.half_width,
+            folder=folder,
+            canonical_poses=self.canonical_poses,
         )
+        return with_settings(self._with_sizes(shapes))
+
+    def copy_of(self, entry: Entry) -> KnownCopy | None:
+        """Return the known copy to which the file of a shape belongs by its content."""
+        digest = digest_of_entry(entry)
+        return next((copy for copy in self.copies if copy.has(entry.identifier, digest)), None)
+
+    def _with_sizes(self, shapes: ShapeSet) -> ShapeSet:
+        """Give the surfaces of copies whose files hold no size the area that their list states."""
+        if not any(copy.area for copy in self.copies):
+            return shapes
+
+        def area_of(entry: Entry) -> float:
+            copy = self.copy_of(entry)
+            return copy.area if copy else 0.0
+
+        def load(entry: Entry) -> Mesh:
+            mesh, area = shapes.load(entry), area_of(entry)
+            return scaled_to_area(mesh, area) if area else mesh
+
+        def key(entry: Entry) -> str:
+            return key_with_area(shapes.key(entry), area_of(entry))
+
+        def code(entry: Entry) -> tuple[str, ...]:
+            of_size = (scaled_to_area.__module__,) if area_of(entry) else ()
+            return (*shapes.code(entry), *of_size)
+
+        return replace(shapes, load=load, key=key, code=code)
 
     def _named(self, folder: Path) -> list[Entry]:
         """Read shapes whose names are known."""
@@ -215,7 +249,13 @@ class OfficialSet:
 
 _FACTS = tomllib.loads((Path(__file__).parent / "official.toml").read_text(encoding="utf-8"))
 
-SETS: Mapping[str, OfficialSet] = {name: OfficialSet(**facts) for name, facts in _FACTS.items()}
+
+def _official_set(facts: dict[str, Any]) -> OfficialSet:
+    copies = tuple(KnownCopy(**copy) for copy in facts.get("copies", ()))
+    return OfficialSet(**{**facts, "copies": copies})
+
+
+SETS: Mapping[str, OfficialSet] = {name: _official_set(facts) for name, facts in _FACTS.items()}
 
 #: Sets that can be ranked, but have no table in the paper.
 EXTENDED = tuple(

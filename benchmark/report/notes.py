@@ -95,7 +95,9 @@ def block_lead(view: TableView, title: str, kind: Kind) -> tuple[Row, int]:
 
 
 def _columns(view: TableView) -> Iterator[str]:
-    """Say what the columns show."""
+    """Say what the data are, and what the columns show."""
+    if view.table.remark:
+        yield view.table.remark
     if any(column.input == "as printed" for column in view.columns):
         yield "Complete surfaces; networks see one depth view unless named otherwise."
     if view.table.is_cross:

@@ -141,3 +141,10 @@ def test_descriptors_are_equal_whatever_the_last_digits_of_a_processor(monkeypat
     monkeypatch.setattr("scipy.sparse.linalg.eigsh", other_digits)
     for method, expected in zip(methods, first, strict=True):
         np.testing.assert_array_equal(method.describe(limbed(200)), expected)
+
+
+def test_areas_that_differ_by_rounding_are_equal_and_no_others():
+    areas = [np.array([1.8]), np.array([np.nextafter(1.8, 2)]), np.array([1.8 * (1 + 1e-6)])]
+    distances = SurfaceArea().distances(areas)
+    assert distances[0, 1] == 0
+    assert distances[0, 2] == pytest.approx(1.8e-6)
