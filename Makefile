@@ -24,7 +24,7 @@ OF_SCANS := -d humans-scanlike --input mesh --quick
 DRAW := $(BIN)/python -m benchmark report --force --figure forms -o results/figures
 methods = $(addprefix -m ,$(1))
 
-.PHONY: setup kernels bench test test-slow lint fuzz docs speed tables check-tables publish figures clean golden processors
+.PHONY: setup kernels bench test test-slow coverage lint fuzz docs speed tables check-tables publish figures clean golden processors
 
 setup: $(READY)
 
@@ -69,6 +69,10 @@ test: setup kernels
 # Most of these wait for processes most of their time.
 test-slow: setup kernels
 	$(BIN)/python -m pytest -m slow -n 2 --dist loadfile --durations 25
+
+# Which lines the fast tests run, as pages in build/coverage.
+coverage: setup kernels
+	$(BIN)/python -m pytest -n logical --dist loadfile --cov --cov-report html:build/coverage --cov-report term:skip-covered
 
 # What each component makes of small committed inputs, beside what it made before; ARGS="-k NAME --force-regen" writes it again.
 golden: setup kernels
