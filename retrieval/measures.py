@@ -16,7 +16,7 @@ ECIR 2008 (expected values under ties).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -27,26 +27,130 @@ from benchmark.errors import ConfigurationError
 
 FloatArray = NDArray[np.float64]
 
-MEASURES: dict[str, str] = {
-    "NN": "nearest neighbour: g_1",
-    "FT": "first tier: (g_1 + ... + g_c) / c",
-    "ST": "second tier: (g_1 + ... + g_min(2c, N)) / c",
-    "DCG": "discounted cumulative gain: sum w_i g_i / (w_1 + ... + w_c) with w_1 = 1, w_i = 1 / log2(i)",
-    "E": "E-measure: 2 h / (k + c), h hits in the first k = min(32, N) ranks",
-    "nDCG": "normalised discounted cumulative gain: as DCG with w_i = 1 / log2(i + 1)",
-    "mAP": "mean average precision: mean over the relevant shapes of the precision at their rank",
-}
-"""All measures in a record, with their definition for one query."""
-
 #: Decimals of the measures of single queries in records.
 DECIMALS = 6
 
 #: Length of the result list that the E-measure evaluates.
 E_MEASURE_DEPTH = 32
+
 #: Largest asymmetry and least negative entry of a distance matrix, and largest entry on its
 #: diagonal, relative to the largest off it: products of vectors round distances of 0 to roots of
 #: what is lost.
 ASYMMETRY, SELF_DISTANCE = 1e-6, 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class RankedList:
+    """The results of a query, nearest first, of which some are relevant.
+
+    Parameters
+    ----------
+    gains
+        Probability that the result at each rank is relevant, over the orders of tied results, shape
+        (N,).
+    hits
+        Expected number of relevant results up to each rank if the one at this rank is relevant.
+    n_relevant
+        Number of relevant results, c.
+    """
+
+    gains: FloatArray
+    hits: FloatArray
+    n_relevant: int
+
+    @property
+    def ranks(self) -> NDArray[np.int64]:
+        """Ranks of the results, from 1."""
+        return np.arange(1, len(self.gains) + 1)
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A retrieval measure: everything that scorers, tables and tests know of it.
+
+    Parameters
+    ----------
+    name
+        Its name in records and tables.
+    definition
+        Its definition for one query.
+    of_query
+        Returns it for the results of a query.
+    depth
+        Most results whose order decides nothing: among so few, every ranking has the same score.
+    """
+
+    name: str
+    definition: str
+    of_query: Callable[[RankedList], float]
+    depth: int = 1
+
+    def says_something(self, n_results: int) -> bool:
+        """Return whether two rankings of so many results can differ in it."""
+        return n_results > self.depth
+
+
+def _nearest_neighbour(results: RankedList) -> float:
+    return float(results.gains[0])
+
+
+def _first_tier(results: RankedList) -> float:
+    return float(results.gains[: results.n_relevant].sum() / results.n_relevant)
+
+
+def _second_tier(results: RankedList) -> float:
+    return float(results.gains[: 2 * results.n_relevant].sum() / results.n_relevant)
+
+
+def _gain_of_princeton(results: RankedList) -> float:
+    weights = 1 / np.log2(np.maximum(results.ranks, 2))
+    return float(weights @ results.gains / weights[: results.n_relevant].sum())
+
+
+def _e_measure(results: RankedList) -> float:
+    depth = min(E_MEASURE_DEPTH, len(results.gains))
+    return float(2 * results.gains[:depth].sum() / (depth + results.n_relevant))
+
+
+def _normalised_gain(results: RankedList) -> float:
+    weights = 1 / np.log2(results.ranks + 1)
+    return float(weights @ results.gains / weights[: results.n_relevant].sum())
+
+
+def _average_precision(results: RankedList) -> float:
+    return float((results.gains * results.hits / results.ranks).sum() / results.n_relevant)
+
+
+_ALL = (
+    Measure("NN", "nearest neighbour: g_1", _nearest_neighbour),
+    Measure("FT", "first tier: (g_1 + ... + g_c) / c", _first_tier),
+    Measure("ST", "second tier: (g_1 + ... + g_min(2c, N)) / c", _second_tier, depth=2),
+    Measure(
+        "DCG",
+        "discounted cumulative gain: sum w_i g_i / (w_1 + ... + w_c) with w_1 = 1, w_i = 1 / log2(i)",
+        _gain_of_princeton,
+        depth=2,
+    ),
+    Measure(
+        "E",
+        "E-measure: 2 h / (k + c), h hits in the first k = min(32, N) ranks",
+        _e_measure,
+        depth=E_MEASURE_DEPTH,
+    ),
+    Measure(
+        "nDCG",
+        "normalised discounted cumulative gain: as DCG with w_i = 1 / log2(i + 1)",
+        _normalised_gain,
+    ),
+    Measure(
+        "mAP",
+        "mean average precision: mean over the relevant shapes of the precision at their rank",
+        _average_precision,
+    ),
+)
+
+MEASURES: Mapping[str, Measure] = {measure.name: measure for measure in _ALL}
+"""All measures in a record, by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,18 +379,6 @@ def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[
     inside = np.arange(n_results) - np.repeat(starts, sizes)
     before = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
     hits_up_to = before + 1 + inside * (in_group - 1) / np.maximum(size - 1, 1)
-    ranks = np.arange(1, n_results + 1)
-    discounts, text_discounts = 1 / np.log2(np.maximum(ranks, 2)), 1 / np.log2(ranks + 1)
-    depth = min(E_MEASURE_DEPTH, n_results)
-    measures = {
-        "NN": gains[0],
-        "FT": gains[:c].sum() / c,
-        "ST": gains[: 2 * c].sum() / c,
-        "DCG": discounts @ gains / discounts[:c].sum(),
-        "E": 2 * gains[:depth].sum() / (depth + c),
-        "nDCG": text_discounts @ gains / text_discounts[:c].sum(),
-        "mAP": (gains * hits_up_to / ranks).sum() / c,
-    }
-    return [float(measures[name]) for name in MEASURES], bool(
-        ((group_hits > 0) & (group_hits < sizes)).any()
-    )
+    results = RankedList(gains, hits_up_to, c)
+    values = [measure.of_query(results) for measure in MEASURES.values()]
+    return values, bool(((group_hits > 0) & (group_hits < sizes)).any())

@@ -11,9 +11,9 @@ from benchmark.errors import ConfigurationError, check_known
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import SUITE_RESULTS, Record, read_records
 from benchmark.protocols.tables import TABLES, TITLES
-from benchmark.reference.paper import MEASURES
-from benchmark.report.formats import duration, markdown
-from benchmark.report.frames import chosen_records, hundredths, row_of, seconds_of
+from benchmark.report.columns import MEASURED, PRINTED_SCORES
+from benchmark.report.formats import markdown
+from benchmark.report.frames import chosen_records, row_of
 from benchmark.report.tables import TableView, table_views
 from benchmark.text import brief, counted, say, say_lines
 
@@ -118,9 +118,12 @@ def outcome(record: Record) -> str:
     """Return scores and seconds of a record, or why it has none, on one line."""
     if record.status != "ok":
         return brief(record.reason)
-    scores = " ".join(f"{name} {hundredths(record.scores[name])}" for name in MEASURES)
+    scores = " ".join(f"{column.title} {column.cell(record)}" for column in PRINTED_SCORES)
     refused = f"; {brief(record.refusals)}" if record.unsupported else ""
-    return f"{scores}  ({duration(seconds_of(record))} s a shape{refused})"
+    measured = ", ".join(
+        f"{column.cell(record)} {column.title} a shape" for column in MEASURED if column.title
+    )
+    return f"{scores}  ({measured}{refused})"
 
 
 def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, force: bool) -> None:

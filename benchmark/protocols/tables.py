@@ -112,8 +112,8 @@ ROBUST = ("classic-mds", "gps", "mesh-unfolding", "shape-dna")
 
 
 @dataclass(frozen=True)
-class Column:
-    """One group of scores: the mean over some galleries.
+class GalleryGroup:
+    """The galleries over which the scores of one heading of a table are means.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class Column:
     over_draws: bool = False
 
 
-BOTH_INPUTS = (Column("mesh", input="mesh"), Column("view", input="view"))
+BOTH_INPUTS = (GalleryGroup("mesh", input="mesh"), GalleryGroup("view", input="view"))
 
 
 @dataclass(frozen=True)
@@ -184,7 +184,7 @@ class Table:
     caption: str
     dataset: str = ""
     stand_ins: tuple[str, ...] = ()
-    columns: tuple[Column, ...] = (Column("ours"),)
+    columns: tuple[GalleryGroup, ...] = (GalleryGroup("ours"),)
     has_paper: bool = False
     names: tuple[str, ...] = ()
     adds: tuple[str, ...] = ()
@@ -245,9 +245,12 @@ _REAL_PEOPLE = (
 
 _FAIR = "all methods on one depth view"
 _CROSS = "one depth view against views and against complete surfaces"
-_BOTH_GALLERIES = (Column("against views", input="view"), Column(SURFACES, (SURFACES,), "view"))
+_BOTH_GALLERIES = (
+    GalleryGroup("against views", input="view"),
+    GalleryGroup(SURFACES, (SURFACES,), "view"),
+)
 _AROUND = "one depth view against views of complete surfaces"
-_CAMERAS = tuple(Column(part, (part,), "view") for part in CAMERAS)
+_CAMERAS = tuple(GalleryGroup(part, (part,), "view") for part in CAMERAS)
 _ALL, _FEW = "15 subjects", "5 subjects"
 
 _synthetic = partial(Table, dataset="shrec14-synthetic", stand_ins=SYNTHETIC_HUMANS)
@@ -269,7 +272,7 @@ TABLES: tuple[Table, ...] = (
     _synthetic(
         "I",
         "Retrieval of synthetic humans",
-        columns=(Column(_ALL, over_draws=True), Column(_FEW, FOLDS)),
+        columns=(GalleryGroup(_ALL, over_draws=True), GalleryGroup(_FEW, FOLDS)),
         has_paper=True,
         runs="quick",
         omits=OTHER_FORMS,
@@ -282,24 +285,27 @@ TABLES: tuple[Table, ...] = (
         part_of="I",
         omits=OTHER_FORMS,
         adds=CONTROLS,
-        columns=(Column(_ALL, input="view"), Column(_FEW, FOLDS, "view")),
+        columns=(GalleryGroup(_ALL, input="view"), GalleryGroup(_FEW, FOLDS, "view")),
     ),
     _real(
-        "II-view", f"Real humans, {_FAIR}", part_of="II", columns=(Column("ours", input="view"),)
+        "II-view",
+        f"Real humans, {_FAIR}",
+        part_of="II",
+        columns=(GalleryGroup("ours", input="view"),),
     ),
     _animals(
         "III-view",
         f"Animals and people, {_FAIR}",
         part_of="III",
         columns=(
-            Column("all shapes", input="view"),
-            Column("cats and horses", (CATS_AND_HORSES,), "view"),
+            GalleryGroup("all shapes", input="view"),
+            GalleryGroup("cats and horses", (CATS_AND_HORSES,), "view"),
         ),
     ),
     _synthetic(
         "IV",
         "Ablation of the depth network",
-        columns=(Column("ours", FOLDS, "view"),),
+        columns=(GalleryGroup("ours", FOLDS, "view"),),
         has_paper=True,
         names=ABLATION,
     ),
@@ -333,7 +339,7 @@ TABLES: tuple[Table, ...] = (
         "robustness",
         "Robustness to changes of the shapes",
         "animals-few",
-        columns=(Column("mesh", input="mesh"),),
+        columns=(GalleryGroup("mesh", input="mesh"),),
         names=ROBUST,
         runs="alone",
         all_unseen=False,

@@ -202,7 +202,7 @@ def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
         heading = (
             f"{place}: {frame.method[0]} - each row, {of_column.queries.max()} queries, {among}"
         )
-        yield heading, [["", *MEASURES, ""], *rows]
+        yield heading, [["", *of_column.measure.unique(), ""], *rows]
 
 
 def _verdict(of_row: DataFrame) -> str:

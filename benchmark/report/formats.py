@@ -6,17 +6,27 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import chain, groupby
+from itertools import groupby
 from textwrap import wrap
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import ROBUST, TITLES
-from benchmark.reference.paper import MEASURES, entry_of
+from benchmark.protocols.tables import ROBUST, TITLES, Kind
+from benchmark.reference.paper import entry_of
+from benchmark.report.columns import (
+    OBJECTS,
+    PRINTED_OF_ROW,
+    Column,
+    Group,
+    Place,
+    cells,
+    score_groups,
+    values,
+)
 from benchmark.report.frames import BLANK, changed, fold_of, hundredths, scored_by
 from benchmark.report.notes import table_notes
-from benchmark.report.tables import BLOCKS, PAPER, SECOND, Row, TableView, ranked_classes
+from benchmark.report.tables import BLOCKS, PAPER, SECOND, Row, TableView
 from benchmark.text import clean
 
 CHANCE = "Random order"
@@ -55,19 +65,6 @@ _LATEX = {
 }
 
 
-def duration(seconds: float | None) -> str:
-    """Return seconds in two digits."""
-    if seconds is None:
-        return BLANK
-    return (
-        hundredths(seconds)
-        if seconds < 1
-        else f"{seconds:.1f}"
-        if seconds < 10
-        else f"{seconds:.0f}"
-    )
-
-
 def markdown_text(text: str) -> str:
     """Return text as Markdown shows it literally, in a table, too."""
     return "".join(_MARKDOWN.get(character, character) for character in clean(text))
@@ -85,89 +82,161 @@ def latex_title(title: str) -> str:
 
 
 @dataclass(frozen=True)
-class Line:
-    """A line of a table: by group, its scores with their marks, and the least and the greatest score over folds.
+class Cell:
+    """A cell of a table.
 
-    A group without scores has a single text.
+    Parameters
+    ----------
+    text
+        What it shows.
+    mark
+        ``"bold"``, ``"italic"`` or "".
+    value
+        Its number; None if it has none.
+    folds
+        The least and the greatest score over folds, as text; None without folds.
+    """
+
+    text: str
+    mark: str = ""
+    value: float | None = None
+    folds: tuple[str, str] | None = None
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line of a table.
+
+    Parameters
+    ----------
+    title
+        Title of the row.
+    groups
+        Cells of the columns of each group; a single cell where a row has no scores, which says why.
+    measured
+        Cells of what was measured.
+    row
+        The row; None for a random order.
     """
 
     title: str
-    groups: tuple[Sequence[tuple[str, str]], ...]
-    seconds: str = ""
+    groups: tuple[Sequence[Cell], ...]
+    measured: Sequence[Cell]
     row: Row | None = None
-    folds: tuple[Sequence[tuple[str, str]], ...] = ()
+
+    @property
+    def has_folds(self) -> bool:
+        """Whether a cell has scores over folds."""
+        return any(cell.folds for cells in self.groups for cell in cells)
 
 
 def blocks(view: TableView) -> Iterator[tuple[str, list[Line]]]:
     """Yield the blocks of a table: their headings with their lines; a random order stands last, without a heading."""
     is_as_printed = {column.input for column in view.columns} == {"as printed"}
+    groups = score_groups(view)
     for kind, name in BLOCKS.items():
         rows = [row for row in view.printed_rows if row.kind == kind]
-        has_surfaces = any(record.input == "mesh" for row in rows for record in row.records)
-        views = " (one depth view unless named)" if has_surfaces else " (one depth view)"
-        seen = {"network": views, "external": ""}.get(kind, " (complete surfaces)")
         if rows:
-            yield name + (seen if is_as_printed else ""), [_line(view, row) for row in rows]
-    chance = (
-        [(hundredths(score), "") for score in view.chance.get(group, {}).values()]
-        for group in view.groups
-    )
-    yield "", [Line(CHANCE, tuple(scores or [("", "")] for scores in chance))]
+            seen = _input_in_words(kind, rows) if is_as_printed else ""
+            yield name + seen, [_line(view, groups, row) for row in rows]
+    yield "", [_chance_line(view, groups)]
 
 
-def _line(view: TableView, row: Row) -> Line:
-    groups: list[Sequence[tuple[str, str]]] = []
-    for group in view.groups:
-        scores, marks = (
-            view.scores(row, group),
-            view.marks.get((row.method, group), [""] * len(MEASURES)),
-        )
-        status = (
-            ""
-            if group in (PAPER, SECOND)
-            else row.failed[group][0].status
-            if group in row.failed
-            else BLANK
-        )
-        texts = map(str if group == SECOND else hundredths, scores.values())
-        groups.append(list(zip(texts, marks, strict=True)) if scores else [(status, "")])
-    folds = (
-        [(hundredths(low), hundredths(high)) for low, high in view.of_folds(row, group)]
-        for group in view.groups
-    )
+def _input_in_words(kind: Kind, rows: Iterable[Row]) -> str:
+    """Return what the rows of a block see, in brackets."""
+    if kind == "external":
+        return ""
+    if kind != "network":
+        return " (complete surfaces)"
+    has_surfaces = any(record.input == "mesh" for row in rows for record in row.records)
+    return " (one depth view unless named)" if has_surfaces else " (one depth view)"
+
+
+def _line(view: TableView, groups: Iterable[Group], row: Row) -> Line:
     return Line(
-        clean(row.title), tuple(groups), duration(view.seconds.get(row.method)), row, tuple(folds)
+        clean(row.title),
+        tuple(_cells(view, group, row) for group in groups),
+        [Cell(column.cell(row), value=column.value(row)) for column in PRINTED_OF_ROW],
+        row,
     )
 
 
-def _joined(group: Iterable[tuple[str, str]], styles: Mapping[str, str]) -> str:
-    """Join the scores of a group; neighbours with one mark share its characters."""
-    parts = [
-        (mark, " ".join(text for text, _ in of))
-        for mark, of in groupby(group, key=lambda cell: cell[1])
+def _cells(view: TableView, group: Group, row: Row) -> list[Cell]:
+    """Return the cells of a row in a group; without scores, a single one that says why."""
+    if not view.scores(row, group.title):
+        return [Cell(_why_empty(group.title, row))]
+    marks = view.marks.get((row.method, group.title), {})
+    ends = [(hundredths(low), hundredths(high)) for low, high in view.of_folds(row, group.title)]
+    folds: Sequence[tuple[str, str] | None] = ends or [None] * len(group.columns)
+    return [
+        Cell(column.cell(row), marks.get(column.key, ""), column.value(row), of_column)
+        for column, of_column in zip(group.columns, folds, strict=True)
     ]
-    return " ".join(styles.get(mark, "{}").format(text) for mark, text in parts)
+
+
+def _why_empty(group: str, row: Row) -> str:
+    """Return what stands where a row has no scores in a group."""
+    if group in (PAPER, SECOND):
+        return ""
+    return row.failed[group][0].status if group in row.failed else BLANK
+
+
+def _chance_line(view: TableView, groups: Iterable[Group]) -> Line:
+    """Return the line of the scores of a random order."""
+
+    def cells(group: Group) -> list[Cell]:
+        scores = view.chance.get(group.title)
+        if scores is None:
+            return [Cell("")]
+        each = [(column, scores[column.key]) for column in group.columns]
+        return [Cell(column.text(score), value=score) for column, score in each]
+
+    return Line(CHANCE, tuple(map(cells, groups)), [Cell("") for _ in PRINTED_OF_ROW])
+
+
+_MARKDOWN_STYLES = {"bold": "**{}**", "italic": "*{}*", "": "{}"}
+
+
+def _joined(cells: Iterable[Cell]) -> str:
+    """Join the scores of a group; neighbours with one mark share its characters."""
+    parts = []
+    for mark, of_mark in groupby(cells, key=lambda cell: cell.mark):
+        texts = " ".join(cell.text for cell in of_mark)
+        parts.append(_MARKDOWN_STYLES[mark].format(texts))
+    return " ".join(parts)
+
+
+def _joined_folds(cells: Iterable[Cell]) -> str:
+    """Join the scores over folds of a group; "" without folds."""
+    return " ".join("-".join(cell.folds) for cell in cells if cell.folds)
 
 
 def markdown(view: TableView) -> str:
     """Return a table as Markdown of at most 100 columns, with its notes."""
-    first, *others = view.groups
-    styles, body = {"bold": "**{}**", "italic": "*{}*"}, []
+    body: list[list[str]] = []
     for heading, lines in blocks(view):
-        body += [[f"**{heading}**"]] if heading else []
+        if heading:
+            body.append([f"**{heading}**"])
         for line in lines:
             title = markdown_text(line.title) if heading else f"*{line.title}*"
-            body.append([title, *(_joined(group, styles) for group in line.groups), line.seconds])
-            if any(line.folds):
-                body.append(
-                    ["", *(" ".join(map("-".join, of_group)) for of_group in line.folds), ""]
-                )
-    table = markdown_table(["Method", f"{first}: {' '.join(MEASURES)}", *others, "s"], body)
+            measured = [cell.text for cell in line.measured]
+            body.append([title, *map(_joined, line.groups), *measured])
+            if line.has_folds:
+                body.append(["", *map(_joined_folds, line.groups)])
+    table = markdown_table(_markdown_head(view), body)
     caption = f"**Table {markdown_text(view.table.identifier)}.** {markdown_text(view.caption)}."
     notes = [
         line for note in table_notes(view) for line in _wrapped(f"- {markdown_text(note)}", "  ")
     ]
     return "\n".join([*_wrapped(caption), "", *table, "", *notes]) + "\n"
+
+
+def _markdown_head(view: TableView) -> list[str]:
+    """Return the headings of a table, of which the first group names its columns."""
+    first, *others = score_groups(view)
+    names = " ".join(column.title for column in first.columns)
+    headings = [f"{first.title}: {names}", *(group.title for group in others)]
+    return ["Method", *headings, *(column.title for column in PRINTED_OF_ROW)]
 
 
 def _wrapped(words: str, indent: str = "") -> list[str]:
@@ -184,107 +253,144 @@ def markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[s
     ]
 
 
+_LATEX_STYLES = {"bold": r"\textbf{{{}}}", "italic": r"\textit{{{}}}", "": "{}"}
+
+
 def latex(view: TableView) -> str:
     r"""Return a table for ``\input``, which needs booktabs and tabularx: one column of a paper, or ``table*``."""
-    n_groups, n_scores = len(view.groups), len(view.groups) * len(MEASURES)
-    has_folds = any(
-        row for row in view.printed_rows for group in view.groups if view.of_folds(row, group)
-    )
+    groups = score_groups(view)
+    every = [*blocks(view)]
+    has_folds = any(line.has_folds for _, lines in every for line in lines)
+    n_scores = sum(len(group.columns) for group in groups)
     is_wide = n_scores > _ONE_COLUMN or has_folds  # ranges of folds do not fit one column
     environment = "table*" if is_wide else "table"
-    rules = "".join(rf"\cmidrule(r){{{4 * k + 2}-{4 * k + 5}}}" for k in range(n_groups))
-    styles, body = {"bold": r"\textbf{{{}}}", "italic": r"\textit{{{}}}", "": "{}"}, []
-    for heading, lines in blocks(view):
-        body.append(r"\midrule")
-        if heading:
-            body.append(
-                rf"\multicolumn{{{n_scores + 2}}}{{@{{}}l}}{{\emph{{{latex_text(heading)}}}}} \\"
-            )
-        for line in lines:
-            cells = [
-                [
-                    styles[mark].format(score) + ends
-                    for (score, mark), ends in zip(group, _ends(folds), strict=False)
-                ]
-                if len(group) > 1
-                else [_spread(group[0][0])]
-                for group, folds in zip(line.groups, line.folds or [()] * n_groups, strict=True)
-            ]
-            key = entry_of(line.row.cite)[0] if line.row else ""
-            cited = rf"~\cite{{{key}}}" if key else ""
-            body.append(latex_row(latex_title(line.title) + cited, *chain(*cells), line.seconds))
-    paper = rf"Paper~\cite{{{_PAPER}}}"
-    texts = (r"\\".join(map(latex_text, wrap(group.capitalize(), 17))) for group in view.groups)
-    groups = (
-        paper if text == "Paper" else rf"\shortstack{{{text}}}" if r"\\" in text else text
-        for text in texts
-    )
-    head = [
-        latex_row("", *map(_spread, groups), ""),
-        rules,
-        latex_row("", *MEASURES * n_groups, "s"),
-    ]
-    # A wide table spreads over the page, so that no name is far from its scores; a narrow one gives
-    # names the rest.
-    longest = max(len(row.title) for row in view.printed_rows) + 5  # and a citation
-    names = rf">{{\raggedright\hangindent1em\arraybackslash}}p{{{min(0.5 * longest, 17):.1f}em}}"
-    wide = rf"@{{\extracolsep{{\fill}}}}{names}" + rf"*{{{len(MEASURES)}}}{{c}}" * n_groups + "r@{}"
-    narrow = (
-        r"@{}>{\raggedright\hangindent1em}X"
-        + rf"*{{{len(MEASURES)}}}{{c}}@{{\hskip6pt}}" * n_groups
-        + "r@{}"
-    )
-    kind, columns = ("tabular*", wide) if is_wide else ("tabularx", narrow)
-    style = (
-        r"\footnotesize\setlength{\tabcolsep}{2pt}"
-        if is_wide
-        else r"\scriptsize\setlength{\tabcolsep}{1.7pt}"
-    )
-    style += r"\renewcommand{\arraystretch}{1.25}" * has_folds
+    kind = "tabular*" if is_wide else "tabularx"
+    columns = _wide_columns(view, groups) if is_wide else _narrow_columns(groups)
     notes = " ".join(table_notes(view)[:-1])  # the last one is for those who have the suite
-    return (
-        "\n".join(
-            [
-                "% needs booktabs and tabularx",
-                rf"\begin{{{environment}}}",
-                r"\centering",
-                rf"\caption{{{latex_text(view.caption)}.}}",
-                rf"\label{{tab:{view.stem.removeprefix('table-')}}}",
-                style,
-                rf"\begin{{{kind}}}{{\linewidth}}{{{columns}}}",
-                r"\toprule",
-                *head,
-                *body,
-                r"\bottomrule",
-                rf"\end{{{kind}}}",
-                rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {latex_text(notes)}}}",
-                rf"\end{{{environment}}}",
+    lines = [
+        "% needs booktabs and tabularx",
+        rf"\begin{{{environment}}}",
+        r"\centering",
+        rf"\caption{{{latex_text(view.caption)}.}}",
+        rf"\label{{tab:{view.stem.removeprefix('table-')}}}",
+        _latex_size(is_wide=is_wide, has_folds=has_folds),
+        rf"\begin{{{kind}}}{{\linewidth}}{{{columns}}}",
+        r"\toprule",
+        *_latex_head(groups),
+        *_latex_body(groups, every),
+        r"\bottomrule",
+        rf"\end{{{kind}}}",
+        rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {latex_text(notes)}}}",
+        rf"\end{{{environment}}}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _wide_columns(view: TableView, groups: Iterable[Group]) -> str:
+    """Return columns that spread over the page, so that no name is far from its scores."""
+    longest = max(len(row.title) for row in view.printed_rows) + 5  # and a citation
+    width = min(0.5 * longest, 17)
+    names = rf">{{\raggedright\hangindent1em\arraybackslash}}p{{{width:.1f}em}}"
+    scores = "".join(rf"*{{{len(group.columns)}}}{{c}}" for group in groups)
+    return rf"@{{\extracolsep{{\fill}}}}{names}{scores}{'r' * len(PRINTED_OF_ROW)}@{{}}"
+
+
+def _narrow_columns(groups: Iterable[Group]) -> str:
+    """Return columns of which the names of rows get the rest of the width."""
+    scores = "".join(rf"*{{{len(group.columns)}}}{{c}}@{{\hskip6pt}}" for group in groups)
+    measured = "r" * len(PRINTED_OF_ROW)
+    return rf"@{{}}>{{\raggedright\hangindent1em}}X{scores}{measured}@{{}}"
+
+
+def _latex_size(*, is_wide: bool, has_folds: bool) -> str:
+    """Return the size of the letters, and the distances of columns and rows."""
+    style = r"\scriptsize\setlength{\tabcolsep}{1.7pt}"
+    if is_wide:
+        style = r"\footnotesize\setlength{\tabcolsep}{2pt}"
+    return style + r"\renewcommand{\arraystretch}{1.25}" if has_folds else style
+
+
+def _latex_head(groups: Sequence[Group]) -> list[str]:
+    """Return the headings of the groups, rules below these, and the headings of the columns."""
+    blank = [""] * len(PRINTED_OF_ROW)
+    measured = [column.title for column in PRINTED_OF_ROW]
+    headings = [_spread(_latex_heading(group.title), group) for group in groups]
+    titles = [column.title for group in groups for column in group.columns]
+    rules = []
+    last = 1
+    for group in groups:
+        first, last = last + 1, last + len(group.columns)
+        rules.append(rf"\cmidrule(r){{{first}-{last}}}")
+    return [
+        latex_row("", *headings, *blank),
+        "".join(rules),
+        latex_row("", *titles, *measured),
+    ]
+
+
+def _latex_heading(title: str) -> str:
+    """Return the heading of a group, in lines if it is long."""
+    if title == PAPER:
+        return rf"Paper~\cite{{{_PAPER}}}"
+    lines = r"\\".join(latex_text(line) for line in wrap(title.capitalize(), 17))
+    return rf"\shortstack{{{lines}}}" if r"\\" in lines else lines
+
+
+def _latex_body(
+    groups: Sequence[Group], every: Iterable[tuple[str, Sequence[Line]]]
+) -> Iterator[str]:
+    """Yield the rows of a table by block."""
+    n_columns = 1 + sum(len(group.columns) for group in groups) + len(PRINTED_OF_ROW)
+    for heading, lines in every:
+        yield r"\midrule"
+        if heading:
+            emphasised = rf"\emph{{{latex_text(heading)}}}"
+            yield rf"\multicolumn{{{n_columns}}}{{@{{}}l}}{{{emphasised}}} \\"
+        for line in lines:
+            scores = [
+                cell
+                for cells, group in zip(line.groups, groups, strict=True)
+                for cell in _latex_cells(cells, group)
             ]
-        )
-        + "\n"
-    )
+            measured = [cell.text for cell in line.measured]
+            yield latex_row(latex_title(line.title) + _cited(line.row), *scores, *measured)
+
+
+def _cited(row: Row | None) -> str:
+    """Return the citation behind the title of a row."""
+    key = entry_of(row.cite)[0] if row else ""
+    return rf"~\cite{{{key}}}" if key else ""
+
+
+def _latex_cells(cells: Sequence[Cell], group: Group) -> list[str]:
+    """Return the cells of a group; one that says why there are no scores spreads over all of them."""
+    if len(cells) < len(group.columns):
+        return [_spread(cells[0].text, group)]
+    return [_LATEX_STYLES[cell.mark].format(cell.text) + _latex_folds(cell) for cell in cells]
+
+
+def _latex_folds(cell: Cell) -> str:
+    if not cell.folds:
+        return ""
+    low, high = cell.folds
+    return rf"$_{{\mathrm{{{low}}}}}^{{\mathrm{{{high}}}}}$"
+
+
+def _spread(words: str, group: Group) -> str:
+    return rf"\multicolumn{{{len(group.columns)}}}{{c}}{{{words}}}"
 
 
 def bibliography(views: Sequence[TableView]) -> str:
     """Return the BibTeX entries that tables in LaTeX cite; raise ``ConfigurationError`` if two have one key."""
     rows = [row.cite for view in views for row in view.printed_rows]
+    papers = [_PAPER] if any(view.paper for view in views) else []
     entries: dict[str, str] = {}
-    for key, entry in map(entry_of, [*[_PAPER] * any(view.paper for view in views), *rows]):
+    for key, entry in map(entry_of, [*papers, *rows]):
         if entries.setdefault(key, entry) != entry:
             raise ConfigurationError(
                 f"two methods cite '{key}' with different entries", "rename a key, and run again"
             )
     return "\n\n".join(filter(None, entries.values())) + "\n"
-
-
-def _ends(folds: Sequence[tuple[str, str]]) -> list[str]:
-    return [rf"$_{{\mathrm{{{low}}}}}^{{\mathrm{{{high}}}}}$" for low, high in folds] or [""] * len(
-        MEASURES
-    )
-
-
-def _spread(words: str) -> str:
-    return rf"\multicolumn{{{len(MEASURES)}}}{{c}}{{{words}}}"
 
 
 def latex_row(*cells: str) -> str:
@@ -299,66 +405,51 @@ def robustness_markdown(records: Iterable[Record]) -> str:
         for record in records
         if record.input == "mesh" and record.method in ROBUST and not fold_of(record)
     ]
-    scores = defaultdict[tuple[str, str, str], dict[str, float]](dict)
+    scores = defaultdict[_Change, dict[str, float]](dict)
     for record in known:
-        scores[changed(record.data.name) or (record.data.name, "", "0")][record.method] = (
-            record.scores.get("NN", 0.0)
-        )
-    titles = {base: base for base, change, _ in sorted(scores) if change}
+        change = _Change(*(changed(record.data.name) or (record.data.name, "", "0")))
+        scores[change][record.method] = record.scores.get("NN", 0.0)
+    titles = {change.base: change.base for change in sorted(scores) if change.kind}
     titles |= {
         record.data.name: record.data.title for record in known if record.data.name in titles
     }
-    places = [place for place in sorted(scores) if place[0] in titles]
-    methods = [name for name in ROBUST if any(name in scores[place] for place in places)]
+    changes = [change for change in sorted(scores) if change.base in titles]
+    if not changes:
+        return ""
     names = {record.method: TITLES.get(record.method, record.title) for record in known}
-    body = [
-        [
-            change or "unchanged",
-            strength,
-            *(hundredths(scores[base, change, strength].get(name)) for name in methods),
-        ]
-        for base, change, strength in places
+    columns = [
+        Column[_Change]("change", lambda change: change.kind or "unchanged", "Change"),
+        Column[_Change]("strength", lambda change: change.strength, "strength"),
     ]
+    tried = [name for name in ROBUST if any(name in scores[change] for change in changes)]
+    columns += [_robust(name, names[name], scores) for name in tried]
     sets = ", ".join(map(markdown_text, titles.values()))
     words = f"**Robustness.** NN of complete surfaces of {sets}; a destroyed shape counts 0. {scored_by(known).note}"
-    table = markdown_table(["Change", "strength", *(names[name] for name in methods)], body)
-    return "\n".join([words, "", *table]) + "\n" if body else ""
+    table = markdown_table(
+        [column.title for column in columns], [cells(columns, change) for change in changes]
+    )
+    return "\n".join([words, "", *table]) + "\n"
+
+
+class _Change(NamedTuple):
+    """A change of a data set; "" for none."""
+
+    base: str
+    kind: str
+    strength: str
+
+
+def _robust(
+    method: str, title: str, scores: Mapping[_Change, Mapping[str, float]]
+) -> Column[_Change]:
+    return Column(method, lambda change: scores[change].get(method), title, text=hundredths)
 
 
 def as_json(views: Iterable[TableView]) -> list[dict[str, Any]]:
     """Return one object for each row and column of each table, with the keys on which other programs rely."""
     return [
-        _json(view, row, column.title)
+        values(OBJECTS, Place(view, row, column.title))
         for view in views
         for row in view.printed_rows
         for column in view.columns
     ]
-
-
-def _json(view: TableView, row: Row, title: str) -> dict[str, Any]:
-    galleries = [ranked_classes(sample) for sample in view.samples.get(title, ())]
-    records = row.scored[title].all_records if title in row.scored else []
-    status = "ok" if records else row.failed[title][0].status if title in row.failed else "missing"
-    scores = dict.fromkeys(MEASURES) | {
-        name: round(value, 6) for name, value in view.scores(row, title).items()
-    }
-    return {
-        "table": view.table.identifier,
-        "dataset": view.dataset,
-        "stand_in": "stand-in" in view.title,
-        "column": title,
-        "scorer": records[0].scorer if records else "",
-        "seed": records[0].seed if records else None,
-        "input": records[0].input if records else "",
-        "method": row.method,
-        "title": row.title,
-        **scores,
-        "paper": view.paper.get(row.method),
-        "chance": view.chance.get(title),
-        "status": status,
-        "n_shapes": sum(map(len, galleries)),
-        "n_classes": sum(len(set(of)) for of in galleries),
-        "coverage": min((record.coverage for record in records), default=None),
-        "seconds": row.seconds(of_wall=True),
-        "processor_seconds": row.seconds(),
-    }

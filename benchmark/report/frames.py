@@ -1,4 +1,4 @@
-"""What tables and frames show of records: their place, row and block, and all scores, one value a line.
+"""What tables and frames show of records: their place, row, block, scorer and seconds.
 
 All tables are pure functions of records, so they need neither data nor methods.
 """
@@ -10,17 +10,12 @@ import math
 import re
 from collections.abc import Iterable
 from functools import cache
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from benchmark.code_digest import digest_of_bytes
 from benchmark.datasets.changes import CHANGES
 from benchmark.pipeline.records import DEFAULT_SCORER, EXTERNAL, SUITE_RESULTS, Record
 from benchmark.protocols.tables import AGAINST, AVERAGED, NETWORKS, TABLES, Kind, Table, own_table
-from benchmark.reference.paper import PRINTED
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
-
 
 BLANK = "--"
 
@@ -138,46 +133,3 @@ def seconds_of(record: Record, *, of_wall: bool = False) -> float | None:
     if "canonicalise" not in seconds or record.family == EXTERNAL:
         return None
     return seconds["canonicalise"] + seconds.get("geodesics", 0.0)
-
-
-def scores_frame(records: Iterable[Record]) -> DataFrame:
-    """Return all scores of all tables, one value a line, beside those that the paper prints.
-
-    Returns
-    -------
-    pandas.DataFrame
-        ``table``, ``dataset``, ``method``, ``input`` (``"mesh"``, ``"view"``, or ``"paper"`` for
-        what it prints), ``scorer`` ("" for descriptors, and for the paper), ``seed``, ``fold``
-        (part of the data set; "" for the whole one), ``measure``, ``value``: the mean over queries,
-        and over seeds of a training.
-    """
-    from pandas import DataFrame
-
-    rows: list[tuple[str | float, ...]] = []
-    with_paper = set()
-    for record in records:
-        dataset, fold = record.data.name, fold_of(record)
-        for table in tables_of(dataset, fold):
-            if table.is_cross and not record.gallery_of_queries:
-                continue  # it shows scores of another table
-            where = (
-                table.identifier,
-                dataset,
-                row_of(record),
-                record.input,
-                record.scorer,
-                record.seed,
-                fold,
-            )
-            rows += [(*where, measure, value) for measure, value in record.scores.items()]
-            with_paper |= {(table.identifier, dataset)} if table.has_paper else set()
-    for numeral, dataset in sorted(with_paper):
-        for method, figures in PRINTED[numeral].items():
-            of_paper = numeral, dataset, method, "paper", "", "", ""
-            rows += [(*of_paper, measure, value) for measure, value in figures.items()]
-    names = ["table", "dataset", "method", "input", "scorer", "seed", "fold", "measure", "value"]
-    return (
-        DataFrame(rows, columns=names)
-        .groupby(names[:-1], sort=False, as_index=False)["value"]
-        .mean()
-    )

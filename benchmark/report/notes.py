@@ -6,9 +6,11 @@ from collections.abc import Container, Iterable, Iterator, Sequence
 
 import numpy as np
 
+from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import ROUND, Kind
 from benchmark.reference.paper import MEASURES
-from benchmark.report.frames import hundredths, seconds_of
+from benchmark.report.columns import MEASURED
+from benchmark.report.frames import hundredths
 from benchmark.report.statistics import FEWEST_CLASSES
 from benchmark.report.tables import BLOCKS, Row, TableView, least_difference
 from benchmark.text import brief, listed
@@ -127,20 +129,17 @@ def _columns(view: TableView) -> Iterator[str]:
         view.of_folds(row, column.title) for row in view.printed_rows for column in view.columns
     ):
         yield "Beside means over folds: the least and the greatest fold."
-    if any(row.method in view.seconds for row in view.printed_rows):
-        timed = [
-            record
-            for row in view.printed_rows
-            for record in row.records
-            if seconds_of(record) is not None
-        ]
-        names = listed(
-            dict.fromkeys(
-                brief(name) for record in timed for name in record.machines or ["unknown"]
-            ),
-            "; ",
-        )
-        yield f"s: median processor seconds per shape for form and geodesics; machine: {names}."
+    records = [record for row in view.printed_rows for record in row.records]
+    for quantity in MEASURED:
+        measured = [record for record in records if quantity.value(record) is not None]
+        if quantity.title and measured:
+            yield f"{quantity.title}: {quantity.unit}; machine: {_machines(measured)}."
+
+
+def _machines(records: Iterable[Record]) -> str:
+    """Name the machines that made the forms of records."""
+    names = [brief(name) for record in records for name in record.machines or ["unknown"]]
+    return listed(dict.fromkeys(names), "; ")
 
 
 def _undecided(view: TableView) -> Iterable[str]:

@@ -12,8 +12,9 @@ import msgspec
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically, write_text
 from benchmark.pipeline.records import Record
+from benchmark.report.columns import scores_frame
 from benchmark.report.formats import as_json, bibliography, latex, markdown, robustness_markdown
-from benchmark.report.frames import scored_by, scores_frame
+from benchmark.report.frames import scored_by
 from benchmark.report.tables import TableView
 from benchmark.report.verdicts import verdicts_markdown
 

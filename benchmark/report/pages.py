@@ -19,9 +19,9 @@ from scipy.spatial import cKDTree
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.preparation import decimate
 from benchmark.pipeline.records import RankedShapes, Record, read_distances
-from benchmark.protocols.tables import AGAINST, SURFACES, Column, Kind
-from benchmark.reference.paper import MEASURES
+from benchmark.protocols.tables import AGAINST, SURFACES, GalleryGroup, Kind
 from benchmark.report import figures
+from benchmark.report.columns import PRINTED_OF_ROW, score_groups
 from benchmark.report.drawing import OBLIQUE, PALETTE, shaded, webp
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import BLOCKS, blocks
@@ -60,7 +60,7 @@ _TEMPLATES = Environment(
     lstrip_blocks=True,
     finalize=lambda value: "" if value is None else clean(value) if type(value) is str else value,
 )
-_TEMPLATES.globals |= {"measure": MEASURE, "measures": MEASURES, "side": SIDE, "kind_names": KINDS}
+_TEMPLATES.globals |= {"measure": MEASURE, "side": SIDE, "kind_names": KINDS}
 _TEMPLATES.globals |= {"intervals": INTERVALS, "palette": PALETTE, "viewing": OBLIQUE.direction}
 _TEMPLATES.filters |= {"anchor": file_name, "hundredths": hundredths}
 
@@ -182,7 +182,7 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
 
 def _matrix(pages: Pages, views: Iterable[TableView]) -> dict[str, Any]:
     """Return the columns of some tables by group and label, and by block the rows with their scores in each column."""
-    columns: dict[tuple[int, str], tuple[TableView, Column]] = {}
+    columns: dict[tuple[int, str], tuple[TableView, GalleryGroup]] = {}
     for view in views:
         for column in view.columns:
             columns.setdefault(_place(view, column), (view, column))
@@ -203,7 +203,7 @@ def _matrix(pages: Pages, views: Iterable[TableView]) -> dict[str, Any]:
     return {"columns": shown, "groups": groups, "rows": rows, "leads": _leads(columns)}
 
 
-def _leads(columns: Mapping[tuple[int, str], tuple[TableView, Column]]) -> list[str]:
+def _leads(columns: Mapping[tuple[int, str], tuple[TableView, GalleryGroup]]) -> list[str]:
     """Say for each block and group which row is certainly above all others on which data."""
     found: dict[str, list[str]] = {}
     for (group, label), (view, column) in sorted(columns.items()):
@@ -218,7 +218,7 @@ def _leads(columns: Mapping[tuple[int, str], tuple[TableView, Column]]) -> list[
     return [f"{leader} on {'; '.join(labels)}." for leader, labels in sorted(found.items())]
 
 
-def _place(view: TableView, column: Column) -> tuple[int, str]:
+def _place(view: TableView, column: GalleryGroup) -> tuple[int, str]:
     """Return the number of the group of a column in the overview, and its label."""
     is_against = any(part.startswith(AGAINST) for part in column.parts)
     has_parts = column.parts not in [("",), (SURFACES,)] and not view.table.is_ablation
@@ -228,7 +228,7 @@ def _place(view: TableView, column: Column) -> tuple[int, str]:
 
 
 def _column_scores(
-    kind: Kind, view: TableView, column: Column, *, views_apart: bool
+    kind: Kind, view: TableView, column: GalleryGroup, *, views_apart: bool
 ) -> dict[str, tuple[Row, Scored, bool]]:
     """Return the rows of a block by title with their scores in a column, and whether these are of views.
 
@@ -288,6 +288,8 @@ def _scores(
         "least": least,
         "ticks": [number / 10 for number in range(round(10 * least), 11, 2 if least < 0.7 else 1)],
         "view": view,
+        "score_groups": score_groups(view),
+        "measured": PRINTED_OF_ROW,
         "blocks": blocks(view),
         "rows": rows,
         "pictures": pictures,

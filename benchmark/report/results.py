@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from pandas import DataFrame, concat
+from pandas import DataFrame, Index, concat
 
 from benchmark.errors import ConfigurationError, check_known
 from benchmark.geometry.mesh import Mesh
@@ -28,7 +28,8 @@ from benchmark.pipeline.records import (
     read_records,
     read_vertex_map,
 )
-from benchmark.report.frames import fold_of, kind_of, scores_frame, seconds_of
+from benchmark.report.columns import JOBS, frame, scores_frame
+from benchmark.report.frames import fold_of
 
 __all__ = ["Results", "open_results"]
 
@@ -68,35 +69,8 @@ class Results:
         result), the measures (NaN without scores), ``n_shapes``, ``n_classes``, ``seconds`` and
         ``processor_seconds`` (NaN in old records) per shape, ``machine``.
         """
-        facts = (
-            "input",
-            "method",
-            "title",
-            "scorer",
-            "seed",
-            "status",
-            "published",
-            "commit",
-            "finished",
-        )
-        rows = {
-            record.key: {
-                "dataset": record.data.name,
-                "fold": fold_of(record),
-                "quick": record.data.quick,
-                "kind": kind_of(record),
-                **{fact: getattr(record, fact) for fact in (*facts, "coverage")},
-                "reason": record.reason or record.refusals,
-                **record.scores,
-                "n_shapes": len(record.shapes),
-                "n_classes": len(set(record.labels)),
-                "seconds": seconds_of(record, of_wall=True),
-                "processor_seconds": seconds_of(record),
-                "machine": "; ".join(record.machines) or "unknown",
-            }
-            for record in self.records
-        }
-        return DataFrame.from_dict(rows, orient="index").rename_axis("job")
+        keys = Index([record.key for record in self.records], name="job")
+        return frame(JOBS, self.records).set_index(keys)
 
     @cached_property
     def queries(self) -> DataFrame:

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 from benchmark.api.parameters import format_value
 from benchmark.datasets.official import SETS
 from benchmark.pipeline.records import DEFAULT_SCORER, Record
-from benchmark.protocols.tables import AVERAGED, TABLES, TITLES, Column, Kind, Table, gallery_name
+from benchmark.protocols.tables import (
+    AVERAGED,
+    TABLES,
+    TITLES,
+    GalleryGroup,
+    Kind,
+    Table,
+    gallery_name,
+)
 from benchmark.reference.paper import MEASURES, PRINTED
 from benchmark.registry import BUILT_IN, Component
 from benchmark.report.frames import (
@@ -28,7 +36,6 @@ from benchmark.report.frames import (
     kind_of,
     row_of,
     scored_by,
-    seconds_of,
     tables_of,
     two_scorers,
 )
@@ -182,12 +189,6 @@ class Row:
             return str(Component("method", self.base, BUILT_IN[self.base]).info.cite)
         return next((record.cite for record in self.records if record.cite), "")
 
-    def seconds(self, *, of_wall: bool = False) -> float | None:
-        """Return the seconds a shape for form and geodesics, of processor or wall: the median over its jobs."""
-        each = [seconds_of(record, of_wall=of_wall) for record in self.records]
-        measured = [seconds for seconds in each if seconds is not None]
-        return round(statistics.median(measured), 4) if measured else None
-
 
 @dataclass(frozen=True, eq=False)
 class TableView:
@@ -223,7 +224,7 @@ class TableView:
     dataset: str
     title: str
     quick: bool
-    columns: tuple[Column, ...]
+    columns: tuple[GalleryGroup, ...]
     samples: Mapping[str, Sequence[Record]]
     rows: tuple[Row, ...]
     paper: Mapping[str, Mapping[str, float]]
@@ -285,11 +286,6 @@ class TableView:
             title: {name: statistics.fmean(one[name] for one in of) for name in MEASURES}
             for title, of in each.items()
         }
-
-    @cached_property
-    def seconds(self) -> dict[str, float]:
-        """Processor seconds a shape of rows by method."""
-        return {row.method: seconds for row in self.rows if (seconds := row.seconds()) is not None}
 
     @property
     def groups(self) -> list[str]:
@@ -362,13 +358,14 @@ class TableView:
         return tests
 
     @cached_property
-    def marks(self) -> dict[tuple[str, str], list[str]]:
-        """Marks of the scores of rivals by method and column: bold for the best of a block; see :func:`_marks`."""
-        marks: dict[tuple[str, str], list[str]] = {}
+    def marks(self) -> dict[tuple[str, str], dict[str, str]]:
+        """Marks of the scores of rivals by method and column, then by measure; see :func:`_marks`."""
+        marks: dict[tuple[str, str], dict[str, str]] = {}
         for (title, _), (rivals, certain) in self.tests.items():
             if len({*next(iter(rivals.values())).labels}) >= FEWEST_CLASSES:
                 each = zip(rivals, _marks([*rivals.values()], certain).tolist(), strict=True)
-                marks |= {(name, title): of_row for name, of_row in each}
+                for name, of_row in each:
+                    marks[name, title] = dict(zip(MEASURES, of_row, strict=True))
         return marks
 
 
@@ -544,7 +541,7 @@ def _of_newest_version(records: Sequence[Record]) -> list[Record]:
 
 
 def _galleries(
-    table: Table, column: Column, dataset: str, known: Container[str], *, quick: bool
+    table: Table, column: GalleryGroup, dataset: str, known: Container[str], *, quick: bool
 ) -> list[str]:
     """Return the names of the galleries of a column; a quick run has only the first fold."""
     sets = table.stand_ins if column.over_draws and dataset in table.stand_ins else (dataset,)
@@ -555,7 +552,7 @@ def _galleries(
 def _row(
     method: str,
     records: Sequence[Record],
-    galleries: Mapping[Column, Sequence[str]],
+    galleries: Mapping[GalleryGroup, Sequence[str]],
     labels: Mapping[str, Sequence[str]],
 ) -> Row:
     kind: Kind = (
@@ -629,7 +626,7 @@ def _arranged(rows: Sequence[Row], order: Mapping[str, int]) -> list[Row]:
     return [row for _, row in sorted(placed, key=lambda pair: pair[0])]
 
 
-def _input(column: Column, kind: Kind, available: set[str]) -> str:
+def _input(column: GalleryGroup, kind: Kind, available: set[str]) -> str:
     """Return the input of a row; forms of other programs, and networks, may be of another one than is printed."""
     if column.input != "as printed":
         return column.input

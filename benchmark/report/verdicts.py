@@ -191,7 +191,7 @@ def verdicts_markdown(views: Sequence[TableView]) -> str:
             [TITLES[str(name)], *of_row]
             for name, of_row in zip(cells.index, cells.to_numpy(), strict=True)
         ]
-        lines += ["", *markdown_table(["Method", *MEASURES], body), ""]
+        lines += ["", *markdown_table(["Method", *cells.columns], body), ""]
     lines += wrap(
         "The paper's claims, all methods on one depth view. Queries: those of classes on which no compared network was "
         "trained. Leads: comparisons (rows times measures) in which the row is ahead; certain: those significant among "

@@ -15,7 +15,7 @@ from benchmark.datasets.labels import MISCELLANEOUS
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.report.statistics import class_intervals
 from benchmark.scoring.files import Labels, Orders, are_row_numbers, as_distances, as_labels
-from retrieval.measures import E_MEASURE_DEPTH, Targets, chance_levels, evaluate
+from retrieval.measures import MEASURES, Targets, chance_levels, evaluate
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -103,6 +103,9 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     if len(every := {*classes, *in_gallery}) == 1:
         problem = f"there is one class ('{every.pop()}'), so every ranking is perfect"
         raise ConfigurationError(problem, "check the labels")
+    if others and len(in_gallery) == 1:
+        problem = "the gallery holds one shape, so every ranking is perfect"
+        raise ConfigurationError(problem, "pass the labels of a larger gallery")
     targets = Targets(in_gallery) if others else None
     diagonal = matrix.diagonal().copy()
     if targets is None:
@@ -119,8 +122,8 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
         "chance": chance_levels(classes, targets),
     }
     table = DataFrame(columns, index=list(scores.means))
-    if matrix.shape[1] - (targets is None) <= E_MEASURE_DEPTH:
-        table = table.drop("E")  # the same for all distances
+    n_results = matrix.shape[1] - 1 if targets is None else matrix.shape[1]
+    table = table.loc[[name for name in table.index if MEASURES[name].says_something(n_results)]]
     is_reversed = bool(table.loc["NN", "high"] < table.loc["NN", "chance"] - _ROUNDING)
     if targets is None and not table.loc["NN", "low"] > table.loc["NN", "chance"]:
         _check_diagonal(diagonal, matrix)

@@ -16,11 +16,11 @@ from benchmark.cli.results import print_tables
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import entry_of
+from benchmark.report.columns import duration
 from benchmark.report.formats import (
     as_json,
     bibliography,
     blocks,
-    duration,
     latex,
     latex_text,
     latex_title,
@@ -85,8 +85,7 @@ def test_scores_have_two_decimals_and_no_leading_zero(value, shown):
 
 
 def test_durations_have_two_digits():
-    assert [duration(x) for x in (None, 0.004, 0.61, 3.94, 42.4)] == [
-        "--",
+    assert [duration(x) for x in (0.004, 0.61, 3.94, 42.4)] == [
         ".00",
         ".61",
         "3.9",

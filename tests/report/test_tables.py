@@ -10,6 +10,7 @@ import pytest
 from benchmark.pipeline.records import write_record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PRINTED
+from benchmark.report.columns import PRINTED_OF_ROW
 from benchmark.report.formats import as_json, markdown, robustness_markdown
 from benchmark.report.frames import chosen_records
 from benchmark.report.notes import table_notes
@@ -34,7 +35,9 @@ def cell(table, method, column="mesh"):
 
 def marks(table, column="mesh"):
     """Mark of NN by method; "" for a row that is no rival."""
-    return {row.method: table.marks.get((row.method, column), [""])[0] for row in table.rows}
+    return {
+        row.method: table.marks.get((row.method, column), {}).get("NN", "") for row in table.rows
+    }
 
 
 def test_a_row_is_the_mean_of_its_folds_and_a_missing_fold_counts_0():
@@ -170,7 +173,7 @@ def test_the_best_of_each_block_is_bold_and_rows_that_it_does_not_certainly_beat
     }
     assert marks(table) == expected
     assert "No difference is certain: Descriptors (mesh)." in table_notes(table)
-    assert "bold" in table.marks["area", "mesh"]
+    assert "bold" in table.marks["area", "mesh"].values()
 
 
 def test_below_eight_classes_nothing_is_marked():
@@ -385,7 +388,10 @@ def test_seconds_are_of_the_processor_and_an_old_record_without_them_has_none():
     new = record("gps", processor_seconds={"canonicalise": 2.0, "geodesics": 0.25})
     old = record("skeleton", processor_seconds={})
     shown = view(new, old)
-    assert shown.seconds == {"gps": 2.25}
+    assert {row.method: column.value(row) for row in shown.rows for column in PRINTED_OF_ROW} == {
+        "gps": 2.25,
+        "skeleton": None,
+    }
     note = "s: median processor seconds per shape for form and geodesics; machine: unknown."
     assert table_notes(shown)[0].endswith(note)
     each = [(of["seconds"], of["processor_seconds"]) for of in as_json([view(new, old)])]

@@ -6,20 +6,31 @@ import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
-from retrieval.measures import Targets, chance_levels, evaluate, score_draws
+from retrieval.measures import MEASURES, Targets, chance_levels, evaluate, score_draws
 
 
 def test_the_ideal_matrix_scores_one_and_the_only_member_of_a_class_is_no_query():
     labels = np.repeat(np.arange(4), [1, 3, 5, 40])
     scores = evaluate((labels[:, None] != labels).astype(float), labels)
-    assert {name: value for name, value in scores.means.items() if name != "E"} == pytest.approx(
-        dict.fromkeys(["NN", "FT", "ST", "DCG", "nDCG", "mAP"], 1.0)
-    )
+    at_best = {name: 1.0 for name, measure in MEASURES.items() if measure.depth < 5}
+    assert {name: scores.means[name] for name in at_best} == pytest.approx(at_best)
     assert scores.per_query["E"][-1] == pytest.approx(
         64 / 71
     )  # its list has 32 places whatever the class
     assert (scores.tied_queries, scores.lone_queries) == (0, 1)
     assert np.isnan(scores.per_query["NN"][0])
+
+
+@pytest.mark.parametrize("name", MEASURES)
+@pytest.mark.parametrize("n_results", [1, 2, 3, 32, 33])
+def test_a_measure_says_something_where_two_rankings_differ_in_it(name, n_results):
+    labels, gallery = ["a", "b"], ["a"] + ["b"] * (n_results - 1)
+    ranks = np.arange(n_results)
+    first, last = (
+        evaluate([order, ranks], labels, targets=Targets(gallery)).per_query[name][0]
+        for order in (ranks, ranks[::-1])
+    )
+    assert (first != last) == MEASURES[name].says_something(n_results)
 
 
 @pytest.mark.parametrize(

@@ -284,6 +284,13 @@ def test_queries_that_are_in_the_gallery_are_noted():
     assert not any("distance 0" in note for note in score(frame + 1, labels, gallery=labels).notes)
 
 
+def test_a_gallery_of_one_shape_is_refused_and_measures_of_two_results_are_those_that_differ():
+    with pytest.raises(ConfigurationError, match="the gallery holds one shape"):
+        score([[1.0], [2.0]], ["a", "b"], gallery=["a"])
+    table = score([[0, 1, 2], [1, 0, 2], [2, 2, 0]], ["a", "a", "b"]).scores
+    assert list(table.index) == ["NN", "FT", "nDCG", "mAP"]
+
+
 def test_e_is_left_out_where_no_distance_moves_it():
     assert "E" not in score(D, LABELS).scores.index
     x = np.arange(34.0) ** 2
