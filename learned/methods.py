@@ -233,12 +233,21 @@ def _row(
     summary: str,
     departs: str = "",
     relief: Relief = "predicted",
+    is_paper_network: bool = True,
     **constants: Any,
 ) -> type[Learned]:
-    """Return the learner of another row: the same class with other defaults."""
-    departs = departs or Learned.info.departs
+    """Return the learner of another row: the same class with other defaults.
+
+    Only rows of the paper's network cite the paper.
+    """
     info = replace(
-        Learned.info, name=name, title=title, family="extended", summary=summary, departs=departs
+        Learned.info,
+        name=name,
+        title=title,
+        family="extended",
+        summary=summary,
+        departs=departs or Learned.info.departs,
+        cite=Learned.info.cite if is_paper_network else "",
     )
     info = (
         replace(info, files=("models/average-bodies.safetensors",)) if relief == "average" else info
@@ -298,6 +307,7 @@ WideExtra = _row(
     "wide-extra",
     "one global code, trained on sampled bodies",
     "Another network: an encoder to one code and a decoder from it, trained on sampled bodies.",
+    is_paper_network=False,
     split="sampled",
     default_training="humans-sampled",
 )
@@ -307,6 +317,7 @@ Streamed = _row(
     "streamed-people",
     "one code, trained on fresh bodies in free poses, blind to the frame",
     "Another network: one code for the whole image, trained on generated bodies without end.",
+    is_paper_network=False,
     split="sampled",
     default_training="humans-varied",
     usual_blur=2.29,

@@ -8,6 +8,7 @@ from functools import partial
 from typing import Literal
 
 from benchmark.api.contracts import Input
+from benchmark.api.learning import FROZEN_AT
 from benchmark.datasets.changes import split_name
 from benchmark.datasets.official import EXTENDED
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS
@@ -53,6 +54,9 @@ NETWORKS = ("learned", "deformation-field")
 #: Parameters of networks over whose values rows are averaged.
 AVERAGED = ("training_seed=",)
 
+#: What the titles of networks say that this code cannot train.
+_FROZEN = f"frozen (commit {FROZEN_AT})"
+
 #: Titles of the paper's rows and of networks; those of all others are their own.
 TITLES: Mapping[str, str] = {
     "classic-mds": "Classic MDS",
@@ -65,11 +69,14 @@ TITLES: Mapping[str, str] = {
     "skeleton": "Skeleton-based",
     paper.AS_PRINTED: "Depth network (depth range of the frame)",
     "learned": "Depth network, 128 px",
+    "learned[configuration=as_printed,training=animals-III]": (
+        "Depth network, 500 px, generated animals"
+    ),
     "learned-size-free": "Depth network, size unknown",
-    "learned-wide-extra": "Depth network, extra data",
-    "learned-wide-extra[training=animals-sampled]": "Depth network, extra animals",
-    "learned-streamed": "Depth network, streamed",
-    "deformation-field": "Deformation field, complete surface",
+    "learned-wide-extra": f"Depth network, extra data, {_FROZEN}",
+    "learned-wide-extra[training=animals-sampled]": f"Depth network, extra animals, {_FROZEN}",
+    "learned-streamed": f"Depth network, streamed, {_FROZEN}",
+    "deformation-field": f"Deformation field, complete surface, {_FROZEN}",
     "learned-strict": "strict training",
     "learned-without-srf": "without SRF",
     "learned-without-lrf": "without LRF",
