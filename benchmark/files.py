@@ -37,6 +37,33 @@ _STAND_INS = {
     b"\0\5\26\7": "it holds what macOS knows of a file (AppleDouble), which has the name without '._'",
 }
 
+#: First bytes of formats that hold no text, and how they are called.
+_BINARY = {
+    b"\x93NUMPY": "a NumPy array (.npy)",
+    b"MATLAB 5.0": "a MATLAB file (.mat)",
+    b"MATLAB 7.3": "a MATLAB file of -v7.3 (.mat)",
+    b"\x89HDF": "an HDF5 file (.h5)",
+    b"\x1f\x8b": "a file compressed by gzip (.gz), which 'gunzip' unpacks",
+    b"BZh": "a file compressed by bzip2 (.bz2)",
+    b"\xfd7zXZ": "a file compressed by xz (.xz)",
+    b"\x28\xb5\x2f\xfd": "a file compressed by zstd (.zst)",
+    b"\xd0\xcf\x11\xe0": "a workbook of Excel (.xls)",
+    b"PAR1": "a Parquet table",
+    b"ARROW1": "an Arrow table (.feather)",
+    b"\x80\2": "a pickle of Python",
+    b"\x80\3": "a pickle of Python",
+    b"\x80\4": "a pickle of Python",
+    b"\x80\5": "a pickle of Python",
+}
+
+#: Names within ZIP archives of formats, and how these are called.
+_IN_ZIP = {
+    b"xl/workbook": "a workbook of Excel (.xlsx)",
+    b"data.pkl": "a file of PyTorch (.pt)",
+    b"opendocument.spreadsheet": "a spreadsheet (.ods)",
+    b".npy": "an archive of NumPy (.npz)",
+}
+
 _SUFFIX = ".tmp"
 
 
@@ -152,12 +179,27 @@ def decode(content: bytes) -> str:
         (codecs.BOM_UTF16_LE, "utf-16"),
         (codecs.BOM_UTF16_BE, "utf-16"),
     )
-    text = content.decode(
-        next((name for mark, name in marks if content.startswith(mark)), "utf-8-sig")
-    )
+    if kind := binary_format(content):
+        raise UnicodeError(f"it is {kind}, not text")
+    encoding = next((name for mark, name in marks if content.startswith(mark)), "utf-8-sig")
+    try:
+        text = content.decode(encoding)
+    except UnicodeDecodeError as error:
+        problem = (
+            f"byte {error.start + 1} is no text in UTF-8: it is binary, or in another encoding"
+        )
+        raise UnicodeError(problem) from error
     if "\0" in text:
         raise UnicodeError("it is binary, or in UTF-16 without a byte-order mark")
     return nfc(text)
+
+
+def binary_format(content: bytes) -> str:
+    """Return how a well-known format without text is called; "" for any other content."""
+    if content.startswith(b"PK\3\4"):
+        names = (name for mark, name in _IN_ZIP.items() if mark in content)
+        return next(names, "a ZIP archive")
+    return next((name for mark, name in _BINARY.items() if content.startswith(mark)), "")
 
 
 def file_digest(path: Path, largest: int | None = LARGEST_FILE) -> str:

@@ -344,7 +344,7 @@ def score(
         content = {
             "title": title,
             "n_shapes": len(evaluation.queries),
-            **scores.round(6).T.to_dict(),
+            **scores.round(6).astype(object).where(scores.notna(), None).T.to_dict(),
         }
         say_lines(json.dumps(content, indent=1))
     elif format == "latex":
@@ -355,7 +355,7 @@ def score(
         say_lines(f"% {' '.join(MEASURES)}")
         say_lines(latex_row(latex_title(title), *map(hundredths, scores.score[[*MEASURES]])))
     else:
-        say_lines(scores.to_string(float_format="{:.2f}".format))
+        say_lines(scores.to_string(float_format="{:.2f}".format, na_rep="--"))
     if record:
         chosen = shlex.join(["-d", record.data.name, "--results", str(results)])
         say(f"kept as {record.method}: 'tables {chosen}' and 'report {chosen}' show it", err=True)

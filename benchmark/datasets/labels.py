@@ -1,14 +1,25 @@
-"""Lists of labels, and the cells of other tables in text."""
+"""Labels: one axis of plain values that say which class each shape is of, and lists of them in text."""
 
 from __future__ import annotations
 
-import csv
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence, Set, ValuesView
 from pathlib import Path
+from typing import Any
 
-from benchmark.errors import ConfigurationError
-from benchmark.files import LARGEST_LIST, decode, named_errors, read_file
+import numpy as np
+
+from benchmark.delimited import (
+    Rows,
+    ambiguous,
+    cells_of,
+    holds_separator,
+    lines_of,
+    separators_of,
+    usual_separator,
+)
+from benchmark.errors import ConfigurationError, one_line
+from benchmark.files import LARGEST_LIST, named_errors, read_file
 from benchmark.text import nfc, printable
 
 #: Class of the Princeton Shape Benchmark for models without a class.
@@ -24,86 +35,308 @@ _FLOAT = re.compile(r"-?(0|[1-9][0-9]{0,14})\.[0-9]*(e[+-]?[0-9]{1,2})?", re.IGN
 _NAMES = ("", "name", "shape", "mesh", "model", "file", "filename", "id", "identifier", "index")
 _LABELS = ("label", "labels", "class", "category", "subject", "target")
 
+#: Titles of the column of values that pandas and R give, where that of the names has none.
+_UNNAMED = ("0", "x", *_LABELS)
 
-def class_name(label: object, shape: object) -> str:
+#: A plain value; None where there is none.
+Scalar = bool | int | float | str | None
+
+_ONE_AXIS = "pass one axis of plain values: text, whole numbers, or both"
+_ON_EACH_LINE = "write 'label' or 'name label' on each line"
+_QUOTES = "put labels that hold a separator in quotes"
+
+
+# Plain values
+# --------------------------------------------------------------------------------------------
+
+
+def scalars_of(values: Any, what: str) -> list[Scalar]:
+    """Return the plain values of one axis: of a list, an array, a tensor, a column, or pandas.
+
+    Parameters
+    ----------
+    values
+        Anything that numpy reads as one axis of values, besides axes of length one, or an iterator.
+    what
+        What an error calls the values: ``"label"``.
+
+    Returns
+    -------
+    list
+        Text without blanks around it, numbers and truth values of Python; None for what says that
+        there is no value: None, NaN, ``pandas.NA``, masked values, and empty cells of MATLAB.
+
+    Raises
+    ------
+    ConfigurationError
+        If they are no single axis, or one of them is no plain value.
+    """
+    array = _as_array(values, what)
+    if array.dtype.names is not None:
+        fields = ", ".join(array.dtype.names)
+        raise ConfigurationError(
+            f"the {what}s are records with the fields {fields}", "pass one of the fields"
+        )
+    if array.ndim == 2 and 1 in array.shape:
+        array = array.reshape(-1)
+    if array.ndim != 1:
+        shape = (
+            f"an array of shape {array.shape}"
+            if array.ndim
+            else f"one value of type {_type_name(values)}"
+        )
+        raise ConfigurationError(f"the {what}s are {shape}, not one axis", _ONE_AXIS)
+    if array.dtype.kind in "mM":
+        raise ConfigurationError(f"the {what}s are times ({array.dtype})", _ONE_AXIS)
+    plain = [_scalar(value, row, what) for row, value in enumerate(array.tolist(), 1)]
+    known = [value for value in plain if value is not None]
+    if len({isinstance(value, bool) for value in known}) > 1:
+        raise ConfigurationError(
+            f"truth values stand beside other {what}s", "write all as text or as whole numbers"
+        )
+    return plain
+
+
+def _as_array(values: Any, what: str) -> Any:
+    """Return values as an array; what has no order, or is a single text, is none."""
+    if isinstance(values, Set | str | bytes | Mapping):
+        raise ConfigurationError(
+            f"the {what}s are one value of type {_type_name(values)}", _ONE_AXIS
+        )
+    if isinstance(values, Iterator | ValuesView):
+        values = list(values)
+    if isinstance(values, np.ma.MaskedArray):
+        return values
+    try:
+        if isinstance(values, list | tuple):  # or numpy turns numbers beside text into text
+            return np.asarray(values, dtype=object)
+        return np.asarray(values)
+    except Exception as error:  # of any library
+        problem = f"the {what}s are no array: {one_line(error)}"
+        raise ConfigurationError(problem, _ONE_AXIS) from error
+
+
+def _scalar(value: Any, row: int, what: str) -> Scalar:
+    """Return a plain value of Python; None if it says that there is none."""
+    if hasattr(value, "__array__") or isinstance(value, np.generic):
+        value = _only_item(value, row, what)
+    if value is None or _is_missing(value):
+        return None
+    if isinstance(value, bytes):
+        try:
+            value = value.decode("utf-8")
+        except UnicodeDecodeError as error:
+            raise ConfigurationError(f"{what} {row} is no text in UTF-8", _ONE_AXIS) from error
+    if isinstance(value, bool):
+        return value
+    if isinstance(value, int):
+        return int(value)
+    if isinstance(value, float):
+        if not np.isfinite(value):
+            raise ConfigurationError(f"{what} {row} is infinite", _ONE_AXIS)
+        return float(value)
+    if isinstance(value, str):
+        return str.__str__(value).strip()  # of an enumeration, too
+    raise ConfigurationError(f"{what} {row} is of type {_type_name(value)}", _ONE_AXIS)
+
+
+def _only_item(value: Any, row: int, what: str) -> Any:
+    """Return the only item of an array, such as a cell of MATLAB; None if it is empty or masked."""
+    try:
+        array = value if isinstance(value, np.ma.MaskedArray) else np.asarray(value)
+    except Exception as error:  # of any library
+        raise ConfigurationError(f"{what} {row}: {one_line(error)}", _ONE_AXIS) from error
+    if array.size == 0:
+        return None
+    if array.size > 1 or array.dtype.names is not None or array.dtype.kind in "mM":
+        problem = f"{what} {row} is an array of shape {array.shape}, {array.dtype}"
+        raise ConfigurationError(problem, _ONE_AXIS)
+    return array.reshape(-1).tolist()[0]
+
+
+def _is_missing(value: Any) -> bool:
+    """Return whether a value is NaN, NaT or NA: it is not equal to itself."""
+    if type(value).__name__ in ("NAType", "NaTType"):  # pandas, which need not be imported
+        return True
+    return isinstance(value, float) and value != value
+
+
+def _type_name(value: Any) -> str:
+    return type(value).__name__
+
+
+# Names and classes
+# --------------------------------------------------------------------------------------------
+
+
+def text_of(value: bool | int | float | str) -> str:
+    """Return a plain value as text, in which 1 and 1.0 are the same."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, float) and value.is_integer():
+        value = int(value)
+    return repr(value)
+
+
+def names_of(values: Any) -> list[str]:
+    """Return the names of shapes, as labels and distances give them.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name is missing, or no plain value.
+    """
+    names = ["" if name is None else nfc(text_of(name)) for name in scalars_of(values, "name")]
+    if "" in names:
+        raise ConfigurationError(f"name {names.index('') + 1} is missing", "name each shape")
+    return names
+
+
+def class_name(label: bool | int | float | str, shape: object) -> str:
     """Return the class that a label means: 1 and 1.0 are one, and each shape of class -1 is its own."""
-    text = printable(str(label))
-    text = f"{float(text):.0f}" if _FLOAT.fullmatch(text) and float(text).is_integer() else text
+    text = printable(text_of(label))
+    if _FLOAT.fullmatch(text) and float(text).is_integer():
+        text = str(int(float(text)))
     return f"{text} {shape}" if text == MISCELLANEOUS else text
 
 
-def classes_of(labels: Mapping[str, object] | Sequence[object]) -> dict[str, str] | list[str]:
-    """Return the classes of shapes by name, or in order; raise ``ConfigurationError`` if some have no label."""
-    named = (
-        labels
-        if isinstance(labels, Mapping)
-        else {f"row {row}": label for row, label in enumerate(labels, 1)}
-    )
-    classes = {nfc(name): class_name(str(label).strip(), name) for name, label in named.items()}
-    if missing := [
-        name
-        for name, of in classes.items()
-        if of.lower() in _MISSING or not any(map(str.isalnum, of))
-    ]:
+def classes_of(labels: Any) -> dict[str, str] | list[str]:
+    """Return the classes of shapes by name, or in order.
+
+    Parameters
+    ----------
+    labels
+        A mapping by name, a pandas series or frame of one column, whose index names the shapes, or
+        one axis of values.
+
+    Raises
+    ------
+    ConfigurationError
+        If the labels or names are no plain values, some shapes have no label, or two have one name.
+    """
+    if not hasattr(labels, "items"):
+        values = scalars_of(labels, "label")
+        return _classes(values, [f"row {row}" for row in range(1, len(values) + 1)])
+    if hasattr(labels, "columns"):
+        n_columns = len(labels.columns)
+        if n_columns != 1:
+            problem = f"the labels are a frame of {n_columns} columns"
+            raise ConfigurationError(problem, "pass the column of the labels: frame['label']")
+        labels = labels[labels.columns[0]]
+    pairs = list(labels.items())
+    names = names_of([name for name, _ in pairs])
+    check_names(names)
+    values = scalars_of([label for _, label in pairs], "label")
+    return dict(zip(names, _classes(values, names), strict=True))
+
+
+def check_names(names: Sequence[str], hint: str = "name each shape once") -> None:
+    """Raise ``ConfigurationError`` at the first name that stands there twice."""
+    seen = set[str]()
+    for name in names:
+        if name in seen:
+            raise ConfigurationError(f"it names a shape twice, '{name}'", hint)
+        seen.add(name)
+
+
+def _classes(labels: Sequence[Scalar], names: Sequence[str]) -> list[str]:
+    """Return the classes that labels mean; raise ``ConfigurationError`` if shapes have none."""
+    missing = [
+        name for label, name in zip(labels, names, strict=True) if label is None or _is_none(label)
+    ]
+    if missing:
         problem = f"shapes without a label: {len(missing)}, the first is '{missing[0]}'"
         raise ConfigurationError(problem, "label them, or with -1 if they are of no class")
-    return classes if isinstance(labels, Mapping) else [*classes.values()]
+    classes = [
+        class_name(label, name)
+        for label, name in zip(labels, names, strict=True)
+        if label is not None
+    ]
+    _check_spellings(classes)
+    return classes
+
+
+def _check_spellings(classes: Iterable[str]) -> None:
+    """Raise ``ConfigurationError`` if two classes are one number, such as 7.5 and 7.50."""
+    spellings = dict[float, str]()
+    for name in dict.fromkeys(classes):
+        if _FLOAT.fullmatch(name):
+            other = spellings.setdefault(float(name), name)
+            if other != name:
+                problem = f"'{other}' and '{name}' may be one class or two"
+                raise ConfigurationError(problem, "write one number in one way")
+
+
+def _is_none(label: bool | int | float | str) -> bool:
+    """Return whether a text says that there is no label."""
+    text = text_of(label)
+    return text.lower() in _MISSING or not any(character.isalnum() for character in text)
+
+
+# Text
+# --------------------------------------------------------------------------------------------
 
 
 def read_labels(path: Path) -> dict[str, str] | list[str]:
     """Read text with lines ``label`` or ``name label``: the classes in order, or by name.
 
+    A first line such as ``name,label``, as pandas writes, names the columns.
+
     Raises
     ------
     ConfigurationError
-        If it is no such text, names a shape twice, or gives one no label.
+        If it is no such text, several separators divide it, it names a shape twice, or gives one no
+        label.
     """
-    hint = "write 'label' or 'name label' on each line"
-    with named_errors(path, "list of labels", ConfigurationError, hint):
-        rows = cells_of(lines_of(read_file(path, LARGEST_LIST)))
-        *names, label = (cell.lower() for cell in rows[0])
-        if label in _LABELS and all(name in _NAMES for name in names):
-            problem = f"its first line, '{' '.join(rows[0]).strip()}', may name the columns"
-            raise ConfigurationError(problem, "delete it, or let it begin with '#'")
-        widths = {len(row) for row in rows}
-        if widths == {1}:
-            return classes_of([row[0] for row in rows])
-        if widths != {2}:
-            raise ConfigurationError(
-                f"it has lines of {' and '.join(map(str, sorted(widths)))} words", hint
-            )
-        labels = dict(rows)
-        if len(labels) < len(rows):
-            raise ConfigurationError("it names a shape twice", "name each shape once")
-        return classes_of(labels)
+    with named_errors(path, "list of labels", ConfigurationError, _ON_EACH_LINE):
+        lines = lines_of(read_file(path, LARGEST_LIST))
+        _check_title(lines[0])
+        rows = _without_header(_rows_of(lines))
+        if len(rows[0]) == 1:
+            return classes_of([label for (label,) in rows])
+        names = names_of([name for name, _ in rows])
+        check_names(names, f"name each shape once; if these are labels alone, {_QUOTES}")
+        return classes_of(dict(zip(names, (label for _, label in rows), strict=True)))
 
 
-def separator_of(lines: Sequence[str]) -> str | None:
-    """Return what separates cells: semicolons, else tabs, else commas; None for blanks."""
-    return next((mark for mark in ";\t," if any(mark in line for line in lines)), None)
+def _rows_of(lines: Sequence[str]) -> Rows:
+    """Return the cells of lines with one or two of them each."""
+    splits = {separator: cells_of(lines, separator) for separator in separators_of(lines)}
+    different = {str(rows): separator for separator, rows in splits.items()}
+    if len(different) > 1:
+        raise ambiguous(list(different.values()))
+    for rows in splits.values():
+        if len(rows[0]) <= 2:
+            return rows
+        hint = _ON_EACH_LINE
+        if rows[0][0] == "":
+            hint = f"{hint}, without row numbers (index=False in pandas)"
+        raise ConfigurationError(f"it has lines of {len(rows[0])} words", hint)
+    if not any(map(holds_separator, lines)):
+        return cells_of(lines, ";")
+    widths = {len(row) for row in cells_of(lines, usual_separator(lines))}
+    shown = " and ".join(map(str, sorted(widths)))
+    raise ConfigurationError(f"it has lines of {shown} words", f"{_ON_EACH_LINE}, and {_QUOTES}")
 
 
-def cells_of(lines: Sequence[str]) -> list[list[str]]:
-    """Split lines at semicolons, else tabs, else commas, else blanks; cells may be in quotes."""
-    separator = separator_of(lines)
-    if separator is None:
-        lines = [" ".join(line.split()) for line in lines]
-    read = csv.reader(lines, delimiter=separator or " ", skipinitialspace=True, strict=True)
-    rows = [[cell.strip() for cell in row] for row in read]
-    return [row[:-1] for row in rows] if all(row[-1] == "" for row in rows) else rows
+def _check_title(line: str) -> None:
+    """Raise ``ConfigurationError`` if the first line is one word that may be a title or a class."""
+    if line.strip(' \t;,"').lower() in _LABELS:
+        problem = f"its first line, '{line.strip()}', may name the columns"
+        raise ConfigurationError(problem, "delete it, or let it begin with '#'")
 
 
-def lines_of(content: bytes) -> list[str]:
-    """Return the lines of a text that are not blank, without comments."""
-    lines = [
-        line
-        for line in decode(content).splitlines()
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not lines:
-        raise ConfigurationError("it is empty", "name another file")
-    return (
-        [line.rstrip(" ;") for line in lines]
-        if all(line.rstrip().endswith(";") for line in lines)
-        else lines
-    )
+def _without_header(rows: Rows) -> Rows:
+    """Return rows without the first one if it names the two columns."""
+    if len(rows[0]) == 1:
+        return rows
+    name, label = (cell.lower() for cell in rows[0])
+    if name in _LABELS and label in _NAMES:
+        problem = f"its first line is '{','.join(rows[0])}', labels first"
+        raise ConfigurationError(problem, "write the name before the label")
+    is_unnamed = not name and label in _UNNAMED
+    if not is_unnamed and not (name in _NAMES and label in _LABELS):
+        return rows
+    if len(rows) == 1:
+        raise ConfigurationError("it has no line but its header", _ON_EACH_LINE)
+    return rows[1:]

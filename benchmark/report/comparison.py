@@ -127,9 +127,7 @@ def _differences(
     )
     undecided = "incomplete" if mine.missing or other.missing else "not decided (quick run)" * quick
     undecided = undecided or f"not decidable ({n_classes} classes)" * (n_classes < FEWEST_CLASSES)
-    ends = np.full((len(MEASURES), 2), np.nan)
-    if n_classes >= FEWEST_CLASSES:
-        ends = class_intervals(gains, labels, are_gains=True)
+    ends = class_intervals(gains, labels, are_gains=True)
     small = np.abs(scores[0] - scores[1]) <= least + SAME
     verdicts = {
         f"verdict{test}": undecided

@@ -64,7 +64,12 @@ def class_sums(
 
 
 def class_intervals(
-    values: ArrayLike, labels: Sequence[Hashable], level: float = 0.95, *, are_gains: bool = False
+    values: ArrayLike,
+    labels: Sequence[Hashable],
+    level: float = 0.95,
+    *,
+    are_gains: bool = False,
+    fewest: int = FEWEST_CLASSES,
 ) -> NDArray[np.float64]:
     """Return intervals of means over queries: t on the residuals of whole classes, on the scale of logits.
 
@@ -82,15 +87,19 @@ def class_intervals(
         Nominal confidence level.
     are_gains
         Whether they are differences, in [-1, 1], whose intervals are on their own scale.
+    fewest
+        Number of classes below which there is no interval. What is shown has the default.
 
     Returns
     -------
     numpy.ndarray
-        Shape (M, 2): lower and upper ends; NaN for a single class.
+        Shape (M, 2): lower and upper ends; NaN for fewer classes, and for a single one.
     """
     from scipy.special import expit, logit, stdtrit  # lazy: tables need no intervals
 
     sums, sizes = class_sums(values, labels)
+    if len(sizes) < fewest:
+        return np.full((sums.shape[1], 2), np.nan)
     means, shares = sums.sum(axis=0) / sizes.sum() / _MILLION, sizes / sizes.sum()
     residuals = sums / _MILLION / sizes.sum() - np.outer(shares, means)
     with np.errstate(all="ignore"):

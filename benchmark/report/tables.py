@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import Counter
 from collections.abc import Container, Iterable, Mapping, Sequence
@@ -122,13 +123,11 @@ class Scored:
     @cached_property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """Interval of each mean of enough classes; see :data:`benchmark.report.statistics.INTERVALS`."""
-        ends = (
-            class_intervals(self.values, self.labels)
-            if len({*self.labels}) >= FEWEST_CLASSES
-            else np.empty(0)
-        )
+        ends = class_intervals(self.values, self.labels).tolist()
         return {
-            name: (low, high) for name, (low, high) in zip(MEASURES, ends.tolist(), strict=False)
+            name: (low, high)
+            for name, (low, high) in zip(MEASURES, ends, strict=True)
+            if not math.isnan(low)
         }
 
     @property

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from benchmark.datasets.labels import MISCELLANEOUS
 from benchmark.errors import ConfigurationError, did_you_mean
-from benchmark.report.statistics import class_intervals
+from benchmark.report.statistics import FEWEST_CLASSES, class_intervals
 from benchmark.scoring.files import Labels, Orders, are_row_numbers, as_distances, as_labels
 from retrieval.measures import MEASURES, Targets, chance_levels, evaluate
 
@@ -34,16 +34,16 @@ class Evaluation:
     ----------
     scores
         One row for each measure that the gallery can move: ``score``, the mean over queries,
-        ``low`` and ``high``, its interval (:data:`benchmark.report.statistics.INTERVALS`), and
-        ``chance``, the mean over random orders.
+        ``low`` and ``high``, its interval (:data:`benchmark.report.statistics.INTERVALS`; NaN below
+        eight classes), and ``chance``, the mean over random orders.
     queries
         One row for each query, under its name if it has one: ``class`` and each measure; NaN
         without another shape of its class.
     distances
         The matrix, with a row for each query; if they are the gallery, with a diagonal of 0.
     notes
-        How many shapes are no queries, and whether the nearest are of other classes more often than
-        by chance.
+        How many shapes are no queries, why there are no intervals, and whether the nearest are of
+        other classes more often than by chance.
     """
 
     scores: DataFrame
@@ -124,8 +124,10 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     table = DataFrame(columns, index=list(scores.means))
     n_results = matrix.shape[1] - 1 if targets is None else matrix.shape[1]
     table = table.loc[[name for name in table.index if MEASURES[name].says_something(n_results)]]
-    is_reversed = bool(table.loc["NN", "high"] < table.loc["NN", "chance"] - _ROUNDING)
-    if targets is None and not table.loc["NN", "low"] > table.loc["NN", "chance"]:
+    # Of few classes, too: this interval only raises a question.
+    low, high = class_intervals(values[is_query][:, :1], of_queries, fewest=2)[0]
+    is_reversed = bool(high < table.loc["NN", "chance"] - _ROUNDING)
+    if targets is None and not low > table.loc["NN", "chance"]:
         _check_diagonal(diagonal, matrix)
     queries = DataFrame(
         {"class": classes, **scores.per_query}, index=list(names) or None
@@ -141,6 +143,9 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
         notes += [
             f"{n_found} queries are at distance 0 of a shape: if the gallery holds them, omit it"
         ] * bool(n_found)
+    if (n_classes := len({*of_queries})) < FEWEST_CLASSES:
+        few = f"no intervals: the queries are of {n_classes} classes, fewer than {FEWEST_CLASSES}"
+        notes.append(few)
     if is_reversed:
         warnings.warn(_REVERSED, stacklevel=2)
     return Evaluation(table, queries, matrix, (*notes, *[_REVERSED] * is_reversed))

@@ -6,6 +6,7 @@ import io
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,17 @@ from numpy.typing import NDArray
 
 from benchmark.datasets.base import natural_key
 from benchmark.datasets.folder import class_list, folder_set, read_cla
-from benchmark.datasets.labels import cells_of, classes_of, lines_of, read_labels, separator_of
+from benchmark.datasets.labels import classes_of, names_of, read_labels
+from benchmark.delimited import (
+    Rows,
+    ambiguous,
+    cells_of,
+    lines_of,
+    separators_of,
+    usual_separator,
+)
 from benchmark.errors import ConfigurationError, one_line
 from benchmark.files import check_expansion, load_arrays, named_errors, read_file
-from benchmark.text import nfc
 
 _HINT = "write the matrix as .npy, .npz, .txt, .csv, .mat (-v7), or .matrix of PSB"
 
@@ -40,8 +48,9 @@ def as_labels(labels: Any) -> tuple[Labels, Orders]:
     Parameters
     ----------
     labels
-        A mapping by name (or a pandas Series), a sequence, or the path of a ``.cla`` file, of text
-        with lines ``label`` or ``name label``, or of a folder of shapes.
+        A mapping by name, a pandas series or frame of one column, one axis of values, or the path
+        of a ``.cla`` file, of text with lines ``label`` or ``name label``, or of a folder of
+        shapes.
 
     Raises
     ------
@@ -52,10 +61,8 @@ def as_labels(labels: Any) -> tuple[Labels, Orders]:
     """
     if isinstance(labels, str | Path):
         return _read_labels(Path(labels))
-    if hasattr(labels, "items"):
-        named = classes_of(dict(labels.items()))
-        return named, _orders_of_numbers(named)
-    return classes_of([*labels]), {}
+    classes = classes_of(labels)
+    return classes, _orders_of_numbers(classes) if isinstance(classes, dict) else {}
 
 
 def _read_labels(path: Path) -> tuple[Labels, Orders]:
@@ -119,26 +126,30 @@ def as_distances(
     if isinstance(content, np.ma.MaskedArray):
         content = np.ma.filled(content.astype(np.float64), np.nan)
     try:
-        matrix = np.array(content)
+        matrix = np.asarray(content)
         if matrix.ndim == 2 and matrix.dtype.kind == "O":
+            matrix = matrix.copy()
             if not n_columns:
                 np.fill_diagonal(matrix, 0)
             matrix = matrix.astype(np.float64)
-    except (TypeError, ValueError) as error:
+    except Exception as error:  # of any library
         raise ConfigurationError(
             f"{what}: not a matrix of numbers: {one_line(error)}", _HINT
         ) from error
     is_matrix = matrix.ndim == 2 and (n_columns or matrix.shape[0] == matrix.shape[1])
     if not is_matrix or not matrix.size or matrix.dtype.kind not in "iufb":
         needed = "M x N" if n_columns else "N x N"
-        problem = f"{what}: an array of shape {matrix.shape}, {matrix.dtype}, is no {needed} matrix"
-        raise ConfigurationError(problem, _HINT)
+        found = f"an array of shape {matrix.shape}, {matrix.dtype},"
+        if matrix.ndim == 0:
+            found = f"one value of type {type(content).__name__}"
+        hint = "pass scipy.spatial.distance.squareform of it" if matrix.ndim == 1 else _HINT
+        raise ConfigurationError(f"{what}: {found} is no {needed} matrix", hint)
     return matrix.astype(np.float64), rows, columns
 
 
 def _without_names(frame: Any, *, is_square: bool) -> tuple[Any, tuple[str, ...], tuple[str, ...]]:
     """Return the values of a frame and the names of rows and columns; if it is square, columns in their order."""
-    rows, columns = ([nfc(name) for name in axis] for axis in (frame.index, frame.columns))
+    rows, columns = names_of(frame.index), names_of(frame.columns)
     if not is_square:
         return frame.to_numpy(), tuple(rows), tuple(columns)
     rows = columns if are_row_numbers(rows) else rows
@@ -203,10 +214,10 @@ def _matrix_of(found: Mapping[str, Any], size: tuple[int, int]) -> Any:
     for texts in (
         value.ravel() for value in arrays.values() if value.dtype.kind in "SUO" and not size[1]
     ):
-        names = [
-            str(np.squeeze(text)).strip()
-            for text in (texts.astype("U") if texts.dtype.kind == "S" else texts)
-        ]
+        try:
+            names = names_of(texts)
+        except ConfigurationError:  # they are something else
+            continue
         if len({*names}) == len(matrix) == len(names):
             return DataFrame(matrix, names, names)
     return matrix
@@ -237,24 +248,14 @@ def _read_text(lines: Sequence[str], size: tuple[int, int]) -> Any:
     from pandas import DataFrame
 
     count, n_columns = size
-    try:
-        plain = [
-            line.encode("ascii").replace(b"_", b"?").decode() for line in lines
-        ]  # Python takes 1_0 as a number
-        matrix = np.loadtxt(
-            plain, delimiter=separator_of(lines), ndmin=2
-        )  # the fast way, for most files
-        if matrix.shape == (size if n_columns else matrix.shape[:1] * 2):
-            return matrix
-    except ValueError:
-        pass
-    rows = cells_of(lines)
+    matrix = _plain_numbers(lines)
+    if matrix is not None and matrix.shape == (size if n_columns else matrix.shape[:1] * 2):
+        return matrix
+    rows = _rows_of(lines)
     if len(rows) > 1 and len(rows[0]) == len(rows[1]) - 1:
         rows[0].insert(0, "")  # R leaves out the corner
+    _check_widths(rows, lines)
     width = len(rows[0])
-    for number, row in enumerate(rows, 1):
-        if len(row) != width:
-            raise ConfigurationError(f"row {number} has length {len(row)}, not {width}", _HINT)
     inner = any(_is_number(row[place]) for place, row in enumerate(rows) if 0 < place < width)
     if n_columns:
         top = len(rows) == count + 1 or not all(map(_is_number, rows[0][1:]))
@@ -272,6 +273,57 @@ def _read_text(lines: Sequence[str], size: tuple[int, int]) -> Any:
     return DataFrame(
         values, [row[0] for row in rows[top:]] if left else None, rows[0][left:] if top else None
     )
+
+
+def _plain_numbers(lines: Sequence[str]) -> NDArray[np.float64] | None:
+    """Read lines that hold nothing but numbers, the fast way; None if they are others."""
+    marks = [mark for mark in ";\t," if mark in lines[0]]
+    try:
+        # Python takes 1_0 as a number.
+        plain = [line.encode("ascii").replace(b"_", b"?").decode() for line in lines]
+        return np.loadtxt(plain, delimiter=marks[0] if marks else None, ndmin=2)
+    except ValueError:
+        return None
+
+
+def _rows_of(lines: Sequence[str]) -> Rows:
+    """Return the cells of lines; where several separators divide them, those between numbers.
+
+    Raises
+    ------
+    ConfigurationError
+        If several separators divide the lines into different cells, none or all of them numbers.
+    """
+    separators = separators_of(lines, has_short_first=True)
+    splits = {mark: cells_of(lines, mark) for mark in separators}
+    numbers = {mark: rows for mark, rows in splits.items() if _divides_numbers(rows)}
+    different = {str(rows): mark for mark, rows in (numbers or splits).items()}
+    if len(different) > 1:
+        raise ambiguous(list(different.values()))
+    for mark in different.values():
+        return splits[mark]
+    return cells_of(lines, usual_separator(lines))
+
+
+def _divides_numbers(rows: Rows) -> bool:
+    """Return whether cells are numbers, but for the first row and column and one cell of a row, the diagonal."""
+    return all(sum(not _is_number(cell) for cell in row[1:]) <= 1 for row in rows[1:] or rows)
+
+
+def _check_widths(rows: Rows, lines: Sequence[str]) -> None:
+    """Raise ``ConfigurationError`` if rows have different lengths; the message says what they may be."""
+    widths = [len(row) for row in rows]
+    steps = {after - before for before, after in pairwise(widths[1:])}
+    if len(rows) > 3 and steps in ({1}, {-1}):
+        problem = "its rows get longer or shorter, as in one triangle of a matrix"
+        raise ConfigurationError(problem, "write the whole matrix")
+    if len(rows) > 2 and len({*widths[1:]}) == 1 and widths[0] != widths[1]:
+        problem = f"its first line, '{lines[0].strip():.60}', is no row of the matrix"
+        raise ConfigurationError(problem, "delete the first line")
+    for number, width in enumerate(widths, 1):
+        if width != widths[0]:
+            problem = f"row {number} has length {width}, not {widths[0]}"
+            raise ConfigurationError(problem, _HINT)
 
 
 def _is_number(cell: str) -> bool:

@@ -21,8 +21,18 @@ def test_intervals_are_those_of_a_t_test_of_class_means_or_logits():
     mean, half = values.mean(), (high - low) / 2
     ends = special.logit(mean) + np.array([-1, 1]) * half / (mean * (1 - mean))
     assert class_intervals(values, range(12), 0.9)[0] == pytest.approx(special.expit(ends))
-    assert class_intervals([[1.0], [1.0], [1.0]], "aab").tolist() == [[1, 1]]
-    assert np.isnan(class_intervals([[0.5], [0.7]], "aa")).all()
+    assert class_intervals(np.ones((9, 1)), "aabcdefgh").tolist() == [[1, 1]]
+    assert np.isnan(class_intervals([[0.5], [0.7]], "aa", fewest=1)).all()
+
+
+def test_below_eight_classes_there_is_no_interval():
+    values = np.random.default_rng(1).random((24, 2))
+    for are_gains in (False, True):
+        seven = class_intervals(values, [k % 7 for k in range(24)], are_gains=are_gains)
+        eight = class_intervals(values, [k % 8 for k in range(24)], are_gains=are_gains)
+        assert seven.shape == (2, 2)
+        assert np.isnan(seven).all()
+        assert np.isfinite(eight).all()
 
 
 @pytest.mark.parametrize("n_classes", [9, 10, 15, 40])
@@ -40,9 +50,9 @@ def test_intervals_cover_what_the_legend_says(n_classes):
 
 
 def test_queries_of_one_class_count_as_one():
-    few = np.repeat(np.random.default_rng(2).random((6, 1)), 50, axis=0)
-    labels = np.repeat(np.arange(6), 50).tolist()
-    wide, narrow = (np.ptp(class_intervals(few, names, 0.95)) for names in (labels, range(300)))
+    few = np.repeat(np.random.default_rng(2).random((8, 1)), 50, axis=0)
+    labels = np.repeat(np.arange(8), 50).tolist()
+    wide, narrow = (np.ptp(class_intervals(few, names, 0.95)) for names in (labels, range(400)))
     assert wide > 4 * narrow
 
 

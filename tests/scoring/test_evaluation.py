@@ -1,5 +1,6 @@
 """Twelve shapes on a line, worked by hand: ties, classes of one, files in each format."""
 
+import json
 import math
 import unicodedata
 from pathlib import Path
@@ -38,6 +39,9 @@ BY_HAND = {
 }
 
 
+NO_INTERVALS = "no intervals: the queries are of {} classes, fewer than 8"
+
+
 @pytest.fixture(scope="module")
 def files(tmp_path_factory):
     """The matrix in each format with its labels."""
@@ -68,8 +72,32 @@ def test_queries_are_scored_as_by_hand():
     assert found.queries.loc[["d30", "e7"], "NN"].isna().all()
     assert found.scores.loc["NN", "score"] == pytest.approx(found.queries["NN"].mean())
     assert found.scores.loc["NN", "chance"] == pytest.approx((8 * 3 / 11 + 2 / 11) / 10)
-    assert (found.scores["low"] <= found.scores["score"]).all()
-    assert (found.scores["score"] <= found.scores["high"]).all()
+
+
+@pytest.mark.parametrize("n_classes", [7, 8])
+def test_scores_of_fewer_than_eight_classes_have_no_interval_and_say_so(n_classes, tmp_path):
+    labels = [f"class {k % n_classes}" for k in range(4 * n_classes)] + ["alone"]
+    x = np.random.default_rng(2).random(len(labels))
+    np.savetxt(tmp_path / "D.txt", distances := np.abs(x[:, None] - x))
+    (tmp_path / "labels.txt").write_text("\n".join(f'"{label}"' for label in labels))
+    found = score(distances, labels)
+    ends = found.scores[["low", "high"]].to_numpy()
+    shown = call("score", tmp_path / "D.txt", "--labels", tmp_path / "labels.txt")
+    content = call(
+        "score", tmp_path / "D.txt", "--labels", tmp_path / "labels.txt", "--format", "json"
+    )
+    low = json.loads(content[content.index("{") :])["NN"]["low"]
+    if n_classes < 8:
+        assert np.isnan(ends).all()
+        assert NO_INTERVALS.format(7) in found.notes
+        assert NO_INTERVALS.format(7) in shown
+        assert "--" in shown
+        assert low is None
+    else:
+        assert (ends[:, 0] <= found.scores["score"]).all()
+        assert (found.scores["score"] <= ends[:, 1]).all()
+        assert not any("no intervals" in note for note in found.notes)
+        assert low == pytest.approx(ends[0, 0], abs=1e-6)
 
 
 @pytest.mark.parametrize("name", ["m.npy", "m.npz", "m.mat", "m.txt", "m.csv"])
@@ -117,7 +145,6 @@ def test_the_diagonal_is_ignored(cell, tmp_path):
     [
         ("0;1,234;999\n1,234;0;5\n999;5;0", "commas may be decimal or divide thousands"),
         ("0;1,5;9.5\n1,5;0;5\n9.5;5;0", "commas may be decimal or divide thousands"),
-        ("0 0,5 2\n0,5 0 1\n2 1 0", "row 3 has length 1, not 2"),
         (PLAIN.encode("utf-16-le"), "binary, or in UTF-16 without a byte-order mark"),
         (PLAIN[:-5], "row 4 has length 2, not 4"),
         (PLAIN[:-8], "the distances name their shapes, and the labels do not"),  # as four names
@@ -200,6 +227,7 @@ def test_shapes_of_class_minus_one_are_ranked_and_no_queries(tmp_path):
     assert found.queries["NN"].notna().sum() == 4
     assert found.notes == (
         "ranked, but no queries: 2 of 6 shapes (alone in their class, or of class -1)",
+        NO_INTERVALS.format(2),
     )
     for number in range(6):
         write_off(tmp_path / f"m{number}.off", rod(0.1, 0.1 * number))
@@ -321,8 +349,8 @@ def test_similarities_are_refused_or_warned_of():
     with pytest.warns(UserWarning, match="the nearest are of other classes"):
         score(np.where(np.eye(4), np.inf, 6 - SMALL), list(OWN.values()))
     x = np.array([0, 0.1, 5, 10, 5.1, 10.1])
-    assert score(np.abs(x[:, None] - x), list("aabbcc")).notes == ()
-    assert score(np.ones((4, 4)), list("aabb")).notes == ()
+    assert score(np.abs(x[:, None] - x), list("aabbcc")).notes == (NO_INTERVALS.format(3),)
+    assert score(np.ones((4, 4)), list("aabb")).notes == (NO_INTERVALS.format(2),)
 
 
 @pytest.mark.parametrize("kind", ["int8", "uint16", "int32", "single", "double"])
@@ -466,7 +494,8 @@ def test_a_rectangular_matrix_has_rows_of_queries(tmp_path):
     ):
         found = score(given, labels[0], gallery=labels[1])
         assert found.scores.loc["FT", ["score", "chance"]].tolist() == [(0.75 + 1) / 2, 0.5], given
-        assert found.notes == ("2 queries; 1 left out, as the gallery has no shape of their class",)
+        left_out = "2 queries; 1 left out, as the gallery has no shape of their class"
+        assert found.notes == (left_out, NO_INTERVALS.format(2))
     for wrong, problem in (
         (matrix.replace(4, np.inf), "the first in row 1, column 4"),
         (-matrix, "negative"),

@@ -1,0 +1,119 @@
+"""Tables in text: their lines, what separates their cells, and their cells."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Sequence
+
+from benchmark.errors import ConfigurationError
+from benchmark.files import decode
+
+#: What may separate cells, and how an error calls it.
+SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", " ": "blanks"}
+
+#: A cell in quotes, in which separators are text.
+_QUOTED = re.compile(r'(?<![^;,\t ])"(?:[^"]|"")*"(?![^;,\t ])')
+
+#: A blank beside another separator.
+_BESIDE_SEPARATOR = re.compile("[;,\t] | [;,\t]")
+
+#: A first line that tells Excel which separator follows.
+_FOR_EXCEL = re.compile(r'"?sep=.?"?', re.IGNORECASE)
+
+Rows = list[list[str]]
+
+
+def lines_of(content: bytes) -> list[str]:
+    """Return the lines of a text that are not blank, without comments.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are none, or they are no table.
+    UnicodeError
+        If the content is no text.
+    """
+    lines = [
+        line
+        for line in decode(content).splitlines()
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not lines:
+        raise ConfigurationError("it is empty", "name another file")
+    first = lines[0].strip()
+    if _FOR_EXCEL.fullmatch(first):
+        problem = f"its first line, '{first}', is for Excel and no row of the table"
+        raise ConfigurationError(problem, "delete the first line")
+    if first.startswith(("{", "[")):
+        problem = f"it begins with '{first[0]}', as JSON and printed lists of Python do"
+        raise ConfigurationError(problem, "write one row on each line, without brackets")
+    if all(line.rstrip().endswith(";") for line in lines):  # as MATLAB ends rows
+        return [line.rstrip(" ;") for line in lines]
+    return lines
+
+
+def separators_of(lines: Sequence[str], *, has_short_first: bool = False) -> list[str]:
+    """Return what may separate the cells of lines: what occurs equally often in each, outside of quotes.
+
+    Parameters
+    ----------
+    lines
+        The lines.
+    has_short_first
+        Whether the first line may have one cell less, as R leaves out the corner of a table.
+    """
+    bare = [_QUOTED.sub("q", line) for line in lines]
+    return [mark for mark in SEPARATORS if _fits(mark, bare, has_short_first=has_short_first)]
+
+
+def _fits(mark: str, lines: Sequence[str], *, has_short_first: bool) -> bool:
+    """Return whether a separator occurs equally often in each line; blanks beside another separator are none."""
+    if mark == " ":
+        if any(_BESIDE_SEPARATOR.search(line) for line in lines):
+            return False
+        counts = [len(re.findall(" +", line.strip())) for line in lines]
+    else:
+        counts = [line.count(mark) for line in lines]
+    first, *others = counts
+    usual = others[0] if others else first
+    if any(count != usual for count in others):
+        return False
+    return usual > 0 and (first == usual or (has_short_first and first == usual - 1))
+
+
+def holds_separator(line: str) -> bool:
+    """Return whether a line has something outside of quotes that may separate cells."""
+    bare = _QUOTED.sub("q", line.strip())
+    return any(mark in bare for mark in SEPARATORS)
+
+
+def usual_separator(lines: Iterable[str]) -> str:
+    """Return the first separator that occurs in lines at all, where none occurs equally often in each."""
+    text = "\n".join(lines)
+    return next((mark for mark in ";\t," if mark in text), " ")
+
+
+def cells_of(lines: Sequence[str], separator: str) -> Rows:
+    """Split lines at a separator; cells may be in quotes, and empty cells that end each line are left out.
+
+    Raises
+    ------
+    csv.Error
+        If a quote does not end, or text follows it.
+    """
+    if separator == " ":
+        lines = [line.strip() for line in lines]
+    read = csv.reader(lines, delimiter=separator, skipinitialspace=True, strict=True)
+    rows = [[cell.strip() for cell in row] for row in read]
+    while all(len(row) > 1 and row[-1] == "" for row in rows):
+        rows = [row[:-1] for row in rows]
+    return rows
+
+
+def ambiguous(separators: Sequence[str]) -> ConfigurationError:
+    """Return the error for lines that several separators divide."""
+    names = [SEPARATORS[mark] for mark in separators]
+    problem = f"{' and '.join(names)} divide each of its lines, so its cells are unknown"
+    hint = "put cells that hold a separator in quotes, or separate the cells by another one"
+    return ConfigurationError(problem, hint)
