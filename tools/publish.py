@@ -93,7 +93,13 @@ def is_public(record: Record) -> bool:
 def portable(record: Record) -> Record:
     """Return a record without what means nothing on another machine."""
     per_query = {name: values for name, values in record.per_query.items() if name in MEASURES}
-    published = {"per_query": per_query, "parts": {}, "traceback": "", "published": False}
+    published = {
+        "per_query": per_query,
+        "parts": {},
+        "traceback": "",
+        "merged_from": None,
+        "published": False,
+    }
     return msgspec.structs.replace(record.without_files(), **published)
 
 

@@ -436,74 +436,114 @@ def train(
 
 
 @verb("results")
-def merge(selection: Selection, folders: Annotated[list[Path], Argument(metavar="DIR...")]) -> bool:
+def merge(
+    selection: Selection,
+    folders: Annotated[list[Path], Argument(metavar="DIR...")],
+    take: Annotated[
+        Literal["ours", "theirs"] | None,
+        Option("--take", help="Keep these results of rows that differ. [ours, exit code 1]"),
+    ] = None,
+    rows: Annotated[
+        list[str],
+        Option(
+            "--record", metavar="ROW|KEY", help="Only this record, by its row or its key. [all]"
+        ),
+    ] = [],
+) -> bool:
     """Join the records of several results folders.
 
-    The exit code is 1 if they contradict each other.
+    It replaces failures by results, and no result by another one unless --take says so. The exit
+    code is 1 if two results of a row differ, or a record there cannot be taken.
     """
     from benchmark.cli.results import outcome
     from benchmark.pipeline.cache import writing
     from benchmark.pipeline.merging import merge
 
-    results = selection.results
-    with writing(results):
-        merged = merge(
-            [folder for folder in folders if folder.resolve() != results.resolve()], results
+    if rows and not take:
+        raise ConfigurationError(
+            "--record names a conflict to resolve", "pass --take theirs or ours, too"
         )
+    results = selection.results
+    others = [folder for folder in folders if folder.resolve() != results.resolve()]
+    with writing(results):
+        merged = merge(others, results, take, rows)
     for existing, other in merged.conflicts:
         say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
-        words = ["forget", "-m", existing.method, "-d", existing.data.path or existing.data.name]
+        folder = other.merged_from.folder if other.merged_from else "DIR"
+        words = ["merge", folder, "--take", "theirs", "--record", str(existing.row)]
         words += ["--results", str(results)] if results != Selection().results else []
-        say(
-            f"the one here stays; to take the other, run 'python -m benchmark {shlex.join(words)}', "
-            "which deletes all rows of the method there, and merge again"
-        )
-    say(
-        f"records: {len(merged.added)} added, {merged.known} known, {len(merged.conflicts)} in conflict"
-    )
-    return not merged.conflicts
+        say(f"the one here stays; to take the other: python -m benchmark {shlex.join(words)}")
+    for refused in merged.refused:
+        say(f"not taken: {refused.record.row}: {refused.reason}")
+    counts = [
+        f"{len(merged.added)} added",
+        f"{merged.known} known",
+        f"{len(merged.conflicts)} in conflict",
+    ]
+    if n_lost := len(merged.refused) + merged.n_skipped:
+        counts.append(f"{n_lost} not taken")
+    say(f"records: {', '.join(counts)}")
+    return not (merged.conflicts or n_lost)
 
 
 @verb("methods", "datasets", "results")
 def forget(
     selection: Selection,
+    named: Annotated[
+        list[str],
+        Option(
+            "--record", metavar="ROW|KEY", help="Record by its row, or by the name of its file."
+        ),
+    ] = [],
     unused: Annotated[
         bool, Option("--unused", help="Delete only files that no record names.")
     ] = False,
     yes: Annotated[bool, Option("--yes", help="Delete them, and do not only name them.")] = False,
 ) -> None:
-    """Delete the results of methods or data sets, and files that no record names."""
+    """Delete the results of methods or data sets, and files that no record names.
+
+    A file that is not used as a record stays, with all files that it names, unless --record names
+    it.
+    """
     from benchmark.cli.results import outcome
     from benchmark.pipeline.cache import storing, writing
     from benchmark.pipeline.data_names import label_data_sets
-    from benchmark.pipeline.records import Record, read_records, unneeded
+    from benchmark.pipeline.records import Record, local_files, read_records, unneeded
 
-    if bool(selection.methods or selection.datasets) == unused:
+    has_selection = bool(selection.methods or selection.datasets)
+    if has_selection + bool(named) + unused != 1:
         raise ConfigurationError(
-            "nothing is selected", "name methods with -m or data sets with -d, or pass --unused"
+            "one selection is needed",
+            "name methods with -m or data sets with -d, name records with --record, or pass --unused",
         )
+    every = read_records(selection.results, published=False)
+    known = {path.stem for path in local_files(selection.results)}
+    known |= {str(record.row) for record in every}
+    if unknown := {*named} - known:
+        problem = f"there is no record '{min(unknown)}' under {selection.results}"
+        hint = "name a row as 'plan' and 'merge' do, or a file of runs/records without '.json'"
+        raise ConfigurationError(problem, hint)
 
-    labelled = label_data_sets(read_records(selection.results, published=False))
+    labelled = label_data_sets(every)
     of_data = {record.key for record in selection.records_of_data(labelled)}
 
     def is_unwanted(record: Record) -> bool:
         is_of_method = {record.method, record.method.partition("[")[0]} & {*selection.methods}
-        return (
-            not unused and record.key in of_data and bool(is_of_method or not selection.is_narrow)
-        )
+        is_selected = bool(is_of_method or not selection.is_narrow)
+        return has_selection and record.key in of_data and is_selected
 
     with writing(selection.results):
-        records, files = unneeded(selection.results, is_unwanted)
-        if not (records or unused):
-            every = {record.method for record in read_records(selection.results, published=False)}
+        records, files = unneeded(selection.results, is_unwanted, named)
+        if has_selection and not records:
             problem = f"no record under {selection.results} fits the selection"
-            raise ConfigurationError(
-                problem, f"there are {', '.join(sorted(every)) or 'no records'}"
-            )
+            methods = sorted({record.method for record in every})
+            raise ConfigurationError(problem, f"there are {', '.join(methods) or 'no records'}")
         for record in records:
             say(f"{record.row}  {outcome(record)}")
+        n_records = sum(path.suffix == ".json" for path in files)
+        n_forms = sum(path.parent.name == "forms" for path in files)
         size = sum(path.stat().st_size for path in files) / 1e6
-        what = f"{len(records)} records, {sum(path.parent.name == 'forms' for path in files)} forms, {size:.1f} MB"
+        what = f"{n_records} records, {n_forms} forms, {size:.1f} MB"
         if not yes:
             raise ConfigurationError(f"this deletes {what}", "pass --yes")
         with storing(selection.results):

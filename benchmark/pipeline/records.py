@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+import re
+from collections import Counter, defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, get_args
@@ -18,14 +19,30 @@ from benchmark.api.datasets import name_view
 from benchmark.code_digest import ROOT, digest, digest_of_bytes
 from benchmark.files import read_file, write_atomically
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import RUNS, Cache, Stage, storing
-from benchmark.text import LONGEST_MESSAGE, brief, clean, say
+from benchmark.pipeline.cache import RUNS, Cache, Stage, StorageError, storing
+from benchmark.pipeline.record_layout import (
+    LAYOUT,
+    LAYOUT_FIELD,
+    NewerRecord,
+    RecordError,
+    check_layout,
+    content_of,
+    convert_older,
+    gather_unknown,
+    is_newer,
+)
+from benchmark.reference.paper import MEASURES
+from benchmark.text import LONGEST_MESSAGE, brief, clean, counted, say
 from retrieval.measures import Targets
 
 Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean slightly above 1
 Seconds = Annotated[float, Meta(ge=0, le=1e9)]
 Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$", max_length=30_000)]
-Key = Annotated[str, Meta(pattern="^([0-9a-f]{32})?$")]
+Key = Annotated[str, Meta(pattern=r"^([0-9a-f]{32})?\Z")]
+Count = Annotated[int, Meta(ge=0)]
+
+#: Name of a measure: it has a capital letter, so that no fact of a job has its name.
+Measure = Annotated[str, Meta(pattern=r"^[a-z]{0,9}[A-Z][A-Za-z0-9@-]{0,19}\Z")]
 
 #: ``"unavailable"`` is the state of a job in a plan; no record says it.
 Status = Literal[
@@ -46,7 +63,19 @@ LARGEST_FILE = 2**28
 EXTERNAL = "external"
 
 
-class Data(msgspec.Struct, frozen=True, omit_defaults=True):
+class RecordPart(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A part of a record.
+
+    Parameters
+    ----------
+    unknown
+        Its fields that this release does not know; in a file they stand among the others.
+    """
+
+    unknown: dict[str, Any] = {}
+
+
+class Data(RecordPart, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """The data set of a job.
 
     Parameters
@@ -66,11 +95,11 @@ class Data(msgspec.Struct, frozen=True, omit_defaults=True):
     source: Name
     stand_in_for: Name = ""
     quick: bool = False
-    n_shapes: int = 0
+    n_shapes: Count = 0
     path: Name = ""
 
 
-class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Model(RecordPart, frozen=True, forbid_unknown_fields=True):
     """A trained model that a job used."""
 
     training: Name
@@ -80,15 +109,31 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     extra_data: bool = False
 
 
-class Note(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Note(RecordPart, frozen=True, forbid_unknown_fields=True):
     """A number that preparation or method reported, over all shapes."""
 
     mean: float
     max: float
 
 
+class Origin(RecordPart, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """Where a merged record came from.
+
+    Parameters
+    ----------
+    folder
+        The results folder, as it was named.
+    plugins
+        Digests of the files of its plugins by name: the first 16 digits of their SHA-256. Empty for
+        methods of the suite.
+    """
+
+    folder: Name
+    plugins: dict[Name, str] = {}
+
+
 class RankedShapes(
-    msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True
+    RecordPart, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True
 ):
     """Shapes that a job ranks.
 
@@ -184,6 +229,10 @@ class Record(
         When it ended, and by which code and packages.
     parts
         Digests of the parts of the key by name; in local records only.
+    merged_from
+        The results folder that it was merged from; None if its job ran here.
+    layout
+        Major and minor version of its layout.
     published
         Whether it was read from the published records; never stored.
     checksum
@@ -191,7 +240,7 @@ class Record(
         in memory.
     """
 
-    key: Annotated[str, Meta(pattern="^[0-9a-f]{32}$")]
+    key: Annotated[str, Meta(pattern=r"^[0-9a-f]{32}\Z")]
     status: Status
     method: Name
     title: Name
@@ -207,12 +256,12 @@ class Record(
     seed: int = 0
     scorer: Name = DEFAULT_SCORER
     scorer_title: Name = "CM-BOF"
-    scores: dict[str, Share] = {}
-    per_query: dict[str, list[Share | None]] = {}
-    draw_errors: dict[str, Share] = {}
-    distances: Annotated[str, Meta(pattern="^([0-9a-f]{16})?$")] = ""
-    tied_queries: int = 0
-    lone_queries: int = 0
+    scores: dict[Measure, Share] = {}
+    per_query: dict[Measure, list[Share | None]] = {}
+    draw_errors: dict[Measure, Share] = {}
+    distances: Annotated[str, Meta(pattern=r"^([0-9a-f]{16})?\Z")] = ""
+    tied_queries: Count = 0
+    lone_queries: Count = 0
     models: list[Model] = []
     seen: list[Name] = []
     notes: dict[str, Note] = {}
@@ -223,6 +272,8 @@ class Record(
     commit: str = ""
     packages: dict[str, str] = {}
     parts: dict[str, str] = {}
+    merged_from: Origin | None = None
+    layout: tuple[int, int] = LAYOUT
     published: bool = False
     checksum: str = ""
 
@@ -302,6 +353,111 @@ def key_at(result_key: str, paths: Sequence[str]) -> str:
     return digest([result_key, *paths]) if any(paths) else result_key
 
 
+# Checks
+# ------------------------------------------------------------------------------------------------
+
+#: Most shapes of a gallery: a matrix of their distances has 20 GB.
+MOST_SHAPES = 50_000
+
+#: Most views of a shape.
+MOST_VIEWS = 1000
+
+#: Largest difference between a score and the mean of its values per query, which are rounded.
+LARGEST_DIFFERENCE = 1e-6
+
+
+def find_contradiction(record: Record) -> str:
+    """Return which fields of a record contradict each other, or cannot be true; "" if none do."""
+    for side in record.sides:
+        if fault := _fault_of_shapes(side):
+            return fault
+    if record.views != 1:
+        return f"its queries have {record.views} views each"
+    if record.result_key and record.key != key_at(record.result_key, record.row.paths):
+        return "its key is not that of its result at its paths"
+    if strangers := {*record.seen} - {*record.shapes}:
+        return f"a shape seen in training, '{min(strangers)}', is none of its shapes"
+    are_queries = record.are_queries
+    if not any(are_queries):
+        return "no query has another shape of its class to find"
+    if record.status == "ok":
+        return _fault_of_scores(record, are_queries)
+    if record.scores or record.per_query or record.draw_errors:
+        return f"its status is '{record.status}', and it has scores"
+    return ""
+
+
+def _fault_of_shapes(side: RankedShapes) -> str:
+    """Return what contradicts itself in shapes, their classes and their files; "" if nothing does."""
+    n_shapes = len(side.shapes)
+    if not n_shapes:
+        return "it has no shapes"
+    if n_shapes > MOST_SHAPES:
+        return f"it has {n_shapes:,} shapes, more than {MOST_SHAPES:,}"
+    if side.views > MOST_VIEWS:
+        return f"its shapes have {side.views:,} views each, more than {MOST_VIEWS:,}"
+    if len(side.labels) != n_shapes:
+        return f"it has {counted(n_shapes, 'shape')} and {counted(len(side.labels), 'label')}"
+    refused = [name for name, _ in side.unsupported]
+    for names, what in (
+        (side.shapes, "shape"),
+        (refused, "refused shape"),
+        (side.unprepared, "unprepared shape"),
+    ):
+        if repeated := _first_repeated(names):
+            return f"{what} '{repeated}' stands there twice"
+    if strangers := {*refused} - {*side.shapes}:
+        return f"a refused shape, '{min(strangers)}', is none of its shapes"
+    if strangers := {*side.unprepared} - {*refused}:
+        return f"an unprepared shape, '{min(strangers)}', is not refused"
+    for stage, keys in side.files.items():
+        if len(keys) != n_shapes * side.views:
+            return f"it has {counted(len(keys), 'file')} of {stage} for {n_shapes} shapes"
+    if not side.gallery.startswith(side.data.name):
+        return f"its gallery, '{side.gallery}', is not of its data set, '{side.data.name}'"
+    return ""
+
+
+def _first_repeated(names: Sequence[str]) -> str | None:
+    """Return the first name that stands in a sequence twice; None if all differ."""
+    if len({*names}) == len(names):
+        return None
+    counts = Counter(names)
+    return next(name for name in names if counts[name] > 1)
+
+
+def _fault_of_scores(record: Record, are_queries: Sequence[bool]) -> str:
+    """Return which scores or values per query of a record contradict others; "" if none do."""
+    n_lone = are_queries.count(False)
+    if record.lone_queries != n_lone:
+        return f"it has {record.lone_queries} queries without a relevant shape, not {n_lone}"
+    if record.tied_queries > len(are_queries) - n_lone:
+        return f"it has {record.tied_queries} queries with ties among {len(are_queries) - n_lone}"
+    for name in MEASURES:
+        if name not in record.scores or name not in record.per_query:
+            return f"it has no {name}"
+    for name in (*record.per_query, *record.draw_errors):
+        if name not in record.scores:
+            return f"it has values of {name}, and no score"
+    refused = {name for name, _ in record.unsupported}
+    for name, values in record.per_query.items():
+        if len(values) != len(are_queries):
+            return (
+                f"it has {len(are_queries)} queries and {counted(len(values), 'value')} of {name}"
+            )
+        of_queries = [value for value in values if value is not None]
+        if [value is not None for value in values] != [*are_queries]:
+            return f"{name} is missing for a query, or there for a shape that is none"
+        if any(
+            value and shape in refused for value, shape in zip(values, record.shapes, strict=True)
+        ):
+            return f"{name} of a refused shape is not 0"
+        mean = sum(of_queries) / len(of_queries)
+        if abs(mean - record.scores[name]) > LARGEST_DIFFERENCE:
+            return f"{name} is {record.scores[name]:.6f}, and the mean of its queries {mean:.6f}"
+    return ""
+
+
 # Reading
 # ------------------------------------------------------------------------------------------------
 
@@ -313,9 +469,7 @@ def read_records(results: Path, *, local: bool = True, published: bool = True) -
     shapes of their gallery was made here. Damaged files and lines are named on stderr and passed
     over.
     """
-    here = (
-        sorted(read_files((results / RUNS / "records").glob("*.json")), key=_age) if local else []
-    )
+    here = sorted(read_files(local_files(results)), key=age_of) if local else []
     elsewhere = read_files((results / "records").glob("*.jsonl")) if published else []
     digests = {record.gallery: record.gallery_digest for record in here}
     fitting = [
@@ -323,56 +477,155 @@ def read_records(results: Path, *, local: bool = True, published: bool = True) -
         for record in elsewhere
         if digests.get(record.gallery, record.gallery_digest) == record.gallery_digest
     ]
-    newest = {record.row: record for record in (*sorted(fitting, key=_age), *here)}
-    return sorted(newest.values(), key=_age)
+    return last_of_rows([*sorted(fitting, key=age_of), *here])
 
 
-def _age(record: Record) -> tuple[str, str]:
+def local_files(results: Path) -> list[Path]:
+    """Return the files of the records of jobs that ran here."""
+    return sorted((results / RUNS / "records").glob("*.json"))
+
+
+def last_of_rows(records: Sequence[Record]) -> list[Record]:
+    """Return the last record of each row, oldest first; those of other shapes than the rest are named on stderr."""
+    last = {record.row: record for record in _of_same_shapes(records)}
+    return sorted(last.values(), key=age_of)
+
+
+def _of_same_shapes(records: Sequence[Record]) -> list[Record]:
+    """Return records without those whose shapes are others than those of most records of the same digest.
+
+    The digest of a gallery is that of its shapes and classes, so these are named and passed over.
+    Of two that are equally frequent, those of the oldest record count.
+    """
+    frequencies = defaultdict[str, Counter[str]](Counter)
+    facts = [facts_of_shapes(record) for record in records]
+    for record, shapes in zip(records, facts, strict=True):
+        frequencies[record.gallery_digest][shapes] += 1
+    fitting = []
+    for record, shapes in zip(records, facts, strict=True):
+        (most_frequent, _), *_ = frequencies[record.gallery_digest].most_common(1)
+        if shapes == most_frequent:
+            fitting.append(record)
+        else:
+            _say_skipped(
+                f"record {record.key} ({record.row}): its shapes or classes are not those of the "
+                "other records of its gallery; run its job again or remove it"
+            )
+    return fitting
+
+
+def facts_of_shapes(record: Record) -> str:
+    """Return a digest of the shapes and classes of queries and gallery, which those of one gallery share."""
+    sides = [(side.shapes, side.labels, side.views) for side in record.sides]
+    return digest([record.keeps_same_names, sides])
+
+
+def age_of(record: Record) -> tuple[str, str]:
+    """Return what orders records from the oldest to the newest."""
     return record.finished, record.key
 
 
-_decoder = msgspec.json.Decoder(Record)
+class Skipped(NamedTuple):
+    """A file or line that is not used as a record, and why."""
+
+    where: str
+    error: RecordError
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.error}"
+
+
+class Files(NamedTuple):
+    """What files of records hold."""
+
+    records: list[Record]
+    skipped: list[Skipped]
 
 
 def read_files(paths: Iterable[Path]) -> list[Record]:
-    """Return the records in files; damaged files and lines are named on stderr and passed over."""
-    records = []
+    """Return the records in files; files and lines that are none are named on stderr and passed over."""
+    found = scan_files(paths)
+    say_skipped(found.skipped)
+    return found.records
+
+
+def say_skipped(skipped: Iterable[Skipped]) -> None:
+    """Name files and lines that are not used on stderr, each once in a process."""
+    for each in skipped:
+        _say_skipped(str(each))
+
+
+def scan_files(paths: Iterable[Path]) -> Files:
+    """Return the records in files, and the files and lines that are none.
+
+    A ``.json`` file holds one record and is named by its key; a ``.jsonl`` file holds one a line.
+    """
+    records, skipped = list[Record](), list[Skipped]()
     for path in sorted(paths):
         try:
             text = read_file(path, LARGEST_FILE)
         except OSError as error:
-            _skip(f"{path}: {error.strerror}")
+            skipped.append(Skipped(str(path), RecordError(str(error.strerror))))
             continue
-        for number, line in enumerate([text] if path.suffix == ".json" else text.splitlines(), 1):
+        is_of_one = path.suffix == ".json"
+        for number, line in enumerate([text] if is_of_one else text.splitlines(), 1):
             try:
-                record, content = _decoder.decode(line), msgspec.json.decode(line)
-                if content.pop("checksum", "") != _checksum(content):
-                    raise msgspec.DecodeError(
-                        "it was changed after it was written, or written by hand"
-                    )
-                records.append(msgspec.structs.replace(record, checksum=""))
-            except (
-                msgspec.DecodeError,
-                UnicodeError,
-                RecursionError,
-            ) as error:  # ValidationError is one
-                where = f"{path}:{number}" if path.suffix == ".jsonl" else path
-                _skip(f"{where}: it is not a record: {error}; remove it")
-    return records
+                record = parse_record(line)
+                if is_of_one and record.key != path.stem:
+                    hint = f"name it {record.key}.json, or remove it"
+                    raise RecordError("its name is not its key", hint)
+                records.append(record)
+            except RecordError as error:
+                skipped.append(Skipped(str(path) if is_of_one else f"{path}:{number}", error))
+    return Files(records, skipped)
+
+
+def parse_record(text: bytes) -> Record:
+    """Return the record of a JSON object.
+
+    Raises
+    ------
+    NewerRecord
+        If its layout is of a newer major version.
+    RecordError
+        If it is none, was changed after it was written, or contradicts itself.
+    """
+    try:
+        content = msgspec.json.decode(text)
+        if not isinstance(content, dict):
+            raise RecordError("it is not a record: it is no JSON object", "remove it")
+        check_layout(content)
+        checksum = content.pop("checksum", "")
+        is_whole = checksum == _checksum(content)
+    except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
+        raise RecordError(f"it is not a record: {error}", "remove it") from error
+    converted = convert_older(content)
+    if not is_whole:
+        problem = "it was changed after it was written, or written by hand"
+        raise RecordError(f"it is not a record: {problem}", "remove it")
+    try:
+        record = msgspec.convert(gather_unknown(converted, Record), Record)
+    except msgspec.ValidationError as error:
+        hint = "update the suite" if is_newer(content) else "remove it"
+        raise RecordError(f"it is not a record: {error}", hint) from error
+    if fault := find_contradiction(record):
+        raise RecordError(f"it contradicts itself: {fault}", "run its job again or remove it")
+    return msgspec.structs.replace(record, published=False, checksum="")
 
 
 def encode(record: Record) -> bytes:
-    """Return a record as JSON, with its checksum."""
-    return msgspec.json.encode(msgspec.structs.replace(record, checksum=_checksum(record)))
+    """Return a record as JSON, with the version of its layout and its checksum."""
+    content = {LAYOUT_FIELD: record.layout} | content_of(record)
+    return msgspec.json.encode(content | {"checksum": _checksum(content)})
 
 
-def _checksum(record: Record | Mapping[str, Any]) -> str:
-    return digest_of_bytes(msgspec.json.encode(record, order="sorted"))
+def _checksum(content: Mapping[str, Any]) -> str:
+    return digest_of_bytes(msgspec.json.encode(content, order="sorted"))
 
 
 @cache
-def _skip(what: str) -> None:
-    """Name a file or line that is no record, once however often it is read."""
+def _say_skipped(what: str) -> None:
+    """Name a file or line that is not used, once however often it is read."""
     say(f"skipped {what}", err=True)
 
 
@@ -405,9 +658,11 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
     Raises
     ------
     StorageError
-        If it cannot be written.
+        If it cannot be written, or its file holds a record in a newer layout.
     """
     folder = results / RUNS / "records"
+    if problem := newer_record_at(results, record.key):
+        raise StorageError(problem, "update the suite, or choose another --results DIR")
     try:
         text = encode(record)
     except UnicodeEncodeError:  # a surrogate, as in names of files that are not UTF-8
@@ -419,17 +674,61 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
             (folder / f"{replaces}{suffix}").unlink(missing_ok=True)
 
 
+def newer_record_at(results: Path, key: str) -> str:
+    """Return why the record under a key may not be written: its layout is newer; "" if it may be."""
+    path = results / RUNS / "records" / f"{key}.json"
+    if not path.exists():
+        return ""
+    for skipped in scan_files([path]).skipped:
+        if isinstance(skipped.error, NewerRecord):
+            return f"{path}: {skipped.error.problem}"
+    return ""
+
+
 def unneeded(
-    results: Path, is_unwanted: Callable[[Record], bool]
+    results: Path, is_unwanted: Callable[[Record], bool], named: Collection[str] = ()
 ) -> tuple[list[Record], list[Path]]:
-    """Return the records made here for which ``is_unwanted`` holds, and all files that no other record names."""
+    """Return the records made here for which ``is_unwanted`` holds, and all files that no other record names.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    is_unwanted
+        Whether a record is one to delete.
+    named
+        Rows or keys of further records to delete. A key is the name of a file, which may be one
+        that is not used as a record; such files are kept otherwise, with all files whose keys they
+        hold.
+    """
     runs = results / RUNS
-    records = sorted(read_files((runs / "records").glob("*.json")), key=_age)
-    unwanted = [record for record in records if is_unwanted(record)]
-    needed = {path for record in records if not is_unwanted(record) for path in _files_of(record)}
+    records = sorted(read_files(local_files(results)), key=age_of)
+    unwanted = [
+        record
+        for record in records
+        if is_unwanted(record) or {record.key, str(record.row)} & {*named}
+    ]
+    wanted = [record for record in records if record not in unwanted]
+    needed = {path for record in wanted for path in _files_of(record)}
+    read = {record.key for record in records}
+    unread = [path for path in local_files(results) if path.stem not in read]
     files = [runs / "records" / f"{record.key}.json" for record in unwanted]
-    files += [path for stage in get_args(Stage) for path in sorted((runs / stage).glob("*.npz"))]
-    return unwanted, [path for path in files if path.relative_to(runs).as_posix() not in needed]
+    files += [path for path in unread if path.stem in named]
+    kept_keys = set[str]().union(*(_keys_in(path) for path in unread if path.stem not in named))
+    for stage in get_args(Stage):
+        for path in sorted((runs / stage).glob("*.npz")):
+            if f"{stage}/{path.name}" not in needed and path.stem not in kept_keys:
+                files.append(path)
+    return unwanted, files
+
+
+def _keys_in(path: Path) -> set[str]:
+    """Return the keys in a file that is no record, or one of another layout, with its own."""
+    try:
+        text = read_file(path, LARGEST_FILE)
+    except OSError:
+        text = b""
+    return {path.stem, *(key.decode() for key in re.findall(rb"(?<!\w)[0-9a-f]{32}(?!\w)", text))}
 
 
 def _files_of(record: Record) -> Iterator[str]:
@@ -466,7 +765,7 @@ def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
                 raise ValueError("it was changed after it was published")
             distances = squareform(above.astype(np.float64))
         except (OSError, ValueError) as error:
-            _skip(f"{path}: {getattr(error, 'strerror', error)}")
+            _say_skipped(f"{path}: {getattr(error, 'strerror', error)}")
     return distances if distances.shape == shape else None
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterable, Iterator, Sequence
+from pathlib import PurePath
 
 import numpy as np
 
@@ -56,6 +57,7 @@ def table_notes(view: TableView) -> list[str]:
         ),
         "Ranks by spherical harmonics: {}.": _moves(view),
         "Published with the suite, not run here: {}.": _published(rows),
+        "Merged from other results folders: {}.": listed(_merged(rows), "; "),
         "Trained with one seed, so no spread over seeds: {}.": listed(_trained_once(rows), "; "),
     }
     tested = [len({*next(iter(rivals.values())).labels}) for rivals, _ in view.tests.values()]
@@ -230,6 +232,21 @@ def _trained_once(rows: Iterable[Row]) -> Iterator[str]:
         galleries = [records for one in row.scored.values() for records in one.records.values()]
         if row.kind == "network" and galleries and max(map(len, galleries)) == 1:
             yield row.title
+
+
+def _merged(rows: Iterable[Row]) -> Iterator[str]:
+    """Name the rows that were merged, with their folders, and digests of their plugins."""
+    for row in rows:
+        origins = [record.merged_from for record in row.records if record.merged_from]
+        folders = dict.fromkeys("/".join(PurePath(of.folder).parts[-2:]) for of in origins)
+        plugins = dict.fromkeys(
+            f"{PurePath(name).name} {digest}"
+            for of in origins
+            for name, digest in of.plugins.items()
+        )
+        if origins:
+            by = f": {brief(listed(plugins))}" if plugins else ""
+            yield f"{row.title} ({brief(listed(folders))}{by})"
 
 
 def _moves(view: TableView) -> str:

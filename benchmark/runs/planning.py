@@ -25,6 +25,7 @@ from benchmark.pipeline.records import (
     Record,
     Row,
     key_at,
+    newer_record_at,
     read_records,
     record_of,
 )
@@ -64,8 +65,8 @@ class Planned:
         ``finished``: it has a record. ``failed``: its record says that it failed. ``stale``: its
         record is of other code, data or parameters; the reason names them. ``incomplete``: shapes
         have no result for a reason that is not in their content. ``missing``: it has no record.
-        ``unavailable``: a package or a trained model is missing. ``unsupported``: the method does
-        not take the input.
+        ``unavailable``: a package or a trained model is missing, or its record has a newer layout.
+        ``unsupported``: the method does not take the input.
     before
         The record that its own replaces.
     is_pending
@@ -265,6 +266,10 @@ class _Planning:
             if sides[1:]:
                 content["against"] = facts["against"] | {"files": files[1]}
             state, reason = _state(before, content["key"], parts)
+            if state in ("missing", "stale") and (
+                problem := newer_record_at(self.results, content["key"])
+            ):
+                state, reason = "unavailable", f"{problem}; update the suite"
         data_root = gallery.data_root and gallery.data_root.absolute()
         job = Job(
             content["key"], row, sides[0].source, data_root, method, self.scorer, self.results
