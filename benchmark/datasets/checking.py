@@ -132,7 +132,7 @@ class Report:
 
     def lines(self) -> list[str]:
         """Return the report as text: a summary, one line per kind of problem, and their counts."""
-        stand_in, n_shapes = self.dataset.stand_in_for, len(self.dataset.shapes)
+        n_shapes = len(self.dataset.shapes)
         sizes = Counter(entry.subject for entry in self.dataset.shapes if entry.subject)
         unread = n_shapes - len(self.rows)
         keys = {
@@ -144,7 +144,7 @@ class Report:
         counts = Counter(anomaly.severity for anomaly in self.anomalies for _ in anomaly.files)
         return [
             f"{self.dataset.name}: {n_shapes} shapes, {len(sizes)} classes, "
-            f"{f'stand-in for {stand_in}' if stand_in else 'not a stand-in'}"
+            f"{describe_content(self.dataset)}"
             f"{f', {unread} unreadable, which count as 0' if unread else ''}",
             f"classes     {', '.join(f'{subject} {size}' for subject, size in sizes.items()) or 'unknown'}",
             *(
@@ -173,6 +173,41 @@ def _summary(values: Sequence[Any]) -> str:
     if isinstance(values[0], str):
         return listed(f"{text} ({count})" for text, count in Counter(values).most_common())
     return f"{np.min(values):.4g} to {np.max(values):.4g} m"
+
+
+def describe_content(dataset: ShapeSet) -> str:
+    """Say what a data set is by its content: a stand-in, a known copy of an official set, or neither."""
+    if dataset.stand_in_for:
+        return f"stand-in for {dataset.stand_in_for}"
+    official = SETS.get(dataset.name)
+    if official is None:
+        return "not a stand-in"
+    copies = [official.copy_of(entry) for entry in dataset.shapes]
+    first = copies[0] if copies else None
+    if first is None or any(copy is not first for copy in copies):
+        return f"files named like {official.title}, unverified"
+    n_files = len(first.digests)
+    count = f"all {n_files}" if len(copies) == n_files else f"{len(copies)} of its {n_files}"
+    return f"{first.title} (SHA-256 of {count} files)"
+
+
+def _of_copies(dataset: ShapeSet) -> Iterator[Anomaly]:
+    """Yield the files that a known copy lacks, if others belong to it, and that no copy is known, if none does."""
+    official = SETS.get(dataset.name)
+    if official is None or dataset.stand_in_for:
+        return
+    copies = {entry: official.copy_of(entry) for entry in dataset.shapes}
+    known = [copy for copy in copies.values() if copy is not None]
+    if not known:
+        what = f"no file has a known SHA-256, so tables call them files named like {official.title}"
+        yield Anomaly("warning", (dataset.name,), what, "say beside scores which copy they are of")
+        return
+    copy, _ = Counter(known).most_common(1)[0]
+    for entry in (entry for entry, of in copies.items() if of is not copy):
+        file = _relative(entry.path, dataset.folder) if entry.path and dataset.folder else ""
+        what = f"not the file of '{copy.title}': another SHA-256"
+        hint = f"restore it, or tables call the set files named like {official.title}, unverified"
+        yield Anomaly("warning", (file or entry.identifier,), what, hint)
 
 
 def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> Report:
@@ -213,7 +248,7 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
 
 def check(dataset: ShapeSet, watched: Watched = iter) -> Report:
     """Check a data set: its files, its classes, and every mesh; see :func:`check_source`."""
-    return _report(dataset, _of_classes(dataset), watched)
+    return _report(dataset, [*_of_copies(dataset), *_of_classes(dataset)], watched)
 
 
 def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:

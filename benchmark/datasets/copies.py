@@ -10,7 +10,7 @@ from pathlib import Path
 _LISTS = Path(__file__).parent / "copies"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class KnownCopy:
     """A copy of an official set whose files are known.
 

@@ -24,6 +24,7 @@ from benchmark.report.columns import (
     score_groups,
     values,
 )
+from benchmark.report.data_titles import data_title
 from benchmark.report.frames import BLANK, changed, fold_of, hundredths, scored_by
 from benchmark.report.notes import table_notes
 from benchmark.report.tables import BLOCKS, PAPER, SECOND, Row, TableView
@@ -411,7 +412,7 @@ def robustness_markdown(records: Iterable[Record]) -> str:
         scores[change][record.method] = record.scores.get("NN", 0.0)
     titles = {change.base: change.base for change in sorted(scores) if change.kind}
     titles |= {
-        record.data.name: record.data.title for record in known if record.data.name in titles
+        record.data.name: data_title(record) for record in known if record.data.name in titles
     }
     changes = [change for change in sorted(scores) if change.base in titles]
     if not changes:

@@ -22,6 +22,7 @@ from benchmark.pipeline.records import RankedShapes, Record, read_distances
 from benchmark.protocols.tables import AGAINST, SURFACES, GalleryGroup, Kind
 from benchmark.report import figures
 from benchmark.report.columns import PRINTED_OF_ROW, score_groups
+from benchmark.report.data_titles import data_title, official_set
 from benchmark.report.drawing import OBLIQUE, PALETTE, shaded, webp
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import BLOCKS, blocks
@@ -498,7 +499,8 @@ def _label(view: TableView) -> str:
 
 def _data_title(view: TableView) -> str:
     """Return a short name of the data of a table."""
-    title = next(iter(view.samples.values()))[0].data.title
+    sample = next(iter(view.samples.values()))[0]
+    title = data_title(sample) if official_set(sample) else sample.data.title
     title = re.sub(
         r" \((stand-in|generated)[^)]*\)", " (generated)", re.sub(r", draw \d+", "", title)
     )

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.parameters import format_value
-from benchmark.datasets.official import SETS
 from benchmark.pipeline.records import DEFAULT_SCORER, Record
 from benchmark.protocols.tables import (
     AVERAGED,
@@ -28,6 +27,7 @@ from benchmark.protocols.tables import (
 )
 from benchmark.reference.paper import MEASURES, PRINTED
 from benchmark.registry import BUILT_IN, Component
+from benchmark.report.data_titles import data_title
 from benchmark.report.frames import (
     ScoredBy,
     by_gallery,
@@ -519,7 +519,7 @@ def _view(
     return TableView(
         table,
         dataset,
-        _title(sample),
+        data_title(sample),
         quick,
         columns,
         {column.title: ranked[column] for column in known},
@@ -658,11 +658,3 @@ def query_measures(records: Sequence[Record], labels: Sequence[str] = ()) -> NDA
     ]
     values = np.mean(each, axis=0)
     return np.asarray(values[~np.isnan(values).any(axis=1)])
-
-
-def _title(record: Record) -> str:
-    """Return the title of the data of a record; it always says if they are a stand-in."""
-    if official := record.data.stand_in_for:
-        name = record.data.name.partition("[draw=")[0]
-        return f"generated stand-in '{name}', not {SETS[official].title if official in SETS else official}"
-    return brief(record.data.title)

@@ -17,6 +17,7 @@ from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.pipeline.cache import Stage
 from benchmark.pipeline.data_names import path_of
+from benchmark.pipeline.gallery_digest import digest_of_both, digest_of_shapes
 from benchmark.pipeline.prepared import PreparedShapes
 from benchmark.pipeline.ranking import STAGES
 from benchmark.pipeline.records import (
@@ -378,26 +379,26 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
         queries = gallery_facts(replace(gallery, gallery_of_queries=None), input_)
         against = gallery_facts(gallery.gallery_of_queries, gallery.gallery_of_queries.inputs[0])
         keeps = gallery.table.keeps_same_names
-        both = [queries["gallery_digest"], against["gallery_digest"], against["input"], keeps]
-        both += filter(None, [gallery.gallery_of_queries.cameras])
+        both = digest_of_both(
+            queries["gallery_digest"],
+            against["gallery_digest"],
+            against["input"],
+            keeps_same_names=keeps,
+            cameras=gallery.gallery_of_queries.cameras,
+        )
         against |= {"views": gallery.gallery_of_queries.n_views}
-        return queries | {
-            "against": against,
-            "keeps_same_names": keeps,
-            "gallery_digest": digest(both),
-        }
+        return queries | {"against": against, "keeps_same_names": keeps, "gallery_digest": both}
     shapes = gallery.dataset
-    content: list[object] = [
+    ranked = [
         (entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries
     ]
+    settings: list[object] = []
     if path := path_of(gallery.source):
-        content += [
-            shapes.half_width,
-            *((repr(shapes.camera(of)), repr(shapes.sensor(of))) for of in gallery.entries),
-        ]
+        cameras = [(repr(shapes.camera(of)), repr(shapes.sensor(of))) for of in gallery.entries]
+        settings = [shapes.half_width, *cameras]
     return {
         "gallery": gallery.name,
-        "gallery_digest": digest(content),
+        "gallery_digest": digest_of_shapes(ranked, settings),
         "input": input_,
         "data": {
             "name": shapes.name,
