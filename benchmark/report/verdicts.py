@@ -187,8 +187,7 @@ def verdicts_markdown(views: Sequence[TableView]) -> str:
         near = is_near(printed.to_numpy(), ours.to_numpy())
         lines += wrap(
             f"Table III, {tosca.title}, complete surfaces: {near.sum()} of {near.size} classical figures are "
-            "reproduced (`=`, "
-            f"at most .05 apart). {_exchanged(printed, ours)}Each cell: the paper's figure, ours.",
+            f"reproduced (`=`, at most .05 apart). {_exchanged(printed, ours)}Each cell: the paper's figure, ours.",
             100,
         )
         cells = printed.map(hundredths) + " " + ours.map(hundredths) + np.where(near, " =", "")

@@ -188,7 +188,7 @@ def test_turned_views_are_columns_of_the_table_of_unturned_ones(tmp_path):
         **{name: getattr(gallery, name) for name in RankedShapes.__struct_fields__}
     )
     titles = {
-        "tosca": "TOSCA",
+        "tosca": "files named like TOSCA, unverified",
         "tosca[view-angle=3]": "TOSCA, view angle: largest angle in degrees 30",
     }
     common = {
@@ -205,8 +205,11 @@ def test_turned_views_are_columns_of_the_table_of_unturned_ones(tmp_path):
     assert found.keys() == {"index.html", "table-III-cross-tosca.html"}
     for page in found.values():
         assert re.findall(r'<a href="(.*?)" title="[^"]*">([^<]*)</a></th>', page) == [
-            ("table-III-cross-tosca.html", "TOSCA"),
-            ("table-III-cross-tosca.html", "TOSCA, cameras turned up to 30°"),
+            ("table-III-cross-tosca.html", "files named like TOSCA, unverified"),
+            (
+                "table-III-cross-tosca.html",
+                "files named like TOSCA, unverified, cameras turned up to 30°",
+            ),
         ]
     around = record(
         "identity", dataset="tosca", data=rows[0].data, **(common | {"fold": "against 12 cameras"})
