@@ -7,10 +7,11 @@ from typing import Any
 
 #: Module of each name; none is imported before it is used.
 _OFFERED = {
-    "canonicalise": "benchmark.notebook",
+    "canonical_form_of_depth": "benchmark.commands.forms",
+    "canonicalise": "benchmark.commands.run",
     "open_results": "benchmark.report.results",
-    "run": "benchmark.notebook",
-    "score": "benchmark.scoring.evaluation",
+    "run": "benchmark.commands.run",
+    "score": "benchmark.commands.score",
 }
 
 __all__ = sorted(_OFFERED)

@@ -20,12 +20,12 @@ import numpy as np
 from PIL import Image
 
 import benchmark
+from benchmark.commands.distance_files import as_distances
 from benchmark.datasets.folder import read_cla
 from benchmark.datasets.mesh_files import read_mesh, write_mesh
 from benchmark.depth.intrinsics import read_intrinsics
 from benchmark.depth.reading import read_mask, read_values
 from benchmark.errors import BenchmarkError
-from benchmark.scoring.files import as_distances
 from tests.toy import rod
 
 #: Longest time in seconds and most memory in bytes for a file.

@@ -56,7 +56,7 @@ BESIDE = (
 #: scorers.
 DOCUMENTED = (
     "benchmark/api/*.py",
-    "benchmark/notebook.py",
+    "benchmark/commands/run.py",
     "benchmark/report/results.py",
     "baselines/*.py",
     "retrieval/*.py",

@@ -34,9 +34,9 @@ from trimesh.ray.ray_pyembree import RayMeshIntersector
 
 from baselines.classic_mds import classic_scaling
 from benchmark.api.contracts import Mesh, Shape
+from benchmark.commands.forms import form_of_object, method_of_depth
 from benchmark.datasets.people import people
 from benchmark.depth.frame import FrameFiles
-from benchmark.depth_forms import form_of_object, method_of_depth
 from benchmark.geometry import geodesics
 from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.outputs import compute_signature

@@ -18,13 +18,7 @@ from benchmark.api.learning import MeasuresFit
 from benchmark.cli.names import trained_on_people
 from benchmark.cli.options import Selection
 from benchmark.cli.run import planned_jobs
-from benchmark.datasets.folder import folder_set
-from benchmark.datasets.frames import frame_settings
-from benchmark.datasets.mesh_files import WRITABLE, read_mesh, write_mesh
-from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
-from benchmark.depth.intrinsics import intrinsics_of
-from benchmark.depth.reading import EXTENSIONS, is_depth_file
-from benchmark.depth_forms import (
+from benchmark.commands.forms import (
     form_maker,
     form_of_object,
     form_of_surface,
@@ -32,6 +26,12 @@ from benchmark.depth_forms import (
     method_of_depth,
     small_for_person,
 )
+from benchmark.datasets.folder import folder_set
+from benchmark.datasets.frames import frame_settings
+from benchmark.datasets.mesh_files import WRITABLE, read_mesh, write_mesh
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
+from benchmark.depth.intrinsics import intrinsics_of
+from benchmark.depth.reading import EXTENSIONS, is_depth_file
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.files import write_text
 from benchmark.geometry.camera import FRONT

@@ -10,6 +10,7 @@ from pathlib import Path
 from benchmark.cli.options import Selection
 from benchmark.cli.progress import Bar
 from benchmark.cli.results import outcome, print_tables
+from benchmark.commands.external_rows import check_forms, forms_of
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
 from benchmark.datasets.changes import split_name
 from benchmark.datasets.checking import by_kind, unread_files
@@ -26,7 +27,6 @@ from benchmark.report.tables import table_views
 from benchmark.runs.planning import Planned, estimate, plan_selection
 from benchmark.runs.runner import run as run_jobs
 from benchmark.runs.runner import with_results
-from benchmark.scoring.rows import check_forms, forms_of
 from benchmark.text import brief, counted, listed, nfc, say, say_lines, say_table
 
 

@@ -313,8 +313,8 @@ def score(
     DISTANCES is a symmetric N x N matrix (any M x N with --gallery): .npy, .npz, .txt, .csv, .mat,
     or .matrix of PSB.
     """
-    from benchmark.scoring.evaluation import score
-    from benchmark.scoring.rows import keep_distances, record_beside
+    from benchmark.commands.external_rows import keep_distances, record_beside
+    from benchmark.commands.score import score
 
     if gallery and results is not None:
         raise ConfigurationError(

@@ -16,11 +16,11 @@ import pandas
 from PIL import Image
 from scipy.spatial import cKDTree
 
+from benchmark.commands.forms import form_of_object, method_of_depth
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, observe
 from benchmark.depth.intrinsics import Intrinsics, read_intrinsics
 from benchmark.depth.reading import Depths, Mask, in_metres, read_mask, read_values
-from benchmark.depth_forms import form_of_object, method_of_depth
 from benchmark.errors import ShapeError
 from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.mesh import Mesh, Points

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from benchmark import canonical_form_of_depth
+from benchmark.commands.forms import method_of_depth
 from benchmark.depth.intrinsics import Intrinsics
-from benchmark.depth_forms import canonical_form_of_depth, method_of_depth
 from benchmark.errors import ConfigurationError, DepthError
 from tests.depth.scenes import frame, in_millimetres
 
@@ -68,3 +69,11 @@ def test_a_larger_frame_holds_larger_objects():
     depths, mask = frame()
     grown = canonical_form_of_depth(1.6 * depths, CAMERA, mask, "identity", half_width=2.0)
     assert grown.notes["size"] > 2.57
+
+
+def test_the_former_place_of_the_function_works_and_says_what_to_write_instead():
+    with pytest.warns(DeprecationWarning, match="write 'from benchmark import canonical_form"):
+        from benchmark.depth_forms import canonical_form_of_depth as former
+    assert former is canonical_form_of_depth
+    with pytest.raises(ImportError, match="cannot import name 'nothing'"):
+        from benchmark.depth_forms import nothing  # noqa: F401

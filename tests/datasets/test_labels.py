@@ -18,9 +18,9 @@ from scipy.io import loadmat, savemat
 from scipy.sparse import csc_matrix
 from scipy.spatial.distance import pdist, squareform
 
+from benchmark.commands.score import score
 from benchmark.datasets.labels import classes_of, read_labels
 from benchmark.errors import ConfigurationError
-from benchmark.scoring.evaluation import score
 
 RANDOM = np.random.default_rng(5)
 TRUTH = np.repeat([0, 1, 2], 4)

@@ -11,9 +11,9 @@ import pytest
 from scipy.io import savemat
 from scipy.sparse import csc_matrix
 
+from benchmark.commands.score import score
 from benchmark.datasets.folder import folder_set
 from benchmark.errors import ConfigurationError
-from benchmark.scoring.evaluation import score
 from tests.scoring.line import LABELS, NAMES, D, X
 from tests.toy import rod, write_off
 from tests.verbs import call, refusal

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 from msgspec.structs import replace
 
+from benchmark.commands.external_rows import forms_of, keep_distances, method_name
+from benchmark.commands.score import score
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import read_distances, read_records, write_record
 from benchmark.report.frames import seconds_of
-from benchmark.scoring.evaluation import score
-from benchmark.scoring.rows import forms_of, keep_distances, method_name
 from retrieval.measures import score_draws
 from tests.report.records import record as made_up_record
 from tests.scoring.line import LABELS, NAMES, D

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from benchmark.api.contracts import CanonicalForm, Input
-from benchmark.depth_forms import form_maker, form_of_surface
+from benchmark.commands.forms import form_maker, form_of_surface
 from benchmark.geometry.mesh import Mesh
 from benchmark.machine import available_cores
 from benchmark.registry import select

@@ -11,10 +11,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmark.commands.distance_files import (
+    Labels,
+    Orders,
+    are_row_numbers,
+    as_distances,
+    as_labels,
+)
 from benchmark.datasets.labels import MISCELLANEOUS
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.report.statistics import FEWEST_CLASSES, class_intervals
-from benchmark.scoring.files import Labels, Orders, are_row_numbers, as_distances, as_labels
 from retrieval.measures import MEASURES, Targets, chance_levels, evaluate
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ import numpy as np
 
 from benchmark.api.contracts import CanonicalForm, Input, MethodInfo, Shape
 from benchmark.code_digest import code_of_modules, digest, digest_of_bytes
+from benchmark.commands.score import Evaluation
 from benchmark.datasets.catalogue import is_known
 from benchmark.datasets.mesh_files import READABLE, read_mesh
 from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
@@ -24,7 +25,6 @@ from benchmark.pipeline.records import EXTERNAL, Record, read_records, record_of
 from benchmark.registry import Component
 from benchmark.report.frames import fold_of
 from benchmark.runs.tasks import CODE
-from benchmark.scoring.evaluation import Evaluation
 from benchmark.text import brief
 from retrieval.measures import score_draws
 

@@ -1,0 +1,189 @@
+"""Canonical forms of surfaces, and of objects in depth images."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from benchmark.api.contracts import CanonicalForm, Method, Shape
+from benchmark.api.learning import MeasuresFit
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, observe, scale_of
+from benchmark.depth.intrinsics import Intrinsics, camera_of
+from benchmark.depth.reading import in_metres
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.depth import depth_surface
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.preparation import prepare
+from benchmark.pipeline.outputs import compute_form
+from benchmark.pipeline.prepared import N_VERTICES
+from benchmark.protocols.models import people_training, with_model
+from benchmark.registry import Component, select_one
+
+#: Size in metres below which an object is hardly a person.
+_SMALLEST_PERSON = 1.0
+
+__all__ = ["canonical_form_of_depth", "form_of_object", "method_of_depth", "small_for_person"]
+
+
+def canonical_form_of_depth(
+    depth: ArrayLike,
+    intrinsics: Intrinsics | ArrayLike,
+    mask: ArrayLike | None = None,
+    method: str = "learned-streamed",
+    *,
+    scale: float | None = None,
+    up: Up | None = None,
+    half_width: float = HALF_WIDTH,
+    seed: int = 0,
+) -> CanonicalForm:
+    """Return the canonical form of the object in a depth image; the model is loaded once and cached.
+
+    Parameters
+    ----------
+    depth
+        Shape (h, w): depths along the optical axis, floats in metres or integers in millimetres; 0,
+        NaN and infinity mark missing values.
+    intrinsics
+        Matrix of the camera, shape (3, 3) or (4, 4), or fx, fy, cx, cy in pixels, or
+        :class:`~benchmark.depth.intrinsics.Intrinsics`, which may be distorted.
+    mask
+        Shape (h, w), nonzero on the object; None segments it, see docs/how-to/depth-camera.md.
+    method
+        Name of a method that accepts views, with optional parameters in brackets.
+    scale
+        Units of ``depth`` per metre; None means 1000 for integers and 1 for floats.
+    up
+        Upward direction in the camera's coordinates (right, down, forward) if no floor is visible;
+        None means the image's.
+    half_width
+        Half the side of the square frame that must contain the object, in metres; networks that see
+        size are trained with the default.
+    seed
+        Seed of all random choices.
+
+    Returns
+    -------
+    CanonicalForm
+        ``vertices``, shape (n, 3), with unit area for learned methods; ``faces``, shape (m, 3);
+        ``notes``: how the object was segmented, and the notes of the method.
+
+    Raises
+    ------
+    benchmark.errors.DepthError
+        If depth, intrinsics or mask are invalid, or no object fits the frame.
+    ShapeError
+        If the method refuses the shape.
+    ConfigurationError
+        If there is no such method, or it computes no forms from views.
+    """
+    maker = method_of_depth(method)
+    if not isinstance(intrinsics, Intrinsics):
+        intrinsics = camera_of(np.asarray(intrinsics, dtype=np.float64).ravel().tolist())
+    mask = None if mask is None else np.asarray(mask)
+    values = np.asarray(depth)
+    depths = in_metres(values, scale_of(values, intrinsics, scale))
+    observed = observe(depths, intrinsics, mask, up, half_width)
+    return form_of_object(observed, maker, half_width=half_width, seed=seed)
+
+
+@functools.lru_cache(maxsize=8)
+def method_of_depth(name: str, plugins: tuple[Path, ...] = ()) -> Method:
+    """Return a method that computes forms from views; raise ``ConfigurationError`` for any other."""
+    component = select_one(name, plugins)
+    maker = form_maker(component)
+    if "view" not in component.info.inputs:
+        problem = f"method '{name}' reads complete surfaces, and a depth image shows one side"
+        raise ConfigurationError(problem, "choose one that reads views")
+    return maker
+
+
+def form_maker(component: Component) -> Method:
+    """Return a method with its default model; raise ``ConfigurationError`` if it computes no forms."""
+    maker = with_model(component)
+    if not isinstance(maker, Method):
+        raise ConfigurationError(
+            f"method '{component.name}' computes no forms", "choose another method"
+        )
+    return maker
+
+
+def form_of_object(
+    observed: ObservedObject,
+    maker: Method,
+    name: str = "depth",
+    *,
+    half_width: float = HALF_WIDTH,
+    seed: int = 0,
+) -> CanonicalForm:
+    """Return the canonical form of a segmented object.
+
+    Parameters
+    ----------
+    observed
+        See :func:`benchmark.depth.frame.observe`.
+    maker
+        The method; see :func:`method_of_depth`.
+    name
+        Identifier of the shape.
+    half_width, seed
+        As in :func:`canonical_form_of_depth`.
+
+    Raises
+    ------
+    ShapeError
+        If the method refuses the shape.
+    """
+    view = depth_surface(observed.surface, UPRIGHT, half_width)
+    area = view.surface.area
+    mesh = view.surface.with_vertices(view.surface.vertices / np.sqrt(area))
+    shape = Shape(identifier=name, mesh=mesh, depth=view.depth, source_area=area, seed=seed)
+    form = form_with_fit(maker, shape, observed.notes)
+    doubts = [
+        str(doubt) for doubt in (small_for_person(shape, maker), form.notes.get("doubt")) if doubt
+    ]
+    return replace(form, notes={**form.notes, "doubt": "; ".join(doubts)}) if doubts else form
+
+
+def small_for_person(shape: Shape, model: object) -> str:
+    """Return a warning if a view in metres is small and a model, or that in a folder, was shown people alone; or ""."""
+    size = float(np.ptp(shape.mesh.vertices, axis=0).max() * np.sqrt(shape.source_area or 0.0))
+    is_small = people_training(model) and size < _SMALLEST_PERSON
+    return (
+        f"{size:.2g} m is small for a person, so the depth scale may be wrong" if is_small else ""
+    )
+
+
+def form_of_surface(
+    maker: Method, mesh: Mesh, name: str = "shape", *, n_vertices: int = N_VERTICES, seed: int = 0
+) -> CanonicalForm:
+    """Return the form of a surface, prepared as in a run.
+
+    Where each vertex of the surface has one in the prepared surface, the form has those of the
+    surface in their order; otherwise it has those of the prepared surface, and says in
+    ``vertex_map`` which one of the surface is nearest.
+    """
+    prepared = prepare(mesh, n_vertices)
+    shape = Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
+    form = form_with_fit(maker, shape, prepared.notes)
+    if not np.array_equal(form.faces, prepared.mesh.faces):
+        return form
+    numbers = prepared.numbers_of(mesh)
+    if numbers is None:
+        return replace(form, vertex_map=prepared.vertex_map(mesh))
+    return CanonicalForm(form.vertices[numbers], mesh.faces, form.notes)
+
+
+def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:
+    """Return the form of a shape with the given notes, those of the method, and those on the fit."""
+    form = compute_form(maker, shape)
+    notes = {
+        name: str(note) if isinstance(note, str) else float(note)
+        for name, note in form.notes.items()
+    }
+    fit = maker.measure_fit(shape) if isinstance(maker, MeasuresFit) else {}
+    return CanonicalForm(form.vertices, form.faces, {**first, **notes, **fit})

@@ -1,1 +1,0 @@
-"""Score the results of other programs: distance matrices, and forms in mesh files."""
