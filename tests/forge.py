@@ -6,6 +6,7 @@ folder gets the records that end a verb in an error or show another figure."""
 from __future__ import annotations
 
 import copy
+import io
 import json
 import math
 import random
@@ -14,8 +15,9 @@ import shutil
 import sys
 import traceback
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import redirect_stderr, suppress
+from itertools import islice
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -29,8 +31,15 @@ from benchmark.code_digest import digest_of_bytes
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline import records as records_module
 from benchmark.pipeline.record_layout import RecordError
-from benchmark.pipeline.records import encode, parse_record, write_record
+from benchmark.pipeline.records import (
+    encode,
+    local_files,
+    parse_record,
+    scan_files,
+    write_record,
+)
 from benchmark.reference.paper import MEASURES
+from benchmark.report.frames import row_of
 from tests.report.records import record
 from tests.toy import write_rods
 from tests.verbs import call
@@ -323,12 +332,14 @@ def forge(seed: int, count: int) -> Iterator[tuple[str, bytes]]:
     for number in range(count):
         content = copy.deepcopy(chance.choice(originals))
         content.pop("checksum", None)
-        content["key"] = f"{number:032x}"
+        content["key"] = f"{2**32 + number:032x}"
         done = chance.choices(KINDS, k=chance.choice((1, 1, 1, 2, 3)))
         for kind in done:
             # An earlier change may have taken what this one works on.
             with suppress(KeyError, TypeError, IndexError, AttributeError, ValueError):
                 kind(content, chance)
+        if isinstance(content.get("method"), str) and chance.random() < 0.7:
+            content["method"] = content["method"][:100] + f"-{number}"  # a row of its own
         text = signed(content)
         names = [kind.__name__ for kind in done]
         if chance.random() < 0.08:
@@ -389,7 +400,7 @@ def finding(text: bytes) -> str:
 
 
 class Workshop:
-    """Folders in which the verbs meet one forgery at a time."""
+    """Folders in which the verbs meet forgeries."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -400,16 +411,15 @@ class Workshop:
         for number, method in enumerate(("gps", "identity", "skeleton")):
             write_record(self.good, record(method, 0.5, key=f"{number:x}" * 32))
 
-    def faults(self, text: bytes, *, with_pages: bool) -> Iterator[str]:
-        """Yield what ended a verb that met a forgery, other than an error with a hint."""
-        results, theirs = self.folder / "results", self.folder / "theirs"
+    def faults(self, texts: Sequence[bytes]) -> Iterator[str]:
+        """Yield what went wrong where verbs met forgeries, but errors with a hint."""
+        results, theirs, into = (self.folder / name for name in ("results", "theirs", "into"))
         for place in (results, theirs):
             shutil.rmtree(place, ignore_errors=True)
-        shutil.copytree(self.good, results)
-        key = key_of(text)
-        for place in (results, theirs):
-            (place / "runs" / "records").mkdir(parents=True, exist_ok=True)
-            (place / "runs" / "records" / f"{key}.json").write_bytes(text)
+            (place / "runs" / "records").mkdir(parents=True)
+            for text in texts:
+                file_of(place, text).write_bytes(text)
+        shutil.copytree(self.good, results, dirs_exist_ok=True)
         data = ("-d", self.data, "-m", "surface-area")
         verbs: list[tuple[Any, ...]] = [
             ("tables", "--failed"),
@@ -421,26 +431,18 @@ class Workshop:
             ("plan", *data, "--traceback"),
             ("run", *data, "-j", 0),
             ("forget", "-m", "nothing"),
-            ("forget", "--record", key),
+            ("forget", "--record", file_of(results, texts[0]).stem),
+            ("report", "-o", self.folder / "pages", "--force", "--failed"),
         ]
-        if with_pages:
-            verbs.append(("report", "-o", self.folder / "pages", "--force", "--failed"))
         for words in verbs:
             yield from self._fault_of(*words, "--results", results)
-        try:
-            opened = open_results(results)
-            len(opened.jobs) + len(opened.scores) + len(opened.queries)
-        except BenchmarkError:
-            pass
-        except Exception:
-            yield f"open_results: {traceback.format_exc()}"
+        yield from self._faults_of_figures(results, texts)
         for take in ((), ("--take", "theirs")):
-            into = self.folder / "into"
             shutil.rmtree(into, ignore_errors=True)
             shutil.copytree(self.good, into)
             before = contents(into)
             yield from self._fault_of("merge", theirs, *take, "--results", into)
-            lost = [name for name in before if name not in contents(into)]
+            lost = [name for name, text in before.items() if contents(into).get(name) != text]
             if lost and not take:
                 yield f"merge lost {lost}"
         with patch.object(publishing, "has_edits", lambda: False):
@@ -450,19 +452,53 @@ class Workshop:
                 pass
             except Exception:
                 yield f"publish: {traceback.format_exc()}"
-        is_kept = (results / "runs" / "records" / f"{key}.json").read_bytes() == text
-        if not is_kept:
-            yield "a verb rewrote the file"
+        for text in texts:
+            if file_of(results, text).read_bytes() != text:
+                yield "a verb rewrote a file"
 
     @staticmethod
     def _fault_of(*words: Any) -> Iterator[str]:
+        """Yield the error that ended a verb, if it has no hint; and files that it did not name."""
         records_module._say_skipped.cache_clear()
         done = CliRunner().invoke(cli, [*map(str, words)])
-        if done.exception is not None and not isinstance(
-            done.exception, BenchmarkError | SystemExit
-        ):
+        has_hint = isinstance(done.exception, BenchmarkError | SystemExit)
+        if done.exception is not None and not has_hint:
             lines = traceback.format_exception(done.exception)
             yield f"{words[0]}: {''.join(lines)}"
+
+    @staticmethod
+    def _faults_of_figures(results: Path, texts: Sequence[bytes]) -> Iterator[str]:
+        """Yield the files that are neither read nor named, and scores that are not those of the values."""
+        skipped = scan_files(local_files(results)).skipped
+        named = {skip.where for skip in skipped}
+        records_module._say_skipped.cache_clear()
+        try:
+            with redirect_stderr(io.StringIO()) as said:
+                opened = open_results(results)
+                frames = [opened.jobs, opened.queries, opened.scores]
+        except BenchmarkError:
+            return
+        except Exception:
+            yield f"open_results: {traceback.format_exc()}"
+            return
+        if missing := [where for where in named if where not in said.getvalue()]:
+            yield f"not named: {missing}"
+        by_key = {record.key: record for record in opened.records}
+        for text in texts:
+            path = file_of(results, text)
+            if str(path) in named or path.stem not in by_key:
+                continue
+            used = by_key[path.stem]
+            if used.status == "ok" and not used.data.quick and re.search(r"-\d+$", used.method):
+                rows = frames[2][frames[2].method == row_of(used)]
+                for name, mean in expected_means(text).items():
+                    shown = rows[rows.measure == name].value
+                    if len(shown) and (shown - mean).abs().min() > 1e-6:
+                        yield f"{name} of {used.row} is {[*shown]}, not {mean}"
+
+
+def file_of(results: Path, text: bytes) -> Path:
+    return results / "runs" / "records" / f"{key_of(text)}.json"
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -470,22 +506,33 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in (folder / "runs" / "records").glob("*.json")}
 
 
+#: Forgeries that the verbs meet at a time; each alone where some of them are at fault.
+BATCH = 10
+
+
 def main(seed: int, count: int, folder: Path) -> int:
     """Show every verb the forgeries; return how many faults were found."""
     said, n_faults = Counter[str](), 0
-    workshop = Workshop(folder / "work")
-    for number, (kinds, text) in enumerate(forge(seed, count)):
-        try:
-            why = finding(text)
-        except Exception:
-            why = "FAULT"
-            traceback.print_exc()
-        said[re.sub(r"['‘].*?['’]|[0-9][0-9.,]*|`.*?`", "*", why)[:110]] += 1
-        faults = [*workshop.faults(text, with_pages=number % 5 == 0)]
-        if faults or why == "FAULT":
-            n_faults += 1
-            (folder / f"{number}.json").write_bytes(text)
-            print(f"{number} ({kinds}; {why})", *faults, sep="\n", flush=True)
+    workshop, forgeries = Workshop(folder / "work"), forge(seed, count)
+    for start in range(0, count, BATCH):
+        batch = [*islice(forgeries, BATCH)]
+        at_fault = {}
+        for number, (kinds, text) in enumerate(batch, start):
+            try:
+                why = finding(text)
+            except Exception:
+                why = "FAULT"
+                at_fault[number] = [kinds, traceback.format_exc()]
+            said[re.sub(r"['‘].*?['’]|[0-9][0-9.,]*|`.*?`", "*", why)[:110]] += 1
+        if of_batch := [*workshop.faults([text for _, text in batch])]:
+            for number, (kinds, text) in enumerate(batch, start):
+                if alone := [*workshop.faults([text])]:
+                    at_fault[number] = [kinds, *alone]
+            at_fault = at_fault or {start: ["together", *of_batch]}
+        for number, faults in at_fault.items():
+            (folder / f"{number}.json").write_bytes(batch[number - start][1])
+            print(number, *faults, sep="\n", flush=True)
+        n_faults += len(at_fault)
     for why, times in said.most_common():
         print(f"{times:6} {why}")
     print(f"{count} forged records with seed {seed}: {n_faults} faults")
