@@ -125,6 +125,24 @@ class TrainedNetwork(CheckedParameters):
 
         train(self.configuration, self.training_seed, data, folder, options, say)
 
+    def seeds(self, training: str) -> tuple[int, ...]:
+        """Return the seeds of the models of tables; see :class:`.HasRecipe`."""
+        is_single = self.configuration in ("as_printed", "size_free", "wide-extra")
+        return (0,) if is_single or training.endswith("-III") else (0, 1)
+
+    def recipe(self, training: str) -> dict[str, Any]:
+        """Return the options of their training."""
+        if self.configuration in ("as_printed", "wide-extra"):  # their defaults
+            return {}
+        epochs = 500 if training.endswith("-III") else 60
+        return {"resolution": 128, "stretch_depth": True, "epochs": epochs}
+
+    def training_seconds(self, training: str, n_pairs: int) -> float:
+        """Return about how many seconds a core takes for one of them, on so many pairs."""
+        from learned.fitting import estimated_seconds
+
+        return estimated_seconds(self.configuration, n_pairs, self.recipe(training))
+
 
 @dataclass(frozen=True, kw_only=True)
 class Learned(TrainedNetwork):

@@ -8,7 +8,7 @@ passes the learner the model for each shape.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -37,6 +37,7 @@ __all__ = [
     "WEIGHTS",
     "Bodies",
     "Card",
+    "HasRecipe",
     "Learner",
     "MeasuresFit",
     "Split",
@@ -227,6 +228,23 @@ class Learner(Protocol):
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the canonical form, or raise ``UnsupportedShape`` with the reason."""
+        ...
+
+
+@runtime_checkable
+class HasRecipe(Protocol):
+    """Learner that says how the models of its rows in tables are trained; ``run --train`` follows it."""
+
+    def seeds(self, training: str) -> Sequence[int]:
+        """Return the seeds of the models of tables, for training data of this name."""
+        ...
+
+    def recipe(self, training: str) -> Mapping[str, Any]:
+        """Return the options of their training."""
+        ...
+
+    def training_seconds(self, training: str, n_pairs: int) -> float:
+        """Return about how many seconds a core takes for one of them, on so many pairs."""
         ...
 
 

@@ -24,6 +24,7 @@ from benchmark.registry import Component
 from benchmark.report.formats import robustness_markdown
 from benchmark.report.frames import changed, chosen_records, fold_of
 from benchmark.report.tables import table_views
+from benchmark.runs.lacking import LackingModel, lacking_models, train_lacking
 from benchmark.runs.planning import Planned, estimate, plan_selection
 from benchmark.runs.runner import run as run_jobs
 from benchmark.runs.runner import with_results
@@ -87,6 +88,7 @@ def plan(selection: Selection, *, traceback: bool = False, every: bool = False) 
         say(f"at most about {wall} with {cores} processes ({work} of processor time)")
     if expected.unknown:
         say(f"{expected.unknown} of them cannot be estimated: no job of their method has finished")
+    _say_lacking(_lacking(selection))
     for record in _records_of(jobs, records) if traceback else ():
         if record.traceback:
             say(f"{record.row}: {record.reason}")
@@ -101,8 +103,12 @@ def run(
     timeout: float,
     rerun: Collection[str],
     forms: Sequence[str],
+    train: bool = False,
 ) -> bool:
-    """Run the selected jobs, or score forms of other programs, and print tables; return whether all jobs are ok."""
+    """Run the selected jobs, or score forms of other programs, and print tables; return whether all jobs are ok.
+
+    With ``train``, models that the networks of the selection lack are trained first.
+    """
     if not (
         selection.everything
         or selection.tables
@@ -111,6 +117,10 @@ def run(
         or selection.plugins
     ):
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
+    if train:
+        lacking = _lacking(selection)
+        _say_lacking(lacking)
+        train_lacking(lacking, selection.results, selection.data_root, say)
     records = read_records(selection.results)
     of_programs, in_this_process = _forms(selection, forms), size == 0 and not dask
     jobs = planned_jobs(selection, records, rerun, of_programs, in_this_process=in_this_process)
@@ -168,6 +178,35 @@ def run(
             "- The best of several values is tuned on these shapes; choose it on others: --subjects A,B."
         )
     return fine
+
+
+def _lacking(selection: Selection) -> list[LackingModel]:
+    """Return the models that the networks of a selection lack."""
+    return lacking_models(
+        selection.results,
+        methods=selection.methods,
+        plugins=selection.plugins,
+        input=selection.input,
+        data_root=selection.require_data_root(),
+        tables=selection.tables,
+        datasets=selection.datasets,
+        quick=selection.quick,
+    )
+
+
+def _say_lacking(lacking: Sequence[LackingModel]) -> None:
+    """Say how many models are lacking, and how long their trainings take."""
+    if not lacking:
+        return
+    counts = Counter(model.method.partition("[")[0] for model in lacking)
+    named = ", ".join(f"{count} of {name}" for name, count in counts.items())
+    known = [model.seconds for model in lacking if model.seconds is not None]
+    takes = f"about {_roughly(sum(known))} of processor time"
+    if len(known) < len(lacking):
+        takes += f", {len(lacking) - len(known)} of them unknown"
+    verb = "is" if len(lacking) == 1 else "are"
+    models = counted(len(lacking), "model")
+    say(f"{models} {verb} missing ({named}); 'run --train' trains first: {takes}")
 
 
 def _say_counts(jobs: Sequence[Planned]) -> None:

@@ -71,12 +71,17 @@ def run(
             "--forms", metavar="NAME=DIR", help="Score DIR/SHAPE.off of another program instead."
         ),
     ] = [],
+    train: Annotated[
+        bool, Option("--train", help="First train the models that are missing.")
+    ] = False,
 ) -> bool:
     """Run the missing jobs of a selection, then print its tables."""
     from benchmark.cli.run import run
 
     rerun = ["failed", "finished"] if force else ["failed"] if retry else []
-    return run(selection, size=jobs, dask=dask, timeout=timeout, rerun=rerun, forms=forms)
+    return run(
+        selection, size=jobs, dask=dask, timeout=timeout, rerun=rerun, forms=forms, train=train
+    )
 
 
 @verb(*_JOBS)

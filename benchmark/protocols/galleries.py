@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from benchmark.api.contracts import Input
 from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.api.learning import HasRecipe, Learner
 from benchmark.datasets.base import Part, check_retrievable, thinned
 from benchmark.datasets.catalogue import (
     check_ranked,
@@ -19,7 +21,14 @@ from benchmark.datasets.catalogue import (
 )
 from benchmark.datasets.changes import CHANGES, LEVELS, changed_name, split_name
 from benchmark.errors import ConfigurationError, DatasetError, check_known
-from benchmark.protocols.models import MissingModel, Model, TooNear, UnusableModel, find_models
+from benchmark.protocols.models import (
+    MissingModel,
+    Model,
+    TooNear,
+    UnusableModel,
+    find_models,
+    has_model,
+)
 from benchmark.protocols.tables import (
     AGAINST,
     CAMERAS,
@@ -30,7 +39,7 @@ from benchmark.protocols.tables import (
     gallery_name,
     own_table,
 )
-from benchmark.protocols.trainings import NoFolds
+from benchmark.protocols.trainings import NoFolds, Training, trainings_by_shape
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry import Component
 
@@ -191,6 +200,54 @@ class Gallery:
             return True
         except (MissingModel, NoFolds) as error:
             return isinstance(error, UnusableModel)
+
+    def lacking(
+        self,
+        input_: Input,
+        methods: Iterable[Component],
+        trained_here: Path | None = None,
+        *,
+        named: bool = False,
+    ) -> Iterator[tuple[Component, Training]]:
+        """Yield the trainings without a model that rows of networks would need, as far as this code can train them.
+
+        Parameters
+        ----------
+        input_, methods, trained_here, named
+            As in :meth:`rows`.
+        """
+        for method in methods:
+            with contextlib.suppress(ConfigurationError):  # its row says what is wrong
+                if not method.learns or method.missing_packages():
+                    continue
+                if self._includes(input_, method, named or not method.of_suite):
+                    yield from self._lacking_of(method, trained_here)
+
+    def _lacking_of(
+        self, method: Component, trained_here: Path | None
+    ) -> Iterator[tuple[Component, Training]]:
+        """Yield the trainings that a network and its variants in tables lack."""
+        is_fixed = bool(method.parameters) or self.quick or method.given is not None
+        variants = [method]
+        if not is_fixed and method.base_name == NETWORK and not self.table.is_ablation:
+            variants.append(method.with_parameters({"configuration": "as_printed"}))
+        for variant in variants:
+            learner = variant.create()
+            if not isinstance(learner, Learner):
+                continue
+            of_shapes = trainings_by_shape(learner, self.dataset, self.entries, self.data_root)
+            for training in dict.fromkeys(of_shapes.values()):
+                if training.is_frozen or not training.dataset:
+                    continue
+                seeds: Sequence[int] = ()
+                if not is_fixed and isinstance(learner, HasRecipe):
+                    seeds = learner.seeds(training.name)
+                seeded = [
+                    variant.with_parameters({"training_seed": seed}) for seed in seeds if seed
+                ]
+                for component in (variant, *seeded):
+                    if not has_model(component.create(), training.name, trained_here):
+                        yield component, training
 
     def models(self, method: Component, trained_here: Path | None) -> dict[str, Model]:
         """Return the model for each shape; see :func:`benchmark.protocols.models.find_models`."""

@@ -210,6 +210,11 @@ def model_places(learner: Learner, trained_here: Path | None = None) -> list[Pat
     return [place for place in places if place is not None]
 
 
+def has_model(learner: Learner, training: str, trained_here: Path | None) -> bool:
+    """Return whether a learner has a finished model of a training, usable or not."""
+    return _finished(learner, training, trained_here) is not None
+
+
 def _finished(learner: Learner, training: str, trained_here: Path | None) -> Path | None:
     """Return the folder of the finished model of a training, by precedence; None if there is none."""
     folders = (

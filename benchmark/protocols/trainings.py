@@ -11,6 +11,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.learning import Learner
 from benchmark.datasets.base import Part
 from benchmark.datasets.catalogue import catalogued, is_present, open_dataset
+from benchmark.datasets.sampled import N_BODIES, N_SHAPES
 from benchmark.errors import ConfigurationError, check_known
 
 
@@ -164,6 +165,13 @@ def find_training(name: str) -> Training:
         return Training(name, "")
     check_known("training", [name], TRAININGS)
     return TRAININGS[name]
+
+
+def n_pairs(training: Training, data_root: Path | None) -> int:
+    """Return the largest number of pairs of a training; raise ``DatasetError`` if its data set is missing."""
+    if training.name == SAMPLED_PEOPLE:
+        return N_BODIES * N_SHAPES
+    return len(training.trained.of(open_dataset(training.dataset, data_root)))
 
 
 def trainings_by_shape(

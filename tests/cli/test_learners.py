@@ -76,3 +76,26 @@ def test_without_a_model_the_plan_names_the_command_that_trains_it(root, tmp_pat
     call("run", *selection, "-j", "0", code=1)
     call(*command[3:-2], *folders)
     assert "2 of 2 jobs to run" in call("plan", *selection)
+
+
+def test_a_run_trains_what_it_lacks_first(root, tmp_path):
+    folders = ("--results", tmp_path, "--data-root", root)
+    selection = ("-t", "III-view", "-m", "nearest-view", *SMALL, *folders)
+    missing = "1 model is missing (1 of nearest-view); 'run --train' trains first"
+    assert missing in call("plan", *selection)
+    told = call("run", *selection, "-j", 1, "--train")
+    assert missing in told and "training 1 of 1: nearest-view, tosca-III" in told
+    assert "Nearest View" in told
+    assert (tmp_path / "models" / "tosca-III" / "seed0" / CARD).is_file()
+    assert missing not in call("plan", *selection)
+    assert "training" not in call("run", *selection, "-j", 1, "--train").splitlines()[0]
+
+
+def test_a_training_that_fails_ends_the_run(root, tmp_path):
+    folder = tmp_path / "models" / "tosca-III"
+    folder.mkdir(parents=True)
+    (folder / "seed0").write_text("no folder")
+    selection = ("-t", "III-view", "-m", "nearest-view", *SMALL, "--results", tmp_path)
+    told = call("run", *selection, "--data-root", root, "-j", 1, "--train", code=2)
+    assert "the training of nearest-view on 'tosca-III' failed" in told
+    assert "run it alone: python -m benchmark train nearest-view -t tosca-III" in told

@@ -1,0 +1,124 @@
+"""Models that the networks of a selection lack, and their trainings before a run."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmark.api.contracts import Input
+from benchmark.api.learning import HasRecipe
+from benchmark.errors import TrainingError
+from benchmark.protocols.galleries import galleries
+from benchmark.protocols.trainings import find_training, n_pairs
+from benchmark.registry import Component, select
+from benchmark.text import EVERY
+
+
+@dataclass(frozen=True)
+class LackingModel:
+    """A model that a row needs, and that nobody trained yet.
+
+    Parameters
+    ----------
+    method
+        Name of the network, with its parameters.
+    plugin
+        File of the network; None for one of the suite.
+    training
+        Name of the training data.
+    options
+        Options of the training.
+    seconds
+        About how long one core takes; None if the network does not say.
+    """
+
+    method: str
+    plugin: Path | None
+    training: str
+    options: Mapping[str, Any]
+    seconds: float | None
+
+    def words(self, results: Path, data_root: Path | None) -> list[str]:
+        """Return the words after ``python -m benchmark`` that train it."""
+        words = ["train", self.method, "-t", self.training, "--results", str(results)]
+        for name, value in self.options.items():
+            words += ["-o", f"{name}={str(value).lower()}"]
+        if self.plugin is not None:
+            words += ["--plugin", str(self.plugin)]
+        if data_root is not None:
+            words += ["--data-root", str(data_root)]
+        return words
+
+
+def lacking_models(
+    results: Path,
+    *,
+    methods: Sequence[Any] = (),
+    plugins: Sequence[Path] = (),
+    input: Input | None = None,
+    data_root: Path | None = None,
+    **data: Any,
+) -> list[LackingModel]:
+    """Return the models that the networks of a selection lack, and that this code can train.
+
+    Parameters
+    ----------
+    results
+        The results folder, which may hold models.
+    methods, plugins, input
+        As for :func:`benchmark.runs.planning.plan_selection`.
+    data_root, **data
+        Folder of the official data sets, tables and data sets.
+    """
+    selected = select(methods, plugins)
+    are_named = bool(methods) and EVERY not in methods
+    found: dict[tuple[str, str], LackingModel] = {}
+    for gallery in galleries(input=input, data_root=data_root, **data):
+        for input_ in gallery.inputs:
+            lacking = gallery.lacking(input_, selected, results / "models", named=are_named)
+            for component, training in lacking:
+                # Rows of controls have the models of other rows.
+                name = training.name, component.create().model_name
+                if name not in found:
+                    found[name] = _lacking_model(component, training.name, data_root)
+    return list(found.values())
+
+
+def _lacking_model(component: Component, training: str, data_root: Path | None) -> LackingModel:
+    learner = component.create()
+    options: Mapping[str, Any] = {}
+    seconds = None
+    if isinstance(learner, HasRecipe):
+        options = learner.recipe(training)
+        seconds = learner.training_seconds(training, n_pairs(find_training(training), data_root))
+    plugin = Path(component.plugin) if component.plugin else None
+    return LackingModel(component.name, plugin, training, options, seconds)
+
+
+def train_lacking(
+    lacking: Collection[LackingModel],
+    results: Path,
+    data_root: Path | None,
+    say: Callable[[str], object],
+) -> None:
+    """Train models one after the other, each in a process of its own; what was interrupted goes on.
+
+    Raises
+    ------
+    TrainingError
+        If a training fails.
+    """
+    for number, model in enumerate(lacking, start=1):
+        say(f"training {number} of {len(lacking)}: {model.method}, {model.training}")
+        words = model.words(results, data_root)
+        done = subprocess.run([sys.executable, "-m", "benchmark", *words], check=False)
+        if done.returncode:
+            raise TrainingError(
+                f"the training of {model.method} on '{model.training}' failed",
+                f"run it alone: {shlex.join(['python', '-m', 'benchmark', *words])}",
+            )

@@ -1,0 +1,61 @@
+"""Models that the networks of a selection lack: those of published tables, and no others."""
+
+from collections import Counter
+
+from benchmark.api.learning import CARD
+from benchmark.registry import select_one
+from benchmark.runs.lacking import lacking_models
+
+STRICT = "learned-strict"
+
+
+def named(lacking):
+    return {(model.method, model.training) for model in lacking}
+
+
+def test_table_iv_lacks_two_strict_models_of_twelve_folds(tmp_path):
+    lacking = lacking_models(tmp_path, tables=["IV"])
+    folds = [f"people-strict-{fold}-{poses}" for fold in range(3) for poses in range(4)]
+    seeds = (STRICT, f"{STRICT}[training_seed=1]")
+    assert named(lacking) == {(name, fold) for name in seeds for fold in folds}
+    assert {tuple(model.options.items()) for model in lacking} == {
+        (("resolution", 128), ("stretch_depth", True), ("epochs", 60))
+    }
+    assert all(model.seconds and model.seconds > 0 for model in lacking)
+    words = lacking[0].words(tmp_path, None)
+    assert words[:4] == ["train", lacking[0].method, "-t", lacking[0].training]
+    assert "stretch_depth=true" in words and "epochs=60" in words
+
+
+def test_a_model_that_is_there_is_not_lacking(tmp_path):
+    first = lacking_models(tmp_path, tables=["IV"])[0]
+    learner = select_one(first.method).create()
+    folder = tmp_path / "models" / first.training / learner.model_name
+    folder.mkdir(parents=True)
+    (folder / CARD).write_text("{}")
+    after = lacking_models(tmp_path, tables=["IV"])
+    assert (first.method, first.training) not in named(after)
+    assert len(after) == 23
+
+
+def test_chosen_parameters_are_trained_alone(tmp_path):
+    lacking = lacking_models(tmp_path, tables=["IV"], methods=[f"{STRICT}[training_seed=5]"])
+    assert Counter(model.method for model in lacking) == {f"{STRICT}[training_seed=5]": 12}
+
+
+def test_networks_that_come_with_the_suite_or_are_frozen_lack_nothing(tmp_path):
+    shipped = ["learned", "learned-wide-extra", "learned-streamed"]
+    methods = [*shipped, "deformation-field", "learned-wide-extra[training=animals-sampled]"]
+    assert lacking_models(tmp_path, tables=["I", "II", "III"], methods=methods) == []
+    assert lacking_models(tmp_path, tables=["I"], methods=["gps"]) == []
+
+
+def test_controls_share_the_models_of_their_network(tmp_path, monkeypatch):
+    monkeypatch.setattr("benchmark.protocols.galleries.has_model", lambda *_: False)
+    methods = ["learned", "learned-average", "learned-flat"]
+    lacking = lacking_models(tmp_path, tables=["IV"], methods=methods)
+    assert named(lacking) == {
+        (name, f"people-fold-{fold}")
+        for name in ("learned", "learned[training_seed=1]")
+        for fold in range(3)
+    }
