@@ -1,11 +1,18 @@
 """Digests of the code that makes a result: sources, compiled extensions and versions of packages; nothing is imported.
 
 The code of a module is its source and that of everything that it imports, directly or not, except
-installed packages, whose versions count, errors, messages and the description of the machine.
-Imports inside functions count. Of a user's file, all bytes count; of the suite's, docstrings,
-messages and what type checkers alone import do not. Messages are the texts of ``raise`` statements,
-and those that are called ``problem`` or ``hint``. Of a package without a version, as one that is
-installed to be edited, all modules count.
+installed packages, whose versions count. Imports inside functions count. Of a user's file, all bytes
+count. Of the suite, what computes counts, and nothing that checks or speaks:
+
+- neither the modules in :data:`IN_NO_KEY`, nor the ``__init__`` of a package that only passes on a
+  name;
+- neither docstrings nor what type checkers alone import;
+- no messages: texts of ``raise`` statements and of ``named_errors``, and those that are called
+  ``problem`` or ``hint``;
+- no bounds of parameters: of ``Annotated[int, Interval(1)]``, only the type;
+- no texts for tables and lists: the arguments ``title``, ``summary``, ``departs`` and ``cite``.
+
+Of a package without a version, as one that is installed to be edited, all modules count.
 """
 
 from __future__ import annotations
@@ -16,7 +23,8 @@ import importlib.metadata
 import importlib.util
 import json
 import sys
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache, partial
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -31,11 +39,24 @@ FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 #: Folder that holds the packages of the suite.
 ROOT = Path(__file__).parents[1]
 
-#: Variables that hold a part of a message.
+#: Modules that determine no result, and why.
+IN_NO_KEY = {
+    "benchmark.errors": "says what went wrong",
+    "benchmark.text": "prints",
+    "benchmark.machine": "describes the machine",
+    "benchmark.files": "fetches bytes, whose digest is in the key",
+    "benchmark.api.parameters": "checks parameters, whose values are in the key",
+    "learned.fitting": "trains models, the digest of whose weights is in the key",
+}
+
+#: Ends of the names of variables that hold a part of a message.
 _MESSAGES = ("problem", "hint")
 
-#: Modules that determine no result.
-_WORDS = ("benchmark.errors", "benchmark.text", "benchmark.machine")
+#: Functions whose texts are parts of messages.
+_SPEAKERS = ("named_errors",)
+
+#: Arguments with texts for tables and lists.
+_TEXTS = ("title", "summary", "departs", "cite")
 
 
 def code_digest(target: str, files: Iterable[str] = ()) -> str:
@@ -88,6 +109,24 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
 def code_of_modules(modules: Iterable[str]) -> dict[str, str]:
     """Return what the code of modules consists of."""
     return {name: part for module in modules for name, part in code_of(module).items()}
+
+
+def definitions_of(code: Iterable[tuple[str, str]]) -> dict[str, dict[str, str]]:
+    """Return the digests of functions, methods, classes and constants of the suite, by the digests of their files.
+
+    Parameters
+    ----------
+    code
+        Paths and digests, as :func:`code_of` returns them; a file that has another digest now is
+        left out.
+    """
+    found: dict[str, dict[str, str]] = {}
+    for name, part in code:
+        path = ROOT / name
+        is_of_suite = name.partition("/")[0] in FIRST_PARTY and path.suffix == ".py"
+        if is_of_suite and path.is_file() and _parsed(path).digest == part:
+            found[part] = dict(_parsed(path).definitions)
+    return found
 
 
 def plugin_file(target: str) -> Path | None:
@@ -150,11 +189,12 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
             f"there is no module {path or name}", "correct the name, or install its package"
         )
     is_beside = cache(partial(_is_beside, base))  # asked again for each import
-    sources, packages, pending = {start: base}, set[str](), [start]
+    sources = {start: base}
+    packages = set[str]()
+    pending = [start]
     while pending:
         source = pending.pop()
-        package = _relative(source, sources[source]).parts[:-1]
-        for parts in _imported(_parsed(source).imports, package):
+        for parts in _imported(_parsed(source).imports, _relative(source, sources[source])):
             top = parts[0]
             is_near = path is not None and top not in FIRST_PARTY and is_beside(top)
             has_sources = is_near or top in FIRST_PARTY or not _versions(top)
@@ -162,17 +202,39 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
             if where is None:
                 packages.add(top)
                 continue
-            found = [_locate(where, parts)]
-            if where not in (
-                ROOT,
-                base,
-            ):  # a package without a version, which may import its modules in any way
+            found = _suite_files(parts) if top in FIRST_PARTY else _files_around(where, parts)
+            if where not in (ROOT, base):  # a package without a version, which imports in any way
                 found += sorted((where / top).rglob("*.py"))
             for file in found:
-                if file and file not in sources:
+                if file not in sources:
                     sources[file] = where
                     pending.append(file)
     return sources, packages
+
+
+def _files_around(where: Path, parts: tuple[str, ...]) -> list[Path]:
+    """Return the files of a module and of all packages around it."""
+    found = [_locate(where, parts[:count]) for count in range(1, len(parts) + 1)]
+    return [file for file in found if file]
+
+
+def _suite_files(parts: tuple[str, ...]) -> list[Path]:
+    """Return the file of a module of the suite, or of the one where a name that it imports is from.
+
+    The packages around a module compute nothing, see ``tests/registry/test_keys.py``.
+    """
+    if ".".join(parts[:2]) in IN_NO_KEY or ".".join(parts[:3]) in IN_NO_KEY:
+        return []
+    if module := _locate(ROOT, parts):
+        return [module]
+    around = _locate(ROOT, parts[:-1])
+    if around is None:  # a name of a class
+        return []
+    passed_on = _parsed(around).passed_on.get(parts[-1]) if around.name == "__init__.py" else None
+    if passed_on is None:
+        return [around]
+    files = [_suite_files(name) for name in _imported((passed_on,), _relative(around, ROOT))]
+    return [*chain.from_iterable(files)]
 
 
 def _is_beside(base: Path, top: str) -> bool:
@@ -196,20 +258,16 @@ def _folder_of(top: str) -> Path | None:
 
 
 @cache
-def _imported(
-    imports: tuple[tuple[int, str, str], ...], package: tuple[str, ...]
-) -> tuple[tuple[str, ...], ...]:
-    """Return the full names of the modules that a module of a package may import, and of packages around them."""
+def _imported(imports: tuple[Import, ...], source: Path) -> tuple[tuple[str, ...], ...]:
+    """Return the full names of what a source file imports: modules, or names in modules."""
+    package = source.parts[:-1]
     names = dict[tuple[str, ...], None]()
     for level, module, attribute in imports:
         around = package[: len(package) - level + 1] if level else ()
         full = (*around, *filter(None, [*module.split("."), attribute]))
-        names |= dict.fromkeys(full[:count] for count in range(1, len(full) + 1))
-    return tuple(
-        name
-        for name in names
-        if name[0] not in sys.stdlib_module_names and ".".join(name[:2]) not in _WORDS
-    )
+        if full[0] not in sys.stdlib_module_names:
+            names[full] = None
+    return tuple(names)
 
 
 @cache
@@ -237,11 +295,29 @@ def _find(base: Path, parts: tuple[str, ...]) -> Path | None:
     return next((path for path in candidates if path.is_file()), None)
 
 
+Import = tuple[int, str, str]
+"""Level, module and attribute of an import."""
+
+
 class _Module(NamedTuple):
-    """Digest of a source file, and its imports: level, module, attribute."""
+    """A source file.
+
+    Parameters
+    ----------
+    digest
+        Digest of what counts in it.
+    imports
+        What it imports.
+    definitions
+        Of a file of the suite: digest of each function, method, class and constant by its name.
+    passed_on
+        Of a file of the suite: what it imports by the names that it gives it, outside of functions.
+    """
 
     digest: str
-    imports: tuple[tuple[int, str, str], ...] = ()
+    imports: tuple[Import, ...] = ()
+    definitions: Mapping[str, str] = {}
+    passed_on: Mapping[str, Import] = {}
 
 
 def _parsed(path: Path) -> _Module:
@@ -259,17 +335,63 @@ def _parsed_once(path: Path, *_: int) -> _Module:
     if tree is None:
         return _Module(digest_of_bytes(content))
     if not any(path.is_relative_to(ROOT / package) for package in FIRST_PARTY):
-        return _Module(
-            digest_of_bytes(content), tuple(chain.from_iterable(map(_imports, ast.walk(tree))))
-        )
-    imports: dict[tuple[int, str, str], None] = {}
+        imports = chain.from_iterable(map(_imports, ast.walk(tree)))
+        return _Module(digest_of_bytes(content), tuple(imports))
+    return _parsed_suite(tree)
+
+
+def _parsed_suite(tree: ast.Module) -> _Module:
+    """Return what counts in a file of the suite."""
+    imports: dict[Import, None] = {}
     parts: list[Any] = []
-    pending: list[Any] = [tree]
+    by_name = defaultdict[str, list[Any]](list)
+    for name, node in _definitions(tree.body):
+        of_definition = _significant(node, imports)
+        parts += of_definition
+        by_name[name] += of_definition
+    definitions = {name: digest_of_bytes(repr(of).encode()) for name, of in by_name.items()}
+    passed_on = {
+        alias.asname or alias.name: (node.level, node.module or "", alias.name)
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    return _Module(digest_of_bytes(repr(parts).encode()), tuple(imports), definitions, passed_on)
+
+
+def _definitions(body: Iterable[ast.stmt], within: str = "") -> Iterator[tuple[str, ast.AST]]:
+    """Yield the statements of a module with the names that they define; a class is taken apart."""
+    for node in body:
+        if isinstance(node, ast.ClassDef):
+            yield from _definitions(node.body, f"{within}{node.name}.")
+            members = node.body
+            node.body = []
+            yield f"{within}{node.name}", node
+            node.body = members
+        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            yield f"{within}{node.name}", node
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
+            yield f"{within}{_name(target) or 'constants'}", node
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            yield f"{within}imports", node
+        else:
+            yield f"{within}statements", node
+
+
+def _significant(statement: ast.AST, imports: dict[Import, None]) -> list[Any]:
+    """Return what counts in a statement of the suite, without texts that speak; adds what it imports."""
+    parts: list[Any] = []
+    pending: list[Any] = [[statement]]
     while pending:  # faster than ast.dump and ast.walk
         node = pending.pop()
+        if isinstance(node, ast.ImportFrom) and node.module in IN_NO_KEY:
+            continue
         if isinstance(node, ast.If) and _name(node.test) == "TYPE_CHECKING":
             node = node.orelse
-        if _is_message(node):
+        if isinstance(node, ast.Subscript) and _name(node.value) == "Annotated":
+            node = node.slice.elts[:1] if isinstance(node.slice, ast.Tuple) else node
+        if _speaks(node):
             for part in ast.walk(node):
                 if _is_text(part):
                     part.value = ""
@@ -285,10 +407,10 @@ def _parsed_once(path: Path, *_: int) -> _Module:
             parts.append(type(node).__name__)
         else:
             parts.append(node)
-    return _Module(digest_of_bytes(repr(parts).encode()), tuple(imports))
+    return parts
 
 
-def _imports(node: ast.AST) -> list[tuple[int, str, str]]:
+def _imports(node: ast.AST) -> list[Import]:
     """Return level, module and attribute of each import of a statement or expression."""
     if isinstance(node, ast.Import):
         return [(0, alias.name, "") for alias in node.names]
@@ -312,12 +434,15 @@ def _is_text(node: ast.AST) -> TypeGuard[ast.Constant]:
     return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
-def _is_message(node: Any) -> bool:
-    """Return whether a statement raises an error, or makes a part of its message."""
+def _speaks(node: Any) -> bool:
+    """Return whether the texts in a node are for users: those of an error, a part of its message, or of a table."""
     if isinstance(node, ast.Assign):
-        return all(
-            isinstance(target, ast.Name) and target.id in _MESSAGES for target in node.targets
-        )
+        names = [target.id.lower() for target in node.targets if isinstance(target, ast.Name)]
+        return len(names) == len(node.targets) and all(name.endswith(_MESSAGES) for name in names)
+    if isinstance(node, ast.Call):
+        return _name(node.func) in _SPEAKERS
+    if isinstance(node, ast.keyword):
+        return node.arg in _TEXTS
     return isinstance(node, ast.Raise)
 
 

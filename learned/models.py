@@ -9,7 +9,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import TYPE_CHECKING, Annotated, Any, Literal, cast
 
 import msgspec
 import torch
@@ -27,7 +27,9 @@ from learned.code_network import CodeNetwork, PeopleNetwork
 from learned.field_network import FieldNetwork
 from learned.images import DepthScale, checked_image, resampled, undecided
 from learned.paper_network import PaperNetwork, window_around
-from learned.training import History, Schedule
+
+if TYPE_CHECKING:
+    from learned.training import History, Schedule
 
 HISTORY = "history.csv"
 

@@ -12,15 +12,21 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Protocol, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from benchmark.api.parameters import CheckedParameters, Interval, Matches, parameter_values
+from benchmark.api.parameters import (
+    CheckedParameters,
+    Interval,
+    Matches,
+    Name,
+    Title,
+    parameter_values,
+)
 from benchmark.errors import InvalidMesh, UnsupportedShape
 from benchmark.geometry.mesh import Mesh, read_only
-from benchmark.text import NAME
 
 if TYPE_CHECKING:
     from benchmark.geometry.laplacian import Laplacian
@@ -44,13 +50,6 @@ __all__ = [
 
 Input = Literal["mesh", "view"]
 FloatArray = NDArray[np.float64]
-
-
-Name = Annotated[str, Matches(NAME, "lower-case words joined by hyphens")]
-"""Name on the command line."""
-
-Title = Annotated[str, Matches(r"\S.{0,199}", "a text of one line")]
-"""Name in the tables."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from benchmark.api.contracts import Input
 from benchmark.geometry.camera import FRONT, Camera, DepthSensor
 from benchmark.geometry.mesh import Mesh
 from benchmark.text import brief
+
+if TYPE_CHECKING:
+    from benchmark.api.contracts import Input
 
 
 @dataclass(frozen=True)

@@ -18,13 +18,14 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import cache
 from types import NoneType
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import msgspec
 import numpy as np
 from msgspec import Meta
 
 from benchmark.errors import ConfigurationError, check_known, did_you_mean
+from benchmark.text import NAME
 
 _QUOTES = "'\""
 
@@ -64,6 +65,13 @@ def Matches(pattern: str, words: str) -> Meta:  # noqa: N802
         Description of such text.
     """
     return Meta(pattern=rf"^(?:{pattern})\Z", description=words)
+
+
+Name = Annotated[str, Matches(NAME, "lower-case words joined by hyphens")]
+"""Name on the command line."""
+
+Title = Annotated[str, Matches(r"\S.{0,199}", "a text of one line")]
+"""Name in the tables."""
 
 
 class CheckedParameters:

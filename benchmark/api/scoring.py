@@ -19,8 +19,7 @@ from typing import Annotated, Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.contracts import Name, Title
-from benchmark.api.parameters import CheckedParameters, Interval
+from benchmark.api.parameters import CheckedParameters, Interval, Name, Title
 from benchmark.geometry.mesh import Mesh
 
 __all__ = ["Mesh", "Scorer", "ScorerInfo", "SignatureArrays"]

@@ -38,16 +38,11 @@ from benchmark.geometry.camera import FRONT
 from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.cache import Arrays, Cache
 from benchmark.pipeline.forms import shape_of
-from benchmark.pipeline.prepared import (
-    N_VERTICES,
-    PreparedShapes,
-    fit_frame,
-    frame_of,
-    prepare_mesh,
-    prepare_view,
-    require_result,
-)
+from benchmark.pipeline.prepared import PreparedShapes, frame_of
 from benchmark.pipeline.search import search
+from benchmark.pipeline.stages import require_result
+from benchmark.pipeline.surfaces import N_VERTICES, prepare_mesh
+from benchmark.pipeline.views import fit_frame, prepare_view
 from benchmark.registry import Component, select_one
 from benchmark.report.drawing import check_ending
 from benchmark.report.forms import Drawn, StoredForms, seen, upright

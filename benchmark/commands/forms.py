@@ -20,7 +20,7 @@ from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.outputs import compute_form
-from benchmark.pipeline.prepared import N_VERTICES
+from benchmark.pipeline.surfaces import N_VERTICES
 from benchmark.protocols.models import people_training, with_model
 from benchmark.registry import Component, select_one
 

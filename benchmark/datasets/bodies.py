@@ -275,7 +275,8 @@ def _template() -> _Template:
         ) from error
 
     if not any(anny.paths.get_anny_cache_path().glob("*/*")):
-        sys.stderr.write("anny builds its cache on first use; this takes about half a minute\n")
+        hint = "anny builds its cache on first use; this takes about half a minute"
+        sys.stderr.write(f"{hint}\n")
 
     class Body(anny.Anny):  # type: ignore[misc]
         """Model whose linear blend skinning adds in one order and in double precision: the same on all machines."""

@@ -175,6 +175,8 @@ def changed(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
     change = CHANGES[name]
     amount = change.amounts[level - 1]
     draw = f"{level}|" if name == "jitter" else ""
+    of_surface = change.of_mesh or change.seen
+    recipe = of_surface.__name__ if of_surface else name  # cameras and sensors are in the key
 
     def seed(entry: Entry) -> int:
         text = f"{name}|{draw}{entry.identifier}".encode("utf-8", "surrogatepass")
@@ -187,8 +189,8 @@ def changed(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
         shapes,
         name=changed_name(shapes.name, name, level),
         title=f"{shapes.title}, {change.title}: {change.unit} {amount:g}",
-        key=lambda entry: f"{shapes.key(entry)} {name} {amount!r} {seed(entry)}",
-        code=lambda entry: (*shapes.code(entry), __name__),
+        key=lambda entry: f"{shapes.key(entry)} {recipe} {amount!r} {seed(entry)}",
+        code=lambda entry: (*shapes.code(entry), surface.__name__),
     )
     if of_set := change.of_set:
         views = of_set(shapes, level)

@@ -30,13 +30,54 @@ from benchmark.geometry.depth import (
     camera_coordinates,
     common_half_width,
 )
-from benchmark.geometry.preparation import prepare
-from benchmark.text import listed
+from benchmark.geometry.preparation import Prepared, prepare
+from benchmark.text import counted, listed
 
 #: Factors between units of length: inches, centimetres, millimetres, feet, metres.
 _UNITS = (2.54, 10, 12, 25.4, 100, 304.8, 1000)
 #: Largest relative difference of a factor, and of the sizes of a subject in several poses.
 _NEAR_UNIT = 0.05
+
+#: What preparation changes or leaves by its name in the report: how it is counted, and what
+#: happens.
+_CHANGES: dict[str, tuple[tuple[str, ...], str]] = {
+    "merged": (("copy of a vertex", "copies of vertices"), "preparation merges them"),
+    "unreferenced": (
+        ("vertex without a face", "vertices without a face"),
+        "preparation drops them",
+    ),
+    "degenerate_faces": (
+        ("face without area", "faces without area"),
+        "preparation removes them and opens no border",
+    ),
+    "duplicate_faces": (("duplicate face",), "preparation keeps one of each"),
+    "turned_faces": (
+        ("face the other way round", "faces the other way round"),
+        "preparation turns them",
+    ),
+    "one_sided_components": (
+        ("one-sided piece",),
+        "preparation leaves it, like a Moebius strip, as it is",
+    ),
+    "non_manifold_edges": (
+        ("non-manifold edge",),
+        "preparation keeps the two largest faces of each",
+    ),
+    "non_manifold_vertices": (
+        ("non-manifold vertex", "non-manifold vertices"),
+        "preparation splits them",
+    ),
+    "boundary_edges": (("boundary edge",), "close the surface for methods that need it closed"),
+    "opened_edges": (
+        ("boundary edge opened by preparation", "boundary edges opened by preparation"),
+        "see above",
+    ),
+    "dropped_components": (("small piece",), "preparation drops the smallest pieces"),
+    "bridges": (
+        ("bridge between pieces", "bridges between pieces"),
+        "preparation adds them where pieces are closest",
+    ),
+}
 
 _NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
@@ -96,7 +137,7 @@ class Row:
         are one.
     changes
         What preparation changes, and what to do; see
-        :attr:`benchmark.geometry.preparation.Prepared.changes`.
+        :func:`changes_of`.
     extent, size
         Half the longest side of the bounding box in the camera's frame, and the root of the area,
         in file units.
@@ -342,13 +383,29 @@ def _report(dataset: ShapeSet, of_set: Iterable[Anomaly], watched: Watched) -> R
     return Report(dataset, tuple(rows), by_kind([*of_set, *unread_files(dataset), *of_shapes]))
 
 
+def changes_of(prepared: Prepared) -> list[tuple[str, str]]:
+    """Return what is unusual about a mesh, and what preparation does about it or the user can do."""
+    report = prepared.report
+    found = []
+    for name, (what, action) in _CHANGES.items():
+        if report[name]:
+            found.append((counted(int(report[name]), *what), action))
+    if gap := prepared.scale * report["largest_gap"]:
+        hint = "join the pieces if the surface should be in one"
+        found.append((f"bridges of length up to {gap:.3g}", hint))
+    if lost := report["lost_area"]:
+        hint = "preparation drops it with small pieces and crowded edges"
+        found.append((f"{lost:.2%} of the area", hint))
+    return found
+
+
 def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> Row:
     mesh = dataset.load(entry)
     surface = compact(mesh.vertices, mesh.faces)
     changes: list[tuple[str, str]] = []
     if dataset.observe is None:
         prepared = prepare(mesh, mesh.n_vertices)
-        counts, changes = prepared.report, prepared.changes
+        counts, changes = prepared.report, changes_of(prepared)
     else:  # views are open and possibly disconnected
         counts = {
             "vertices_before": mesh.n_vertices,

@@ -60,7 +60,7 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
         inputs=("view",),
         folder=folder,
         canonical_poses=canonical_poses(values.get("canonical_pose", {}), entries, path),
-        code=lambda _: (__name__,),
+        code=lambda _: (FrameFiles.__module__,),
     )
 
 

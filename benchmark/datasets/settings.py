@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping
@@ -12,6 +11,7 @@ from typing import Any, TypeVar
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import by_subject
+from benchmark.datasets.units import in_metres, of_unit_area
 from benchmark.errors import ConfigurationError, DatasetError, check_known
 from benchmark.files import LARGEST_LIST, decode, named_errors, read_file
 from benchmark.geometry.camera import FRONT, SIDE, Camera
@@ -81,11 +81,12 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
 
         def load(entry: Entry) -> Mesh:
             mesh = shapes.load(entry)
-            by = 1 / math.sqrt(mesh.area) if "normalise" in values and mesh.area else factor(entry)
-            return mesh.with_vertices(by * mesh.vertices)
+            if "normalise" in values and mesh.area:
+                return of_unit_area(mesh)
+            return in_metres(mesh, factor(entry))
 
         changes["load"] = load
-        changes["code"] = lambda entry: (*shapes.code(entry), __name__)
+        changes["code"] = lambda entry: (*shapes.code(entry), of_unit_area.__module__)
         changes["key"] = lambda entry: (
             f"{shapes.key(entry)} {values.get('normalise') or factor(entry)}"
         )

@@ -198,8 +198,8 @@ class _File:
         """Return the numbers behind an accessor, shape (count, width)."""
         accessor = self._tree["accessors"][number]
         if "sparse" in accessor or "bufferView" not in accessor:
-            what = "is sparse, which is not read" if "sparse" in accessor else "has no data"
-            raise UnreadableMesh(f"accessor {number} {what}", "export it in full")
+            problem = "is sparse, which is not read" if "sparse" in accessor else "has no data"
+            raise UnreadableMesh(f"accessor {number} {problem}", "export it in full")
         kind, shape = (
             np.dtype(_TYPES[accessor["componentType"]]),
             (accessor["count"], _WIDTHS[accessor["type"]]),

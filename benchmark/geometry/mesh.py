@@ -49,9 +49,9 @@ class Mesh:
             problem = f"{bad} of {self.n_vertices} vertices are NaN or infinite"
             raise InvalidMesh(problem, "repair or re-export the mesh")
         if self.n_faces and self.faces.max() >= self.n_vertices:
-            named = f"{self.faces.min()} to {self.faces.max()} of {self.n_vertices}, counted from 0"
+            low, high = self.faces.min(), self.faces.max()
             raise InvalidMesh(
-                f"faces name vertices {named}",
+                f"faces name vertices {low} to {high} of {self.n_vertices}, counted from 0",
                 "check whether the file counts from 1 or was truncated",
             )
 

@@ -14,7 +14,6 @@ from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.geometry import cleaning
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points, in_spatial_order
-from benchmark.text import counted
 
 DEBRIS = 0.01
 """Maximum fraction of the area in components that are dropped, smallest first; the others are parts of the shape."""
@@ -24,47 +23,6 @@ LARGEST_DEGENERATE_SHARE = 0.5
 
 DECIMALS = 6
 """Decimals of coordinates, in units of the root of the area: what a file says beyond seven digits is not the shape."""
-
-#: What preparation changes or leaves by its name in the report: how it is counted, and what
-#: happens.
-_CHANGES: dict[str, tuple[tuple[str, ...], str]] = {
-    "merged": (("copy of a vertex", "copies of vertices"), "preparation merges them"),
-    "unreferenced": (
-        ("vertex without a face", "vertices without a face"),
-        "preparation drops them",
-    ),
-    "degenerate_faces": (
-        ("face without area", "faces without area"),
-        "preparation removes them and opens no border",
-    ),
-    "duplicate_faces": (("duplicate face",), "preparation keeps one of each"),
-    "turned_faces": (
-        ("face the other way round", "faces the other way round"),
-        "preparation turns them",
-    ),
-    "one_sided_components": (
-        ("one-sided piece",),
-        "preparation leaves it, like a Moebius strip, as it is",
-    ),
-    "non_manifold_edges": (
-        ("non-manifold edge",),
-        "preparation keeps the two largest faces of each",
-    ),
-    "non_manifold_vertices": (
-        ("non-manifold vertex", "non-manifold vertices"),
-        "preparation splits them",
-    ),
-    "boundary_edges": (("boundary edge",), "close the surface for methods that need it closed"),
-    "opened_edges": (
-        ("boundary edge opened by preparation", "boundary edges opened by preparation"),
-        "see above",
-    ),
-    "dropped_components": (("small piece",), "preparation drops the smallest pieces"),
-    "bridges": (
-        ("bridge between pieces", "bridges between pieces"),
-        "preparation adds them where pieces are closest",
-    ),
-}
 
 _LARGEST_MISS = 0.01
 _MOST_ROUNDS = 8
@@ -106,30 +64,6 @@ class Prepared:
         """What a user should know: ``joined_pieces`` and the ``largest_gap`` between them, in units of the file."""
         gap, bridges = self.scale * self.report["largest_gap"], self.report["bridges"]
         return {"joined_pieces": bridges + 1, "largest_gap": gap} if bridges else {}
-
-    @property
-    def changes(self) -> list[tuple[str, str]]:
-        """What is unusual about the mesh, and what preparation does about it or the user can do."""
-        found = [
-            (counted(int(self.report[name]), *what), action)
-            for name, (what, action) in _CHANGES.items()
-            if self.report[name]
-        ]
-        if gap := self.scale * self.report["largest_gap"]:
-            found.append(
-                (
-                    f"bridges of length up to {gap:.3g}",
-                    "join the pieces if the surface should be in one",
-                )
-            )
-        if lost := self.report["lost_area"]:
-            found.append(
-                (
-                    f"{lost:.2%} of the area",
-                    "preparation drops it with small pieces and crowded edges",
-                )
-            )
-        return found
 
     def numbers_of(self, mesh: Mesh) -> IntArray | None:
         """Return the vertex of the prepared mesh at each vertex of the file, shape (n,); None if it was decimated."""

@@ -24,7 +24,8 @@ def steps() -> Iterator[Callable[[], object]]:
     from benchmark.datasets.catalogue import CATALOGUE, open_dataset
     from benchmark.geometry.camera import FRONT
     from benchmark.pipeline.forms import shape_of
-    from benchmark.pipeline.prepared import fit_frame, prepare_mesh, prepare_view
+    from benchmark.pipeline.surfaces import prepare_mesh
+    from benchmark.pipeline.views import fit_frame, prepare_view
     from benchmark.protocols.models import with_model
     from benchmark.registry import Component, by_name, select_one
 

@@ -6,7 +6,7 @@ import fcntl
 import io
 import zipfile
 import zlib
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 from benchmark.errors import BenchmarkError
 from benchmark.files import sweep, write_atomically
 from benchmark.geometry.mesh import read_only
+from benchmark.pipeline.stages import Arrays
 
-Arrays = Mapping[str, NDArray[Any]]
 Stage = Literal["prepared", "forms", "signatures", "records"]  # in the order in which they are made
 
 #: Folder of local results in a results folder.

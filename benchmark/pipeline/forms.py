@@ -23,11 +23,16 @@ from benchmark.api.contracts import (
 )
 from benchmark.geometry.mesh import read_only
 from benchmark.machine import describe_machine
-from benchmark.pipeline.cache import Arrays
-from benchmark.pipeline.prepared import NOTE, SECONDS, Incomplete, clock, timed
-
-#: Array that says on which machine a form was computed, and ending of the seconds of its geodesics.
-MACHINE, GEODESICS = ":machine", ":geodesics"
+from benchmark.pipeline.stages import (
+    GEODESICS,
+    MACHINE,
+    NOTE,
+    SECONDS,
+    Arrays,
+    Incomplete,
+    clock,
+    timed,
+)
 
 #: Returns the context of work whose time is not charged to a method, such as ``"geodesics"``.
 Uncharged = Callable[[str], AbstractContextManager[object]]

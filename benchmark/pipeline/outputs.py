@@ -1,7 +1,7 @@
 """What methods, descriptors and scorers return, checked: values are never cast if that changes them.
 
-No key of a prepared shape or of a form contains this code: an edit of a check ranks again, and
-computes no form anew.
+No key contains this code: an edit of a check computes nothing anew, and what was refused before
+stays refused until its own code changes.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from benchmark.api.contracts import (
 from benchmark.api.scoring import Scorer, SignatureArrays
 from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, UnsupportedShape, one_line
 from benchmark.geometry.cleaning import connected_components
-from benchmark.pipeline.cache import Arrays
 from benchmark.pipeline.forms import SharedResults, output_arrays
-from benchmark.pipeline.prepared import timed
+from benchmark.pipeline.ranking import Check, distances_of_draw
+from benchmark.pipeline.stages import Arrays, timed
 from benchmark.text import LONGEST_NAME, brief
 
 _FORM_HINT = (
@@ -167,34 +167,21 @@ def compute_distances(
     draw: int = 0,
     queries: Sequence[Any] | None = None,
 ) -> FloatArray:
-    """Return the dissimilarities of all pairs of descriptors, or of signatures for one draw of their scorer.
+    """Return the checked distances of :func:`benchmark.pipeline.ranking.distances_of_draw`."""
+    return distances_of_draw(comparing, check_distances(comparing), outputs, draw, queries)
 
-    Those of queries to the outputs, shape (M, N), depend on no other query.
 
-    Raises
-    ------
-    InvalidForm
-        If they are anything but a matrix of finite real numbers, shape (N, N) without queries.
+def check_distances(comparing: Descriptor | Scorer) -> Check:
+    """Return the check of the matrices of a scorer or descriptor.
+
+    It returns them in double precision, or raises ``InvalidForm`` if they are anything but finite
+    real numbers in the shape that is asked for.
     """
-    given = _given(outputs)
-    if queries is None:
-        matrix = (
-            comparing.compare(given, draw)
-            if isinstance(comparing, Scorer)
-            else comparing.distances(given)
-        )
-        return _check_numbers(matrix, comparing, (len(outputs),) * 2, _MATRIX_HINT)
-    if compare_to := getattr(comparing, "compare_to", None):
-        shape = len(queries), len(outputs)
-        matrix = compare_to(_given(queries), given, draw)
+
+    def check(matrix: object, shape: tuple[int, int]) -> FloatArray:
         return _check_numbers(matrix, comparing, shape, _MATRIX_HINT)
-    each = (compute_distances(comparing, [*outputs, query], draw) for query in queries)
-    return np.stack([matrix[-1, :-1].copy() for matrix in each])  # a view would keep its matrix
 
-
-def _given(outputs: Sequence[Any]) -> tuple[Any, ...]:
-    """Return vectors or signatures as a component gets them: what it changes in them reaches no other draw."""
-    return tuple(dict(of) if isinstance(of, Mapping) else of for of in outputs)
+    return check
 
 
 def _check_numbers(

@@ -1,68 +1,31 @@
-"""Prepare the shapes of a data set: the complete surface, or the part that a depth camera sees.
-
-The code of this module and of all that it imports is in the key of each prepared shape and form; it
-imports no check.
-"""
+"""Prepare the shapes of a data set: their keys, and how they are computed while their files do not change."""
 
 from __future__ import annotations
 
-import errno
-import resource
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from benchmark.api.contracts import Input
-from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import code_of_modules, digest
-from benchmark.errors import (
-    BenchmarkError,
-    InvalidForm,
-    InvalidMesh,
-    InvalidSignature,
-    ShapeError,
-    UnsupportedShape,
-)
-from benchmark.geometry.camera import Camera, DepthSensor
-from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import Arrays
+from benchmark.errors import ShapeError
+from benchmark.pipeline import surfaces, views
+from benchmark.pipeline.stages import Arrays, Incomplete, timed
+from benchmark.pipeline.surfaces import prepare_mesh
+from benchmark.pipeline.views import common_frame, fit_frame, prepare_view
 
-#: Number of vertices of the prepared mesh, as usual for canonical forms (Lian et al. 2013, Pickup
-#: et al. 2018).
-N_VERTICES = 2000
+if TYPE_CHECKING:
+    from benchmark.api.contracts import Input
+    from benchmark.api.datasets import Entry, ShapeSet
 
-#: Prefix of the names of arrays that are notes on a shape.
-NOTE = "note:"
+#: Modules that prepare the meshes of a data set, by input, beside those that make them.
+CODE: Mapping[Input, str] = {"mesh": surfaces.__name__, "view": views.__name__}
 
-#: Arrays that say why there is no result, and what it took (:func:`clock`); a scorer can call none
-#: of its own so.
-REFUSED, SECONDS = ":refused", ":seconds"
-
-#: Problem of a shape whose key is not the planned one, and what to do without a result for a
-#: passing reason.
-CHANGED, AGAIN = "changed during the run", "run again"
-
-
-class Incomplete(BenchmarkError):
-    """A shape has no result for a reason that is not in its content, such as a read error; nothing of it is kept.
-
-    Parameters
-    ----------
-    problem
-        What goes on after the name of the shape.
-    """
-
-    def __init__(self, problem: str) -> None:
-        super().__init__(problem, AGAIN)
-
-
-# Prepared shapes of a data set
-# ---------------------------------------------------------------------------------------
+#: Problem of a shape whose key is not the planned one.
+CHANGED = "changed during the run"
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +51,7 @@ class PreparedShapes:
 
     def _makers(self, entry: Entry) -> tuple[str, ...]:
         """Return the modules that make the mesh of a shape and prepare it."""
-        return (*self.shapes.code(entry), __name__)
+        return (*self.shapes.code(entry), CODE[self.input])
 
     @cached_property
     def camera_key(self) -> str:
@@ -180,7 +143,6 @@ class PreparedShapes:
 
 def frame_of(shapes: ShapeSet) -> float:
     """Return half the width of the frame of all views of a data set, in file units; arbitrary without shapes."""
-    from benchmark.geometry.depth import common_half_width
 
     def fitted(entry: Entry) -> Arrays:
         return timed(
@@ -190,7 +152,7 @@ def frame_of(shapes: ShapeSet) -> float:
     if shapes.half_width is not None:
         return shapes.half_width
     widths = [float(arrays["width"]) for arrays in map(fitted, shapes.shapes) if "width" in arrays]
-    return common_half_width(widths) if widths else 1.0
+    return common_frame(widths)
 
 
 def last_change(shapes: ShapeSet, entry: Entry) -> int:
@@ -198,139 +160,3 @@ def last_change(shapes: ShapeSet, entry: Entry) -> int:
     with suppress(OSError):
         return max((path.stat().st_ctime_ns for path in shapes.files(entry)), default=0)
     return 0
-
-
-def clock() -> NDArray[np.float64]:
-    """Return seconds of the wall and of the processor, user and system, of this process and its ended children."""
-    children = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return np.array(
-        [time.perf_counter(), time.process_time() + children.ru_utime + children.ru_stime]
-    )
-
-
-def timed(compute: Callable[[], Arrays]) -> Arrays:
-    """Return the arrays of a stage, or the reason why it refuses the shape, with the seconds that it took.
-
-    Raises
-    ------
-    InvalidForm, InvalidSignature
-        If a method or a scorer returned something else, which is not the fault of the shape.
-    Incomplete
-        If memory or a read error is to blame, which may not happen again.
-    """
-    start = clock()
-    try:
-        arrays = compute()
-    except (InvalidForm, InvalidSignature):
-        raise
-    except ShapeError as error:
-        if _is_temporary(error):
-            raise Incomplete(f"has no result: {error.problem}") from error
-        arrays = {REFUSED: np.array([error.problem, error.hint])}
-    return {**arrays, SECONDS: clock() - start}
-
-
-def _is_temporary(error: BaseException | None) -> bool:
-    """Return whether an error comes from memory, or from reading a file that is there."""
-    while error is not None:
-        is_read_error = isinstance(error, OSError) and error.errno not in (None, errno.ENOENT)
-        if is_read_error or isinstance(error, MemoryError):
-            return True
-        error = error.__cause__
-    return False
-
-
-def require_result(arrays: Arrays) -> Arrays:
-    """Return the arrays of a stage; raise ``UnsupportedShape`` with the reason if there are none."""
-    if REFUSED in arrays:
-        raise UnsupportedShape(*arrays[REFUSED].tolist())
-    return arrays
-
-
-# Meshes to arrays; what these functions import takes a second
-# ---------------------------------------------------------
-
-
-def prepare_mesh(source: Mesh) -> Arrays:
-    """Clean, join, decimate and scale a mesh.
-
-    Returns
-    -------
-    dict
-        ``vertices`` and ``faces`` of the prepared surface, of unit area; ``vertex_map``, the
-        nearest vertex of the file at each vertex; ``source_area`` in squared file units;
-        ``note:...`` for each note of the preparation.
-
-    Raises
-    ------
-    ShapeError
-        If the mesh has no usable part.
-    """
-    from benchmark.geometry.preparation import prepare
-
-    prepared = prepare(source, N_VERTICES)
-    return {
-        "vertices": prepared.mesh.vertices,
-        "faces": prepared.mesh.faces,
-        "vertex_map": prepared.vertex_map(source).astype(np.int32),
-        "source_area": np.asarray(prepared.source_area),
-        **{f"note:{name}": np.asarray(value) for name, value in prepared.report.items()},
-    }
-
-
-def prepare_view(
-    source: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None
-) -> Arrays:
-    """Render a mesh and back-project the depth image.
-
-    Parameters
-    ----------
-    source
-        The mesh as loaded from the data set.
-    camera
-        The camera.
-    half_width
-        Half the width of the frame in file units.
-    sensor
-        Sensor whose errors are added; None for an ideal camera.
-
-    Returns
-    -------
-    dict
-        As :func:`prepare_mesh`, of the visible surface, and ``depth``, shape (500, 500), float32.
-
-    Raises
-    ------
-    ShapeError
-        If no part of the mesh is visible.
-    """
-    from benchmark.geometry.depth import depth_surface
-
-    view = depth_surface(_surface(source), camera, half_width, sensor)
-    area = view.surface.area
-    return {
-        "vertices": view.surface.vertices / np.sqrt(area),
-        "faces": view.surface.faces,
-        "depth": view.depth,
-        "source_area": np.asarray(area),
-        **{f"note:{name}": np.asarray(value) for name, value in view.report.items()},
-    }
-
-
-def fit_frame(source: Mesh, camera: Camera) -> float:
-    """Return half the width of the frame that a mesh fills, in file units; raise ``ShapeError`` without a surface."""
-    from benchmark.geometry.depth import fit_half_width
-
-    return fit_half_width(_surface(source), camera)
-
-
-def _surface(source: Mesh) -> Mesh:
-    """Return the mesh without unreferenced vertices, which would move the centre and the frame of the camera."""
-    from benchmark.geometry.cleaning import clean
-
-    surface, cleaning = clean(source)
-    if not surface.n_faces:
-        raise InvalidMesh(
-            f"none of the {cleaning['faces_before']} triangles has an area", "export the mesh again"
-        )
-    return surface

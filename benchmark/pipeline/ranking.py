@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -11,16 +11,18 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.api.contracts import Descriptor
 from benchmark.api.scoring import Scorer
-from benchmark.pipeline.cache import Arrays, Cache, Stage
-from benchmark.pipeline.forms import MACHINE
-from benchmark.pipeline.outputs import compute_distances
-from benchmark.pipeline.prepared import NOTE, REFUSED, SECONDS, clock
+from benchmark.pipeline.stages import MACHINE, NOTE, REFUSED, SECONDS, Arrays, clock
 from retrieval.measures import score_draws
 
 if TYPE_CHECKING:
+    from benchmark.api.contracts import Descriptor
+    from benchmark.pipeline.cache import Cache, Stage
     from benchmark.pipeline.records import RankedShapes, Record
+
+#: Returns what a scorer or descriptor returned as a matrix of a shape, or raises an error that names
+#: it; see :func:`benchmark.pipeline.outputs.check_distances`.
+Check = Callable[[object, tuple[int, int]], NDArray[np.float64]]
 
 #: Arrays of prepared shapes and forms that ranking does not read.
 _SURFACES = ("vertices", "faces", "depth")
@@ -49,7 +51,7 @@ class DamagedFiles(Exception):
 
 
 def rank(
-    record: Record, cache: Cache, comparing: Descriptor | Scorer
+    record: Record, cache: Cache, comparing: Descriptor | Scorer, check: Check
 ) -> tuple[dict[str, Any], Arrays]:
     """Rank a gallery whose shapes have all been processed.
 
@@ -61,6 +63,8 @@ def rank(
         The cached files.
     comparing
         The scorer, or the descriptor that compares its own vectors.
+    check
+        Checks each of its matrices.
 
     Returns
     -------
@@ -84,7 +88,7 @@ def rank(
         [[*stages.values()][-1] for stages in of.values()] for of in (answered, in_gallery)
     )
     other = record.gallery_of_queries
-    matrices = distances(comparing, gallery, queries if other else None)
+    matrices = distances(comparing, check, gallery, queries if other else None)
     shown, first = np.unique(np.array([*in_gallery]) // record.sides[-1].views, return_index=True)
     if len(shown) < len(gallery):
         matrices = (np.minimum.reduceat(matrix, first, axis=1) for matrix in matrices)
@@ -149,6 +153,7 @@ def _read(
 
 def distances(
     comparing: Descriptor | Scorer,
+    check: Check,
     answers: Sequence[Arrays],
     queries: Sequence[Arrays] | None = None,
 ) -> Iterator[NDArray[np.float64]]:
@@ -173,7 +178,40 @@ def distances(
         yield np.zeros((1, 1))
         return
     for draw in range(comparing.info.draws if isinstance(comparing, Scorer) else 1):
-        yield compute_distances(comparing, of_gallery, draw, of_queries)
+        yield distances_of_draw(comparing, check, of_gallery, draw, of_queries)
+
+
+def distances_of_draw(
+    comparing: Descriptor | Scorer,
+    check: Check,
+    outputs: Sequence[Any],
+    draw: int = 0,
+    queries: Sequence[Any] | None = None,
+) -> NDArray[np.float64]:
+    """Return the dissimilarities of all pairs of descriptors, or of signatures for one draw of their scorer.
+
+    Those of queries to the outputs, shape (M, N), depend on no other query.
+    """
+    given = _given(outputs)
+    if queries is None:
+        matrix = (
+            comparing.compare(given, draw)
+            if isinstance(comparing, Scorer)
+            else comparing.distances(given)
+        )
+        return check(matrix, (len(given), len(given)))
+    if compare_to := getattr(comparing, "compare_to", None):
+        return check(compare_to(_given(queries), given, draw), (len(queries), len(given)))
+    rows = []
+    for query in queries:
+        matrix = distances_of_draw(comparing, check, [*outputs, query], draw)
+        rows.append(matrix[-1, :-1].copy())  # a view would keep its matrix
+    return np.stack(rows)
+
+
+def _given(outputs: Sequence[Any]) -> tuple[Any, ...]:
+    """Return vectors or signatures as a component gets them: what it changes in them reaches no other draw."""
+    return tuple(dict(of) if isinstance(of, Mapping) else of for of in outputs)
 
 
 def _summarise_notes(answered: Iterable[Mapping[Stage, Arrays]]) -> dict[str, dict[str, float]]:

@@ -15,10 +15,10 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Cache, Stage
 from benchmark.pipeline.forms import SharedResults, mesh_of
-from benchmark.pipeline.outputs import compute_output, sign
-from benchmark.pipeline.prepared import REFUSED, require_result
+from benchmark.pipeline.outputs import check_distances, compute_output, sign
 from benchmark.pipeline.ranking import distances
 from benchmark.pipeline.records import RankedShapes
+from benchmark.pipeline.stages import REFUSED, require_result
 
 
 class Hit(NamedTuple):
@@ -104,7 +104,9 @@ def search(
         )
     comparing = scorer if isinstance(method, Method) else method
     numbers, first = np.unique([index for index, _ in stored], return_index=True)
-    draws = np.concatenate([*distances(comparing, [*stored.values()], [answer])])
+    draws = np.concatenate(
+        [*distances(comparing, check_distances(comparing), [*stored.values()], [answer])]
+    )
     draws = np.minimum.reduceat(draws, first, axis=1)  # the least distance of the views of a shape
     nearness = draws.mean(axis=0)
     order = np.lexsort([numbers, nearness]).tolist()

@@ -19,7 +19,8 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.people import CLEARANCE, JUDGES, PEOPLE, TESTED, clearances
 from benchmark.errors import ConfigurationError, ShapeError, check_known
 from benchmark.pipeline.environment import commit
-from benchmark.pipeline.prepared import frame_of, prepare_view
+from benchmark.pipeline.prepared import frame_of
+from benchmark.pipeline.views import prepare_view
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import (
     SAMPLED_PEOPLE,

@@ -6,16 +6,17 @@ import json
 import statistics
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from benchmark.api.contracts import Input
-from benchmark.code_digest import code_of_modules, digest
+from benchmark.code_digest import code_of_modules, definitions_of, digest
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.pipeline.cache import Stage
+from benchmark.pipeline.code_store import Definitions, changed_definitions, read_definitions
 from benchmark.pipeline.data_names import path_of
 from benchmark.pipeline.gallery_digest import digest_of_both, digest_of_shapes
 from benchmark.pipeline.prepared import PreparedShapes
@@ -266,7 +267,7 @@ class _Planning:
             }
             if sides[1:]:
                 content["against"] = facts["against"] | {"files": files[1]}
-            state, reason = _state(before, content["key"], parts)
+            state, reason = self._state(before, content["key"], parts)
             if state in ("missing", "stale") and (
                 problem := newer_record_at(self.results, content["key"])
             ):
@@ -290,6 +291,29 @@ class _Planning:
             before,
             is_pending=state in ("missing", "stale", "incomplete", *self.rerun),
         )
+
+    def _state(
+        self, record: Record | None, key: str, parts: Mapping[str, str]
+    ) -> tuple[State, str]:
+        """Return the state of a job that can run and the reason for it, from the record of its row."""
+        if record is None:
+            return "missing", "never run"
+        if record.key != key and record.parts.get("its code"):
+            reason = "it ran in the process of a program, or with -j 0, of which nothing is reused"
+            return "stale", reason
+        if record.key != key:
+            known = {**self._definitions, **definitions_of(parts.items())}
+            return "stale", describe_change(record.parts, parts, known)
+        if record.status == "incomplete":
+            return "incomplete", record.reason
+        if record.status == "ok":
+            return "finished", record.refusals
+        return "failed", f"{record.status}: {record.reason}"
+
+    @cached_property
+    def _definitions(self) -> Definitions:
+        """Definitions in the code of earlier runs."""
+        return read_definitions(self.results)
 
     def _models(
         self, sides: Sequence[_Side], method: Component
@@ -453,33 +477,20 @@ def _seen(gallery: Gallery, models: Models) -> list[str]:
     ]
 
 
-def _state(record: Record | None, key: str, parts: Mapping[str, str]) -> tuple[State, str]:
-    """Return the state of a job that can run and the reason for it, from the record of its row."""
-    if record is None:
-        return "missing", "never run"
-    if record.key != key and record.parts.get("its code"):
-        return (
-            "stale",
-            "it ran in the process of a program, or with -j 0, of which nothing is reused",
-        )
-    if record.key != key:
-        return "stale", describe_change(record.parts, parts)
-    if record.status == "incomplete":
-        return "incomplete", record.reason
-    return (
-        ("finished", record.refusals)
-        if record.status == "ok"
-        else ("failed", f"{record.status}: {record.reason}")
-    )
+def describe_change(
+    before: Mapping[str, str], now: Mapping[str, str], known: Definitions | None = None
+) -> str:
+    """Say which parts of a key changed: ``gps.py (GPS.canonicalise), numpy changed``.
 
-
-def describe_change(before: Mapping[str, str], now: Mapping[str, str]) -> str:
-    """Say which parts of a key changed: ``gps.py, numpy changed``."""
-    changed = [
-        Path(name).name
-        for name in sorted(before.keys() | now.keys())
-        if before.get(name) != now.get(name)
-    ]
+    Functions, classes and constants of the suite are named where they are ``known``.
+    """
+    changed = []
+    for name in sorted(before.keys() | now.keys()):
+        parts = before.get(name, ""), now.get(name, "")
+        if parts[0] != parts[1]:
+            functions = listed(changed_definitions(*parts, known or {}))
+            file = Path(name).name
+            changed.append(f"{file} ({functions})" if functions else file)
     return f"{listed(dict.fromkeys(changed)) or 'the code'} changed"
 
 

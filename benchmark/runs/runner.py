@@ -18,6 +18,7 @@ from benchmark.errors import BenchmarkError
 from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import memory_per_process
 from benchmark.pipeline.cache import Cache, writing
+from benchmark.pipeline.code_store import keep_definitions
 from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.records import Record, record_of, write_record
 from benchmark.runs.planning import Planned
@@ -84,6 +85,7 @@ def run(
         for of_shape in chain.from_iterable(job.steps() for job in pending.values() if anew):
             for step in of_shape:
                 Cache(results).remove(*step.file)
+        keep_definitions(results, [job.record.parts for job in pending.values()])
         drop_stale_kernels()
         workers = workers or start_workers(size, timeout, dask)
         try:

@@ -31,18 +31,12 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import code_of_modules, digest
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.pipeline import forms
-from benchmark.pipeline.cache import RUNS, Arrays, Cache, Stage, StorageError
-from benchmark.pipeline.outputs import compute_output, sign
-from benchmark.pipeline.prepared import (
-    AGAIN,
-    CHANGED,
-    REFUSED,
-    Incomplete,
-    PreparedShapes,
-    last_change,
-)
+from benchmark.pipeline.cache import RUNS, Cache, Stage, StorageError
+from benchmark.pipeline.outputs import check_distances, compute_output, sign
+from benchmark.pipeline.prepared import CHANGED, PreparedShapes, last_change
 from benchmark.pipeline.ranking import DamagedFiles, rank
 from benchmark.pipeline.records import Record, Row
+from benchmark.pipeline.stages import REFUSED, Arrays, Incomplete
 from benchmark.reads import watch_this_process
 from benchmark.registry.components import THIS_PROCESS, Component, watching_component
 from benchmark.text import Printed, clean_lines
@@ -273,7 +267,7 @@ class CodeChanged(BenchmarkError):
 def _check_code(step: Step) -> None:
     if code_of_step(step.component, step.stage) != step.code:
         raise CodeChanged(
-            "its code changed during the run, or is another one on this machine", AGAIN
+            "its code changed during the run, or is another one on this machine", "run again"
         )
 
 
@@ -437,9 +431,12 @@ class Work:
     def _rank(self, step: Step, record: Record) -> Outcome:
         """Rank the gallery of a job, and keep its distances."""
         kept = Cache(step.job.results)
-        content, distances = self._watched(
-            step, lambda _, of: rank(record, kept, self._context.created(of))
-        )
+
+        def ranked(_: Any, step: Step) -> tuple[dict[str, Any], Arrays]:
+            comparing = self._context.created(step)
+            return rank(record, kept, comparing, check_distances(comparing))
+
+        content, distances = self._watched(step, ranked)
         if not distances:
             name, reason = content["unsupported"][0]
             number = len(content["unsupported"])

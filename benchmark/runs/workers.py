@@ -16,7 +16,7 @@ from multiprocessing.connection import Pipe, wait
 from typing import Protocol
 
 from benchmark.errors import BenchmarkError
-from benchmark.pipeline.prepared import Incomplete
+from benchmark.pipeline.stages import Incomplete
 from benchmark.registry.components import THIS_PROCESS
 from benchmark.registry.modules import environment
 from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work

@@ -31,7 +31,8 @@ from torch import Tensor
 from benchmark.api.learning import CARD, WEIGHTS, checked_weights
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.pipeline.prepared import frame_of, prepare_view
+from benchmark.pipeline.prepared import frame_of
+from benchmark.pipeline.views import prepare_view
 from benchmark.protocols.pairs import training_data
 from benchmark.protocols.trainings import TRAININGS
 from learned import fitting, training

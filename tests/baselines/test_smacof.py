@@ -26,7 +26,7 @@ from benchmark.check.shapes import figure
 from benchmark.geometry import geodesics
 from benchmark.pipeline.forms import GEODESICS, SharedResults
 from benchmark.pipeline.outputs import compute_output
-from benchmark.pipeline.prepared import SECONDS
+from benchmark.pipeline.stages import SECONDS
 from tests.baselines.deformable import shape_of, sheet
 from tests.baselines.embedding import brute_force_stress, limbed, spread
 from tests.geometry.surfaces import relabelled

@@ -10,7 +10,8 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.checking import check
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
 from benchmark.pipeline.forms import shape_of
-from benchmark.pipeline.prepared import PreparedShapes, require_result
+from benchmark.pipeline.prepared import PreparedShapes
+from benchmark.pipeline.stages import require_result
 from tests.depth.scenes import frame, in_millimetres
 from tests.toy import rod, write_off
 

@@ -20,18 +20,18 @@ from benchmark.datasets.people import _SCANNED_POSES
 from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.pipeline.cache import Cache
-from benchmark.pipeline.forms import MACHINE, SharedResults
-from benchmark.pipeline.outputs import compute_distances, compute_output, compute_signature
-from benchmark.pipeline.prepared import (
-    REFUSED,
-    SECONDS,
-    fit_frame,
-    prepare_mesh,
-    prepare_view,
-    require_result,
+from benchmark.pipeline.forms import SharedResults
+from benchmark.pipeline.outputs import (
+    check_distances,
+    compute_distances,
+    compute_output,
+    compute_signature,
 )
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Data, Record
+from benchmark.pipeline.stages import MACHINE, REFUSED, SECONDS, require_result
+from benchmark.pipeline.surfaces import prepare_mesh
+from benchmark.pipeline.views import fit_frame, prepare_view
 from benchmark.registry import select_one
 from tests.golden import inputs
 
@@ -132,7 +132,7 @@ def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) 
                 "forms", key, {REFUSED: np.array(["no reason", ""])} if form in refused else second
             )
             cache.write("signatures", key, {**_committed("cm-bof", form), **second})
-        content, arrays = rank(record, cache, scorer)
+        content, arrays = rank(record, cache, scorer, check_distances(scorer))
     del content["machines"]
     del content["processor_seconds"], content["seconds"]["ranking"]  # of this machine
     refused = [forms.index(name) for name, _ in content.pop("unsupported")]

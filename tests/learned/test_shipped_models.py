@@ -14,7 +14,7 @@ from benchmark.datasets.animals import animals
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.people import CLEARANCE, PEOPLE, clearances, people
 from benchmark.pipeline.forms import shape_of
-from benchmark.pipeline.prepared import prepare_view
+from benchmark.pipeline.views import prepare_view
 from benchmark.protocols.trainings import SUBJECT_FOLDS
 from learned.images import resampled
 from learned.methods import Learned, Streamed

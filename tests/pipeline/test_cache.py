@@ -11,7 +11,7 @@ from threading import Thread
 import numpy as np
 
 from benchmark.pipeline.cache import Cache
-from benchmark.pipeline.prepared import SECONDS, timed
+from benchmark.pipeline.stages import SECONDS, timed
 
 ARRAYS = {
     "descriptors": np.arange(24, dtype=np.uint8).reshape(2, 12),

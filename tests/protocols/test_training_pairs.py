@@ -10,7 +10,7 @@ from benchmark.api.datasets import FRONT, Entry, ShapeSet
 from benchmark.api.learning import digest_of
 from benchmark.datasets.base import Part
 from benchmark.errors import ConfigurationError, InvalidMesh
-from benchmark.pipeline.prepared import prepare_view
+from benchmark.pipeline.views import prepare_view
 from benchmark.protocols.pairs import training_data
 from benchmark.protocols.trainings import TRAININGS
 from tests.toy import rod

@@ -113,28 +113,47 @@ def test_texts_that_are_no_messages_count(digest_in_suite):
     assert digest_in_suite('start = "mesh"') != digest_in_suite('start = "classic"')
 
 
-def test_the_code_of_methods_and_of_generated_sets_reads_no_mesh_files():
-    readers = {
-        "benchmark/formats/reading.py",
-        "benchmark/formats/off.py",
-        "benchmark/datasets/mesh_files.py",
-    }
-    for name in (
-        "baselines.classic_mds",
-        "retrieval.cmbof",
-        "benchmark.pipeline.prepared",
-        "benchmark.datasets.people",
-    ):
-        assert not readers & code_of(name).keys(), name
-
-
-def test_the_code_of_a_method_adds_its_own_file_to_that_of_preparation():
-    code, of_all = code_of("baselines.identity"), code_of("benchmark.pipeline.prepared")
-    assert code.keys() - of_all.keys() == {"baselines/identity.py"}
-    assert (
-        not {"benchmark/errors.py", "benchmark/text.py", "psutil", "joblib", "threadpoolctl"}
-        & of_all.keys()
+def test_bounds_of_parameters_and_texts_for_tables_do_not_count_and_defaults_do(digest_in_suite):
+    lines = (
+        "class Smooth:",
+        '  info = MethodInfo(name="smooth", title="Smooth", summary="smooths", cite="lian2013")',
+        "  steps: Annotated[int, Interval(1)] = 3",
     )
+    code = "\n".join(lines)
+    before = digest_in_suite(code)
+    for old, new in (("Interval(1)", "Interval(2)"), ('Smooth"', 'Smoothed"'), ("smooths", "is")):
+        assert digest_in_suite(code.replace(old, new)) == before
+    for old, new in (("= 3", "= 4"), ("[int", "[float"), ('"smooth"', '"rough"')):
+        assert digest_in_suite(code.replace(old, new)) != before
+
+
+def test_definitions_tell_what_changed_in_a_file_of_the_suite(digest_in_suite):
+    code = (
+        "import os\nLIMIT = 1\nclass A:\n  size = 2\n  def f(self):\n    return 1\ndef g(): pass\n"
+    )
+
+    def definitions(text):
+        digest_in_suite(text)
+        return module._parsed(module.ROOT / "suite" / "part.py").definitions
+
+    before = definitions(code)
+    assert before.keys() == {"imports", "LIMIT", "A", "A.size", "A.f", "g"}
+    for old, new, changed in (
+        ("LIMIT = 1", "LIMIT = 2", "LIMIT"),
+        ("return 1", "return 2", "A.f"),
+        ("size = 2", "size = 3", "A.size"),
+        ("class A:", "class A(dict):", "A"),
+        ("pass", "return 1", "g"),
+        ("import os", "import re", "imports"),
+    ):
+        after = definitions(code.replace(old, new))
+        assert {name for name in before if before[name] != after[name]} == {changed}
+
+
+def test_what_describes_the_machine_and_errors_is_no_code_of_a_form():
+    code = code_of("baselines.identity")
+    others = {"benchmark/errors.py", "benchmark/text.py", "psutil", "joblib", "threadpoolctl"}
+    assert not others & code.keys()
 
 
 def test_a_version_is_that_of_the_package_that_python_imports(tmp_path):
