@@ -23,7 +23,7 @@ Definitions = Mapping[str, Mapping[str, str]]
 def read_definitions(results: Path) -> Definitions:
     """Return the definitions that are known in a results folder; none if they cannot be read."""
     try:
-        content = read_file(_path(results), LARGEST_LIST)
+        content = read_file(definitions_file(results), LARGEST_LIST)
         return msgspec.json.decode(content, type=dict[str, dict[str, str]])
     except (OSError, msgspec.MsgspecError):  # they are for messages alone
         return {}
@@ -36,7 +36,7 @@ def keep_definitions(results: Path, codes: Iterable[Mapping[str, str]]) -> None:
     if new := definitions_of(sorted(code)):
         content = msgspec.json.encode({**known, **new})
         with storing(results):
-            write_atomically(_path(results), lambda file: file.write(content))
+            write_atomically(definitions_file(results), lambda file: file.write(content))
 
 
 def changed_definitions(before: str, now: str, known: Definitions) -> list[str]:
@@ -47,5 +47,6 @@ def changed_definitions(before: str, now: str, known: Definitions) -> list[str]:
     return [name for name in names if known[before].get(name) != known[now].get(name)]
 
 
-def _path(results: Path) -> Path:
+def definitions_file(results: Path) -> Path:
+    """Return the path of the file of definitions in a results folder."""
     return results / RUNS / "code.json"

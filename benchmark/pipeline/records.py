@@ -20,6 +20,7 @@ from benchmark.code_digest import ROOT, digest, digest_of_bytes
 from benchmark.files import read_file, write_atomically
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import RUNS, Cache, Stage, StorageError, storing
+from benchmark.pipeline.code_store import definitions_file
 from benchmark.pipeline.record_layout import (
     LAYOUT,
     LAYOUT_FIELD,
@@ -719,6 +720,8 @@ def unneeded(
         for path in sorted((runs / stage).glob("*.npz")):
             if f"{stage}/{path.name}" not in needed and path.stem not in kept_keys:
                 files.append(path)
+    if not wanted and not kept_keys and definitions_file(results).is_file():
+        files.append(definitions_file(results))
     return unwanted, files
 
 
