@@ -10,7 +10,8 @@ import pytest
 from benchmark.datasets.bodies import POSES, Subject, bone_rotations, jittered, mirrored
 from benchmark.datasets.bodies import SUBJECTS as SETS
 from benchmark.datasets.catalogue import is_known, open_dataset
-from benchmark.datasets.people import PEOPLE, _scan, new_subject
+from benchmark.datasets.official import SETS as OFFICIAL
+from benchmark.datasets.people import PEOPLE, _scan, new_subject, people
 
 TAKEN = np.array(
     [astuple(body) for name in SETS if name != "animals" for body in SETS[name].values()]
@@ -117,3 +118,14 @@ def test_cameras_around_a_scan_see_one_simulation(monkeypatch: pytest.MonkeyPatc
         shapes.load(entry)
     _scan.cache_clear()
     assert simulated == ["man-1_standing", "man-1_walking"]
+
+
+def test_surfaces_without_size_get_the_mean_area_of_the_adults():
+    shapes = people()
+    standing = [entry for entry in shapes.shapes if entry.pose == "standing"]
+    areas = [shapes.load(of).area for of in standing if not of.subject.startswith("child")]
+    assert len(areas) == 10
+    assert np.mean(areas) == pytest.approx(1.79, abs=0.005)
+    (copy,) = OFFICIAL["faust"].copies
+    assert copy.area == round(np.mean(areas), 1)
+    assert OFFICIAL["faust"].half_width == shapes.half_width
