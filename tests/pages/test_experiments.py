@@ -1,0 +1,72 @@
+"""The rule of the experiment on data and architecture, on made-up scores."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "results" / "experiments"
+
+
+@pytest.fixture
+def experiment(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    import data_or_architecture
+
+    yield data_or_architecture
+    for name in ("data_or_architecture", "depth_range"):
+        sys.modules.pop(name, None)
+
+
+def cell(mean, between_seeds=0.0, noise=0.01):
+    """FT of twelve bodies by two seeds."""
+    random = np.random.default_rng(7)
+    bodies = 0.1 * random.normal(size=12)
+    columns = {
+        seed: mean + bodies + sign * between_seeds + noise * random.normal(size=12)
+        for seed, sign in ((0, -1), (1, 1))
+    }
+    return pd.DataFrame(columns)
+
+
+def test_a_factor_has_an_effect_if_it_exceeds_the_level_at_both_levels_of_the_other(experiment):
+    low, high = cell(0.5), cell(0.6)
+    assert experiment.has_effect([(high, low), (high, low)])
+    assert experiment.has_effect([(low, high), (low, high)])
+    turned = low.iloc[::-1].set_axis(low.index)
+    assert not experiment.has_effect([(high, low), (low, turned)])
+    assert not experiment.has_effect([(high, low), (low, high)])
+
+
+def test_a_factor_has_no_effect_if_other_seeds_turn_its_sign(experiment):
+    low, high = cell(0.5, between_seeds=0.04), cell(0.53)
+    t, signs = experiment.difference(high, low)
+    assert t > experiment.LEAST_T and signs == {-1, 1}
+    assert not experiment.has_effect([(high, low), (high, low)])
+
+
+def test_t_is_that_of_paired_differences_over_bodies(experiment):
+    first = pd.DataFrame({0: [1.0, 2.0, 4.0], 1: [1.0, 2.0, 6.0]})
+    second = pd.DataFrame({0: [0.0, 0.0, 0.0], 1: [0.0, 0.0, 0.0]})
+    gains = np.array([1.0, 2.0, 5.0])
+    expected = gains.mean() / (gains.std(ddof=1) / 3**0.5)
+    assert experiment.difference(first, second)[0] == pytest.approx(expected)
+
+
+def test_no_model_is_evaluated_before_all_are_trained(experiment, monkeypatch, tmp_path):
+    monkeypatch.setattr(experiment, "MODELS", tmp_path)
+    with pytest.raises(SystemExit, match="no model is evaluated before all are trained"):
+        experiment.finished_cells()
+    assert experiment.status().count("not yet") == 8
+
+
+def test_the_recipe_of_all_cells_has_the_same_number_of_images(experiment):
+    from benchmark.protocols.trainings import TRAININGS, n_pairs
+
+    for data in experiment.DATA:
+        pairs = n_pairs(TRAININGS[data], None)
+        images = pairs * experiment.REPEATS[data] * experiment.RECIPE["epochs"]
+        assert images == experiment.IMAGES
+    assert len(list(experiment.cells())) == 8
