@@ -142,7 +142,9 @@ def form_of_object(
     area = view.surface.area
     mesh = view.surface.with_vertices(view.surface.vertices / np.sqrt(area))
     shape = Shape(identifier=name, mesh=mesh, depth=view.depth, source_area=area, seed=seed)
-    form = form_with_fit(maker, shape, observed.notes)
+    pieces = float(view.report["pieces"])
+    joined = {"joined_pieces": pieces} if pieces > 1 else {}
+    form = form_with_fit(maker, shape, {**observed.notes, **joined})
     doubts = [
         str(doubt) for doubt in (small_for_person(shape, maker), form.notes.get("doubt")) if doubt
     ]

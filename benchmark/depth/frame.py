@@ -13,9 +13,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.depth import reading
+from benchmark.depth.filling import WIDEST, filled, in_gaps_of_mask
 from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_intrinsics
+from benchmark.depth.neighbours import (
+    AVERAGED,
+    MOST_FLYING,
+    dead_lines,
+    jump,
+    on_surface,
+    without_flying_pixels,
+)
 from benchmark.depth.reading import Depths, Mask
-from benchmark.depth.segmentation import Plane, background_planes, find_object, jump
+from benchmark.depth.segmentation import Plane, background_planes, find_object
 from benchmark.errors import DepthError
 from benchmark.files import named_errors
 from benchmark.geometry.camera import Camera
@@ -39,9 +48,6 @@ MOST_TILTED = np.cos(np.radians(75))
 _PLANE_STEP = 2
 """Pixel stride of the subsampled image in which planes are detected."""
 
-_LEAST_SUPPORT = 3
-"""Minimum number of the eight neighbours on the same surface; a pixel with fewer is a flying pixel."""
-
 Up = Sequence[float]
 
 
@@ -52,16 +58,17 @@ class ObservedObject:
     Parameters
     ----------
     depths
-        Depth image, shape (h, w), metres; 0 for missing depth.
+        Depth image, shape (h, w), metres; 0 for missing depth. Between pixels of the object, missing
+        ones are filled.
     mask
-        Pixels of the object, shape (h, w).
+        Pixels of the object, filled ones included, shape (h, w).
     surface
         Surface of the object in metres: right, up, towards the camera, which looks level.
     notes
         Details of the detection: ``mask`` ("found", "given" or its file), ``up`` ("floor",
-        "sidecar" or "image"), ``planes``, ``object_pixels``, ``flying_pixels``, ``distance``
-        (median depth) and ``size`` (longest side), in metres; of files also ``unit`` and
-        ``camera``.
+        "sidecar" or "image"), ``planes``, ``object_pixels``, ``flying_pixels`` (dropped),
+        ``filled_pixels`` (which had no reading), ``distance`` (median depth) and ``size`` (longest
+        side), in metres; of files also ``unit`` and ``camera``.
     """
 
     depths: Depths
@@ -103,27 +110,70 @@ def observe(
     height, width = depths.shape
     intrinsics.check_size(width, height)
     seen, rays = depths > 0, intrinsics.rays(width, height)
-    coarse = np.s_[::_PLANE_STEP, ::_PLANE_STEP]
-    chosen = None if mask is None else reading.checked_mask(mask, seen)
-    rest = (
-        seen if chosen is None else seen & ~chosen
-    )  # beside a mask, the scene only has to provide the floor
-    planes = background_planes(unprojected(depths[coarse], rays[coarse]), rest[coarse])
-    if chosen is None:
-        chosen = find_object(unprojected(depths, rays), seen, planes)
-    kept = without_flying_pixels(depths, chosen)
+    points = unprojected(depths, rays)
+    dead_rows, dead_columns = dead_lines(seen)
+    live = np.ix_(~dead_rows, ~dead_columns)
+    if mask is None:
+        whole = None
+        planes = _planes(points[live], seen[live])
+        chosen = np.zeros_like(seen)
+        chosen[live] = find_object(points[live], seen[live], planes)
+        _check_count(chosen)
+        kept = on_surface(depths, chosen)
+        dropped = seen & ~without_flying_pixels(depths, seen)
+        if np.count_nonzero(dropped) > MOST_FLYING * np.count_nonzero(seen):
+            raise DepthError("the depth jumps between too many pixels of the image", AVERAGED)
+        beside = np.zeros_like(seen)
+    else:
+        whole = reading.checked_mask(mask, seen)
+        chosen = dropped = whole & seen
+        _check_count(chosen)
+        kept = on_surface(depths, chosen)
+        beside = in_gaps_of_mask(depths, kept)
+        # The scene only has to provide the floor.
+        planes = _planes(points[live], (seen & ~whole & ~beside)[live])
+        beside &= ~_on_planes(points, planes)
+    flying = np.count_nonzero(chosen & ~kept)
+    kept = kept | beside
+    _check_count(kept)
+    distance = float(np.median(depths[kept]))
+    widest = int(WIDEST * max(intrinsics.fx, intrinsics.fy) / distance)
+    dead = dead_rows[:, None] | dead_columns
+    completed = filled(depths, kept, dropped & ~kept, whole, dead, widest)
     direction, up_source = _up(planes, up)
-    surface = object_surface(depths, rays, kept, upright(direction), half_width)
+    surface = object_surface(completed, rays, completed > 0, upright(direction), half_width)
     notes: dict[str, float | str] = {
         "mask": "found" if mask is None else "given",
         "up": up_source,
         "planes": float(len(planes)),
         "object_pixels": float(np.count_nonzero(kept)),
-        "flying_pixels": float(np.count_nonzero(chosen) - np.count_nonzero(kept)),
-        "distance": round(float(np.median(depths[kept])), 4),
+        "flying_pixels": float(flying),
+        "filled_pixels": float(np.count_nonzero(completed) - np.count_nonzero(kept)),
+        "distance": round(distance, 4),
         "size": round(float(np.ptp(surface.vertices, axis=0).max()), 4),
     }
-    return ObservedObject(depths, kept, surface, notes)
+    return ObservedObject(np.where(completed > 0, completed, depths), completed > 0, surface, notes)
+
+
+def _check_count(mask: Mask) -> None:
+    """Raise ``DepthError`` if an object shows too few pixels for a surface."""
+    if (count := np.count_nonzero(mask)) < reading.FEWEST_SEEN:
+        problem = f"the object shows {count} pixels, fewer than {reading.FEWEST_SEEN}"
+        raise DepthError(problem, "go nearer, or check the mask")
+
+
+def _planes(points: Points, seen: Mask) -> list[Plane]:
+    """Return the planes of the background, found in a subsampled image."""
+    coarse = np.s_[::_PLANE_STEP, ::_PLANE_STEP]
+    return background_planes(points[coarse], seen[coarse])
+
+
+def _on_planes(points: Points, planes: Sequence[Plane]) -> Mask:
+    """Return which points, shape (h, w, 3), lie on one of the planes."""
+    result = np.zeros(points.shape[:2], dtype=bool)
+    for plane in planes:
+        result |= plane.holds(points)
+    return result
 
 
 def scale_of(
@@ -191,23 +241,6 @@ def unprojected(depths: Depths, rays: Rays) -> Points:
     return np.concatenate([rays * depths[..., None], depths[..., None]], axis=-1)
 
 
-def without_flying_pixels(depths: Depths, mask: Mask) -> Mask:
-    """Return a mask without flying pixels, which cameras measure between two surfaces: few neighbours have their depth.
-
-    Parameters
-    ----------
-    depths
-        Shape (h, w), metres.
-    mask
-        Pixels of the object, shape (h, w).
-    """
-    padded, inside, limit = np.pad(depths, 1), np.pad(mask, 1), jump(depths)
-    support = np.zeros(depths.shape, dtype=np.int8)
-    for window in _windows(depths.shape, 3):
-        support += inside[window] & (np.abs(padded[window] - depths) <= limit)
-    return np.asarray(mask & (support > _LEAST_SUPPORT))  # a pixel supports itself
-
-
 def _windows(shape: tuple[int, ...], count: int) -> list[tuple[slice, slice]]:
     """Return the shifted windows into an image padded by one, row by row, whose last one ends at its corner."""
     height, width = shape[0] + 3 - count, shape[1] + 3 - count
@@ -243,11 +276,8 @@ def object_surface(
     Raises
     ------
     DepthError
-        If there are too few pixels, or the surface is larger than the frame.
+        If the surface is larger than the frame.
     """
-    if (count := np.count_nonzero(mask)) < reading.FEWEST_SEEN:
-        problem = f"the object shows {count} pixels, fewer than {reading.FEWEST_SEEN}"
-        raise DepthError(problem, "go nearer, or check the mask")
     part = tuple(slice(at.min(), at.max() + 1) for at in np.nonzero(mask))
     points, faces = _squares(depths[part], rays[part], mask[part])
     mesh = Mesh(points @ rotation.T, faces)

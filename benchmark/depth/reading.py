@@ -409,7 +409,7 @@ def _is_blurred(mask: NDArray[Any], values: NDArray[Any]) -> bool:
 
 
 def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
-    """Return the object of a mask, restricted to pixels with a depth.
+    """Return the pixels of the object of a mask, with and without a depth.
 
     A mask has two values; a picture of white on black that JPEG or smoothing blurred is split at
     half.
@@ -433,7 +433,7 @@ def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
         raise DepthError(
             "no pixel of the mask has a depth", "check that mask and image belong to one frame"
         )
-    return np.asarray(mask & seen)
+    return mask
 
 
 def find_mask(image: Path) -> Path | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from benchmark.depth.neighbours import DOWN, RIGHT, error_at, jump, neighbours
 from benchmark.depth.reading import Depths, Mask
 from benchmark.errors import DepthError
 from benchmark.geometry.cleaning import component_labels
@@ -40,28 +41,11 @@ LARGE = 0.25
 FEWEST = 0.004
 """Minimum fraction of the image pixels covered by the object."""
 
-LARGEST_ERROR = 0.1
-"""Upper bound in metres on the measurement error in the depth difference of neighbours on one surface."""
-
 JOINED = 0.3
 """Maximum distance in metres between pieces of a self-occluding object, such as an arm before a chest."""
 
 #: Hint of the error if no object is found.
 _HINT = "pass a mask of it with --mask, or put a PNG that ends in _mask.png beside the image"
-
-
-def error_at(depths: Depths) -> Depths:
-    """Return the maximum depth error in metres, for depths in metres.
-
-    The error is three standard deviations of a structured-light camera, 1.4 mm at 1 m and growing
-    with the square of the depth [Khoshelham and Elberink 2012], but at most 0.3 m.
-    """
-    return np.asarray(np.minimum(3 * 0.0014 * depths**2, 0.3))
-
-
-def jump(depths: Depths) -> Depths:
-    """Return the depth difference in metres above which neighbouring pixels belong to different surfaces."""
-    return np.asarray(0.03 + np.minimum(error_at(depths), LARGEST_ERROR))
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,14 +220,10 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
 
 def _joined(labels: IntArray, depths: Depths, limits: Depths) -> IntArray:
     """Return the group of each label of an image: labels of neighbours at depths within the limit of the nearer one."""
-    pairs = []
-    for one, other in ((np.s_[:, :-1], np.s_[:, 1:]), (np.s_[:-1], np.s_[1:])):
-        limit = np.where(depths[one] <= depths[other], limits[one], limits[other])
-        close = (
-            (labels[one] >= 0)
-            & (labels[other] >= 0)
-            & (np.abs(depths[one] - depths[other]) <= limit)
-        )
-        pairs.append(np.stack([labels[one][close], labels[other][close]]))
-    first, second = np.concatenate(pairs, axis=1)
-    return component_labels(first, second, int(labels.max()) + 1)
+    label, depth, limit = labels.ravel(), depths.ravel(), limits.ravel()
+    pairs = [neighbours(depths > 0, direction) for direction in (RIGHT, DOWN)]
+    one, other = np.concatenate(pairs, axis=1)
+    nearer = np.where(depth[one] <= depth[other], limit[one], limit[other])
+    close = (label[one] >= 0) & (label[other] >= 0)
+    close &= np.abs(depth[one] - depth[other]) <= nearer
+    return component_labels(label[one[close]], label[other[close]], int(labels.max()) + 1)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmark.depth.frame import UPRIGHT, observe, unprojected, without_flying_pixels
+from benchmark.depth.frame import UPRIGHT, observe, unprojected
 from benchmark.depth.intrinsics import Intrinsics
+from benchmark.depth.neighbours import on_surface
 from benchmark.depth.segmentation import background_planes
 from benchmark.errors import DepthError
 from benchmark.geometry.depth import render_depth
@@ -53,7 +54,9 @@ def test_a_board_before_a_wall_is_no_plane_of_the_background() -> None:
 def test_up_is_that_of_the_floor(roll: float, height: float) -> None:
     depths, mask = frame(roll=roll, height=height)
     observed = observe(depths, KINECT, mask)
-    assert 0 < observed.notes["flying_pixels"] == (mask & (depths > 0)).sum() - observed.mask.sum()
+    notes = observed.notes
+    assert 0 < notes["flying_pixels"] == (mask & (depths > 0)).sum() - notes["object_pixels"]
+    assert notes["object_pixels"] + notes["filled_pixels"] == observed.mask.sum()
     surface = observed.surface.vertices
     assert np.ptp(surface[:, 1]) == pytest.approx(TALL, abs=0.08)  # feet vanish in the floor
     order = surface[:, 1].argsort()
@@ -91,7 +94,7 @@ def test_pixels_between_two_surfaces_go() -> None:
     depths = np.full((20, 20), 2.0)
     depths[:, 10:] = 1.0
     depths[3:17:3, 10] = 1.5
-    np.testing.assert_array_equal(without_flying_pixels(depths, depths > 0), depths != 1.5)
+    np.testing.assert_array_equal(on_surface(depths, depths > 0), depths != 1.5)
 
 
 def test_each_fault_of_a_scene_is_named() -> None:

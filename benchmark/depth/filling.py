@@ -1,0 +1,221 @@
+"""Depths of an object where the camera has no reading: between its pixels, never where something else was measured.
+
+The absence of a reading is no edge of a body; only a jump of depth is.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.ndimage import binary_erosion, distance_transform_edt
+
+from benchmark.depth.neighbours import REACH, error_at, jump
+from benchmark.depth.reading import Depths, Mask
+from benchmark.geometry.mesh import IntArray
+
+WIDEST = 0.1
+"""Widest gap in metres that is filled within a mask, which says that the object is there."""
+
+_ACROSS = 3
+"""Distance in pixels within which a reading behind the object, along the other axis, keeps a pixel open: it may be one
+of a gap between two legs."""
+
+_ROUNDS = 3
+"""Number of rounds: pixels may lie between filled ones, as where every other row and column has readings."""
+
+_FOLLOWS = 0.75
+"""Share of the outline of a mask within :data:`REACH` pixels of the surface if the mask fits the object."""
+
+_UNEVEN = 0.01
+"""Unevenness in metres of a surface between the pixels beside a gap of its mask."""
+
+
+class _Ends(NamedTuple):
+    """The known pixels at both ends of the gap around each pixel, along one axis; shape (h, w) each.
+
+    Parameters
+    ----------
+    depths
+        Their depths; 0 beyond the image.
+    on_object
+        Whether they are pixels of the object.
+    distances
+        Pixels from here to there.
+    """
+
+    depths: tuple[Depths, Depths]
+    on_object: tuple[Mask, Mask]
+    distances: tuple[IntArray, IntArray]
+
+
+def filled(
+    depths: Depths, kept: Mask, dropped: Mask, mask: Mask | None, allowed: Mask, widest: int
+) -> Depths:
+    """Return the depths of an object, with those between its pixels; 0 elsewhere.
+
+    A pixel without a reading is filled if the next readings in its row or column are two pixels of
+    the object without a jump of depth between them, and no near reading along the other axis lies
+    behind them.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres; 0 for missing depth.
+    kept
+        Pixels of the object on its surface, shape (h, w).
+    dropped
+        Readings that are on no surface. They count as missing if they are averages with missing
+        pixels.
+    mask
+        The object as a user passes it, shape (h, w), or None. If its outline follows the surface,
+        missing pixels within it are those of the object.
+    allowed
+        Other pixels that are certainly missing, shape (h, w).
+    widest
+        Maximum number of pixels between two of the object within the mask and ``allowed``;
+        elsewhere, :data:`REACH`.
+    """
+    others = (depths > 0) & ~kept & ~_is_average(depths, kept, dropped)
+    surface = np.where(kept, depths, 0)
+    if mask is not None:
+        # Within the mask, only what was measured there speaks against it.
+        surface = _in_rounds(depths, surface, others & mask, others | ~mask, REACH)
+        if _fits(mask, surface > 0):
+            allowed = allowed | mask
+    surface = _in_rounds(depths, surface, others, others, REACH)
+    return _in_rounds(depths, surface, others, others | ~allowed, widest)
+
+
+def _in_rounds(depths: Depths, surface: Depths, others: Mask, bounds: Mask, widest: int) -> Depths:
+    """Return a surface after several rounds; see :func:`_filled_once`."""
+    for _ in range(_ROUNDS):
+        surface = _filled_once(depths, surface, others, bounds, widest)
+    return surface
+
+
+def _fits(mask: Mask, is_surface: Mask) -> bool:
+    """Return whether the outline of a mask follows the pixels of a surface; that of a box or a hull does not."""
+    outline = mask & ~binary_erosion(mask)
+    distances = distance_transform_edt(~is_surface)[outline]
+    return bool(np.quantile(distances, _FOLLOWS) <= REACH + 1)
+
+
+def _is_average(depths: Depths, kept: Mask, dropped: Mask) -> Mask:
+    """Return which dropped readings are averages of the surface and missing pixels.
+
+    Averages with zeros lie before the surface. Those with a large number for missing pixels lie
+    behind it, but scattered, while the background shows in lines beside the object.
+    """
+    nearest = distance_transform_edt(~kept, return_distances=False, return_indices=True)
+    is_before = depths < depths[tuple(nearest)]
+    is_scattered = (_width(kept) <= REACH) & (_width(kept.T).T <= REACH)
+    return np.asarray(dropped & (is_before | is_scattered))
+
+
+def _width(is_end: Mask) -> IntArray:
+    """Return the number of pixels in the gap around each pixel in its row."""
+    before, after = _columns_of_ends(is_end)
+    return after - before - 1
+
+
+def in_gaps_of_mask(depths: Depths, kept: Mask) -> Mask:
+    """Return readings outside a mask that lie on the surface between two pixels of the object, shape (h, w).
+
+    The gap is at most :data:`REACH` pixels wide. If the background was measured in it, it is an
+    edge.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres; 0 for missing depth.
+    kept
+        Pixels of the object on its surface, shape (h, w).
+    """
+    surface = np.where(kept, depths, 0)
+    nearest = distance_transform_edt(~kept, return_distances=False, return_indices=True)
+    before = depths[tuple(nearest)]
+    others = (depths > before + jump(before)) & ~kept
+    between = _in_rounds(depths, surface, others, others, REACH)
+    is_alike = np.abs(depths - between) <= _UNEVEN + error_at(between)
+    return np.asarray((depths > 0) & ~kept & (between > 0) & is_alike)
+
+
+def _filled_once(
+    depths: Depths, surface: Depths, others: Mask, bounds: Mask, widest: int
+) -> Depths:
+    """Return the depths of a surface with those of the gaps in rows and columns, of two the narrower one.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres.
+    surface
+        Depths of the pixels of the object, shape (h, w); 0 elsewhere.
+    others
+        Readings that are not of the object, shape (h, w).
+    bounds
+        Pixels that end a gap, besides those of the object, shape (h, w).
+    widest
+        Maximum number of pixels in a gap.
+    """
+    known = np.where(surface > 0, surface, np.where(others, depths, 0))
+    on_object = surface > 0
+    is_end = on_object | bounds
+    in_row = _ends(known, on_object, is_end)
+    in_column = _transposed(_ends(known.T, on_object.T, is_end.T))
+    result = surface.copy()
+    narrowest = np.full(surface.shape, widest + 1)
+    for along, across in ((in_row, in_column), (in_column, in_row)):
+        (before, after), (left, right) = along.depths, along.distances
+        gap = left + right - 1
+        fits = ~is_end & along.on_object[0] & along.on_object[1] & (gap < narrowest)
+        fits &= np.abs(before - after) <= jump(np.minimum(before, after))
+        between = before + (after - before) * left / np.maximum(left + right, 1)
+        fits &= ~_is_behind(across, between)
+        result[fits] = between[fits]
+        narrowest[fits] = gap[fits]
+    return result
+
+
+def _ends(known: Depths, on_object: Mask, is_end: Mask) -> _Ends:
+    """Return the ends of the gap around each pixel in its row."""
+    columns = np.arange(is_end.shape[1])
+    before, after = _columns_of_ends(is_end)
+    # One column on either side stands for the outside of the image.
+    depths, inside = np.pad(known, ((0, 0), (1, 1))), np.pad(on_object, ((0, 0), (1, 1)))
+    at = (before + 1, after + 1)
+    return _Ends(
+        (np.take_along_axis(depths, at[0], 1), np.take_along_axis(depths, at[1], 1)),
+        (np.take_along_axis(inside, at[0], 1), np.take_along_axis(inside, at[1], 1)),
+        (columns - before, after - columns),
+    )
+
+
+def _columns_of_ends(is_end: Mask) -> tuple[IntArray, IntArray]:
+    """Return the columns of the ends of the gap around each pixel in its row; -1 and the width outside the image."""
+    width = is_end.shape[1]
+    columns = np.arange(width)
+    before = np.maximum.accumulate(np.where(is_end, columns, -1), axis=1)
+    after = np.minimum.accumulate(np.where(is_end, columns, width)[:, ::-1], axis=1)[:, ::-1]
+    return before, after
+
+
+def _transposed(ends: _Ends) -> _Ends:
+    """Return the ends in columns of an image from those in rows of the transposed one."""
+    depths, on_object, distances = ends
+    return _Ends(
+        (depths[0].T, depths[1].T),
+        (on_object[0].T, on_object[1].T),
+        (distances[0].T, distances[1].T),
+    )
+
+
+def _is_behind(across: _Ends, between: Depths) -> Mask:
+    """Return where a near reading along the other axis lies behind a depth, or beside it and not on the object."""
+    result = np.zeros(between.shape, dtype=bool)
+    limit = jump(between)
+    for depths, on_object, distances in zip(*across, strict=True):
+        farther = np.where(on_object, between + limit, between - limit)
+        result |= (distances <= _ACROSS) & (depths > 0) & (depths > farther)
+    return result

@@ -1,0 +1,187 @@
+"""Which pixels of a depth image lie on one surface: neighbours are the next readings, only a jump parts them.
+
+A camera has no reading at many pixels: dead lines, dark or shiny places, pixels between those of a
+smaller image that was registered to this one. The absence of a reading is no edge of a body, so a
+pixel's neighbour in a direction is the next pixel with a reading, beyond up to :data:`REACH` without
+one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.depth.reading import Depths, Mask
+from benchmark.errors import DepthError
+from benchmark.geometry.cleaning import component_labels
+from benchmark.geometry.mesh import IntArray
+
+REACH = 2
+"""Maximum number of pixels without a reading between neighbours, as where every third pixel has one."""
+
+LARGEST_ERROR = 0.1
+"""Upper bound in metres on the measurement error in the depth difference of neighbours on one surface."""
+
+LEAST_SUPPORT = 3
+"""Minimum number of the eight neighbours on the same surface; a pixel with fewer is a flying pixel."""
+
+SMALLEST_PIECE = 0.01
+"""Minimum share of the object's pixels in a piece that jumps of depth part from its main piece."""
+
+SOLID = 0.5
+"""Minimum share of neighbours on the same surface, averaged over such a piece.
+
+An arm before a chest has .6 and more even if it is two pixels wide. Averages of depths and missing
+pixels lie scattered among others."""
+
+LEAST_OBJECT = 0.5
+"""Minimum share of the object's readings that remain after flying pixels and scattered pieces are dropped."""
+
+MOST_FLYING = 0.25
+"""Maximum share of the readings of an image on no surface if the object is to be found in it."""
+
+AVERAGED = (
+    "resize depth images by the nearest neighbour, not by averages, which mix depths with pixels"
+    " without one"
+)
+"""Hint of the errors of an image whose depths were averaged."""
+
+MEASURED = 0.5
+"""Minimum share of pixels with a reading in an image whose background is not cut away."""
+
+RIGHT, DOWN = (0, 1), (1, 0)
+DIRECTIONS = (RIGHT, DOWN, (1, 1), (1, -1))
+"""Directions in which each pair of the eight neighbours is met once: steps in rows and columns."""
+
+
+def error_at(depths: Depths) -> Depths:
+    """Return the maximum depth error in metres, for depths in metres.
+
+    The error is three standard deviations of a structured-light camera, 1.4 mm at 1 m and growing
+    with the square of the depth [Khoshelham and Elberink 2012], but at most 0.3 m.
+    """
+    return np.asarray(np.minimum(3 * 0.0014 * depths**2, 0.3))
+
+
+def jump(depths: Depths) -> Depths:
+    """Return the depth difference in metres above which neighbouring pixels belong to different surfaces."""
+    return np.asarray(0.03 + np.minimum(error_at(depths), LARGEST_ERROR))
+
+
+def neighbours(seen: Mask, direction: tuple[int, int]) -> tuple[IntArray, IntArray]:
+    """Return pairs of pixels with a reading that are neighbours in a direction, as indices into the flat image.
+
+    Parameters
+    ----------
+    seen
+        Pixels with a reading, shape (h, w).
+    direction
+        Step in rows, not negative, and in columns.
+    """
+    height, width = seen.shape
+    numbers = np.arange(seen.size).reshape(seen.shape)
+    is_open = seen.copy()  # whose next reading is not found yet
+    first, second = [], []
+    for distance in range(1, REACH + 2):
+        down, right = distance * direction[0], distance * direction[1]
+        start, stop = max(0, -right), width - max(0, right)
+        if down >= height or start >= stop:
+            break
+        here = np.s_[: height - down, start:stop]
+        there = np.s_[down:, start + right : stop + right]
+        found = is_open[here] & seen[there]
+        first.append(numbers[here][found])
+        second.append(numbers[there][found])
+        is_open[here] &= ~found
+    return np.concatenate(first), np.concatenate(second)
+
+
+def dead_lines(seen: Mask) -> tuple[Mask, Mask]:
+    """Return the rows and columns without a reading between others, if most other pixels have one; shapes (h,), (w,).
+
+    Otherwise, the background may be cut away, and a line may lie between two objects.
+    """
+    rows = _empty_between(np.asarray(seen.any(axis=1)))
+    columns = _empty_between(np.asarray(seen.any(axis=0)))
+    others = np.count_nonzero(~rows) * np.count_nonzero(~columns)
+    if np.count_nonzero(seen) < MEASURED * others:
+        return np.zeros_like(rows), np.zeros_like(columns)
+    return rows, columns
+
+
+def _empty_between(is_live: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return which lines have no reading and lie between lines with one."""
+    after_first = np.logical_or.accumulate(is_live)
+    before_last = np.logical_or.accumulate(is_live[::-1])[::-1]
+    return np.asarray(~is_live & after_first & before_last)
+
+
+def on_surface(depths: Depths, mask: Mask) -> Mask:
+    """Return the pixels of an object on its surface, see :func:`without_flying_pixels`.
+
+    Raises
+    ------
+    DepthError
+        If most pixels have no neighbours, or most are not on the surface.
+    """
+    is_object = mask & (depths > 0)
+    n_object = np.count_nonzero(is_object)
+    counts = np.bincount(
+        np.concatenate(_pairs(depths > 0, is_object), axis=None), minlength=mask.size
+    )
+    if np.median(counts[is_object.ravel()]) < LEAST_SUPPORT:
+        problem = "most pixels of the object have no neighbour with a depth"
+        hint = (
+            "if the image was registered to a larger one, pass depth and intrinsics at the resolution"
+            " of the depth camera; or check the mask"
+        )
+        raise DepthError(problem, hint)
+    kept = without_flying_pixels(depths, is_object)
+    if np.count_nonzero(kept) < LEAST_OBJECT * n_object:
+        problem = f"the depth jumps between most of the {n_object} pixels of the object"
+        raise DepthError(problem, f"{AVERAGED}; or check the mask")
+    return kept
+
+
+def without_flying_pixels(depths: Depths, mask: Mask) -> Mask:
+    """Return a mask without flying pixels and scattered pieces.
+
+    A camera measures flying pixels between two surfaces; few neighbours have their depth. A program
+    that resizes an image averages depths with missing pixels; the results lie scattered before the
+    surface. Small jumps connect neither to the main piece of the object. Another piece, such as an
+    arm before a chest, is kept if it is large and solid.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres; 0 for missing depth.
+    mask
+        Pixels of the object, which have a depth, shape (h, w).
+    """
+    depth = depths.ravel()
+    first, second = _pairs(depths > 0, mask)
+    difference = np.abs(depth[first] - depth[second])
+    around, alike = np.zeros((2, depth.size))
+    for one in (first, second):
+        is_alike = difference <= jump(depth[one])
+        around += np.bincount(one, minlength=depth.size)
+        alike += np.bincount(one[is_alike], minlength=depth.size)
+    is_supported = mask.ravel() & (alike >= LEAST_SUPPORT)
+    is_link = difference <= jump(np.minimum(depth[first], depth[second]))
+    is_link &= is_supported[first] & is_supported[second]
+    labels = component_labels(first[is_link], second[is_link], depth.size)
+    pixels = np.bincount(labels, weights=is_supported)
+    shares = np.divide(alike, around, out=np.zeros(depth.size), where=around > 0)
+    solidity = np.bincount(labels, weights=shares * is_supported) / np.maximum(pixels, 1)
+    is_kept = (pixels >= SMALLEST_PIECE * pixels.sum()) & (solidity >= SOLID)
+    is_kept[pixels.argmax()] = True
+    return np.asarray((is_supported & is_kept[labels]).reshape(mask.shape))
+
+
+def _pairs(seen: Mask, mask: Mask) -> tuple[IntArray, IntArray]:
+    """Return the pairs of neighbours in all directions, of which both are in a mask."""
+    inside = mask.ravel()
+    pairs = [neighbours(seen, direction) for direction in DIRECTIONS]
+    first, second = np.concatenate(pairs, axis=1)
+    both = inside[first] & inside[second]
+    return first[both], second[both]

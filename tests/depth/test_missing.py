@@ -1,0 +1,197 @@
+"""The absence of a reading is no edge of a body, only a jump of depth is."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, ObservedObject, observe
+from benchmark.depth.intrinsics import Intrinsics
+from benchmark.depth.reading import Depths, Mask
+from benchmark.errors import DepthError
+from benchmark.geometry.depth import View, depth_surface
+
+INPUTS = Path(__file__).with_name("inputs") / "missing"
+CAMERA = Intrinsics(260.0, 260.0, 159.5, 119.5, (320, 240))
+ROWS, COLUMNS = np.mgrid[:240, :320]
+
+Damage = Callable[[Depths, Mask], tuple[Depths, Mask]]
+
+
+def ellipsoid(centre: tuple[float, float, float], axes: tuple[float, float, float]) -> Depths:
+    """Return the depths of an ellipsoid in a camera's axes, in metres; infinity beside it."""
+    rays = np.concatenate([CAMERA.rays(320, 240), np.ones((240, 320, 1))], axis=-1)
+    directions, middle = rays / axes, np.array(centre) / axes
+    a = (directions**2).sum(axis=-1)
+    b = directions @ middle
+    c = middle @ middle - 1
+    root = np.sqrt(np.maximum(b * b - a * c, 0))
+    return np.where(b * b > a * c, (b - root) / a, np.inf)
+
+
+def before_a_wall(*bodies: Depths) -> tuple[Depths, Mask]:
+    """Return a frame with bodies before a wall, and their pixels."""
+    depths = np.min([np.full((240, 320), 3.5), *bodies], axis=0)
+    return depths, depths < 3.5
+
+
+BODY, OBJECT = before_a_wall(ellipsoid((0, 0, 2), (0.3, 0.6, 0.2)))
+
+
+def view(observed: ObservedObject) -> View:
+    return depth_surface(observed.surface, UPRIGHT, HALF_WIDTH)
+
+
+AREA = view(observe(BODY, CAMERA, OBJECT)).surface.area
+
+
+def without(lost: Mask) -> Damage:
+    return lambda depths, mask: (np.where(lost, 0, depths), mask)
+
+
+def without_in_both(lost: Mask) -> Damage:
+    return lambda depths, mask: (np.where(lost, 0, depths), mask & ~lost)
+
+
+def without_in_mask(lost: Mask) -> Damage:
+    return lambda depths, mask: (depths, mask & ~lost)
+
+
+RANDOM = np.random.default_rng(0).random(BODY.shape)
+DAMAGES: dict[str, Damage] = {
+    "a column": without(COLUMNS == 160),
+    "a row": without(ROWS == 120),
+    "two columns": without(COLUMNS // 2 == 80),
+    "six rows": without(ROWS // 6 == 20),
+    "every twentieth column": without(COLUMNS % 20 == 0),
+    "a diagonal": without(COLUMNS - ROWS == 40),
+    "two diagonals": without((COLUMNS - ROWS) // 2 == 20),
+    "30 % at random": without(RANDOM < 0.3),
+    "every other column": without(COLUMNS % 2 == 1),
+    "a dark place": without(np.hypot(COLUMNS - 160, ROWS - 120) < 6),
+    "a column, also of the mask": without_in_both(COLUMNS == 160),
+    "two rows, also of the mask": without_in_both(ROWS // 2 == 60),
+    "30 % at random, also of the mask": without_in_both(RANDOM < 0.3),
+    "a column of the mask": without_in_mask(COLUMNS == 160),
+    "two rows of the mask": without_in_mask(ROWS // 2 == 60),
+    "a diagonal of the mask": without_in_mask(COLUMNS - ROWS == 40),
+    "a tenth of the mask": without_in_mask(RANDOM < 0.1),
+}
+
+
+@pytest.mark.parametrize("name", DAMAGES)
+@pytest.mark.parametrize("has_background", [True, False])
+def test_a_pixel_without_a_reading_is_no_edge(name: str, has_background: bool) -> None:
+    """The area of the whole surface is found in one piece, within that of the pixels at its edge."""
+    depths, mask = DAMAGES[name](BODY if has_background else np.where(OBJECT, BODY, 0), OBJECT)
+    observed = observe(depths, CAMERA, mask)
+    seen = view(observed)
+    assert seen.report["pieces"] == 1
+    assert seen.surface.area == pytest.approx(AREA, rel=0.07)
+    assert observed.notes["distance"] == pytest.approx(1.849, abs=0.005)
+    filled = observed.mask & (depths == 0)
+    assert observed.notes["filled_pixels"] == np.count_nonzero(filled)
+    np.testing.assert_allclose(observed.depths[filled], BODY[filled], atol=0.02)
+    measured = ~filled
+    np.testing.assert_array_equal(observed.depths[measured], depths[measured])
+
+
+@pytest.mark.parametrize("name", [name for name in DAMAGES if "mask" not in name])
+def test_a_line_without_readings_does_not_halve_the_object_that_is_found(name: str) -> None:
+    seen = view(observe(DAMAGES[name](BODY, OBJECT)[0], CAMERA))
+    assert seen.report["pieces"] == 1
+    assert seen.surface.area == pytest.approx(AREA, rel=0.07)
+
+
+def legs(gap: int, behind: float) -> tuple[Depths, Mask]:
+    """Return two upright bars 2 m away, the pixels between them at another depth, and the pixels of both bars."""
+    depths = np.full((240, 320), 3.5)
+    mask = np.zeros(depths.shape, dtype=bool)
+    mask[40:200, 130:160] = mask[40:200, 160 + gap : 190 + gap] = True
+    depths[40:200, 160 : 160 + gap] = behind
+    return np.where(mask, 2.0, depths), mask
+
+
+@pytest.mark.parametrize("gap", [1, 2, 5])
+@pytest.mark.parametrize("behind", [2.2, 3.5])
+@pytest.mark.parametrize("lost", [0.0, 0.1, 0.3])
+def test_two_legs_with_background_between_them_stay_apart(
+    gap: int, behind: float, lost: float
+) -> None:
+    depths, mask = legs(gap, behind)
+    depths = np.where(lost > RANDOM, 0, depths)
+    for given in (mask, mask & (depths > 0)):
+        observed = observe(depths, CAMERA, given)
+        assert not observed.mask[:, 160 : 160 + gap].any()
+        assert view(observed).report["pieces"] == 2
+
+
+def test_a_dead_line_does_not_join_legs() -> None:
+    depths, mask = legs(1, 3.5)
+    depths[120] = 0
+    observed = observe(depths, CAMERA, mask)
+    assert observed.mask[120, 130:160].all()
+    assert not observed.mask[:, 160].any()
+
+
+def test_a_jump_of_depth_is_an_edge_whether_or_not_pixels_are_missing_there() -> None:
+    depths = np.where(COLUMNS < 160, 2.0, 2.3)
+    depths[:, 158:162] = 0
+    mask = np.zeros(depths.shape, dtype=bool)
+    mask[60:180, 100:220] = True
+    observed = observe(depths, CAMERA, mask)
+    assert not observed.mask[:, 158:162].any()
+    assert view(observed).report["pieces"] == 2
+
+
+def test_a_mask_that_is_a_box_does_not_join_limbs_before_a_background_that_was_cut_away() -> None:
+    depths, mask = legs(8, 0.0)
+    depths = np.where(mask, depths, 0)
+    box = np.zeros_like(mask)
+    box[20:220, 80:260] = True
+    assert not observe(depths, CAMERA, box).mask[:, 160:168].any()
+
+
+def test_a_gap_of_zeros_in_a_mask_that_fits_belongs_to_the_object() -> None:
+    depths, mask = legs(8, 0.0)
+    whole = mask.copy()
+    whole[40:200, 160:168] = True
+    assert observe(depths, CAMERA, whole).mask[100, 160:168].all()
+    assert not observe(depths, CAMERA, mask).mask[:, 160:168].any()
+
+
+@pytest.mark.parametrize(
+    ("name", "distance", "size"),
+    [
+        ("control.png", 1.849, 1.181),
+        ("dead-column.png", 1.849, 1.181),
+        ("kinect-registered.png", 1.849, 1.181),
+        ("sparse.png", 1.849, 1.17),
+        ("area-5-percent.npz", 1.849, 1.177),
+    ],
+)
+def test_frames_of_an_ellipsoid_with_missing_pixels(
+    name: str, distance: float, size: float
+) -> None:
+    observed = FrameFiles(INPUTS / name).observe()
+    assert observed.notes["distance"] == pytest.approx(distance, abs=0.003)
+    assert observed.notes["size"] == pytest.approx(size, abs=0.012)
+    assert np.ptp(observed.surface.vertices[:, 2]) == pytest.approx(0.175, abs=0.02)
+    seen = view(observed)
+    assert seen.report["pieces"] == 1
+    assert seen.surface.area == pytest.approx(AREA, rel=0.1)
+
+
+def test_an_image_that_averages_most_depths_with_missing_pixels_is_refused() -> None:
+    with pytest.raises(DepthError, match="depth jumps between most of .*; resize depth images by"):
+        FrameFiles(INPUTS / "area-30-percent.npz").observe()
+
+
+@pytest.mark.parametrize("every", [4, 5, 7])
+def test_depths_without_neighbours_are_named(every: int) -> None:
+    sparse = np.where((ROWS % every == 0) & (COLUMNS % every == 0), BODY, 0)
+    with pytest.raises(DepthError, match="no neighbour with a depth; if the image was registered"):
+        observe(sparse, CAMERA, OBJECT)
