@@ -102,7 +102,7 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
             raise ConfigurationError(
                 problem, f"correct 'files': paths of files, relative to {start.parent}"
             )
-        parts[name] = digest_of_bytes(path.read_bytes())
+        parts[name] = digest_of_bytes(_content_of(path))
     return parts
 
 
@@ -325,9 +325,15 @@ def _parsed(path: Path) -> _Module:
     return _parsed_once(path, status.st_mtime_ns, status.st_ctime_ns, status.st_size)
 
 
+def _content_of(path: Path) -> bytes:
+    """Return the content of a file, within its size: one of ``/proc`` may have no end."""
+    with path.open("rb") as file:
+        return file.read(path.stat().st_size)
+
+
 @cache
 def _parsed_once(path: Path, *_: int) -> _Module:
-    content = path.read_bytes()
+    content = _content_of(path)
     try:
         tree = ast.parse(content) if path.suffix == ".py" else None
     except (SyntaxError, ValueError):  # named when it is imported

@@ -69,20 +69,57 @@ _SUFFIX = ".tmp"
 
 def open_file(path: Path, largest: int | None = None) -> BufferedReader:
     """Open a regular file of at most so many bytes; raise ``OSError`` at once for others, such as pipes and devices."""
+    _check_regular(
+        path.stat(), largest
+    )  # opening a device may move it, and a socket cannot be opened
     file = open(  # noqa: SIM115  # the caller closes it
         path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK | os.O_NOCTTY)
     )
-    facts = os.fstat(file.fileno())
-    if stat.S_ISREG(facts.st_mode) and (largest is None or facts.st_size <= largest):
-        return file
-    file.close()
-    is_large = stat.S_ISREG(facts.st_mode)
-    raise OSError(
-        None,
-        f"it holds more than {largest:,} bytes"
-        if is_large
-        else "it is a pipe or a device, not a file",
-    )
+    try:
+        _check_regular(os.fstat(file.fileno()), largest)
+    except OSError:
+        file.close()
+        raise
+    return file
+
+
+def _check_regular(facts: os.stat_result, largest: int | None) -> None:
+    """Raise ``OSError`` unless a path is a regular file of at most so many bytes."""
+    if stat.S_ISDIR(facts.st_mode):
+        raise OSError(errno.EISDIR, "it is a folder, not a file")
+    if not stat.S_ISREG(facts.st_mode):
+        raise OSError(None, "it is a pipe or a device, not a file")
+    if largest is not None and facts.st_size > largest:
+        raise OSError(None, f"it holds more than {largest:,} bytes")
+
+
+def chunks_of(path: Path, largest: int | None = None, size: int = 2**20) -> Iterator[bytes]:
+    """Yield the content of a file of a user, in pieces: never more bytes than it announces, and one.
+
+    All reading and all digests of files of users go through here.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read, is no regular file, holds more than ``largest`` bytes, or another
+        number of bytes than it announces, as files of ``/proc`` do, which may have no end.
+    """
+    with open_file(path, largest) as file:
+        announced = os.fstat(file.fileno()).st_size
+        n_read = 0
+        while n_read <= announced:
+            content: bytes | None = file.read(min(size, announced + 1 - n_read))
+            if content is None:
+                raise OSError(errno.EAGAIN, "reading it would wait: it is no file of a disk")
+            if not content:
+                break
+            n_read += len(content)
+            yield content
+    if n_read != announced:
+        problem = (
+            "it does not have the size that it announces: it is being written, or lies in /proc"
+        )
+        raise OSError(errno.EAGAIN, problem)
 
 
 def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
@@ -91,14 +128,10 @@ def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
     Raises
     ------
     OSError
-        If it cannot be read, is no regular file, or holds more than ``largest`` bytes; ``errno`` is
-        None if reading it again would not help.
+        As :func:`chunks_of`, and if the file only stands for another; ``errno`` is None if reading
+        it again would not help.
     """
-    with open_file(path, largest) as file:
-        size = os.fstat(file.fileno()).st_size
-        content = file.read(size + 1) or b""  # None of what would wait
-    if len(content) != size:  # it is being written, or lies in /proc
-        raise OSError(errno.EAGAIN, "it does not have the size that it announces")
+    content = b"".join(chunks_of(path, largest, largest + 1))
     for mark, problem in _STAND_INS.items():
         if content[:200].lstrip().lower().startswith(mark):
             raise OSError(None, problem)
@@ -224,8 +257,10 @@ def file_digest(path: Path, largest: int | None = LARGEST_FILE) -> str:
 @functools.lru_cache(maxsize=65536)
 def _digest(path: Path, largest: int | None, *_: int) -> str:
     """Compute a file digest; size and times distinguish versions of a file in the cache."""
-    with open_file(path, largest) as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    digest = hashlib.sha256()
+    for content in chunks_of(path, largest):
+        digest.update(content)
+    return digest.hexdigest()
 
 
 # Reading with named errors

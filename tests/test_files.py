@@ -1,7 +1,9 @@
 """Files are whole or absent, and what killed writers leave is removed."""
 
+import contextlib
 import os
 import re
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -33,7 +35,30 @@ def by_system(path):
     path.symlink_to("/proc/self/mem")
 
 
-KINDS = (os.mkfifo, device, endless, by_system, Path.mkdir)
+def without_end(path):
+    """A regular file that announces no bytes, and has no end."""
+    path.symlink_to("/proc/self/pagemap")
+
+
+def that_waits(path):
+    path.symlink_to("/proc/kmsg")
+
+
+def connection(path):
+    with socket.socket(socket.AF_UNIX) as server, contextlib.chdir(path.parent):
+        server.bind(path.name)
+
+
+KINDS = (
+    os.mkfifo,
+    device,
+    endless,
+    by_system,
+    without_end,
+    that_waits,
+    connection,
+    Path.mkdir,
+)
 TRIANGLE = "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import IntArray, Points
@@ -11,11 +12,16 @@ from benchmark.text import counted
 #: Polygons of one size that are split at a time.
 _MOST_POLYGONS = 2**16
 
-#: Most corners of a polygon that are tried as the centre of its fan.
-_MOST_CORNERS = 500
+#: Most corners of polygons that are looked at together, each corner of each of them; corners of a
+#: larger polygon are looked at in linear time.
+_MOST_CORNERS = 64
+
+#: Most corners of a larger polygon that are tried as the centre of its fan, and most whose fan is made.
+_MOST_TRIES = 500
+_MOST_FANS = 20
 
 #: Area of a triangle of a fan that may look the other way, as a share of the polygon: that of a
-#: corner on a side, in single precision.
+#: corner on a side, in single precision. Of a larger polygon, that of all such triangles together.
 _FOLDED = 1e-6
 
 
@@ -59,6 +65,11 @@ def _fan_centres(
         return centres  # this is refused as a mesh
     for size in np.unique(sizes[sizes > 3]):
         same = np.flatnonzero(sizes == size)
+        if size > _MOST_CORNERS:
+            for polygon in same:
+                places = starts[polygon] + np.arange(size)
+                centres[polygon] = _seeing_corner(vertices[corners[places]] / extent)
+            continue
         for block in np.array_split(same, len(same) // _MOST_POLYGONS + 1):
             places = starts[block, None] + np.arange(size)
             centres[block] = _seeing_corners(vertices[corners[places]] / extent)
@@ -69,17 +80,57 @@ def _seeing_corners(polygons: Points) -> IntArray:
     """Return the first corner of each polygon, shape (p, k, 3), whose fan nowhere folds back; -1 if there is none."""
     first = np.full(len(polygons), -1)
     left = np.arange(len(polygons))
-    for corner in range(min(polygons.shape[1], _MOST_CORNERS)):
-        a, *others = np.moveaxis(np.roll(polygons[left], -corner, axis=1), 1, 0)
-        sides = np.stack(others) - a
-        normals = np.cross(sides[:-1], sides[1:])
-        whole = normals.sum(axis=0)
-        square = (whole**2).sum(axis=1)
-        ahead = ((normals * whole).sum(axis=2) >= -_FOLDED * square).all(axis=0)
-        # Of sides that cross, halves cancel.
-        ahead &= square >= _FOLDED * (normals**2).sum(axis=(0, 2))
-        first[left[ahead]] = corner
-        left = left[~ahead]
+    for corner in range(polygons.shape[1]):
+        is_ahead = _looks_ahead(polygons[left], corner)
+        first[left[is_ahead]] = corner
+        left = left[~is_ahead]
         if not len(left):
             break
     return first
+
+
+def _looks_ahead(polygons: Points, corner: int) -> NDArray[np.bool_]:
+    """Return whether the fan around a corner of each polygon, shape (p, k, 3), nowhere folds back."""
+    a, *others = np.moveaxis(np.roll(polygons, -corner, axis=1), 1, 0)
+    sides = np.stack(others) - a
+    normals = np.cross(sides[:-1], sides[1:])
+    whole = normals.sum(axis=0)
+    square = (whole**2).sum(axis=1)
+    is_ahead = ((normals * whole).sum(axis=2) >= -_FOLDED * square).all(axis=0)
+    # Of sides that cross, halves cancel.
+    is_ahead &= square >= _FOLDED * (normals**2).sum(axis=(0, 2))
+    return np.asarray(is_ahead)
+
+
+def _seeing_corner(polygon: Points) -> int:
+    """Return the first corner of a large polygon, shape (k, 3), whose fan nowhere folds back; -1 if there is none.
+
+    How far ahead the triangle of a side and a corner looks is linear in the corner. So is the sum
+    over the sides that one corner does not see: with that corner go all others for which this sum
+    alone is too far behind.
+    """
+    centred = polygon - polygon.mean(axis=0)
+    following = np.roll(centred, -1, axis=0)
+    normals = np.cross(centred, following)
+    whole = normals.sum(axis=0)
+    slopes = np.cross(whole, following - centred)
+    offsets = normals @ whole
+    most_folded = _FOLDED * (whole @ whole)
+    left = np.arange(len(polygon))
+    n_fans = 0
+    for _ in range(_MOST_TRIES):
+        if not left.size or n_fans == _MOST_FANS:
+            return -1
+        corner = left[0]
+        left = left[1:]
+        ahead = offsets + slopes @ centred[corner]
+        behind = ahead < 0
+        if -ahead[behind].sum() > most_folded:
+            offset = offsets[behind].sum()
+            slope = slopes[behind].sum(axis=0)
+            left = left[offset + centred[left] @ slope >= -most_folded]
+        elif _looks_ahead(polygon[None], int(corner))[0]:
+            return int(corner)
+        else:
+            n_fans += 1
+    return -1

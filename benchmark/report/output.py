@@ -9,8 +9,8 @@ from pathlib import Path
 
 import msgspec
 
-from benchmark.errors import ConfigurationError
-from benchmark.files import write_atomically, write_text
+from benchmark.errors import ConfigurationError, UnreadableMesh
+from benchmark.files import file_digest, read_file, write_atomically, write_text
 from benchmark.pipeline.records import Record
 from benchmark.report.columns import scores_frame
 from benchmark.report.formats import as_json, bibliography, latex, markdown, robustness_markdown
@@ -116,7 +116,7 @@ def write_files(
 def _earlier(path: Path) -> dict[str, str]:
     """Return the digests of the files of the last command, without names outside the folder."""
     try:
-        listed = msgspec.json.decode(path.read_bytes(), type=dict[str, str])
+        listed = msgspec.json.decode(read_file(path), type=dict[str, str])
     except (OSError, msgspec.DecodeError, UnicodeError):
         return {}
     root = path.parent.resolve()
@@ -128,4 +128,10 @@ def _earlier(path: Path) -> dict[str, str]:
 
 
 def _digest(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+    """Return the digest of what lies at a path: "" for nothing, and another text for what is no file."""
+    if not path.exists():
+        return ""
+    try:
+        return file_digest(path)
+    except UnreadableMesh:
+        return "not a file"

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from benchmark import formats
 from benchmark.datasets.mesh_files import (
@@ -22,9 +23,10 @@ from benchmark.datasets.mesh_files import (
     write_mesh,
 )
 from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
+from benchmark.formats import polygons
 from benchmark.formats.polygons import split_polygons
 from benchmark.formats.reading import read_with
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import FloatArray, IntArray, Mesh
 from tests.toy import files_of_at_most, rod
 
 INPUTS = Path(__file__).with_name("inputs")
@@ -121,6 +123,79 @@ def test_bent_convex_quads_are_split_at_their_first_corner(seed: int) -> None:
     )
     triangles = split_polygons(vertices, corners.ravel(), np.full(99, 4))
     np.testing.assert_array_equal(triangles, corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3))
+
+
+N_CORNERS = 200_000
+ROUND = np.linspace(0, 2 * np.pi, N_CORNERS, endpoint=False)
+CIRCLE = np.stack([np.cos(ROUND), np.sin(ROUND), 0 * ROUND], axis=1)
+
+
+def star(first: int) -> FloatArray:
+    """A polygon of which one corner alone sees all others."""
+    angles = np.linspace(0.1, 3, N_CORNERS - 1)
+    radii = np.random.default_rng(1).uniform(0.5, 1, N_CORNERS - 1)
+    edge = np.stack([radii * np.cos(angles), radii * np.sin(angles), 0 * angles], axis=1)
+    return np.roll(np.vstack([np.zeros(3), edge]), first, axis=0)
+
+
+def notched() -> FloatArray:
+    polygon = CIRCLE.copy()
+    polygon[1000:1100, :2] *= 0.9
+    return polygon
+
+
+def waved(n_waves: int, height: float) -> FloatArray:
+    return CIRCLE * (1 + height * np.cos(n_waves * ROUND))[:, None]
+
+
+def polygon_area(polygon: FloatArray) -> float:
+    normals = np.cross(polygon, np.roll(polygon, -1, axis=0))
+    return float(np.linalg.norm(normals.sum(axis=0)) / 2)
+
+
+def fan(polygon: FloatArray, monkeypatch: pytest.MonkeyPatch) -> IntArray:
+    """The triangles of a polygon; fans of a few corners alone may be made, so that the time is linear."""
+    looked: list[int] = []
+
+    def look(faces: FloatArray, corner: int) -> NDArray[np.bool_]:
+        looked.append(corner)
+        return looks_ahead(faces, corner)
+
+    looks_ahead = polygons._looks_ahead
+    monkeypatch.setattr(polygons, "_looks_ahead", look)
+    try:
+        return split_polygons(polygon, np.arange(len(polygon)), np.array([len(polygon)]))
+    finally:
+        assert len(looked) <= polygons._MOST_FANS
+
+
+@pytest.mark.parametrize(
+    ("polygon", "corner"), [(CIRCLE, 0), (star(3), 3), (star(123_456), 123_456), (notched(), None)]
+)
+def test_a_face_of_many_corners_is_split_from_one_that_sees_all(
+    polygon: FloatArray, corner: int | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    triangles = fan(polygon, monkeypatch)
+    assert corner is None or (triangles[:, 0] == corner).all()
+    areas = Mesh(polygon, triangles).face_areas
+    assert areas.sum() == pytest.approx(polygon_area(polygon), rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    "polygon",
+    [
+        waved(50, 0.01),  # each triangle folds back by less than a millionth
+        waved(5000, 0.0001),
+        np.stack([np.sin(ROUND), np.sin(2 * ROUND), 0 * ROUND], axis=1),  # a bow tie
+        np.random.default_rng(2).normal(size=(N_CORNERS, 3)),
+    ],
+    ids=["waves", "fine waves", "bow tie", "noise"],
+)
+def test_a_face_of_many_corners_that_none_sees_is_refused(
+    polygon: FloatArray, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InvalidMesh, match="without a corner that sees all others"):
+        fan(polygon, monkeypatch)
 
 
 def test_the_triangles_beside_packed_vertices_count_as_theirs(tmp_path: Path) -> None:
