@@ -32,14 +32,15 @@ class ClassicMDS(CheckedParameters):
         family="paper",
         summary="top three eigenvectors of the doubly centred squared geodesic distances",
         departs=(
-            "Geodesic distances are shortest paths in a graph of edges and unfolded triangles; the source uses fast "
-            "marching. Signs of the axes, and with them the mirror image, follow our rule."
+            "Geodesic distances are shortest paths in a graph of edges and unfolded triangles; the "
+            "source uses fast marching. Signs of the axes, and with them the mirror image, follow "
+            "our rule."
         ),
         needs=("pairs",),
     )
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the classic MDS of the distances, with the ratios of eigenvalues to the first as notes."""
+        """Return the classic MDS of the distances; notes are ratios of eigenvalues to the first."""
         points, values = classic_scaling(shape.geodesics())
         ratios = {f"eigenvalue_ratio_{k + 1}": float(values[k] / values[0]) for k in (1, 2, 3)}
         return shape.form(oriented(points, shape.mesh.vertex_areas), **ratios)
@@ -64,7 +65,8 @@ def classic_scaling(distances: FloatArray) -> tuple[FloatArray, FloatArray]:
     """
     from scipy.sparse.linalg import LinearOperator, eigsh
 
-    n, squares = len(distances), distances**2
+    n = len(distances)
+    squares = distances**2
 
     def centred(vector: FloatArray) -> FloatArray:
         product = squares @ (vector - vector.mean())
@@ -76,5 +78,6 @@ def classic_scaling(distances: FloatArray) -> tuple[FloatArray, FloatArray]:
         start = np.random.default_rng(0).standard_normal(n)
         operator = LinearOperator((n, n), matvec=centred, dtype=np.float64)
         values, vectors = eigsh(operator, k=4, which="LA", v0=start, tol=1e-10)
-    values, vectors = values[:-5:-1], vectors[:, :-4:-1]
+    values = values[:-5:-1]
+    vectors = vectors[:, :-4:-1]
     return vectors * np.sqrt(np.maximum(values[:3], 0.0)), values

@@ -1,4 +1,4 @@
-"""Constrained MDS: the input pulled towards its least-squares MDS pose, with its details preserved."""
+"""Constrained MDS: the input pulled towards its least-squares MDS pose, details preserved."""
 
 from __future__ import annotations
 
@@ -57,9 +57,10 @@ class ConstrainedMDS(CheckedParameters):
         family="paper",
         summary="the surface deformed towards its least-squares MDS pose, details kept",
         departs=(
-            "An as-rigid-as-possible energy of the surface replaces the source's deformation of a solid; the weights "
-            "are ours. Of the two mirror images, the one with lower energy is kept. The MDS pose is the form of Least "
-            "Square MDS, a local minimum of the stress; the abstract of the source does not say which MDS it uses."
+            "An as-rigid-as-possible energy of the surface replaces the source's deformation of a "
+            "solid; the weights are ours. Of the two mirror images, the one with lower energy is "
+            "kept. The MDS pose is the form of Least Square MDS, a local minimum of the stress; "
+            "the abstract of the source does not say which MDS it uses."
         ),
         needs=("pairs",),
     )
@@ -80,10 +81,11 @@ class ConstrainedMDS(CheckedParameters):
         return self.deform_towards(shape, LeastSquaresMDS().canonicalise(shape).vertices)
 
     def deform_towards(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
-        """Deform the surface towards given positions of its vertices, shape (n, 3), or their mirror image."""
+        """Deform the surface towards positions of its vertices, shape (n, 3), or their mirror."""
         from baselines._kernels.arap import AsRigidAsPossible, aligned
 
-        surface, areas = AsRigidAsPossible.of(shape), shape.mesh.vertex_areas
+        surface = AsRigidAsPossible.of(shape)
+        areas = shape.mesh.vertex_areas
         images = [
             aligned(targets * [sign, 1.0, 1.0], shape.mesh.vertices, areas) for sign in (1.0, -1.0)
         ]

@@ -1,4 +1,4 @@
-"""Fast classical scaling: classic MDS from a few rows of geodesic distances, extended smoothly over the surface."""
+"""Fast classical scaling: classic MDS from a few rows of distances, extended over the surface."""
 
 from __future__ import annotations
 
@@ -43,10 +43,14 @@ class FastClassicalScaling(CheckedParameters):
         title="Fast classical scaling",
         cite="shamai2018fast",
         family="extended",
-        summary="classic scaling from few rows of geodesic distances, continued smoothly both ways (FMDS)",
+        summary=(
+            "classic scaling from few rows of geodesic distances, continued smoothly both ways "
+            "(FMDS)"
+        ),
         departs=(
-            "The weight of smoothness assumes a mean vertex area of 1; in the released code it depends on the unit of "
-            "the file. Signs of the axes, and with them the mirror image, follow our rule."
+            "The weight of smoothness assumes a mean vertex area of 1; in the released code it "
+            "depends on the unit of the file. Signs of the axes, and with them the mirror image, "
+            "follow our rule."
         ),
         needs=("connected",),
     )

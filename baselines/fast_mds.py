@@ -46,11 +46,14 @@ class FastMDS(CheckedParameters):
         title="Fast MDS",
         cite="faloutsos1995fastmap",
         family="paper",
-        summary="FastMap: three axes through pairs of far vertices, from a few rows of geodesic distances",
+        summary=(
+            "FastMap: three axes through pairs of far vertices, from a few rows of geodesic "
+            "distances"
+        ),
         departs=(
-            "The search for pivots starts at the vertex farthest from the geodesic centre, not at an arbitrary one. "
-            "Negative squared distances count as zero. Signs of the axes, and with them the mirror image, follow our "
-            "rule."
+            "The search for pivots starts at the vertex farthest from the geodesic centre, not at "
+            "an arbitrary one. Negative squared distances count as zero. Signs of the axes, and "
+            "with them the mirror image, follow our rule."
         ),
         needs=("connected",),
     )
@@ -58,14 +61,17 @@ class FastMDS(CheckedParameters):
     sweeps: Annotated[int, Interval(1)] = 5
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the FastMap embedding, centred at the origin; notes are the number of rows, and the stress on them."""
+        """Return the FastMap embedding, centred at the origin.
+
+        Notes are the number of rows, and the stress on them.
+        """
         from baselines._kernels.few_rows import farthest_points, stress_of_rows
 
         rows = dict[int, FloatArray]()
         points = np.zeros((shape.mesh.n_vertices, 3))
 
         def residual(vertex: int) -> FloatArray:
-            """Return the squared distances from a vertex that the axes so far do not explain, shape (n,)."""
+            """Return what the axes leave of the squared distances from a vertex, shape (n,)."""
             if vertex not in rows:
                 rows[vertex] = shape.geodesics_from([vertex])[0]
             return np.asarray(
@@ -86,7 +92,8 @@ class FastMDS(CheckedParameters):
     def _pivots(self, residual: Callable[[int], FloatArray], start: int) -> tuple[int, int]:
         near, far = start, start
         for _ in range(self.sweeps):
-            near, far = far, int(residual(far).argmax())
+            near = far
+            far = int(residual(far).argmax())
             if int(residual(far).argmax()) == near:
                 break
         return near, far

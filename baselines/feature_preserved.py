@@ -1,4 +1,4 @@
-"""Feature-preserved form: near-rigid parts of the input, each moved rigidly onto the least-squares MDS."""
+"""Feature-preserved form: near-rigid parts of the input, moved onto the least-squares MDS."""
 
 from __future__ import annotations
 
@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from baselines._kernels.arap import AsRigidAsPossible
 
 MIRROR_MARGIN = 0.05
-"""Share by which a mirror image must fit better: the nearly flat parts of an open surface fit both equally well."""
+"""Share by which a mirror image must fit better: the nearly flat parts of an open surface fit both
+equally well.
+"""
 
 Parts = NDArray[np.int64]
 
@@ -36,8 +38,8 @@ class FeaturePreserved(CheckedParameters):
     Least-squares MDS finds the pose but crumples the surface. Here near-rigid parts of the input,
     with rest positions p, move rigidly onto their MDS positions m:
 
-    1. Farthest-point sampling spreads seeds over the surface. Each vertex joins the part of the seed that is nearest
-       along the surface, and the seams shift so that the parts fit m better.
+    1. Farthest-point sampling spreads seeds over the surface. Each vertex joins the part of the
+       seed that is nearest along the surface, and the seams shift so that the parts fit m better.
     2. Part c moves by the rigid motion that brings it and its adjacent vertices nearest to m,
        :math:`\min_{R_c, t_c} \sum_{i \in c} a_i \|R_c p_i + t_c - m_i\|^2`, and the parts then
        shift to meet at their seams.
@@ -65,9 +67,9 @@ class FeaturePreserved(CheckedParameters):
         family="extended",
         summary="near-rigid parts moved rigidly onto the least-squares form, seams smoothed",
         departs=(
-            "Parts grow around evenly spread seeds; the source cuts a closed surface at its protrusions. Of the two "
-            "mirror images, the one that the parts fit better is kept. The MDS form is that of Least Square MDS, a "
-            "local minimum of the stress."
+            "Parts grow around evenly spread seeds; the source cuts a closed surface at its "
+            "protrusions. Of the two mirror images, the one that the parts fit better is kept. The "
+            "MDS form is that of Least Square MDS, a local minimum of the stress."
         ),
         needs=("pairs",),
     )
@@ -87,7 +89,7 @@ class FeaturePreserved(CheckedParameters):
         return self.move_onto(shape, LeastSquaresMDS().canonicalise(shape).vertices)
 
     def move_onto(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
-        """Move the parts of a surface onto given positions of its vertices, shape (n, 3), or their mirror image."""
+        """Move the parts onto positions of the vertices, shape (n, 3), or onto their mirror."""
         from baselines._kernels.arap import AsRigidAsPossible
         from baselines._kernels.few_rows import farthest_points
 
@@ -118,7 +120,7 @@ def _moved(
 def rigid_motions(
     surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray, parts: Parts
 ) -> tuple[FloatArray, FloatArray]:
-    """Compute the rotation and translation of each part that bring its vertices nearest to their targets (Kabsch 1976).
+    """Compute the rigid motion of each part that brings it nearest to its targets (Kabsch 1976).
 
     The neighbours of a part count as its own, so that neighbouring parts agree on their seam and
     not even a part of a single vertex can rotate freely.
@@ -135,7 +137,8 @@ def rigid_motions(
     of_parts = np.eye(int(parts.max()) + 1)[parts]
     weights = masses * ((of_parts + surface.weights @ of_parts).T > 0)
     weights /= weights.sum(axis=1, keepdims=True)
-    centres, goals = weights @ surface.rest, weights @ targets
+    centres = weights @ surface.rest
+    goals = weights @ targets
     covariances = np.einsum("kn,na,nb->kab", weights, surface.rest, targets, optimize=True)
     rotations = nearest_rotations(covariances - centres[:, :, None] * goals[:, None, :])
     return rotations, goals - np.einsum("kab,kb->ka", rotations, centres)
@@ -150,7 +153,8 @@ def refit_parts(
     nearest to its target. Vertices of a part that would keep fewer than half of its initial
     vertices stay, and no part becomes empty.
     """
-    graph, numbers = surface.weights, np.arange(len(parts))
+    graph = surface.weights
+    numbers = np.arange(len(parts))
     start = np.repeat(numbers, np.diff(graph.indptr))
     least = np.maximum(np.bincount(parts) // 2, 1)
     for _ in range(rounds):
@@ -189,9 +193,12 @@ def close_gaps(
               \|^2 .
     """
     graph = surface.weights
-    start, end = np.repeat(np.arange(len(parts)), np.diff(graph.indptr)), graph.indices
+    start = np.repeat(np.arange(len(parts)), np.diff(graph.indptr))
+    end = graph.indices
     seam = parts[start] != parts[end]  # each edge both ways
-    start, end, weights = start[seam], end[seam], graph.data[seam]
+    start = start[seam]
+    end = end[seam]
+    weights = graph.data[seam]
     first, second = parts[start], parts[end]
     # The gap is R_c m + t_c - R_d m - t_d at the middle m of the edge.
     middles = (surface.rest[start] + surface.rest[end]) / 2
@@ -212,7 +219,9 @@ def smooth_seams(
     translations: FloatArray,
     width: float,
 ) -> FloatArray:
-    r"""Smooth the seams between placed parts, in a band of a width b given as a share of the root of the area.
+    r"""Smooth the seams between placed parts, in a band of width b.
+
+    The width is given as a share of the square root of the area.
 
     Finds the positions x that minimise
 

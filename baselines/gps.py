@@ -19,8 +19,8 @@ class GPS(CheckedParameters):
     With :math:`L \phi_k = \lambda_k M \phi_k` for the cotangent Laplacian L and the mass matrix M,
     vertex x moves to
 
-    .. math:: \left( \phi_1(x) / \sqrt{\lambda_1},\; \phi_2(x) / \sqrt{\lambda_2},\; \phi_3(x) / \sqrt{\lambda_3}
-              \right).
+    .. math:: \left( \phi_1(x) / \sqrt{\lambda_1},\; \phi_2(x) / \sqrt{\lambda_2},\;
+              \phi_3(x) / \sqrt{\lambda_3} \right).
 
     The eigenfunctions have unit norm on the surface, so the form depends on neither the position
     nor the size of the shape. Signs and the side of the mirror follow
@@ -36,8 +36,9 @@ class GPS(CheckedParameters):
         family="paper",
         summary="first three Laplacian eigenfunctions over the square roots of their eigenvalues",
         departs=(
-            "Uses the first three of Rustamov's infinitely many coordinates as a surface; his descriptor is histograms "
-            "of distances in the whole embedding. Signs of the axes, and with them the mirror image, follow our rule."
+            "Uses the first three of Rustamov's infinitely many coordinates as a surface; his "
+            "descriptor is histograms of distances in the whole embedding. Signs of the axes, and "
+            "with them the mirror image, follow our rule."
         ),
         scale="invariant",
         needs=("connected",),

@@ -22,8 +22,10 @@ if TYPE_CHECKING:
     from baselines._kernels.arap import AsRigidAsPossible
 
 PROXIMITY = 1e-4
-"""Diagonal of the global step, as a share of the stiffness. Both energies are invariant under translation, so the
-system needs a hold; a weak hold of every vertex at its current position keeps the descent monotone."""
+"""Diagonal of the global step, as a share of the stiffness. Both energies are invariant under
+translation, so the system needs a hold; a weak hold of every vertex at its current position keeps
+the descent monotone.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +69,9 @@ class MeshUnfolding(CheckedParameters):
         family="paper",
         summary="vertices pushed apart under elastic regularisation, no geodesics",
         departs=(
-            "Vertices repel each other by distance, not by squared distance. An as-rigid-as-possible energy replaces "
-            "finite elements. Stiffness and step sizes are ours."
+            "Vertices repel each other by distance, not by squared distance. An "
+            "as-rigid-as-possible energy replaces finite elements. Stiffness and step sizes are "
+            "ours."
         ),
         needs=("connected",),
     )
@@ -80,19 +83,26 @@ class MeshUnfolding(CheckedParameters):
     max_cascades: Annotated[int, Interval(1)] = 16
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the unfolded surface; notes are its edge strains, the number of cascades and the final stiffness."""
+        """Return the unfolded surface.
+
+        Notes are its edge strains, the number of cascades and the final stiffness.
+        """
         from baselines._kernels.arap import AsRigidAsPossible
 
         areas = shape.mesh.vertex_areas
-        unit, masses = float(np.sqrt(areas.sum())), areas / areas.sum()
+        unit = float(np.sqrt(areas.sum()))
+        masses = areas / areas.sum()
         surface = AsRigidAsPossible.of(shape, unit)
-        solve, stiffness, cascades = surface.factorise(PROXIMITY * masses), self.first_stiffness, 1
+        solve = surface.factorise(PROXIMITY * masses)
+        stiffness = self.first_stiffness
+        cascades = 1
         positions = relax(surface, solve, masses, surface.rest, stiffness, self.iterations)
         while (
             surface.strains(positions)["mean_edge_strain"] > self.strain_bound
             and cascades < self.max_cascades
         ):
-            stiffness, cascades = 2 * stiffness, cascades + 1
+            stiffness = 2 * stiffness
+            cascades = cascades + 1
             positions = relax(surface, solve, masses, positions, stiffness, self.later_iterations)
         notes = surface.strains(positions)
         return shape.form(unit * positions, **notes, cascades=cascades, stiffness=stiffness)

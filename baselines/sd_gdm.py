@@ -74,5 +74,6 @@ class SDGDM(CheckedParameters):
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the mean-normalised Manhattan distances between the descriptors, shape (N, N)."""
-        first, second = np.stack(descriptors)[:, None], np.stack(descriptors)[None]
+        first = np.stack(descriptors)[:, None]
+        second = np.stack(descriptors)[None]
         return np.asarray((2 * np.abs(first - second) / (first + second)).sum(axis=2))

@@ -49,10 +49,11 @@ class ScaleInvariantHKS(CheckedParameters):
         family="control",
         summary="bag of features of the scale-invariant heat kernel signature",
         departs=(
-            "The words come from the gallery itself. Diffusion times cover the spectrum of a surface of unit area; in "
-            "the source they depend on the unit of the file. Sigma is that of code released for the same experiments: "
-            "twice the median distance of a vertex to its nearest word. That code also scales each signature to unit "
-            "length, which is omitted here."
+            "The words come from the gallery itself. Diffusion times cover the spectrum of a "
+            "surface of unit area; in the source they depend on the unit of the file. Sigma is "
+            "that of code released for the same experiments: twice the median distance of a vertex "
+            "to its nearest word. That code also scales each signature to unit length, which is "
+            "omitted here."
         ),
         scale="invariant",
         needs=("connected",),
@@ -63,7 +64,9 @@ class ScaleInvariantHKS(CheckedParameters):
     words: Annotated[int, Interval(2)] = 48
 
     def describe(self, shape: Shape) -> FloatArray:
-        """Return the area and frequencies of each vertex, sorted by the lowest one, shape (n * (1 + frequencies),).
+        """Return the area and frequencies of each vertex, shape (n * (1 + frequencies),).
+
+        Vertices are sorted by their lowest frequency.
 
         Raises
         ------

@@ -32,15 +32,16 @@ SLIVER = 1e-6
 class Skeleton(CheckedParameters):
     r"""Skeleton-based canonical form (Pickup, Sun, Rosin & Martin 2016).
 
-    1. Curve skeleton. A closed surface is contracted by constrained Laplacian smoothing, collapsed to a graph and
-       centred (Au et al. 2008). Contraction would erode an open surface, such as a depth view, from
-       its borders. Its joints are the connected pieces of bands between level sets of the geodesic
-       distance from an extremity. A closed surface whose contraction fails is treated in the same
-       way.
-    2. Pose. Shortest paths along the bones are the distances between joints, and least-squares MDS, started at the
-       joints, gives their new positions.
-    3. Surface. Each bone turns by the minimal rotation from its old to its new direction, each triangle turns with its
-       bone, and the surface follows (Sumner & Popović 2004; Yan et al. 2008).
+    1. Curve skeleton. A closed surface is contracted by constrained Laplacian smoothing, collapsed
+       to a graph and centred (Au et al. 2008). Contraction would erode an open surface, such as a
+       depth view, from its borders. Its joints are the connected pieces of bands between level sets
+       of the geodesic distance from an extremity. A closed surface whose contraction fails is
+       treated in the same way.
+    2. Pose. Shortest paths along the bones are the distances between joints, and least-squares MDS,
+       started at the joints, gives their new positions.
+    3. Surface. Each bone turns by the minimal rotation from its old to its new direction, each
+       triangle turns with its bone, and the surface follows (Sumner & Popović 2004; Yan et al.
+       2008).
 
     Parameters
     ----------
@@ -61,10 +62,10 @@ class Skeleton(CheckedParameters):
         family="paper",
         summary="curve skeleton scaled by its path lengths, surface transferred",
         departs=(
-            "Differs from the released code in five points: quadrics are summed; joints are centred by displacement, "
-            "then merged; pockets are absorbed; a triangle across a border belongs to the bone between; contraction "
-            "does not stop early. On open views, joints are level sets of the geodesic distance, which is another "
-            "method."
+            "Differs from the released code in five points: quadrics are summed; joints are "
+            "centred by displacement, then merged; pockets are absorbed; a triangle across a "
+            "border belongs to the bone between; contraction does not stop early. On open views, "
+            "joints are level sets of the geodesic distance, which is another method."
         ),
         needs=("pairs",),
     )
@@ -88,10 +89,12 @@ class Skeleton(CheckedParameters):
         from baselines._kernels.arap import AsRigidAsPossible
         from baselines.smacof import guttman_transform, majorise
 
-        mesh, (skeleton, reason) = shape.mesh, self._skeleton(shape)
+        mesh = shape.mesh
+        skeleton, reason = self._skeleton(shape)
         if not len(skeleton.bones):
             raise UnsupportedShape(
-                f"{shape.identifier}: the surface shrinks to {len(skeleton.joints)} joint without a bone",
+                f"{shape.identifier}: the surface shrinks to {len(skeleton.joints)} joint without "
+                "a bone",
                 "leave this shape to methods that need no skeleton",
             )
         transform = partial(guttman_transform, targets=skeleton.path_lengths())
@@ -112,7 +115,10 @@ class Skeleton(CheckedParameters):
         )
 
     def _skeleton(self, shape: Shape) -> tuple[CurveSkeleton, str]:
-        """Return the skeleton, and the reason why it is one of level sets; "" if it is one of contraction."""
+        """Return the skeleton, and the reason why it is one of level sets.
+
+        "" if it is one of contraction.
+        """
         from baselines._kernels.curve_skeleton import (
             ContractionFailed,
             contraction_skeleton,
@@ -133,7 +139,7 @@ class Skeleton(CheckedParameters):
 
 
 def geodesics_from_extremity(shape: Shape) -> FloatArray:
-    """Return the geodesic distances from an extremity of the surface, shape (n,), in units of the mesh.
+    """Return the geodesic distances from an extremity, shape (n,), in units of the mesh.
 
     The extremity is the vertex with the largest geodesic distance from the vertex farthest from the
     centroid in space.
@@ -169,13 +175,15 @@ def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]
     the triangle's centroid: the bisecting planes between the bones divide the triangles of a joint.
     A triangle where three parts meet belongs to its nearest joint.
     """
-    bones, k = skeleton.bones, len(skeleton.joints)
+    bones = skeleton.bones
+    k = len(skeleton.joints)
     corners = np.sort(skeleton.owners[mesh.faces], axis=1)
     low, middle, high = corners.T
     across = (low != high) & ((low == middle) | (middle == high))
     chosen: NDArray[np.int64] = np.searchsorted(bones[:, 0] * k + bones[:, 1], low * k + high)
     offsets = mesh.vertices[mesh.faces].mean(axis=1)[:, None] - skeleton.joints[corners]
-    rows, nearest = np.arange(mesh.n_faces), np.linalg.norm(offsets, axis=2).argmin(axis=1)
+    rows = np.arange(mesh.n_faces)
+    nearest = np.linalg.norm(offsets, axis=2).argmin(axis=1)
     joints, offsets = corners[rows, nearest], offsets[rows, nearest]
     # Bones are sorted, so the search finds each pair that exists; the loop assigns the other
     # triangles joint by joint.
@@ -204,7 +212,8 @@ def follow_rotations(mesh: Mesh, laplacian: Laplacian, rotations: FloatArray) ->
     prescribed normal exactly; eliminating it leaves the tangential part of the gradient, and with
     it the Poisson system of the cotangent Laplacian
 
-    .. math:: L x = b, \qquad b_i = \tfrac12 \sum_{f \ni i} \sum_{j \in f} \cot\alpha_{ij}^f \, R_f (p_i - p_j).
+    .. math:: L x = b, \qquad
+              b_i = \tfrac12 \sum_{f \ni i} \sum_{j \in f} \cot\alpha_{ij}^f \, R_f (p_i - p_j).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Least-squares and non-metric MDS: forms whose distances are nearest to the geodesic ones (SMACOF)."""
+"""Least-squares and non-metric MDS: distances as near as possible to the geodesic ones (SMACOF)."""
 
 from __future__ import annotations
 
@@ -26,13 +26,18 @@ Transform = Callable[[FloatArray], tuple[FloatArray, float]]
 """Returns the transform of positions, shape (n, 3), and the stress of the given ones."""
 
 LEVELS = 2**16
-"""Number of levels of the distances in non-metric MDS: 1.5e-5 of the largest, finer than any solver is accurate."""
+"""Number of levels of the distances in non-metric MDS: 1.5e-5 of the largest, finer than any solver
+is accurate.
+"""
 
 COINCIDENT = np.float32(1e-18)
 """Distance below which points neither pull nor push."""
 
-STRIP, TOGETHER = 32, 4
-"""Number of rows of pairs whose sums are in their precision, those of more are double; and of rows in one pass."""
+STRIP = 32
+"""Number of rows of pairs that are summed in the precision of a pair; sums of strips are double."""
+
+TOGETHER = 4
+"""Number of rows of a strip that are summed in one pass over the points."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,9 +72,10 @@ class LeastSquaresMDS(CheckedParameters):
         family="paper",
         summary="stress majorisation of the geodesic distances, from the mesh or from classic MDS",
         departs=(
-            "Uses the geodesic distances of Classic MDS. No source states when to stop on a surface: this row ends in "
-            "a local minimum, where a step lowers the stress by at most 1e-6 of itself. Earlier versions stopped at "
-            "1e-3 or after 100 steps, the rule of Pickup et al. (2016) for the joints of a skeleton."
+            "Uses the geodesic distances of Classic MDS. No source states when to stop on a "
+            "surface: this row ends in a local minimum, where a step lowers the stress by at most "
+            "1e-6 of itself. Earlier versions stopped at 1e-3 or after 100 steps, the rule of "
+            "Pickup et al. (2016) for the joints of a skeleton."
         ),
         needs=("pairs",),
     )
@@ -79,7 +85,7 @@ class LeastSquaresMDS(CheckedParameters):
     rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-6
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the least-squares MDS of the distances, centred at the origin, with its normalised stress."""
+        """Return the least-squares MDS, centred at the origin, with its normalised stress."""
         distances = shape.geodesics()  # outside: not charged to those who use the form
         form: CanonicalForm = shape.compute_once(self, lambda: self._fit(shape, distances))
         return form
@@ -87,7 +93,8 @@ class LeastSquaresMDS(CheckedParameters):
     def _fit(self, shape: Shape, distances: FloatArray) -> CanonicalForm:
         order, targets = _in_own_order(shape, distances)
         if self.start == "classic":
-            start, axes = _classic_start(shape, order, targets), np.eye(3)
+            start = _classic_start(shape, order, targets)
+            axes = np.eye(3)
         else:  # in its principal axes, it is rounded alike however the shape was turned
             start = shape.mesh.vertices[order] - shape.mesh.vertices[order].mean(axis=0)
             axes = np.linalg.eigh(np.cov(start, rowvar=False))[1]
@@ -128,10 +135,10 @@ class NonMetricMDS(CheckedParameters):
         family="paper",
         summary="scaling of the rank order of the geodesic distances",
         departs=(
-            "Minimises the stress by majorisation, from Classic MDS; the source follows the gradient of stress-1. "
-            "Distances are rounded to 65 536 levels, whose ties follow Kruskal's secondary approach. Stops where a "
-            "step lowers the stress by at most 1e-3 of itself; on ten TOSCA shapes, stress-1 is then .2 to 3.1 % above "
-            "that at 1e-5."
+            "Minimises the stress by majorisation, from Classic MDS; the source follows the "
+            "gradient of stress-1. Distances are rounded to 65 536 levels, whose ties follow "
+            "Kruskal's secondary approach. Stops where a step lowers the stress by at most 1e-3 of "
+            "itself; on ten TOSCA shapes, stress-1 is then .2 to 3.1 % above that at 1e-5."
         ),
         needs=("pairs",),
     )
@@ -140,7 +147,10 @@ class NonMetricMDS(CheckedParameters):
     rtol: Annotated[float, Interval(0, 1, closed="left")] = 1e-3
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the non-metric MDS of the distances, centred at the origin; the note is the root of the stress."""
+        """Return the non-metric MDS of the distances, centred at the origin.
+
+        The note is the root of the stress.
+        """
         order, distances = _in_own_order(shape, shape.geodesics())
         transform, norm = non_metric_transform(distances.astype(np.float64))
         start = _classic_start(shape, order, distances)
@@ -154,7 +164,9 @@ class NonMetricMDS(CheckedParameters):
 def _in_own_order(
     shape: Shape, distances: FloatArray
 ) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
-    """Return the vertices by the sum of their distances, ties by position, and the distances in this order.
+    """Return the vertices by the sum of their distances, and the distances in this order.
+
+    Ties are broken by position.
 
     In it, sums are rounded alike however the vertices are numbered; those of single-precision
     distances are exact. Single precision moves a form by less than the tolerance, in a third of the
@@ -211,7 +223,8 @@ def majorise(
         Stress of the start and after each step; the last entry is that of ``points``, or before the
         last plain step.
     """
-    points, stresses = np.ascontiguousarray(start - start.mean(axis=0)), list[float]()
+    points = np.ascontiguousarray(start - start.mean(axis=0))
+    stresses = list[float]()
     while True:
         moved, stress = transform(points)
         if relaxed:
@@ -246,7 +259,8 @@ def guttman_transform(
     stress : float
         Sum of squared misses of all pairs.
     """
-    places, sums = np.ascontiguousarray(points.T).astype(targets.dtype), np.zeros((4, len(points)))
+    places = np.ascontiguousarray(points.T).astype(targets.dtype)
+    sums = np.zeros((4, len(points)))
     for first in range(0, len(points), STRIP):
         _add_strip(sums, places, first, targets[first : first + STRIP])
     return sums[:3].T / len(points), sums[3].sum() / 2
@@ -254,8 +268,9 @@ def guttman_transform(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _add_strip(sums, places, first, targets):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Add the pulls of some points, whose targets are given, on each point, and the squared misses."""
-    of_strip, ungrouped = np.zeros((4, places.shape[1]), places.dtype), len(targets) % TOGETHER
+    """Add the pulls of some points on each point, and the squared misses of their targets."""
+    of_strip = np.zeros((4, places.shape[1]), places.dtype)
+    ungrouped = len(targets) % TOGETHER
     for row in range(0, len(targets) - ungrouped, TOGETHER):
         _add_rows(of_strip, places, first, targets, row, TOGETHER)
     for row in range(len(targets) - ungrouped, len(targets)):
@@ -267,15 +282,16 @@ def _add_strip(sums, places, first, targets):  # type: ignore[no-untyped-def]  #
 def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     x, y, z = places[0], places[1], places[2]
     sums_x, sums_y, sums_z, sums_of_misses = sums[0], sums[1], sums[2], sums[3]
-    for j in range(
-        len(x)
-    ):  # each point has sums of its own: this loop vectorises, and no order depends on the width
+    # Each point has sums of its own: this loop vectorises, and no order depends on its width.
+    for j in range(len(x)):
         pull_x = pull_y = pull_z = misses = np.float32(0)
         for k in range(row, row + count):
-            i, target = first + k, targets[k, j]
+            i = first + k
+            target = targets[k, j]
             dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
             distance = np.sqrt(dx * dx + dy * dy + dz * dz)
-            ratio, miss = target / max(distance, COINCIDENT), distance - target
+            ratio = target / max(distance, COINCIDENT)
+            miss = distance - target
             pull_x, pull_y, pull_z = pull_x + ratio * dx, pull_y + ratio * dy, pull_z + ratio * dz
             misses += miss * miss
         sums_x[j] += pull_x
@@ -299,7 +315,8 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
     from scipy.optimize import isotonic_regression  # lazy
 
     levels, pairs = _used_levels(dissimilarities, (LEVELS - 1) / dissimilarities.max())
-    norm, sums = float(np.sqrt((dissimilarities**2).sum() / 2)), np.empty(len(pairs))
+    norm = float(np.sqrt((dissimilarities**2).sum() / 2))
+    sums = np.empty(len(pairs))
 
     def transform(points: FloatArray) -> tuple[FloatArray, float]:
         sum_distances(points, levels, sums)
@@ -315,8 +332,12 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
 def _used_levels(
     dissimilarities: FloatArray, scale: float
 ) -> tuple[NDArray[np.uint16], FloatArray]:
-    """Return the level of each pair among the levels that have pairs, shape (n, n), and how many each has."""
-    levels, counts = np.empty(dissimilarities.shape, np.uint16), np.zeros(LEVELS, np.int64)
+    """Return the level of each pair, shape (n, n), and the number of pairs of each level.
+
+    Only levels that have pairs are counted.
+    """
+    levels = np.empty(dissimilarities.shape, np.uint16)
+    counts = np.zeros(LEVELS, np.int64)
     for i in range(len(levels)):
         for j in range(len(levels)):
             levels[i, j] = np.uint16(np.rint(dissimilarities[i, j] * scale))
@@ -352,9 +373,10 @@ def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArr
 def level_transform(
     points: FloatArray, levels: NDArray[np.uint16], disparities: NDArray[np.float32]
 ) -> tuple[FloatArray, float]:
-    """Return the Guttman transform towards the disparities of the levels, and the raw stress of the points."""
+    """Return the Guttman transform towards the disparities, and the raw stress of the points."""
     n = len(points)
-    places, sums = np.ascontiguousarray(points.T).astype(np.float32), np.zeros((4, n))
+    places = np.ascontiguousarray(points.T).astype(np.float32)
+    sums = np.zeros((4, n))
     targets = np.empty((STRIP, n), np.float32)
     for first in range(0, n, STRIP):
         rows = min(STRIP, n - first)

@@ -93,7 +93,8 @@ def match(
     """
     n_views = permutations.shape[1]
     orbit, place = _orbits(permutations)
-    width, n_cells = int(place.max()) + 1, n_words * (int(orbit.max()) + 1)
+    width = int(place.max()) + 1
+    n_cells = n_words * (int(orbit.max()) + 1)
     # A slot is a view of a column and one of the row that it may meet; no rotation takes a view out
     # of its orbit.
     slots = np.arange(n_views) * width + place[permutations]
@@ -137,7 +138,7 @@ def match(
 
 
 def _orbits(permutations: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the orbit of each view under the rotations, and its place therein, shape (number of views,) each."""
+    """Return the orbit of each view under the rotations, and its place therein, shape (V,) each."""
     smallest = permutations.min(axis=0)
     place = [int((smallest[:view] == orbit).sum()) for view, orbit in enumerate(smallest)]
     return np.unique(smallest, return_inverse=True)[1].astype(np.int32), np.array(
@@ -172,18 +173,20 @@ def _largest_similarities(
         Rotations that bring the views of each slot together.
     """
     (begins, places, own_counts), (cells, bases, counts) = own, entries
-    n_slots, width = len(own_sizes), len(own_sizes) // sizes.shape[1]
-    shared, touched = np.zeros(n_slots, dtype=np.float32), np.empty(n_slots + 1, dtype=np.uint32)
+    n_slots = len(own_sizes)
+    width = len(own_sizes) // sizes.shape[1]
+    shared = np.zeros(n_slots, dtype=np.float32)
+    touched = np.empty(n_slots + 1, dtype=np.uint32)
     largest = np.empty(len(sizes))
     for other in range(len(sizes)):
         n_touched = np.uint64(0)
         for entry in range(np.uint64(ends[other]), np.uint64(ends[other + 1])):
-            cell, base, count = np.uint64(cells[entry]), np.uint64(bases[entry]), counts[entry]
+            cell = np.uint64(cells[entry])
+            base = np.uint64(bases[entry])
+            count = counts[entry]
             for mine in range(np.uint64(begins[cell]), np.uint64(begins[cell + np.uint64(1)])):
-                slot, before = (
-                    base + np.uint64(places[mine]),
-                    shared[base + np.uint64(places[mine])],
-                )
+                slot = base + np.uint64(places[mine])
+                before = shared[base + np.uint64(places[mine])]
                 touched[n_touched] = slot
                 n_touched += np.uint64(before == 0)
                 shared[slot] = before + min(count, own_counts[mine])

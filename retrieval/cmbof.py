@@ -85,7 +85,9 @@ class CMBOF(CheckedParameters):
         return view_sphere(self.subdivisions)
 
     def signature(self, form: Mesh) -> SignatureArrays:
-        """Return the SIFT features of all views of a form in its normalised pose; see :func:`detect_views`.
+        """Return the SIFT features of all views of a form in its normalised pose.
+
+        See :func:`detect_views`.
 
         Raises
         ------
@@ -97,7 +99,7 @@ class CMBOF(CheckedParameters):
         return detect_views(images, peak_threshold=self.peak_threshold, background=BACKGROUND)
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
-        """Return the dissimilarities of all pairs of forms with the codebook of seed ``draw``, shape (N, N).
+        """Return the dissimilarities of all pairs, shape (N, N), by the codebook of seed ``draw``.
 
         Raises
         ------
@@ -109,7 +111,10 @@ class CMBOF(CheckedParameters):
     def compare_to(
         self, queries: Sequence[SignatureArrays], gallery: Sequence[SignatureArrays], draw: int
     ) -> NDArray[np.float64]:
-        """Return the dissimilarities of M queries to N forms, from which alone the codebook is drawn, shape (M, N)."""
+        """Return the dissimilarities of M queries to N forms, shape (M, N).
+
+        The codebook is drawn from the forms of the gallery alone.
+        """
         codebook = sample_codebook((form["descriptors"] for form in gallery), self.n_words, draw)
         of_columns = _histograms(gallery, codebook)
         of_rows = of_columns if queries is gallery else _histograms(queries, codebook)

@@ -54,11 +54,13 @@ def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int)
     Lian, Godil, Sun, Xiao, "CM-BOF", Machine Vision and Applications 24, 2013 (random words are as
     good as clusters).
     """
-    words, hashes = np.empty((0, 128), dtype=np.uint8), np.empty(0, dtype=np.uint64)
+    words = np.empty((0, 128), dtype=np.uint8)
+    hashes = np.empty(0, dtype=np.uint64)
     for of_form in descriptors:
         rows = np.concatenate([words, of_form])
         hashes, first = np.unique(np.concatenate([hashes, _hash(of_form, seed)]), return_index=True)
-        words, hashes = rows[first[:n_words]], hashes[:n_words]
+        words = rows[first[:n_words]]
+        hashes = hashes[:n_words]
     if not len(words):
         raise DatasetError(
             "no view of any shape of the gallery has a keypoint",
@@ -70,7 +72,9 @@ def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int)
 def nearest_words(
     descriptors: Descriptors, codebook: Descriptors, *, by_integers: bool = False
 ) -> NDArray[np.int32]:
-    """Return the index of the nearest word of each descriptor in Euclidean distance; the lowest index wins a tie.
+    """Return the index of the nearest word of each descriptor in Euclidean distance.
+
+    The lowest index wins a tie.
 
     The search is exact and gives the same bits on any processor: the nearest word c to x maximises
     2 x.c - c.c, hence also 2 (x - 128).(c - 128) + 256 sum(c) - c.c. These integers and all partial
@@ -112,8 +116,13 @@ def _integer_products(descriptors: Descriptors, words: Descriptors) -> NDArray[n
 
 @cache
 def integers_pay() -> bool:
-    """Return whether this processor multiplies bytes exactly and fast; without VNNI, sums of products overflow."""
-    random, seconds, products = np.random.default_rng(0), list[float](), list[NDArray[Any]]()
+    """Return whether this processor multiplies bytes exactly and fast.
+
+    Without VNNI, sums of products overflow.
+    """
+    random = np.random.default_rng(0)
+    seconds = list[float]()
+    products = list[NDArray[Any]]()
     extremes, words = (random.choice(np.array([0, 255], np.uint8), (n, 128)) for n in (BLOCK, 1500))
     for multiply in (_integer_products, _single_products):
         multiply(extremes, words)  # the first use takes longer
@@ -139,7 +148,10 @@ def _find_best(products: NDArray[Any], offsets: NDArray[np.int32], best: NDArray
 
 
 def _hash(rows: Descriptors, seed: int) -> NDArray[np.uint64]:
-    """Hash each row of bytes to 64 bits, with the finaliser of splitmix64 [Steele, Lea, Flood 2014] as the mixer."""
+    """Hash each row of bytes to 64 bits.
+
+    The mixer is the finaliser of splitmix64 [Steele, Lea, Flood 2014].
+    """
     state = np.full(len(rows), _mix(np.array([seed % 2**64], dtype=np.uint64))[0])
     for column in np.ascontiguousarray(rows).view(np.uint64).T:
         state = _mix(state ^ column)

@@ -100,7 +100,10 @@ def detect_views(
 def _detect_all(
     images: NDArray[np.float32], background: np.float32, peak_threshold: float, edge_ratio: float
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.int32]]:
-    """Return frames (k, 4) of x, y, scale, angle; descriptors (k, 128); offsets of the images' keypoints."""
+    """Return frames (k, 4) of x, y, scale, angle; descriptors (k, 128).
+
+    Offsets of the images' keypoints.
+    """
     n_images, height, width = images.shape
     frames = np.empty((4096, 4))
     descriptors = np.empty((4096, DESCRIPTOR_SIZE), dtype=np.uint8)
@@ -113,18 +116,16 @@ def _detect_all(
     backgrounds = _backgrounds(background, min(height, width))
     count = 0
     for index in range(n_images):
-        base, base_row, base_column = images[index, ::1, ::1], 0, 0
+        base = images[index, ::1, ::1]
+        base_row = 0
+        base_column = 0
         top, bottom, left, right = _foreground(images[index], background)
         for octave in range(len(backgrounds) if top < bottom else 0):
             pixel = 2**octave
-            row0, row1 = (
-                max(top // pixel - MARGIN, 0),
-                min(bottom // pixel + MARGIN + 1, height // pixel),
-            )
-            column0, column1 = (
-                max(left // pixel - MARGIN, 0),
-                min(right // pixel + MARGIN + 1, width // pixel),
-            )
+            row0 = max(top // pixel - MARGIN, 0)
+            row1 = min(bottom // pixel + MARGIN + 1, height // pixel)
+            column0 = max(left // pixel - MARGIN, 0)
+            column1 = min(right // pixel + MARGIN + 1, width // pixel)
             h, w = row1 - row0, column1 - column0
             bordered, pixels = octave_in(room, h, w)
             differences = pixels[N_GAUSSIANS:]
@@ -140,19 +141,24 @@ def _detect_all(
                 gradient_room[0, : h * w].reshape(h, w),
                 gradient_room[1, : h * w].reshape(h, w),
             )
-            done, level_done = np.zeros(h, dtype=np.bool_), 0
+            done = np.zeros(h, dtype=np.bool_)
+            level_done = 0
             for k in range(n_points):
-                x, y, level = points[k, 0], points[k, 1], int(points[k, 2])
+                x = points[k, 0]
+                y = points[k, 1]
+                level = int(points[k, 2])
                 sigma = BASE_SCALE * STEP ** (level + 1 + points[k, 3])
                 if level != level_done:
-                    done[:], level_done = False, level
+                    done[:] = False
+                    level_done = level
                 gradients(pixels[level + 1], y, sigma, done, magnitudes, angles)
                 for a in range(orientations(magnitudes, angles, x, y, sigma, peaks)):
                     if count == len(frames):
                         frames = np.concatenate((frames, np.empty_like(frames)))
                         descriptors = np.concatenate((descriptors, np.empty_like(descriptors)))
                     frames[count, 0], frames[count, 1] = pixel * (x + column0), pixel * (y + row0)
-                    frames[count, 2], frames[count, 3] = pixel * sigma, peaks[a]
+                    frames[count, 2] = pixel * sigma
+                    frames[count, 3] = peaks[a]
                     describe(magnitudes, angles, x, y, sigma, peaks[a], descriptors[count])
                     count += 1
             # The level of twice the base scale, every second pixel, starts the next octave.
@@ -164,18 +170,26 @@ def _detect_all(
 
 @njit(cache=True, nogil=True)
 def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int, int, int, int]:
-    """Return the bounding box (top, bottom, left, right) of the foreground, ends excluded; all zero if it is empty."""
+    """Return the bounding box (top, bottom, left, right) of the foreground, ends excluded.
+
+    All zero if it is empty.
+    """
     height, width = image.shape
     in_column = np.zeros(width, dtype=np.uint8)
-    top, bottom, left, right = height, 0, 0, width
+    top = height
+    bottom = 0
+    left = 0
+    right = width
     for row in range(height):
-        pixels, n_seen = image[row], 0
+        pixels = image[row]
+        n_seen = 0
         for column in range(width):
             is_seen = pixels[column] != background
             in_column[column] |= is_seen
             n_seen += is_seen
         if n_seen:
-            top, bottom = min(top, row), row + 1
+            top = min(top, row)
+            bottom = row + 1
     if bottom == 0:
         return 0, 0, 0, 0
     while not in_column[left]:
@@ -187,7 +201,10 @@ def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int
 
 @njit(cache=True, nogil=True)
 def _backgrounds(background: np.float32, side: int) -> NDArray[np.float32]:
-    """Return the background in each octave: blur changes its last bits, and an edge between both would be found."""
+    """Return the background in each octave.
+
+    Blur changes the last bits of the background; beside the original value, an edge would be found.
+    """
     n_octaves = 1
     while side >> n_octaves >= SMALLEST_SIDE:
         n_octaves += 1
@@ -211,11 +228,9 @@ def _paste(
     target_column: int,
     beyond: np.float32,
 ) -> None:
-    """Copy the overlap of two windows, each given by the position of its first pixel in the octave."""
-    row0, row1 = (
-        max(source_row, target_row),
-        min(source_row + source.shape[0], target_row + target.shape[0]),
-    )
+    """Copy the overlap of two windows; each is given by the place of its first pixel."""
+    row0 = max(source_row, target_row)
+    row1 = min(source_row + source.shape[0], target_row + target.shape[0])
     column0 = max(source_column, target_column)
     column1 = min(source_column + source.shape[1], target_column + target.shape[1])
     own = source[

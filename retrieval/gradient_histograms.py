@@ -1,4 +1,4 @@
-"""Orientation and descriptor of a SIFT keypoint: histograms of gradients in a Gaussian window (compiled kernels)."""
+"""Orientation and descriptor of a SIFT keypoint: histograms of gradients (compiled kernels)."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def gradients(
     magnitudes: SingleArray,
     angles: SingleArray,
 ) -> None:
-    """Compute the central differences of a Gaussian level in polar form, in the rows that a keypoint needs.
+    """Compute central differences of a level in polar form, in the rows that a keypoint needs.
 
     Parameters
     ----------
@@ -54,15 +54,19 @@ def gradients(
         bin.
     """
     height, width = magnitudes.shape
-    half, quarter_turn, half_turn = np.float32(0.5), np.float32(0.5 * np.pi), np.float32(np.pi)
+    half = np.float32(0.5)
+    quarter_turn = np.float32(0.5 * np.pi)
+    half_turn = np.float32(np.pi)
     # That of a descriptor that stands on a corner.
     reach = int(np.sqrt(0.5) * (SPATIAL_BINS + 1) * MAGNIFICATION * sigma) + 2
     for row in range(max(int(y) - reach, 1), min(int(y) + reach + 1, height - 1)):
         if done[row]:
             continue
         done[row] = True
-        left, right = gaussian[row, : width - 2], gaussian[row, 2:]
-        above, below = gaussian[row - 1, 1 : width - 1], gaussian[row + 1, 1 : width - 1]
+        left = gaussian[row, : width - 2]
+        right = gaussian[row, 2:]
+        above = gaussian[row - 1, 1 : width - 1]
+        below = gaussian[row + 1, 1 : width - 1]
         magnitude, angle = magnitudes[row, 1 : width - 1], angles[row, 1 : width - 1]
         for x in range(width - 2):
             gx, gy = half * (right[x] - left[x]), half * (below[x] - above[x])
@@ -110,28 +114,22 @@ def orientations(
     # Angles lie in [0, 2 pi], so places lie in [0.5, 36.5]: the lower bin is at most 36, its
     # neighbour 37.
     histogram = np.zeros(ORIENTATION_BINS + 2, dtype=np.float32)
-    per_radian, half, one = (
-        np.float32(ORIENTATION_BINS / (2.0 * np.pi)),
-        np.float32(0.5),
-        np.float32(1.0),
-    )
+    per_radian = np.float32(ORIENTATION_BINS / (2.0 * np.pi))
+    half = np.float32(0.5)
+    one = np.float32(1.0)
     window_x = np.exp(
         -0.5 * ((np.arange(column - radius, column + radius + 1) - x) / spread) ** 2
     ).astype(np.float32)
     # Buffers of one row, at most as wide as the window, for the vectorised work before samples are
     # added to the bins.
-    lowers, shares, weights = (
-        np.empty(len(window_x), np.int32),
-        np.empty_like(window_x),
-        np.empty_like(window_x),
-    )
+    lowers = np.empty(len(window_x), np.int32)
+    shares = np.empty_like(window_x)
+    weights = np.empty_like(window_x)
     for r in range(max(row - radius, 1), min(row + radius, height - 2) + 1):
         window_y = np.float32(np.exp(-0.5 * ((r - y) / spread) ** 2))
         reach = np.sqrt(max(radius * radius + 0.6 - (r - y) ** 2, 0.0))
-        first, last = (
-            max(int(np.ceil(x - reach)), column - radius, 1),
-            min(int(x + reach), column + radius, width - 2),
-        )
+        first = max(int(np.ceil(x - reach)), column - radius, 1)
+        last = min(int(x + reach), column + radius, width - 2)
         count = max(last + 1 - first, 0)
         magnitude, angle = magnitudes[r, first : first + count], angles[r, first : first + count]
         window = window_x[first - column + radius : first - column + radius + count]
@@ -154,7 +152,8 @@ def orientations(
 def _peaks(histogram: FloatArray, peaks: FloatArray) -> int:
     """Smooth a circular histogram and locate its high peaks."""
     for _ in range(6):
-        previous, first = histogram[ORIENTATION_BINS - 1], histogram[0]
+        previous = histogram[ORIENTATION_BINS - 1]
+        first = histogram[0]
         for i in range(ORIENTATION_BINS):
             following = histogram[i + 1] if i + 1 < ORIENTATION_BINS else first
             smoothed = (previous + histogram[i] + following) / 3.0
@@ -163,7 +162,9 @@ def _peaks(histogram: FloatArray, peaks: FloatArray) -> int:
     highest = histogram.max()
     count = 0
     for i in range(ORIENTATION_BINS):
-        h, before, after = histogram[i], histogram[i - 1], histogram[(i + 1) % ORIENTATION_BINS]
+        h = histogram[i]
+        before = histogram[i - 1]
+        after = histogram[(i + 1) % ORIENTATION_BINS]
         # Of two equal neighbours, as from gradients along an axis, the first is the peak.
         if h > SECONDARY_PEAK * highest and h > before and h >= after and count < MAX_ORIENTATIONS:
             offset = -0.5 * (after - before) / (after + before - 2.0 * h)
@@ -182,7 +183,7 @@ def describe(
     angle: float,
     descriptor: NDArray[np.uint8],
 ) -> None:
-    """Compute gradient histograms over 4 x 4 spatial and 8 angular bins, rotated by ``angle`` [Lowe 2004, section 6].
+    """Compute histograms over 4 x 4 spatial and 8 angular bins, rotated [Lowe 2004, section 6].
 
     Parameters
     ----------
@@ -207,8 +208,11 @@ def describe(
     # One bin of padding on each spatial side takes the spill of trilinear interpolation without a
     # test.
     histogram = np.zeros(PADDED * PADDED * ANGULAR_BINS, dtype=np.float32)
-    per_radian, turned = np.float32(ANGULAR_BINS / (2.0 * np.pi)), np.float32(angle - 2.0 * np.pi)
-    one, step_u, step_v = np.float32(1.0), np.float32(cosine), np.float32(-sine)
+    per_radian = np.float32(ANGULAR_BINS / (2.0 * np.pi))
+    turned = np.float32(angle - 2.0 * np.pi)
+    one = np.float32(1.0)
+    step_u = np.float32(cosine)
+    step_v = np.float32(-sine)
     # Buffers of one row, at most as wide as the window, for the vectorised work before samples are
     # added to the bins.
     room = len(window_x)
@@ -229,10 +233,8 @@ def describe(
             min(column + radius, width - 2) - x,
         )
         first, last = _span(cosine * dy, -sine, reach, first, last)
-        start_u, start_v = (
-            np.float32(sine * dy + reach - cosine * x),
-            np.float32(cosine * dy + reach + sine * x),
-        )
+        start_u = np.float32(sine * dy + reach - cosine * x)
+        start_v = np.float32(cosine * dy + reach + sine * x)
         begin = int(np.ceil(first + x))
         count = max(int(np.floor(last + x)) + 1 - begin, 0)
         magnitude, direction = (
@@ -254,17 +256,20 @@ def describe(
             weight = magnitude[s] * window_y * window[s]
             upper = weight * v
             lower = weight - upper
-            weights[0, s], weights[1, s] = lower * (one - u), lower * u
-            weights[2, s], weights[3, s] = upper * (one - u), upper * u
+            weights[0, s] = lower * (one - u)
+            weights[1, s] = lower * u
+            weights[2, s] = upper * (one - u)
+            weights[3, s] = upper * u
         for s in range(count):
             # Unsigned indices need no instruction for negative ones.
-            near, far = (
-                np.uint64(bins[s] & (ANGULAR_BINS - 1)),
-                np.uint64((bins[s] + 1) & (ANGULAR_BINS - 1)),
-            )
-            share, rest, cell = shares[s], one - shares[s], np.uint64(cells[s])
+            near = np.uint64(bins[s] & (ANGULAR_BINS - 1))
+            far = np.uint64((bins[s] + 1) & (ANGULAR_BINS - 1))
+            share = shares[s]
+            rest = one - shares[s]
+            cell = np.uint64(cells[s])
             for corner in range(4):
-                weight, first_bin = weights[corner, s], cell + CORNERS[corner]
+                weight = weights[corner, s]
+                first_bin = cell + CORNERS[corner]
                 histogram[first_bin + near] += weight * rest
                 histogram[first_bin + far] += weight * share
     _normalise(
@@ -274,7 +279,7 @@ def describe(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _normalise(values: SingleArray, descriptor: NDArray[np.uint8]) -> None:
-    """Write a histogram as a unit vector whose values are clipped, and which is normalised again."""
+    """Write a histogram as a unit vector that is clipped and normalised again."""
     for limit in (CLIP, 1.0):
         norm = max(np.sqrt((values * values).sum()), np.float32(1e-30))
         for place in range(DESCRIPTOR_SIZE):
@@ -290,5 +295,6 @@ def _span(
     """Narrow the interval [first, last] to the t with abs(constant + slope * t) <= reach."""
     if abs(slope) < 1e-12:
         return (first, last) if abs(constant) <= reach else (1.0, 0.0)
-    one, other = (-reach - constant) / slope, (reach - constant) / slope
+    one = (-reach - constant) / slope
+    other = (reach - constant) / slope
     return max(first, min(one, other)), min(last, max(one, other))

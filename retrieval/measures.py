@@ -33,10 +33,13 @@ DECIMALS = 6
 #: Length of the result list that the E-measure evaluates.
 E_MEASURE_DEPTH = 32
 
-#: Largest asymmetry and least negative entry of a distance matrix, and largest entry on its
-#: diagonal, relative to the largest off it: products of vectors round distances of 0 to roots of
-#: what is lost.
-ASYMMETRY, SELF_DISTANCE = 1e-6, 1e-3
+#: Largest asymmetry of a distance matrix, and least negative entry, relative to its largest entry
+#: off the diagonal.
+ASYMMETRY = 1e-6
+
+#: Largest entry on the diagonal, relative to the largest off it: where distances are computed from
+#: products of vectors, rounding turns a distance of 0 into the root of what is lost.
+SELF_DISTANCE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +130,10 @@ _ALL = (
     Measure("ST", "second tier: (g_1 + ... + g_min(2c, N)) / c", _second_tier, depth=2),
     Measure(
         "DCG",
-        "discounted cumulative gain: sum w_i g_i / (w_1 + ... + w_c) with w_1 = 1, w_i = 1 / log2(i)",
+        (
+            "discounted cumulative gain: sum w_i g_i / (w_1 + ... + w_c) with w_1 = 1, w_i = 1 / "
+            "log2(i)"
+        ),
         _gain_of_princeton,
         depth=2,
     ),
@@ -231,14 +237,15 @@ def evaluate(
     )
     matrix = check_distances(distances, (len(rows), len(columns)), is_square=targets is None)
     classes = np.unique(np.concatenate([names, np.asarray(gallery.labels)]), return_inverse=True)[1]
-    of_gallery, own = classes[len(names) :], np.broadcast_to(gallery.own, names.shape)
+    of_gallery = classes[len(names) :]
+    own = np.broadcast_to(gallery.own, names.shape)
     others = np.arange(len(of_gallery)) != own[:, None]
     relevant = (classes[: len(names), None] == of_gallery) & others
-    values, tied = np.zeros((len(names), len(MEASURES))), 0
+    values = np.zeros((len(names), len(MEASURES)))
+    tied = 0
     for row, query in zip(matrix, rows, strict=True):
-        whole = np.full(
-            len(of_gallery), 2.0 * np.abs(row).max() + 1.0
-        )  # shapes without a result rank last
+        # Shapes without a result rank last.
+        whole = np.full(len(of_gallery), 2.0 * np.abs(row).max() + 1.0)
         whole[columns] = row
         if relevant[query].any():
             values[query], is_tied = _of_query(whole[others[query]], relevant[query][others[query]])
@@ -318,14 +325,19 @@ def score_draws(
 
 
 def chance_levels(labels: ArrayLike, targets: Targets | None = None) -> dict[str, float]:
-    """Return the exact means of all measures over random rankings: those of a matrix in which all distances tie."""
+    """Return the exact means of all measures over random rankings.
+
+    They are those of a matrix in which all distances tie.
+    """
     every = targets and replace(targets, answered=None)
     shape = len(np.asarray(labels)), len(np.asarray(every.labels if every else labels))
     return evaluate(np.zeros(shape), labels, targets=every).means
 
 
 def check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: bool) -> FloatArray:
-    """Return distances of a shape, which are finite and not negative; if queries are the gallery, a symmetric matrix.
+    """Return distances of a shape, which are finite and not negative.
+
+    If queries are the gallery, a symmetric matrix.
 
     Raises
     ------
@@ -367,11 +379,13 @@ def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[
     """Return all measures of a query, and whether ties matter."""
     order = np.argsort(distances, kind="stable")
     hits = relevant[order].astype(np.float64)
-    n_results, c = len(order), int(hits.sum())
+    n_results = len(order)
+    c = int(hits.sum())
     # Each rank lies in a group of equal distances: its first rank, its size, and the hits in it and
     # before it.
     starts = np.flatnonzero(np.diff(distances[order], prepend=-np.inf) > 0)
-    sizes, group_hits = np.diff(starts, append=n_results), np.add.reduceat(hits, starts)
+    sizes = np.diff(starts, append=n_results)
+    group_hits = np.add.reduceat(hits, starts)
     size, in_group = np.repeat(sizes, sizes), np.repeat(group_hits, sizes)
     gains = in_group / size
     # Given a hit at this rank, the earlier ranks of its group hold (h - 1) / (t - 1) hits each, on

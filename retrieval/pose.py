@@ -19,10 +19,14 @@ Rotations = NDArray[np.float64]
 #: angle); the cube [-tan(pi/8), tan(pi/8)]^3 contains every rotation up to the 24 rotations of the
 #: cube.
 GRID = 9
-#: Number of best grid rotations from which the pattern search starts, and its first and last step
-#: in radians.
+
+#: Number of best grid rotations from which the pattern search starts.
 STARTS = 8
-FIRST_STEP, LAST_STEP = 0.1, 1e-6
+
+#: First and last step of the pattern search, in radians.
+FIRST_STEP = 0.1
+LAST_STEP = 1e-6
+
 #: Rotations whose areas are summed together: all turns of all starts about one axis.
 LANES = 16
 
@@ -65,7 +69,7 @@ def to_unit_sphere(mesh: Mesh) -> Mesh:
 
 
 def pca_rotation(mesh: Mesh) -> Matrix:
-    """Return the rotation onto the principal axes of the vertices, largest variance first, determinant +1.
+    """Return the proper rotation onto the principal axes of the vertices, largest variance first.
 
     The first two axes point to the side of positive third moment.
     """
@@ -78,7 +82,9 @@ def pca_rotation(mesh: Mesh) -> Matrix:
 
 
 def rectilinearity_rotation(mesh: Mesh) -> Matrix:
-    """Return the rotation that minimises the summed area of the triangles' projections on the three coordinate planes.
+    """Return the rotation of least rectilinear area.
+
+    That is the summed area of the projections of all triangles on the three coordinate planes.
 
     The search covers a grid of all rotations up to symmetries of the cube, followed by a pattern
     search from the best grid points [Hooke & Jeeves 1961]. It is deterministic, unlike the random
@@ -101,7 +107,10 @@ def rectilinearity_rotation(mesh: Mesh) -> Matrix:
 
 @njit(cache=True, nogil=True)
 def _turned(matrix: Matrix, vector: NDArray[np.float64]) -> Matrix:
-    """Return the product of the rotation by a Rodrigues vector, axis times tan of half the angle, and a matrix."""
+    """Return the product of a rotation and a matrix.
+
+    The rotation is given by its Rodrigues vector: its axis times tan of half its angle.
+    """
     x, y, z = vector
     scale = 2.0 / (1.0 + x * x + y * y + z * z)
     turn = np.array(
@@ -121,9 +130,13 @@ def _turned(matrix: Matrix, vector: NDArray[np.float64]) -> Matrix:
 
 @njit(cache=True, nogil=True)
 def _projected_areas(area_vectors: Matrix, rotations: Rotations) -> NDArray[np.float64]:
-    """Return the summed area of all projections after each rotation; some rotations at once take as long as one."""
+    """Return the summed area of all projections after each rotation.
+
+    Some rotations at once take as long as one.
+    """
     areas = np.zeros(len(rotations))
-    m, totals = np.zeros((9, LANES)), np.empty(LANES)
+    m = np.zeros((9, LANES))
+    totals = np.empty(LANES)
     for first in range(0, len(rotations), LANES):
         count = min(LANES, len(rotations) - first)
         for lane in range(count):
@@ -142,7 +155,10 @@ def _projected_areas(area_vectors: Matrix, rotations: Rotations) -> NDArray[np.f
 def _refined(
     area_vectors: Matrix, rotations: Rotations, areas: NDArray[np.float64]
 ) -> tuple[Rotations, Matrix]:
-    """Rotate by a step about each axis while that helps, then halve the step; the second value are the areas."""
+    """Rotate by a step about each axis while that helps, then halve the step.
+
+    The second value are the areas.
+    """
     rotations, areas = rotations.copy(), areas.copy()
     steps = np.full(len(rotations), FIRST_STEP)
     candidates = np.empty((2, *rotations.shape))
@@ -153,9 +169,8 @@ def _refined(
             for start in range(len(rotations)):
                 for side in range(2):
                     turn = np.zeros(3)
-                    turn[axis] = (side - 0.5) * steps[
-                        start
-                    ]  # half the angle approximates its tangent well enough
+                    # Half the angle approximates its tangent well enough.
+                    turn[axis] = (side - 0.5) * steps[start]
                     candidates[side, start] = _turned(rotations[start], turn)
             found = _projected_areas(area_vectors, candidates.reshape(-1, 3, 3)).reshape(2, -1)
             for start in range(len(rotations)):

@@ -34,7 +34,10 @@ REFINEMENT_STEPS = 5
 
 
 def _half_kernels() -> SingleArray:
-    """Return half of each Gaussian, shape (6, MARGIN): that to the base scale, then those from level to level."""
+    """Return half of each Gaussian, shape (6, MARGIN).
+
+    The first blurs to the base scale, the others from level to level.
+    """
     kernels = np.zeros((N_GAUSSIANS, MARGIN))
     for level, kernel in enumerate(kernels):
         sigma = BASE_SCALE * STEP ** (level - 1) * np.sqrt(STEP**2 - 1.0)
@@ -50,7 +53,7 @@ SIZES = (KERNELS > 0).sum(axis=1)
 
 @njit(cache=True, nogil=True)
 def octave_buffers(height: int, width: int) -> tuple[SingleArray, SingleArray]:
-    """Return memory for the images of one octave of this size or smaller, and for one that is half blurred."""
+    """Return memory for the images of an octave of at most this size, and for one half blurred."""
     stride = width + 2 * MARGIN
     room = np.empty((2 * N_GAUSSIANS, (height + 3 * MARGIN) * stride), dtype=np.float32)
     return room, np.zeros(height * stride + 2 * MARGIN, dtype=np.float32)
@@ -69,7 +72,8 @@ def octave_in(room: SingleArray, height: int, width: int) -> tuple[SingleArray, 
         Of the same shape, a view whose first rows and columns are the pixels.
     """
     shape = len(room), height + 2 * MARGIN, width + 2 * MARGIN
-    size, first = shape[0] * shape[1] * shape[2], MARGIN * (shape[2] + 1)
+    size = shape[0] * shape[1] * shape[2]
+    first = MARGIN * (shape[2] + 1)
     return room.ravel()[:size].reshape(shape), room.ravel()[first : first + size].reshape(shape)
 
 
@@ -103,7 +107,8 @@ def _blur(
     for row in range(MARGIN):
         image[row], image[height - 1 - row] = image[MARGIN], image[height - MARGIN - 1]
     for top in range(MARGIN, height - MARGIN, max(TOGETHER // stride, 1)):
-        first, count = top * stride, min(max(TOGETHER // stride, 1), height - MARGIN - top) * stride
+        first = top * stride
+        count = min(max(TOGETHER // stride, 1), height - MARGIN - top) * stride
         _convolve(source, first, stride, half, MARGIN, count, level)
         for row in range(MARGIN, MARGIN + count, stride):
             half[row : row + MARGIN] = half[row + MARGIN]
@@ -124,18 +129,19 @@ def _convolve(
     count: int,
     level: int,
 ) -> None:
-    """Add up weighted pixels before and after each, at multiples of a step, in the order of half a kernel."""
-    kernel, own, total = (
-        KERNELS[level],
-        source[start : start + count],
-        target[begin : begin + count],
-    )
+    """Add up weighted pixels before and after each, in the order of half a kernel."""
+    kernel = KERNELS[level]
+    own = source[start : start + count]
+    total = target[begin : begin + count]
     for x in range(count):
         total[x] = kernel[0] * own[x]
     for j in range(1, SIZES[level], 2):  # two in one pass; weights beyond the kernel are zero
-        near, far = kernel[j], kernel[j + 1]
-        before, after = source[start - j * step :], source[start + j * step :]
-        earlier, later = source[start - (j + 1) * step :], source[start + (j + 1) * step :]
+        near = kernel[j]
+        far = kernel[j + 1]
+        before = source[start - j * step :]
+        after = source[start + j * step :]
+        earlier = source[start - (j + 1) * step :]
+        later = source[start + (j + 1) * step :]
         for x in range(count):
             total[x] = (total[x] + near * (before[x] + after[x])) + far * (earlier[x] + later[x])
 
@@ -184,12 +190,10 @@ def find_extrema(
                         differences, level, row, column, peak_threshold, edge_ratio
                     )
                     if good and count < len(points):
-                        points[count, 0], points[count, 1], points[count, 2], points[count, 3] = (
-                            x,
-                            y,
-                            level - 1,
-                            offset,
-                        )
+                        points[count, 0] = x
+                        points[count, 1] = y
+                        points[count, 2] = level - 1
+                        points[count, 3] = offset
                     count += good
     return count
 
@@ -198,15 +202,19 @@ def find_extrema(
 def _mark_candidates(
     differences: SingleArray, level: int, row: int, marks: NDArray[np.uint8]
 ) -> None:
-    """Mark the pixels of a row, but its ends, that exceed or fall below their six nearest neighbours: few do."""
+    """Mark the pixels of a row that exceed or fall below their six nearest neighbours.
+
+    Few do. The ends of the row are left out.
+    """
     width = len(marks)
-    here, above, below = (
-        differences[level, row],
-        differences[level, row - 1, 1:],
-        differences[level, row + 1, 1:],
-    )
-    left, middle, right = here[:width], here[1:], here[2:]
-    lower, upper = differences[level - 1, row, 1:], differences[level + 1, row, 1:]
+    here = differences[level, row]
+    above = differences[level, row - 1, 1:]
+    below = differences[level, row + 1, 1:]
+    left = here[:width]
+    middle = here[1:]
+    right = here[2:]
+    lower = differences[level - 1, row, 1:]
+    upper = differences[level + 1, row, 1:]
     for x in range(width):
         value, a, b, c, d, e, f = (
             middle[x],
@@ -249,15 +257,19 @@ def _refine(
     peak_threshold: float,
     edge_ratio: float,
 ) -> tuple[bool, float, float, float]:
-    """Fit a quadratic [Brown & Lowe 2002] and apply the two tests; returns (good, x, y, offset of the level)."""
+    """Fit a quadratic [Brown & Lowe 2002] and apply the two tests.
+
+    Returns (good, x, y, offset of the level).
+    """
     height, width = differences.shape[1] - 2 * MARGIN, differences.shape[2] - 2 * MARGIN
     move_x = move_y = 0
-    for _ in range(
-        REFINEMENT_STEPS
-    ):  # moves precede fits, so that the last fit belongs to the last pixel
+    # Moves precede fits, so that the last fit belongs to the last pixel.
+    for _ in range(REFINEMENT_STEPS):
         column += move_x
         row += move_y
-        a, b, c = differences[level - 1], differences[level], differences[level + 1]
+        a = differences[level - 1]
+        b = differences[level]
+        c = differences[level + 1]
         centre = float(b[row, column])
         gx = 0.5 * (b[row, column + 1] - b[row, column - 1])
         gy = 0.5 * (b[row + 1, column] - b[row - 1, column])

@@ -1,4 +1,4 @@
-"""Views of a form: cameras, depth images, and permutations of the views by the 24 rotations of the cube."""
+"""Views of a form: cameras, depth images, and permutations by the 24 rotations of the cube."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class ViewSphere:
 
     @cached_property
     def cameras(self) -> NDArray[np.float64]:
-        """Rotations with rows right, up (both of the image) and direction to the eye, shape (V, 3, 3)."""
+        """Rotations, shape (V, 3, 3): right and up in the image, and the direction to the eye."""
         up = np.tile([0.0, 1.0, 0.0], (len(self.directions), 1))
         up[np.abs(self.directions[:, 1]) > 1 - 1e-9] = [0.0, 0.0, 1.0]
         right = np.cross(up, self.directions)
@@ -62,7 +62,9 @@ class ViewSphere:
 
 @cache
 def view_sphere(subdivisions: int) -> ViewSphere:
-    """Return the views from the vertices of a subdivided octahedron: 6, 18, 66, 258 ...; each extends the previous one.
+    """Return the views from the vertices of a subdivided octahedron: 6, 18, 66, 258 ....
+
+    Each extends the previous one.
 
     The 66 of two subdivisions are 6 corners, 12 and 48 edge midpoints.
     """

@@ -1,4 +1,4 @@
-"""As-rigid-as-possible energy of a surface: rotations of its cells, and the linear system between them."""
+"""As-rigid-as-possible energy: rotations of cells, and the linear system between them."""
 
 from __future__ import annotations
 
@@ -14,22 +14,26 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from benchmark.api.contracts import FloatArray, Shape
 
 WEIGHT_FLOOR = 1e-2
-"""Minimum edge weight, as a share of the mean one. Weights of obtuse pairs of angles are negative or zero: they would
-leave the energy without a lower bound, and a vertex between such edges unconstrained."""
+"""Minimum edge weight, as a share of the mean one. Weights of obtuse pairs of angles are negative
+or zero: they would leave the energy without a lower bound, and a vertex between such edges
+unconstrained.
+"""
 
 AMBIGUOUS = 1e-3
-"""Share of the cube of its norm, below which the product of the sums of two singular values of a covariance each leaves
-the closed form of its rotation without enough digits."""
+"""Share of the cube of its norm, below which the product of the sums of two singular values of a
+covariance each leaves the closed form of its rotation without enough digits.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class AsRigidAsPossible:
-    r"""As-rigid-as-possible deformation of one surface (Sorkine & Alexa 2007, equations 3, 6 and 8).
+    r"""As-rigid-as-possible deformation of a surface (Sorkine & Alexa 2007, equations 3, 6, 8).
 
     With rest positions :math:`p`, cotangent weights :math:`w` and one rotation :math:`R_i` per
     vertex, the energy is
 
-    .. math:: E(x) = \frac12 \sum_i \min_{R_i \in SO(3)} \sum_{j \in N(i)} w_{ij} \|(x_i - x_j) - R_i (p_i - p_j)\|^2.
+    .. math:: E(x) = \frac12 \sum_i \min_{R_i \in SO(3)} \sum_{j \in N(i)}
+              w_{ij} \|(x_i - x_j) - R_i (p_i - p_j)\|^2.
 
     For fixed rotations it is quadratic with the Laplacian of the weights as its matrix, and minimal
     if the product of that matrix and x equals :meth:`load`.
@@ -69,26 +73,25 @@ class AsRigidAsPossible:
         return np.asarray(_loads(graph.indptr, graph.indices, graph.data, self.rest, rotations))
 
     def energy(self, positions: FloatArray, rotations: FloatArray) -> float:
-        """Return the energy of positions under given rotations, in squared units of the positions."""
-        start, end = (
-            np.repeat(np.arange(len(positions)), np.diff(self.weights.indptr)),
-            self.weights.indices,
-        )
+        """Return the energy of positions under rotations, in squared units of the positions."""
+        start = np.repeat(np.arange(len(positions)), np.diff(self.weights.indptr))
+        end = self.weights.indices
         turned = np.einsum("eab,eb->ea", rotations[start], self.rest[start] - self.rest[end])
         misses = positions[start] - positions[end] - turned
         return 0.5 * float(self.weights.data @ (misses**2).sum(axis=1))
 
     def factorise(self, diagonal: FloatArray) -> Callable[[FloatArray], FloatArray]:
-        """Return a solver of the system with a non-negative diagonal, not all zero, added; shape (n,)."""
+        """Return a solver of the system with a non-negative diagonal, not all zero, added.
+
+        Shape (n,).
+        """
         laplacian = diags_array(self.weights.sum(axis=1) + diagonal) - self.weights
         return factorise_definite(csr_array(laplacian))
 
     def strains(self, positions: FloatArray) -> dict[str, float]:
         """Return the mean and largest relative change in length of the edges as notes."""
-        start, end = (
-            np.repeat(np.arange(len(positions)), np.diff(self.weights.indptr)),
-            self.weights.indices,
-        )
+        start = np.repeat(np.arange(len(positions)), np.diff(self.weights.indptr))
+        end = self.weights.indices
         before = np.linalg.norm(self.rest[start] - self.rest[end], axis=1)
         after = np.linalg.norm(positions[start] - positions[end], axis=1)
         strains = np.abs(after - before) / np.maximum(before, np.finfo(float).tiny)
@@ -99,7 +102,10 @@ class AsRigidAsPossible:
 
 
 def nearest_rotations(covariances: FloatArray) -> FloatArray:
-    """Return the proper rotations R that maximise trace(R C) for covariances C of rest and moved points, (n, 3, 3)."""
+    """Return the proper rotations R that maximise trace(R C), shape (n, 3, 3).
+
+    The matrices C are the covariances of rest and moved points.
+    """
     rotations, ambiguous = _closed_form(covariances)
     if ambiguous.any():
         stacked = np.ascontiguousarray(covariances[ambiguous].transpose(1, 0, 2).reshape(-1, 3))
@@ -111,15 +117,19 @@ def nearest_rotations(covariances: FloatArray) -> FloatArray:
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
 def _closed_form(covariances: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]]:
-    """Return the nearest rotations [Markley 1993], and where they are too ambiguous to be found in this way.
+    """Return the nearest rotations [Markley 1993], and which are too ambiguous for this way.
 
     In a seventh of the time of singular values. The sum of the (signed) singular values is the
     largest root of a quartic, which Newton's method finds from above; the rotation follows from it.
     """
-    rotations, ambiguous = np.empty_like(covariances), np.empty(len(covariances), np.bool_)
+    rotations = np.empty_like(covariances)
+    ambiguous = np.empty(len(covariances), np.bool_)
     gram = np.empty((3, 3))
     for k in range(len(covariances)):
-        matrix, rotation, square, area = covariances[k], rotations[k], 0.0, 0.0
+        matrix = covariances[k]
+        rotation = rotations[k]
+        square = 0.0
+        area = 0.0
         for a in range(3):
             for b in range(3):
                 c, d, e, f = (a + 1) % 3, (a + 2) % 3, (b + 1) % 3, (b + 2) % 3
@@ -162,14 +172,16 @@ def _closed_form(covariances: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]
 
 
 def aligned(points: FloatArray, reference: FloatArray, weights: FloatArray) -> FloatArray:
-    """Return the points after the proper rigid motion that best aligns them with the reference (Kabsch 1976)."""
+    """Return the points after the proper rigid motion nearest to a reference (Kabsch 1976)."""
     centre, goal = weights @ points / weights.sum(), weights @ reference / weights.sum()
     covariance = (points - centre).T @ ((reference - goal) * weights[:, None])
     return np.asarray((points - centre) @ nearest_rotations(covariance[None])[0].T + goal)
 
 
 def factorise_definite(matrix: csr_array) -> Callable[[FloatArray], FloatArray]:
-    """Factorise a symmetric positive definite sparse matrix; the result solves for any number of columns.
+    """Factorise a symmetric positive definite sparse matrix.
+
+    The result solves for any number of columns.
 
     The factorisation is Eigen's: it calls no BLAS, whose last digits differ between processors.
 
@@ -178,7 +190,8 @@ def factorise_definite(matrix: csr_array) -> Callable[[FloatArray], FloatArray]:
     RuntimeError
         If the matrix is not positive definite.
     """
-    free, unconstrained = np.zeros(0, dtype=np.int64), csc_array((0, matrix.shape[0]))
+    free = np.zeros(0, dtype=np.int64)
+    unconstrained = csc_array((0, matrix.shape[0]))
     factors = igl.min_quad_with_fixed_data()
     igl.min_quad_with_fixed_precompute(csc_array(matrix), free, unconstrained, True, factors)
 

@@ -17,7 +17,8 @@ def collapse(mesh: Mesh) -> NDArray[np.int64]:
 
     Collapsing vertex :math:`i` onto its neighbour :math:`j` costs
 
-    .. math:: \tilde v_j^\top (Q_i + Q_j) \tilde v_j + \|v_i - v_j\| \sum_{k \in N(i), k \ne j} \|v_i - v_k\|,
+    .. math:: \tilde v_j^\top (Q_i + Q_j) \tilde v_j
+              + \|v_i - v_j\| \sum_{k \in N(i), k \ne j} \|v_i - v_k\|,
 
     where :math:`Q_i` measures the squared distances to the lines of the edges merged into i. The
     first term preserves the shape of the curve, the second prefers short edges and hence even
@@ -46,7 +47,7 @@ def collapse(mesh: Mesh) -> NDArray[np.int64]:
 
 
 def _line_quadrics(vertices: FloatArray, edges: NDArray[np.int64]) -> FloatArray:
-    """Return the sum over the edges at each vertex of the squared distance to their lines, shape (n, 4, 4)."""
+    """Return the quadrics of the squared distance to the edges of each vertex, shape (n, 4, 4)."""
     start, end = vertices[edges[:, 0]], vertices[edges[:, 1]]
     direction = (end - start) / np.maximum(
         np.linalg.norm(end - start, axis=1, keepdims=True), np.finfo(float).tiny
@@ -67,7 +68,9 @@ def _collapse(
     points: FloatArray, faces: NDArray[np.int32], links: Links, quadrics: FloatArray
 ) -> NDArray[np.int64]:
     n = len(points)
-    owner, target, cost = np.arange(n), np.full(n, -1), np.full(n, np.inf)
+    owner = np.arange(n)
+    target = np.full(n, -1)
+    cost = np.full(n, np.inf)
     for i in range(n):
         _evaluate(i, points, quadrics, links, cost, target)
     while True:
@@ -75,7 +78,8 @@ def _collapse(
         if cost[i] == np.inf:
             break
         j = target[i]
-        owner[i], cost[i] = j, np.inf
+        owner[i] = j
+        cost[i] = np.inf
         quadrics[j] += quadrics[i]
         around = np.flatnonzero((faces[:, 0] == i) | (faces[:, 1] == i) | (faces[:, 2] == i))
         _count(faces, around, links, -1)
@@ -99,7 +103,10 @@ def _collapse(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _count(faces: NDArray[np.int32], around: NDArray[np.int64], links: Links, amount: int) -> None:
-    """Add an amount to the number of triangles at each edge of some triangles with three different corners."""
+    """Add an amount to the number of triangles at each edge of some triangles.
+
+    Only triangles with three different corners count.
+    """
     for f in around:
         a, b, c = faces[f]
         if a != b and b != c and c != a:
@@ -120,10 +127,14 @@ def _evaluate(
     """Find the cheapest collapse of vertex i."""
     neighbours = np.flatnonzero(links[i])
     lengths = np.sqrt(((points[neighbours] - points[i]) ** 2).sum(axis=1))
-    cost[i], target[i] = np.inf, -1
+    cost[i] = np.inf
+    target[i] = -1
     for place, j in enumerate(neighbours):
         if links[i, j] > 1:
-            shape, x, y, z = 0.0, points[j, 0], points[j, 1], points[j, 2]
+            shape = 0.0
+            x = points[j, 0]
+            y = points[j, 1]
+            z = points[j, 2]
             for a, left in enumerate((x, y, z, 1.0)):
                 for b, right in enumerate((x, y, z, 1.0)):
                     shape += left * right * (quadrics[i, a, b] + quadrics[j, a, b])

@@ -1,4 +1,4 @@
-"""Curve skeletons: joints, the bones between them, and the part of the surface that each joint owns."""
+"""Curve skeletons: joints, bones between them, and the part of the surface of each joint."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ from benchmark.geometry.mesh import Mesh
 Indices = NDArray[np.int64]
 
 CENTREDNESS_GAIN = 0.9
-"""A junction moves onto a neighbour if that lowers the spread of its distances to the surface below this multiple."""
+"""A junction moves onto a neighbour if that lowers the spread of its distances to the surface below
+this multiple.
+"""
 
 SPECK_SHARE = 0.002
 """Pieces of a band below this share of the area are ripples of the band's border, not limbs."""
@@ -28,7 +30,9 @@ EDGES_PER_BAND = 2.0
 """Minimum width of a band, in mean edge lengths."""
 
 RADIUS = 100.0
-"""Radius of the surface during the contraction; the schedule of the weights assumes this unit of length."""
+"""Radius of the surface during the contraction; the schedule of the weights assumes this unit of
+length.
+"""
 
 FIRST_CONTRACTION = 1e-3
 """Initial contraction weight over the square root of the mean face area."""
@@ -62,7 +66,7 @@ class CurveSkeleton:
     bones: Indices
 
     def path_lengths(self) -> FloatArray:
-        """Return the lengths of the shortest paths along the bones between all pairs of joints, shape (k, k)."""
+        """Return the lengths of the shortest paths along the bones between joints, shape (k, k)."""
         first, second = self.joints[self.bones.T]
         # A stored zero would mean "no bone".
         lengths = np.maximum(np.linalg.norm(first - second, axis=1), np.finfo(float).tiny)
@@ -106,11 +110,12 @@ class ContractionFailed(Exception):
 
 
 def contract(mesh: Mesh) -> FloatArray:
-    r"""Contract a closed surface to (almost) zero volume by constrained smoothing (Au et al. 2008, equation 1).
+    r"""Contract a closed surface to almost no volume by smoothing (Au et al. 2008, equation 1).
 
     Each iteration solves, in the least-squares sense,
 
-    .. math:: \begin{bmatrix} W_L L \\ W_H \end{bmatrix} V' = \begin{bmatrix} 0 \\ W_H V \end{bmatrix}
+    .. math:: \begin{bmatrix} W_L L \\ W_H \end{bmatrix} V'
+              = \begin{bmatrix} 0 \\ W_H V \end{bmatrix}
 
     with the cotangent Laplacian :math:`L` of the current surface. The contraction weight
     :math:`W_L` triples; the attraction weight :math:`W_H` of a vertex grows with the square root of
@@ -170,7 +175,7 @@ def _contraction_step(mesh: Mesh, contraction: float, attraction: FloatArray) ->
 
 
 def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkeleton:
-    """Cut a surface into bands between level sets and place a joint in each connected piece of a band.
+    """Cut a surface into bands between level sets, with a joint in each connected piece.
 
     This is the skeleton of Verroust & Lazarus (2000) with a fixed number of levels; it handles open
     surfaces, whose borders a contraction would pull in.
@@ -186,7 +191,8 @@ def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkele
         would be narrower than ``EDGES_PER_BAND`` mean edge lengths, since such a band falls apart.
     """
     areas = mesh.vertex_areas
-    edges, span = mesh.edges.ends, levels.max() - levels.min()
+    edges = mesh.edges.ends
+    span = levels.max() - levels.min()
     bands = max(2, min(bands, int(span / (EDGES_PER_BAND * mesh.edge_lengths.mean()))))
     band = np.minimum((bands * (levels - levels.min()) / span).astype(np.int64), bands - 1)
     tails, heads = edges[band[edges[:, 0]] == band[edges[:, 1]]].T
@@ -201,8 +207,12 @@ def _bones(mesh: Mesh, owners: Indices) -> Indices:
 
 
 def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: Indices) -> FloatArray:
-    """Return the displacement of each joint, shape (k, 3); 0 where a part touches another in a single vertex."""
-    k, lengths = int(owners.max()) + 1, mesh.edge_graph()
+    """Return the displacement of each joint, shape (k, 3).
+
+    0 where a part touches another in a single vertex.
+    """
+    k = int(owners.max()) + 1
+    lengths = mesh.edge_graph()
     first, second = lengths.tocoo().coords
     across = owners[first] != owners[second]
     # A loop holds the vertices of a part that have an edge to one neighbouring part; its edges
@@ -224,8 +234,9 @@ def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: Indices) 
 
 
 def _merge_junctions(mesh: Mesh, joints: FloatArray, owners: Indices) -> tuple[FloatArray, Indices]:
-    """Move junctions onto their best neighbours, one after the other, while that evens out the distances of a part."""
-    vertices, merged = mesh.vertices, True
+    """Move junctions onto their best neighbours while that evens out the distances of a part."""
+    vertices = mesh.vertices
+    merged = True
     while merged:
         merged = False
         for junction in np.flatnonzero(np.bincount(_bones(mesh, owners).ravel()) > 2):
@@ -239,7 +250,8 @@ def _merge_junctions(mesh: Mesh, joints: FloatArray, owners: Indices) -> tuple[F
                     vertices[part], joints[junction]
                 ):
                     break
-                junction, merged = others[np.argmin(spreads)], True
+                junction = others[np.argmin(spreads)]
+                merged = True
                 owners = np.where(part, junction, owners)
     kept, owners = np.unique(owners, return_inverse=True)
     return joints[kept], owners
@@ -262,7 +274,8 @@ def _absorb_pockets(mesh: Mesh, joints: FloatArray, owners: Indices) -> tuple[Fl
             return joints, owners
         pocket = int(pockets[0])
         mouth = int(bones[(bones == pocket).any(axis=1)].sum()) - pocket
-        joints, owners = np.delete(joints, pocket, axis=0), _absorb(owners, pocket, mouth)
+        joints = np.delete(joints, pocket, axis=0)
+        owners = _absorb(owners, pocket, mouth)
 
 
 def _absorb(owners: Indices, part: int, into: int) -> Indices:
@@ -276,7 +289,7 @@ def _spread(points: FloatArray, joint: FloatArray) -> float:
 
 
 def _absorb_specks(owners: Indices, edges: Indices, areas: FloatArray) -> Indices:
-    """Merge each piece below ``SPECK_SHARE`` of the area into the neighbour with which it shares most edges."""
+    """Merge pieces below ``SPECK_SHARE`` of the area into the neighbour with most common edges."""
     while True:
         shares = np.bincount(owners, weights=areas) / areas.sum()
         speck = int(shares.argmin())

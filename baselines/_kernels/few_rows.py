@@ -1,4 +1,4 @@
-"""Classic MDS of few rows of distances: samples, their smooth extension over the surface, and low-rank scaling."""
+"""Classic MDS of few rows of distances: samples, smooth extension, and low-rank scaling."""
 
 from __future__ import annotations
 
@@ -13,19 +13,21 @@ from benchmark.geometry.embedding import oriented
 
 
 def farthest_points(shape: Shape, count: int) -> list[int]:
-    """Sample at most ``count`` vertices, each as far as possible, along edges, from the previous ones.
+    """Sample at most ``count`` vertices, each as far along edges from the previous as possible.
 
     The first is the vertex farthest from the geodesic centre, which is the vertex with the smallest
     maximum distance to four mutually far vertices.
     """
-    graph, vertices = shape.mesh.edge_graph(), shape.mesh.vertices
+    graph = shape.mesh.edge_graph()
+    vertices = shape.mesh.vertices
     outermost = int(((vertices - vertices.mean(axis=0)) ** 2).sum(axis=1).argmax())
     centre = int(dijkstra(graph, indices=_spread(graph, outermost, 4)).max(axis=0).argmin())
     return _spread(graph, int(dijkstra(graph, indices=centre).argmax()), count)
 
 
 def _spread(graph: csr_array, first: int, count: int) -> list[int]:
-    chosen, nearest = [first], dijkstra(graph, indices=first)
+    chosen = [first]
+    nearest = dijkstra(graph, indices=first)
     while len(chosen) < min(count, len(nearest)):
         chosen.append(int(nearest.argmax()))
         # No vertex is farther than this from its nearest sample, so the search can stop there.
@@ -69,7 +71,9 @@ def smooth_interpolation(
     spectrum(shape, 1)
     laplacian = shape.laplacian()
     weights = laplacian.mass if weights is None else weights
-    n, p, shares = len(weights), len(samples), weights / weights.sum()
+    n = len(weights)
+    p = len(samples)
+    shares = weights / weights.sum()
     # Only constants are in the null space of the Laplacian: without its first row and column it can
     # be factorised.
     solve_grounded = factorise_definite(laplacian.stiffness[1:, 1:])
@@ -92,7 +96,7 @@ def smooth_interpolation(
 
 
 def low_rank_scaling(shape: Shape, columns: FloatArray, coupling: FloatArray) -> FloatArray:
-    r"""Compute the classic MDS of the squared distances :math:`Z M Z^\top` without forming that matrix.
+    r"""Compute the classic MDS of squared distances :math:`Z M Z^\top` without that matrix.
 
     The thin factorisation :math:`J Z = Q R` leaves the eigenproblem of :math:`-\frac12 R M R^\top`,
     whose size is the number of columns of Z.
@@ -119,6 +123,6 @@ def low_rank_scaling(shape: Shape, columns: FloatArray, coupling: FloatArray) ->
 
 
 def stress_of_rows(points: FloatArray, sources: list[int], rows: FloatArray) -> float:
-    """Return the normalised stress over the pairs with known distance: ``rows`` from ``sources`` to all vertices."""
+    """Return the normalised stress over the pairs in ``rows``, from ``sources`` to all vertices."""
     distances = np.linalg.norm(points[sources][:, None] - points, axis=2)
     return float(((distances - rows) ** 2).sum() / (rows**2).sum())

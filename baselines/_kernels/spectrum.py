@@ -11,7 +11,9 @@ DETACHED = 1e-9
 
 
 def spectrum(shape: Shape, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return eigenvalues, shape (count,), ascending, and functions, shape (n, count), of a connected surface.
+    """Return the lowest eigenvalues and eigenfunctions of a connected surface.
+
+    Eigenvalues have shape (count,) and ascend; functions have shape (n, count).
 
     Raises
     ------
@@ -24,8 +26,8 @@ def spectrum(shape: Shape, count: int) -> tuple[FloatArray, FloatArray]:
     values, functions = eigenpairs(laplacian, count + 1)
     if values[1] * laplacian.mass.sum() < DETACHED:
         raise UnsupportedShape(
-            f"{shape.identifier}: the second eigenvalue of the Laplacian is zero, because only triangles without area "
-            "join parts of the surface",
+            f"{shape.identifier}: the second eigenvalue of the Laplacian is zero, because only "
+            "triangles without area join parts of the surface",
             "merge vertices at the same position, or remesh the surface",
         )
     return values[1:], functions[:, 1:]
