@@ -47,7 +47,7 @@ _BROWN_NAMES = (
 _BEYOND_PINHOLE = "fish_?eye|equidistant|kannala|f_?theta|omni|(^|_)mei(_|$)|unified|panoram"
 
 #: Keys by meaning, without their separators. A depth scale is in units per metre, in metres per
-#: unit (RealSense) or in millimetres per unit (BOP).
+#: unit (RealSense) or in millimetres per unit (BOP); units are always per metre.
 _KEYS = {
     "matrix": "k cameramatrix camk intrinsics intrinsic",
     "columns": "intrinsicmatrix",  # Open3D
@@ -58,17 +58,32 @@ _KEYS = {
     "coefficients": "distortioncoefficients distortioncoeffs distortion distcoeffs coeffs d",
     "model": "distortionmodel model cameramodel cameratype lensmodel lenstype projection",
     **{name: name for name in _BROWN},
-    "scale": "depthscale pngdepthscale integerdepthscale depthunits depthunit depthfactor depthmapfactor"
+    "units": "depthmapfactor",  # ORB-SLAM
+    "size": "resolution",  # Kalibr
+    "scale": "depthscale pngdepthscale integerdepthscale depthunits depthunit depthfactor"
     " depthscalefactor depthunitscalefactor depthscalingfactor",
 }
 _MEANINGS = {key: meaning for meaning, keys in _KEYS.items() for key in keys.split()}
+
+#: Keys of the cameras in a camchain of Kalibr.
+_CHAINED = re.compile(r"cam\d+")
+
+#: Prefixes of keys in the settings of ORB-SLAM; "Camera1" is the first camera of its third version.
+_SECTION = re.compile(r"(camera1?|rgbd|stereo)\.", re.IGNORECASE)
 
 #: Words in keys that change neither where a pixel looks nor what its depth means;
 #: ``camera_angle_x`` repeats ``fl_x``.
 _IRRELEVANT = re.compile(
     r"(?<![a-z])(header|seq|stamp|n?secs?|nanosec|id|name|class|date|time|timestamp|version|comment|description|notes?|"
     r"serial|number|fps|rate|path|file|url|dt|"
+    r"rostopic|timeshift|overlaps|"
     r"w2c|c2w|baseline|rectification|errors?|board|square|points|nframes|flags|aabb|sharpness|angle|device|sensor|manufacturer)(?![a-z])"
+)
+
+#: Keys in the settings of ORB-SLAM that say nothing of the camera's image.
+_OF_SLAM = re.compile(
+    r"camera1?\.(rgb|bf)|(stereo\.)?(thdepth|b)|tbc|(orbextractor|viewer|imu|system|loopclosing)\..*",
+    re.IGNORECASE,
 )
 
 #: Words in keys of where the camera is, if several numbers follow.
@@ -230,7 +245,8 @@ def read_intrinsics(path: Path) -> Intrinsics:
         contents = _parsed(text := decode(read_file(path, _LARGEST_FILE)))
         cameras = {
             _of_mapping(each) if isinstance(each, Mapping) else parse_intrinsics(text)
-            for each in contents
+            for content in contents
+            for each in _cameras_of(content)
         }
         if len(cameras) > 1:
             raise DepthError(
@@ -270,6 +286,13 @@ def _parsed(text: str) -> Sequence[Any]:
     return [each for each in documents if [*each] == [*documents[0]]] or [
         None
     ]  # the last may be cut off
+
+
+def _cameras_of(content: Any) -> Sequence[Any]:
+    """Return the cameras of a camchain of Kalibr (cam0, cam1 and so on), else the content itself."""
+    if isinstance(content, Mapping) and content and all(map(_CHAINED.fullmatch, map(str, content))):
+        return [*content.values()]
+    return [content]
 
 
 def find_intrinsics(image: Path) -> Path | None:
@@ -336,6 +359,9 @@ def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
         numbers.append([_number(values[name]) for name in ("fx", "fy", "cx", "cy")])
     cameras = {camera_of(row, *facts) for row in numbers}
     if any(projection := _flat(values.get("projection", []))):
+        if len(projection) not in (12, 16):
+            problem = f"a projection of {len(projection)} numbers"
+            raise DepthError(problem, "write the 3 x 4 matrix of the projection, or leave it out")
         rectified = camera_of([projection[place] for place in (0, 5, 2, 6)], *facts)
         if (cameras and rectified not in cameras) or (rectified.distortion and not cameras):
             hint = "leave that of the depth image; without the distortion, if it is rectified"
@@ -353,8 +379,12 @@ def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
     """Return the values of all keys that are understood; raise ``DepthError`` if two contradict each other."""
     values: dict[str, Any] = {}
     for key, value in content.items():
-        meaning = _MEANINGS.get(re.sub(r"[\W_]+", "", str(key).lower()), "")
-        if meaning == "matrix" and isinstance(value, Mapping) and "data" not in value:
+        meaning = _meaning(str(key))
+        if meaning == "model" and isinstance(value, (Mapping, list)):
+            meaning = "projection"  # iai_kinect2
+        if meaning == "size":
+            found = _sides(value)
+        elif meaning == "matrix" and isinstance(value, Mapping) and "data" not in value:
             found = _by_meaning(value)
         elif meaning == "model" or (meaning == "coefficients" and isinstance(value, str)):
             found = {f"model {key}": value}  # of lens and of distortion
@@ -371,12 +401,30 @@ def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
     return values
 
 
+def _sides(value: Any) -> dict[str, float]:
+    """Return width and height of a resolution."""
+    sides = _flat(value)
+    if len(sides) != 2:
+        raise DepthError(f"a resolution of {len(sides)} numbers", "write [width, height]")
+    return {"width": sides[0], "height": sides[1]}
+
+
+def _meaning(key: str) -> str:
+    """Return what a key means, with or without the section of the settings of ORB-SLAM; "" if it is unknown."""
+    for name in (key, _SECTION.sub("", key, count=1)):
+        if meaning := _MEANINGS.get(re.sub(r"[\W_]+", "", name.lower())):
+            return meaning
+    return ""
+
+
 def _check_irrelevant(key: str, value: Any) -> None:
     """Raise ``DepthError`` if a key may change where a pixel looks or what its depth means, and is not neutral."""
     neutral = (None, "", 0, 1) if re.search("binning|aspect", key) else (None, "", 0)
     leaves = value.values() if isinstance(value, Mapping) else np.ravel(value).tolist()
     words = re.sub("([a-z])([A-Z])", r"\1 \2", key).lower()
     is_pose = len(leaves) > 2 and _POSE.search(words)
+    if _OF_SLAM.fullmatch(key):
+        return
     if not (is_pose or _IRRELEVANT.search(words) or all(leaf in neutral for leaf in leaves)):
         hint = "remove it if it changes neither where pixels look nor what depths mean, or apply it to the image"
         raise DepthError(f"key '{key}' is not understood: {value!s:.40}", hint)
@@ -385,6 +433,12 @@ def _check_irrelevant(key: str, value: Any) -> None:
 def _scales(values: Mapping[str, Any]) -> tuple[float, ...]:
     """Return the units per metre of each reading of a depth scale; empty if there is no scale."""
     value = values.get("scale")
+    if "units" in values:
+        units = _number(values["units"])
+        if value is not None or not 0 < units < math.inf:
+            given = f"{units:g}" if value is None else f"{units:g} and {value!r:.40}"
+            raise DepthError(f"invalid depth scale {given}", "write units per metre, once")
+        return (units,)
     unit = str(value).strip().lower().replace("metre", "meter").removesuffix("s")
     if value is None or unit in _UNITS:
         return () if value is None else (_UNITS[unit],)

@@ -58,6 +58,13 @@ _UNREAD = re.compile(
     re.IGNORECASE,
 )
 
+#: Sample format of floats in a TIFF file.
+_FLOATS_OF_TIFF = 3
+
+#: Bits of the depth below the three bits of confidence in Android's DEPTH16; largest difference of
+#: neighbours in units of the image, and fewest neighbours of another confidence that show them.
+_BITS_BELOW_CONFIDENCE, _LARGEST_STEP, _FEWEST_STEPS = 13, 200, 20
+
 _END_OF_PNG = b"IEND\xaeB`\x82"
 
 FEWEST_SEEN = 200
@@ -178,7 +185,10 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
         raise DepthError(
             f"all {len(seen)} pixels lie at {median:g} m", "pass a depth image, not a mask"
         )
-    if looks := _looks_unlike_depths(seen, units) if scale is None else "":
+    looks = ""
+    if scale is None:
+        looks = _looks_like_confidence(depth, units) or _looks_unlike_depths(seen, units)
+    if looks:
         hint = (
             f"export depths in millimetres or metres, or pass --depth-scale {units:g} if they are"
         )
@@ -203,6 +213,25 @@ def _looks_unlike_depths(seen: Depths, units: float) -> str:
     if len(whole) >= _FEWEST_VALUES and len(lowest) <= 3:
         return f"have no lowest three bits but {', '.join(map(str, lowest))}, as depths << 3 of the Kinect SDK"
     return ""
+
+
+def _looks_like_confidence(depth: Depths, units: float) -> str:
+    """Return how values betray bits of confidence above those of the depth; "" if they do not.
+
+    Where the confidence of neighbours differs, only the lower bits go on; where a depth exceeds
+    them, all do.
+    """
+    if units == 1:
+        return ""
+    high, low = np.divmod(depth, 2**_BITS_BELOW_CONFIDENCE)
+    differs = (high[:, :-1] != high[:, 1:]) & (low[:, :-1] > 0) & (low[:, 1:] > 0)
+    goes_on = np.abs(np.diff(low, axis=1))[differs] < _LARGEST_STEP
+    if len(goes_on) < _FEWEST_STEPS or goes_on.mean() < 0.5:
+        return ""
+    return (
+        f"above {2**_BITS_BELOW_CONFIDENCE - 1} repeat the depths below, as in Android's DEPTH16: 13"
+        " bits are the depth, 3 a confidence (keep value % 8192)"
+    )
 
 
 def readings(values: NDArray[Any]) -> Depths:
@@ -287,6 +316,8 @@ def _opened(content: bytes) -> ImageFile.ImageFile:
         raise DepthError(
             problem, "convert it: ros2 run image_transport republish compressedDepth raw"
         )
+    if content[:2] in (b"II", b"MM"):
+        _check_samples(content)
     with Image.open(io.BytesIO(content)) as image:
         image.verify()
         if image.format == "PPM":
@@ -305,6 +336,23 @@ def _opened(content: bytes) -> ImageFile.ImageFile:
     return image
 
 
+def _check_samples(content: bytes) -> None:
+    """Raise ``DepthError`` if a TIFF holds samples that Pillow does not read, such as 64-bit floats."""
+    from PIL.TiffImagePlugin import BITSPERSAMPLE, SAMPLEFORMAT, ImageFileDirectory_v2  # lazy
+
+    is_large = b"+" in content[2:4]  # of more than 4 GiB
+    directory = ImageFileDirectory_v2(content[: 16 if is_large else 8])
+    stream = io.BytesIO(content)
+    stream.seek(directory.next)
+    directory.load(stream)
+    bits = max(directory.get(BITSPERSAMPLE, (1,)))
+    is_float = directory.get(SAMPLEFORMAT, (1,))[0] == _FLOATS_OF_TIFF
+    if bits > 32 or (is_float and bits != 32):
+        kind = "floats" if is_float else "integers"
+        hint = "write floats of 32 bits, such as array.astype('float32'), or integers of 16"
+        raise DepthError(f"{kind} of {bits} bits in a TIFF file are not read", hint)
+
+
 def _array(content: bytes) -> NDArray[Any]:
     """Return an array, whose size is checked before it is read: a small file can declare any."""
     loaded = load_arrays(content)
@@ -320,9 +368,14 @@ def _array(content: bytes) -> NDArray[Any]:
         if name != "depth" and len(names) != 1:
             listed = ", ".join(names[:6]) or "nothing"
             raise DepthError(f"the archive holds {listed}", "name the array of depths 'depth'")
-        if archive.zip.getinfo(f"{name}.npy").file_size > _LARGEST_FILE:
-            raise DepthError(f"the array has more than {LARGEST_SIDE} pixels per side", "reduce it")
-        return _array(archive.zip.read(f"{name}.npy"))  # to its end, where its checksum is compared
+        return _array(_member(archive, name))
+
+
+def _member(archive: Any, name: str) -> bytes:
+    """Return the bytes of an array in an archive, to its end, where its checksum is compared."""
+    if archive.zip.getinfo(f"{name}.npy").file_size > _LARGEST_FILE:
+        raise DepthError(f"the array has more than {LARGEST_SIDE} pixels per side", "reduce it")
+    return bytes(archive.zip.read(f"{name}.npy"))
 
 
 def is_depth_file(path: Path) -> bool:
@@ -355,14 +408,32 @@ def read_mask(path: Path) -> Mask:
         If the file is unreadable, or holds more than one object.
     """
     hint = "pass a PNG that is white on the object and black elsewhere"
-    with (
-        named_errors(path, "mask", DepthError, hint),
-        _opened(read_file(path, _LARGEST_FILE)) as image,
-    ):
-        _check_size(*image.size)
-        return _object(
-            np.array(image.convert("RGBA") if image.mode in ("P", "PA", "LA", "RGBa") else image)
-        )
+    with named_errors(path, "mask", DepthError, hint):
+        content = read_file(path, _LARGEST_FILE)
+        if path.suffix.lower() in (".npy", ".npz"):
+            return _object(_mask_array(content))
+        with _opened(content) as image:
+            _check_size(*image.size)
+            has_palette = image.mode in ("P", "PA", "LA", "RGBa")
+            return _object(np.array(image.convert("RGBA") if has_palette else image))
+
+
+def _mask_array(content: bytes) -> NDArray[Any]:
+    """Return the array of a mask in an NPY file, or of the only array of an NPZ file or that named ``mask``."""
+    loaded = load_arrays(content)
+    if isinstance(loaded, np.ndarray):
+        if loaded.dtype.kind not in "biuf" or loaded.ndim not in (2, 3):
+            problem = f"an array of {loaded.dtype} and shape {loaded.shape} is no mask"
+            raise DepthError(problem, "pass booleans or numbers, shape (height, width)")
+        _check_size(loaded.shape[1], loaded.shape[0])
+        return loaded
+    with loaded as archive:
+        names = archive.files
+        if "mask" not in names and len(names) != 1:
+            listed = ", ".join(names[:6]) or "nothing"
+            raise DepthError(f"the archive holds {listed}", "name the array of the mask 'mask'")
+        name = "mask" if "mask" in names else names[0]
+        return _mask_array(_member(archive, name))
 
 
 def _object(mask: NDArray[Any]) -> Mask:

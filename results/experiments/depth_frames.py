@@ -1,13 +1,13 @@
 """Forms of frames with missing pixels, beside the rule in README.md.
 
-``python results/experiments/depth_frames.py measure CODE FOLDER`` adds the errors of the code that
-runs, under the name CODE, to depth-frames.csv, and keeps the forms of undamaged frames in FOLDER;
-``judge`` prints what the rule says of ``before`` and ``after``."""
+``python results/experiments/depth_frames.py measure CODE FOLDER [FRAME...]`` adds the errors of the
+code that runs, under the name CODE, to depth-frames.csv, and keeps the forms of undamaged frames in
+FOLDER; ``judge`` prints what the rule says of ``before`` and ``after``."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +16,7 @@ import pandas
 from PIL import Image
 from scipy.spatial import cKDTree
 
+from benchmark.api.contracts import Shape
 from benchmark.commands.forms import form_of_object, method_of_depth
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, observe
@@ -147,15 +148,14 @@ def damaged(frame: Frame) -> Iterator[tuple[str, Frame]]:
 def seen(frame: Frame) -> Seen:
     """Return the forms of a frame; raises ``ShapeError`` if it is refused."""
     observed = observe(frame.depths, frame.camera, frame.mask)
-    forms = {name: form_of_object(observed, method_of_depth(name)) for name in METHODS}
+    classical = form_of_object(observed, method_of_depth(CLASSICAL))
     vertices = observed.surface.vertices
     centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
-    surface = depth_surface(observed.surface, UPRIGHT, HALF_WIDTH).surface
-    return Seen(
-        surface.vertices + centre,
-        {name: form.vertices for name, form in forms.items()},
-        forms[CLASSICAL].notes,
-    )
+    view = depth_surface(observed.surface, UPRIGHT, HALF_WIDTH)
+    shape = Shape(identifier="", mesh=view.surface, depth=view.depth)
+    predicted = method_of_depth(NETWORK).canonicalise(shape)
+    forms = {CLASSICAL: classical.vertices, NETWORK: predicted.vertices}
+    return Seen(view.surface.vertices + centre, forms, classical.notes)
 
 
 def errors(undamaged: Seen, other: Seen) -> dict[str, float]:
@@ -186,11 +186,13 @@ def apart(one: Points, other: Points) -> float:
     return float((there.mean() + back.mean()) / 2)
 
 
-def measure(code: str, folder: Path) -> None:
-    """Add the errors of all frames under all damages to the table; undamaged forms are kept in a folder."""
+def measure(code: str, folder: Path, names: Sequence[str]) -> None:
+    """Add the errors of frames, or all, under all damages to the table; undamaged forms are kept in a folder."""
     rows = []
     again = dict(generated(seed=1))
     for name, frame in (*examples(), *generated(seed=0)):
+        if names and name not in names:
+            continue
         undamaged = seen(frame)
         stem = name.replace("/", "-")
         keep(folder / f"{stem}-{code}.npz", undamaged)
@@ -215,7 +217,8 @@ def measure(code: str, folder: Path) -> None:
     table = pandas.DataFrame(rows).round(4)
     if TABLE.exists():
         known = pandas.read_csv(TABLE)
-        table = pandas.concat([known[known["code"] != code], table])
+        is_replaced = (known["code"] == code) & known["frame"].isin(table["frame"])
+        table = pandas.concat([known[~is_replaced], table])
     table.to_csv(TABLE, index=False, lineterminator="\n")
 
 
@@ -256,6 +259,6 @@ def judge() -> None:
 if __name__ == "__main__":
     what, *rest = sys.argv[1:]
     if what == "measure":
-        measure(rest[0], Path(rest[1]))
+        measure(rest[0], Path(rest[1]), rest[2:])
     else:
         judge()

@@ -132,6 +132,18 @@ def test_each_fault_of_depths_is_named(values: np.ndarray, said: str) -> None:
             in_metres(MILLIMETRES, scale)
 
 
+def test_bits_of_confidence_above_the_depth_are_named_and_far_depths_are_not() -> None:
+    random = np.random.default_rng(0)
+    confident = (MILLIMETRES + 8192 * random.integers(8, size=MILLIMETRES.shape)).astype(np.uint16)
+    with pytest.raises(DepthError, match="as in Android's DEPTH16: 13 bits are the depth, 3 a"):
+        in_metres(confident)
+    np.testing.assert_allclose(in_metres(confident % 8192)[1:], DEPTHS[1:], atol=1e-6)
+    far = np.linspace(6000, 12003, 120 * 160).reshape(120, 160).astype(np.uint16)
+    np.testing.assert_array_equal(in_metres(far), far / 1000)
+    far[:, 80:] += 9000
+    np.testing.assert_array_equal(in_metres(far), far / 1000)  # a room and what lies behind it
+
+
 def test_masks_and_colours_are_no_depth_images_and_a_damaged_image_is_a_lost_shape(
     tmp_path: Path,
 ) -> None:
@@ -208,6 +220,33 @@ def test_a_mask_of_one_object_is_read_whatever_marks_it(tmp_path: Path, mask: np
         Image.fromarray(mask).save(tmp_path / "mask.png")
         np.testing.assert_array_equal(read_mask(tmp_path / "mask.png"), painted({1: DISC}) > 0)
     np.testing.assert_array_equal(checked_mask(mask, seen), painted({1: DISC}) > 0)
+
+
+@pytest.mark.parametrize("kind", [bool, np.uint8, np.int64, np.float32])
+def test_a_mask_is_read_from_an_array(tmp_path: Path, kind: type) -> None:
+    mask = painted({1: DISC})
+    np.save(tmp_path / "0_mask.npy", mask.astype(kind))
+    np.savez(tmp_path / "1_mask.npz", mask.astype(kind))
+    np.savez(tmp_path / "2_mask.npz", mask=mask.astype(kind), depth=np.ones(3))
+    for file in tmp_path.iterdir():
+        np.testing.assert_array_equal(read_mask(file), mask > 0)
+
+
+@pytest.mark.parametrize(
+    ("array", "said"),
+    [
+        (np.array([["a"]]), "an array of <U1 and shape .1, 1. is no mask; pass booleans"),
+        (np.ones(5), "an array of float64 and shape .5,. is no mask"),
+        (np.zeros((4097, 1), dtype=bool), "1 x 4097 pixels are more than"),
+        (np.arange(12.0).reshape(3, 4), "the mask holds 1, 2, 3, 4 ..., not one object"),
+        (np.array([[0, np.nan], [1, 1]]), "the mask holds 1, nan, not one object"),
+        (np.array([[None]]), "not a readable mask: Object arrays cannot be loaded"),
+    ],
+)
+def test_an_array_that_is_no_mask_is_named(tmp_path: Path, array: np.ndarray, said: str) -> None:
+    np.save(tmp_path / "0_mask.npy", array, allow_pickle=True)
+    with pytest.raises(DepthError, match=rf"0_mask\.npy: {said}"):
+        read_mask(tmp_path / "0_mask.npy")
 
 
 @pytest.mark.parametrize(
@@ -362,6 +401,14 @@ def test_a_depth_scale_of_a_camera_file_is_a_unit_or_agrees_with_the_type(
     (tmp_path / "camera.json").write_text(json.dumps(CAMERA | stated))
     values = np.round(factor * THERE, 3).astype(kind)
     depths = in_metres(values, scale_of(values, read_intrinsics(tmp_path / "camera.json")))
+    np.testing.assert_allclose(depths[OBJECT], THERE[OBJECT], atol=1e-3)
+
+
+@pytest.mark.parametrize("name", ["orb-slam", "orb-slam-3"])
+def test_the_depth_scale_of_orb_slam_is_in_units_per_metre(name: str) -> None:
+    camera = read_intrinsics(INPUTS / "cameras" / name)
+    values = np.round(5000 * THERE).astype(np.uint16)
+    depths = in_metres(values, scale_of(values, camera))
     np.testing.assert_allclose(depths[OBJECT], THERE[OBJECT], atol=1e-3)
 
 
