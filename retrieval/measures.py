@@ -17,7 +17,7 @@ ECIR 2008 (expected values under ties).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -251,19 +251,22 @@ def evaluate(
             values[query], is_tied = _of_query(whole[others[query]], relevant[query][others[query]])
             tied += is_tied
     values[~relevant.any(axis=1)] = np.nan
-    if np.isnan(values).all():
-        problem = (
-            "no class has two members"
-            if targets is None
-            else "no query has a shape of its class in the gallery"
-        )
-        raise ConfigurationError(problem, "check the labels: nothing can be retrieved")
     return Scores(
-        means=dict(zip(MEASURES, np.nanmean(values, axis=0).tolist(), strict=True)),
+        means=_means(values, has_targets=targets is not None),
         per_query=dict(zip(MEASURES, values.T, strict=True)),
         tied_queries=tied,
         lone_queries=int(np.isnan(values[:, 0]).sum()),
     )
+
+
+def _means(values: FloatArray, *, has_targets: bool) -> dict[str, float]:
+    """Return the mean of each measure over the queries that are not NaN; raise ``ConfigurationError`` without one."""
+    if np.isnan(values).all():
+        problem = "no class has two members"
+        if has_targets:
+            problem = "no query has a shape of its class in the gallery"
+        raise ConfigurationError(problem, "check the labels: nothing can be retrieved")
+    return dict(zip(MEASURES, np.nanmean(values, axis=0).tolist(), strict=True))
 
 
 def _places(answered: ArrayLike | None, labels: ArrayLike) -> NDArray[np.intp]:
@@ -327,11 +330,26 @@ def score_draws(
 def chance_levels(labels: ArrayLike, targets: Targets | None = None) -> dict[str, float]:
     """Return the exact means of all measures over random rankings.
 
-    They are those of a matrix in which all distances tie.
+    They are those of a matrix in which all distances tie. Queries with as many results, of which as
+    many are relevant, have the same values, so that no matrix is needed.
     """
-    every = targets and replace(targets, answered=None)
-    shape = len(np.asarray(labels)), len(np.asarray(every.labels if every else labels))
-    return evaluate(np.zeros(shape), labels, targets=every).means
+    names = np.asarray(labels)
+    gallery = targets or Targets(names, np.arange(len(names)))
+    every = np.concatenate([names, np.asarray(gallery.labels)])
+    classes = np.unique(every, return_inverse=True)[1]
+    of_queries, of_gallery = classes[: len(names)], classes[len(names) :]
+    own = np.broadcast_to(gallery.own, names.shape)
+    is_left_out = own >= 0
+    loses_one = is_left_out & (of_gallery[own] == of_queries)
+    n_relevant = np.bincount(of_gallery, minlength=classes.max() + 1)[of_queries] - loses_one
+    n_results = len(of_gallery) - is_left_out
+    values = np.full((len(names), len(MEASURES)), np.nan)
+    sizes, places = np.unique(np.column_stack([n_results, n_relevant]), axis=0, return_inverse=True)
+    for place, (results, relevant) in enumerate(sizes.tolist()):
+        if relevant:
+            of_query, _ = _of_query(np.zeros(results), np.arange(results) < relevant)
+            values[places == place] = of_query
+    return _means(values, has_targets=targets is not None)
 
 
 def check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: bool) -> FloatArray:

@@ -27,7 +27,7 @@ from typer.testing import CliRunner
 
 from benchmark import open_results
 from benchmark.cli.main import cli
-from benchmark.code_digest import digest_of_bytes
+from benchmark.code_digest import digest, digest_of_bytes
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline import records as records_module
 from benchmark.pipeline.record_layout import RecordError
@@ -129,6 +129,7 @@ def bases() -> list[Content]:
         "models": [{"training": "people", "data": "people", "digest": "1" * 16}],
         "seen": ["cat0", "cat1"],
     }
+    of_rods = {"name": "rods", "title": "rods", "source": "rods"}
     files = {"forms": [f"{number:032x}" for number in range(12)]}
     every = [
         record("gps", 0.25),
@@ -137,6 +138,8 @@ def bases() -> list[Content]:
         record("learned", 0.75, **network),
         record("surface-area", 0.5, scorer=""),
         record("identity", 0.5, input_="view", files=files),
+        record("gone", 0.5, data={**of_rods, "path": "/gone/rods"}),
+        record("merged", 0.5, merged_from={"folder": "a/b", "plugins": {"m.py": "1" * 16}}),
         record("external-theirs", 0.5, family="external", scorer=""),
         record("classic-mds", 0.5, dataset="tosca"),
         record("classic-mds", 0.5, dataset="animals[noise=1]"),
@@ -290,6 +293,8 @@ def recompose(content: Content, chance: random.Random) -> None:
     content["scores"] = dict.fromkeys(MEASURES, sum(values) / len(values))
     data = chance.choice(("rods", "tosca", "animals-few[noise=1]", *words))[:40]
     content["data"] = {"name": data, "title": chance.choice(words), "source": data}
+    if chance.random() < 0.3:
+        content["data"]["path"] = chance.choice(words)
     content["gallery"] = data + chance.choice(("", " fold 0", " (quick)", " against 12 cameras"))
     for name in chance.sample(NAMES, 3):
         content[name] = chance.choice(words)
@@ -320,7 +325,7 @@ def spoil_text(text: bytes, chance: random.Random) -> bytes:
         4: text[:place] + b"\xff" + text[place:],
         5: b"[" * 200_000,
         6: b"",
-        7: text.replace(b'"status"', b'"key":"' + b"0" * 32 + b'","status"', 1),
+        7: text.replace(b'"status"', b'"key":"' + b"e" * 32 + b'","status"', 1),
         8: text.replace(b"0.5", b"1e999", 1).replace(b"0.25", b"NaN", 1),
     }
     return spoilt[kind]
@@ -366,9 +371,9 @@ def key_of(text: bytes) -> str:
     try:
         key = msgspec.json.decode(text)["key"]
     except (msgspec.DecodeError, UnicodeError, RecursionError, KeyError, TypeError):
-        return "f" * 32
-    is_key = isinstance(key, str) and len(key) == 32 and key.isalnum()
-    return key if is_key else "f" * 32
+        key = ""
+    is_key = isinstance(key, str) and re.fullmatch("[0-9a-f]{32}", key)
+    return key if is_key else digest(text.hex())
 
 
 def expected_means(text: bytes) -> dict[str, float]:

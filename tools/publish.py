@@ -25,8 +25,9 @@ from benchmark.pipeline.records import (
     encode,
     published_distances,
     read_distances,
-    read_files,
     read_records,
+    say_skipped,
+    scan_files,
 )
 from benchmark.protocols.tables import PARTS
 from benchmark.reference.paper import MEASURES
@@ -62,14 +63,12 @@ def publish(results: Path) -> list[Record]:
         if len(made_at) > 1 or any(commit.endswith("+") for commit in made_at):
             problem = f"the rows of {name} were made at {', '.join(sorted(made_at))}"
             raise ConfigurationError(problem, "run them again at one commit")
-    known = read_files((results / "records").glob("*.jsonl"))
-    lines = sum(
-        len(path.read_bytes().splitlines()) for path in (results / "records").glob("*.jsonl")
-    )
-    if len(known) != lines:
-        problem = f"{lines - len(known)} lines of {results / 'records'} cannot be read"
-        raise ConfigurationError(problem, "correct or remove them")
-    before = {record.row: portable(record) for record in known}
+    published = scan_files((results / "records").glob("*.jsonl"))
+    say_skipped(published.skipped)
+    if published.skipped:
+        problem = f"{len(published.skipped)} lines of {results / 'records'} cannot be read"
+        raise ConfigurationError(problem, "do with each what is said above, and run again")
+    before = {record.row: portable(record) for record in published.records}
     now = before | {record.row: with_distances(results, portable(record)) for record in here}
     write_published(results, now.values())
     kept = {published_distances(results, record.distances) for record in now.values()}

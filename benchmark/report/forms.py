@@ -109,7 +109,7 @@ class StoredForms:
         if source not in self._sets:
             try:
                 self._sets[source] = open_dataset(source, self.data_root)
-            except BenchmarkError:
+            except (BenchmarkError, OSError):
                 self._sets[source] = None  # the data are not here; a front view has z up
         shapes = self._sets[source]
         entries = [entry for entry in shapes.shapes if entry.identifier == name] if shapes else []

@@ -116,6 +116,17 @@ def test_a_newer_major_layout_is_named_left_out_and_left_alone(tmp_path, rods, l
     assert not form.exists()
 
 
+def test_publish_rewrites_no_line_in_a_newer_layout(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(publishing, "has_edits", lambda: False)
+    (tmp_path / "records").mkdir()
+    newer = signed(content_of(layout=[LAYOUT[0] + 1, 0])) + b"\n"
+    (tmp_path / "records" / "pets.jsonl").write_bytes(newer)
+    with pytest.raises(ConfigurationError, match="1 lines of .* cannot be read"):
+        publishing.publish(tmp_path)
+    assert "pets.jsonl:1: its layout, 2.0, is newer than that" in capsys.readouterr().err
+    assert (tmp_path / "records" / "pets.jsonl").read_bytes() == newer
+
+
 def test_a_newer_minor_layout_that_cannot_be_read_is_not_to_be_removed(tmp_path, capsys):
     put(tmp_path, content_of(status="paused", layout=[LAYOUT[0], LAYOUT[1] + 1]))
     assert read_records(tmp_path) == []

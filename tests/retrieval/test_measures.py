@@ -132,3 +132,18 @@ def test_queries_of_any_gallery_are_scored_by_the_definition(seed):
     np.testing.assert_allclose(
         [*chance_levels(labels, targets).values()], np.nanmean(tied[:, :-1], axis=0)
     )
+
+
+@pytest.mark.parametrize("with_gallery", [False, True])
+def test_chance_is_that_of_a_matrix_of_ties_to_the_last_bit(with_gallery):
+    random = np.random.default_rng(0)
+    for _ in range(20):
+        queries, gallery = random.integers(0, 5, 12), random.integers(0, 5, 9)
+        targets = Targets(gallery, random.integers(-1, 9, 12)) if with_gallery else None
+        ties = np.zeros((12, 9 if with_gallery else 12))
+        assert chance_levels(queries, targets) == evaluate(ties, queries, targets=targets).means
+
+
+def test_chance_of_the_largest_gallery_needs_no_matrix():
+    chance = chance_levels(np.arange(50_000) % 100)
+    assert chance["NN"] == pytest.approx(499 / 49_999)
