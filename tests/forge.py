@@ -512,7 +512,7 @@ def contents(folder: Path) -> dict[str, bytes]:
 
 
 #: Forgeries that the verbs meet at a time; each alone where some of them are at fault.
-BATCH = 10
+BATCH = 25
 
 
 def main(seed: int, count: int, folder: Path) -> int:

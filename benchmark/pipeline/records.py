@@ -378,6 +378,8 @@ def find_contradiction(record: Record) -> str:
         return "its key is not that of its result at its paths"
     if strangers := {*record.seen} - {*record.shapes}:
         return f"a shape seen in training, '{min(strangers)}', is none of its shapes"
+    if len({*record.sides[-1].labels}) == 1:
+        return "its gallery has one class, so that every ranking is perfect"
     are_queries = record.are_queries
     if not any(are_queries):
         return "no query has another shape of its class to find"

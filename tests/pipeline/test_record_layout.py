@@ -8,6 +8,7 @@ import msgspec
 import pytest
 
 from benchmark.code_digest import digest_of_bytes
+from benchmark.errors import ConfigurationError
 from benchmark.pipeline.record_layout import LAYOUT, convert_older
 from benchmark.pipeline.records import (
     MOST_SHAPES,
@@ -221,6 +222,7 @@ CONTRADICTIONS = {
     "files of others": ({"files": {"forms": [KEY]}}, "it has 1 file of forms for 5 shapes"),
     "views of queries": ({"views": 2}, "its queries have 2 views each"),
     "many views": ({"views": 10**9}, "1,000,000,000 views each, more than 1,000"),
+    "one class": ({"labels": ["cat"] * 5}, "one class, so that every ranking is perfect"),
     "nothing to find": ({"labels": list("abcde")}, "no query has another shape of its class"),
     "a failure with scores": ({"status": "failed"}, "its status is 'failed', and it has scores"),
     "the key of another result": ({"result_key": "b" * 32}, "its key is not that of its result"),
