@@ -295,7 +295,8 @@ def test_publish_deletes_no_line_that_it_cannot_read(tmp_path, clean):
         (tmp_path / "records" / name).write_bytes(text)
     write_record(tmp_path, made("gps"))
     with pytest.raises(
-        ConfigurationError, match="2 lines of .*records cannot be read; do with each what is said above"
+        ConfigurationError,
+        match="2 lines of .*records cannot be read; do with each what is said above",
     ):
         publish(tmp_path)
     assert {path.name: path.read_bytes() for path in (tmp_path / "records").iterdir()} == {
