@@ -28,7 +28,7 @@ from benchmark.commands.forms import (
 )
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.frames import frame_settings
-from benchmark.datasets.mesh_files import WRITABLE, read_mesh, write_mesh
+from benchmark.datasets.mesh_files import WRITABLE, read_mesh, read_surface, write_mesh
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
@@ -132,7 +132,7 @@ def form_of_mesh(source: Path, method: str, options: Selection) -> CanonicalForm
     """
     spec = select_one(method, options.plugins)
     maker = form_maker(spec)
-    mesh = read_mesh(source)
+    mesh = read_surface(source)
     if "mesh" not in spec.info.inputs:
         arrays = prepare_view(mesh, FRONT, fit_frame(mesh, FRONT))
         return form_with_fit(maker, shape_of(arrays, source.stem, options.seed), {})
@@ -383,5 +383,5 @@ def _query_arrays(
         )
         return prepare_view(frame.observe().surface, UPRIGHT, frame.half_width)
     if prepared_shapes.input == "mesh":
-        return prepare_mesh(read_mesh(query))
-    return prepare_view(read_mesh(query), FRONT, half_width)
+        return prepare_mesh(read_surface(query))
+    return prepare_view(read_surface(query), FRONT, half_width)

@@ -13,11 +13,12 @@ from typing import Any
 
 from benchmark import formats
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.errors import ConfigurationError, UnreadableMesh
-from benchmark.files import file_digest, write_atomically
+from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
+from benchmark.files import file_digest, named_errors, write_atomically
 from benchmark.formats import unread
 from benchmark.formats.base import Format, mesh_stem, mesh_suffix
 from benchmark.formats.reading import read_with
+from benchmark.geometry.copies import check_copies
 from benchmark.geometry.mesh import Mesh
 
 __all__ = [
@@ -36,6 +37,7 @@ __all__ = [
     "mesh_suffix",
     "read_entry",
     "read_mesh",
+    "read_surface",
     "readers_of",
     "write_mesh",
 ]
@@ -103,6 +105,20 @@ def read_mesh(path: Path | str) -> Mesh:
     return read_with(FORMATS[suffix], path)
 
 
+def read_surface(path: Path) -> Mesh:
+    """Read a mesh that shows one surface once; see :func:`read_mesh`.
+
+    Raises
+    ------
+    UnreadableMesh, InvalidMesh
+        As :func:`read_mesh`, and if two pieces are copies, such as levels of detail.
+    """
+    mesh = read_mesh(path)
+    with named_errors(path, "mesh", InvalidMesh, "export the surface once"):
+        check_copies(mesh)
+    return mesh
+
+
 def write_mesh(path: Path | str, mesh: Mesh) -> None:
     """Write a mesh by extension, with coordinates in full precision; on a full disk, the old file remains.
 
@@ -143,12 +159,12 @@ def mesh_file_set(**facts: Any) -> ShapeSet:
 
 
 def read_entry(entry: Entry) -> Mesh:
-    """Read the mesh file of a shape; raise ``UnreadableMesh`` if it has none or it is damaged."""
+    """Read the mesh file of a shape; raise a ``ShapeError`` if it has none, is damaged, or holds a copy."""
     if entry.path is None:
         raise UnreadableMesh(
             f"shape '{entry.identifier}' has no file", "give it a path, or the data set a 'load'"
         )
-    return read_mesh(entry.path)
+    return read_surface(entry.path)
 
 
 def readers_of(entry: Entry) -> tuple[str, ...]:

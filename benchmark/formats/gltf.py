@@ -167,9 +167,13 @@ class _File:
         nodes, scenes = self._tree.get("nodes", []), self._tree.get("scenes", [])
         if len(scenes) > 1 and "scene" not in self._tree:
             raise ValueError(f"it has {len(scenes)} scenes, and none is the default; export one")
-        roots = set(range(len(nodes))) - {
-            child for node in nodes for child in node.get("children", [])
-        }
+        coarser = [
+            number
+            for node in nodes
+            for number in node.get("extensions", {}).get("MSFT_lod", {}).get("ids", [])
+        ]
+        roots = set(range(len(nodes))) - {*coarser}
+        roots -= {child for node in nodes for child in node.get("children", [])}
         shown = scenes[self._tree.get("scene", 0)].get("nodes", []) if scenes else roots
         for number, transform in _placed(nodes, shown).items():
             node = nodes[number]

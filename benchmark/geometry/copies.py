@@ -1,0 +1,93 @@
+"""Copies of a surface in one mesh, such as levels of detail, colliders and variants: they are refused.
+
+Two pieces are copies if each runs along the other over most of its area. A bridge between them
+would make a body of twice the area, and which of the two is meant nobody can know.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from benchmark.errors import InvalidMesh
+from benchmark.geometry.cleaning import component_labels, merge_duplicates
+from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points, sides_of
+
+#: Share of the area of each of two pieces that runs along the other, above which they are copies.
+MOST = 0.5
+
+#: Distance within which surfaces run along each other, in units of the root of the smaller area.
+NEAR = 0.03
+
+#: Least share of the whole area of a piece that can be a copy: bridges join smaller ones.
+_LEAST = 0.05
+
+#: Most pieces among which copies are looked for, largest first.
+_MOST_PIECES = 12
+
+#: Points on each piece: neighbours are about half of NEAR apart.
+_N_POINTS = 8000
+
+
+def check_copies(mesh: Mesh) -> None:
+    """Raise ``InvalidMesh`` if a mesh holds a surface twice.
+
+    Pieces are what common positions connect. As a coarser copy may keep positions of its original,
+    a mesh that is one such piece is also looked at by its common vertices, unless these divide it
+    into many pieces, as textures do.
+    """
+    if not mesh.n_faces or not np.isfinite(mesh.vertices).all():
+        return  # which is refused elsewhere
+    place = merge_duplicates(mesh.vertices)[1]
+    piece = _piece_of_face(place[mesh.faces])
+    if not piece.any():
+        piece = _piece_of_face(mesh.faces.astype(np.int64))
+        if piece.max() >= _MOST_PIECES:
+            return
+    if piece.any():
+        _check_pieces(mesh, piece)
+
+
+def _piece_of_face(faces: IntArray) -> IntArray:
+    """Return the piece that each face belongs to, from 0."""
+    labels = component_labels(*sides_of(faces), int(faces.max()) + 1)
+    return np.unique(labels[faces[:, 0]], return_inverse=True)[1]
+
+
+def _check_pieces(mesh: Mesh, piece: IntArray) -> None:
+    """Raise ``InvalidMesh`` if two large pieces run along each other."""
+    areas = np.bincount(piece, mesh.face_areas)
+    largest = np.argsort(-areas, kind="stable")[:_MOST_PIECES]
+    large = [int(one) for one in largest if areas[one] > _LEAST * areas.sum()]
+    points = {one: _points_on(mesh, np.flatnonzero(piece == one)) for one in large}
+    for first, second in combinations(large, 2):
+        near = NEAR * np.sqrt(min(areas[first], areas[second]))
+        shares = (
+            _share_along(points[first], points[second], near),
+            _share_along(points[second], points[first], near),
+        )
+        if min(shares) > MOST:
+            problem = (
+                f"two of its {len(areas)} pieces run along each other over {min(shares):.0%} of their "
+                "area: a copy, such as a level of detail, a collider or a variant"
+            )
+            raise InvalidMesh(problem, "export the surface once")
+
+
+def _points_on(mesh: Mesh, faces: IntArray) -> Points:
+    """Return points that are spread over faces by their areas, the same in each call."""
+    areas = mesh.face_areas[faces]
+    steps = (np.arange(_N_POINTS) + 0.5) / _N_POINTS * areas.sum()
+    chosen = faces[np.minimum(np.searchsorted(np.cumsum(areas), steps), len(faces) - 1)]
+    random = np.random.default_rng(0).random((2, _N_POINTS))
+    root = np.sqrt(random[0])
+    weights = np.stack([1 - root, root * (1 - random[1]), root * random[1]], axis=1)
+    return np.asarray(np.einsum("nk,nkd->nd", weights, mesh.vertices[mesh.faces[chosen]]))
+
+
+def _share_along(points: Points, others: Points, near: float) -> float:
+    """Return the share of points within a distance of others."""
+    distances: FloatArray = cKDTree(others).query(points, distance_upper_bound=near)[0]
+    return float(np.isfinite(distances).mean())
