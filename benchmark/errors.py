@@ -2,9 +2,32 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
+from pathlib import Path
 
 from benchmark.text import LONGEST_MESSAGE, brief, clean
+
+#: What a message calls the file that it is about, where it is kept.
+FILE = "<file>"
+
+
+def with_file(message: str, file: Path | None) -> str:
+    """Return a message that names the file that it is about; without a file, the message."""
+    return clean(f"{file}: {message.replace(FILE, file.name)}") if file else message
+
+
+def without_file(message: str, file: Path) -> str:
+    """Return a message that calls a file :data:`FILE`."""
+    for name in (str(file.absolute()), str(file), file.name):
+        message = message.replace(name, FILE)
+    return message
+
+
+def short_reason(message: str) -> str:
+    """Return what is wrong, for print: without remedies, and of paths the names of the files alone."""
+    problem = message.partition("; ")[0]
+    return re.sub(r"(?<![\w./])/(?:[^/\s]+/)+(?=[^/\s])", "", problem)
 
 
 class BenchmarkError(Exception):
@@ -13,20 +36,28 @@ class BenchmarkError(Exception):
     Parameters
     ----------
     problem
-        What is wrong, naming the file, shape or option.
+        What is wrong, naming the shape or option.
     hint
         What to do about it, as an imperative.
+    file
+        The file that it is about, which ``problem`` and ``hint`` call :data:`FILE`: they may be kept
+        for its content, which other files have, too.
     """
 
-    def __init__(self, problem: str, hint: str = "") -> None:
-        self.problem, self.hint = (
-            brief(problem, LONGEST_MESSAGE),
-            brief(hint or "", LONGEST_MESSAGE),
-        )
+    def __init__(self, problem: str, hint: str = "", file: Path | None = None) -> None:
+        self.problem = brief(problem, LONGEST_MESSAGE)
+        self.hint = brief(hint or "", LONGEST_MESSAGE)
+        self.file = file
         super().__init__(self.problem, self.hint)
 
     def __str__(self) -> str:
-        return f"{self.problem}; {self.hint}" if self.hint else self.problem
+        message = f"{self.problem}; {self.hint}" if self.hint else self.problem
+        return with_file(message, self.file)
+
+    @property
+    def located(self) -> str:
+        """The problem with the file that it is about."""
+        return with_file(self.problem, self.file)
 
 
 class ConfigurationError(BenchmarkError):
@@ -86,7 +117,6 @@ def locate(error: BaseException) -> str:
     """
     import sysconfig
     import traceback
-    from pathlib import Path
 
     if isinstance(error, SyntaxError) and error.filename:
         return clean(f"{Path(error.filename).name}:{error.lineno}: {one_line(error)}")

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmark.errors import BenchmarkError, UnreadableMesh
+from benchmark.errors import BenchmarkError, UnreadableMesh, without_file
 from benchmark.text import nfc
 
 #: Largest file of a user that is read, and largest list or settings file, in bytes.
@@ -249,9 +249,8 @@ def file_digest(path: Path, largest: int | None = LARGEST_FILE) -> str:
             path.absolute(), largest, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns
         )
     except OSError as error:
-        raise UnreadableMesh(
-            f"cannot read {path}: {error.strerror}", "check the file and its rights"
-        ) from error
+        problem = f"it cannot be read: {error.strerror}"
+        raise UnreadableMesh(problem, "check the file and its rights", path) from error
 
 
 @functools.lru_cache(maxsize=65536)
@@ -269,7 +268,9 @@ def _digest(path: Path, largest: int | None, *_: int) -> str:
 
 @contextmanager
 def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -> Iterator[None]:
-    """Let any failure to read a file name it in one line; it excludes this file only.
+    """Let any failure to read a file say in one line what is wrong with it; it excludes this file only.
+
+    The file itself is not in the text, which may be kept for its content: see ``BenchmarkError``.
 
     Parameters
     ----------
@@ -283,11 +284,14 @@ def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -
     try:
         yield
     except BenchmarkError as error:
-        raise type(error)(f"{path}: {error.problem}", error.hint) from error
+        if error.file:  # beside this one
+            raise
+        problem, hint = (without_file(text, path) for text in (error.problem, error.hint))
+        raise type(error)(problem, hint, path) from error
     except Exception as error:
         if isinstance(error, OSError) and error.strerror:
             advice = "check the path and its permissions" if error.errno else hint
-            raise kind(f"{path}: {error.strerror}", advice) from error
+            raise kind(error.strerror, advice, path) from error
         name = "" if isinstance(error, ValueError | OSError) else f"{type(error).__name__} "
         text = re.sub(r" <[^<>]* at 0x[0-9a-f]+>", "", str(error))  # an address differs in each run
         reason = (
@@ -295,7 +299,8 @@ def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -
             if isinstance(error, RecursionError)
             else name + " ".join(text.split())
         )
-        raise kind(f"{path}: not a readable {what}: {reason:.300}", hint) from error
+        problem = f"not a readable {what}: {without_file(reason, path):.300}"
+        raise kind(problem, hint, path) from error
 
 
 def load_arrays(content: bytes) -> Any:

@@ -2,7 +2,15 @@
 
 import pytest
 
-from benchmark.errors import BenchmarkError, UnsupportedShape, locate, one_line
+from benchmark.errors import (
+    BenchmarkError,
+    UnreadableMesh,
+    UnsupportedShape,
+    locate,
+    one_line,
+    short_reason,
+)
+from benchmark.files import named_errors
 
 
 @pytest.mark.parametrize("given", [(5, None), (b"x", ["y"]), ("thin", "feed it")])
@@ -19,3 +27,38 @@ def test_an_error_is_named_on_one_line_with_file_and_line():
         raise KeyError
     except KeyError as error:
         assert locate(error) == f"test_errors.py:{error.__traceback__.tb_lineno}: KeyError"
+
+
+def test_a_message_names_its_file_only_when_it_is_printed(tmp_path):
+    path = tmp_path / "points.ply"
+    with (
+        pytest.raises(UnreadableMesh) as caught,
+        named_errors(path, "ply file", UnreadableMesh, "export it again"),
+    ):
+        raise UnreadableMesh(f"no faces in {path}", f"m.load_new_mesh('{path.name}')")
+    error = caught.value
+    assert (error.problem, error.hint) == ("no faces in <file>", "m.load_new_mesh('<file>')")
+    assert str(error) == f"{path}: no faces in points.ply; m.load_new_mesh('points.ply')"
+    assert error.located == f"{path}: no faces in points.ply"
+    for other in (OSError(2, "No such file", str(path)), ValueError(f"cannot parse {path}")):
+        reading = named_errors(path, "ply file", UnreadableMesh, "export it again")
+        with pytest.raises(UnreadableMesh) as caught, reading:
+            raise other
+        assert str(tmp_path) not in caught.value.problem
+        assert str(caught.value).startswith(f"{path}: ")
+
+
+@pytest.mark.parametrize(
+    ("message", "short"),
+    [
+        ("too thin; feed it", "too thin"),
+        ("/a/b c.off: cut off; fetch it", "b c.off: cut off"),
+        (
+            "smooth.py reads /home/me/x/table.txt in a way; declare it",
+            "smooth.py reads table.txt in a way",
+        ),
+        ("1/2 of 3 / 4", "1/2 of 3 / 4"),
+    ],
+)
+def test_tables_for_print_have_the_short_reason(message, short):
+    assert short_reason(message) == short

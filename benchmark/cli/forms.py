@@ -71,8 +71,7 @@ def canonicalise(paths: Sequence[Path], method: str, options: Selection, output:
     try:
         form = form_of_mesh(source, method, options)
     except ShapeError as error:
-        problem = error.problem if str(source) in error.problem else f"{source}: {error.problem}"
-        raise ShapeError(problem, error.hint) from error
+        raise ShapeError(error.problem, error.hint, error.file or source) from error
     write_mesh(output, form.mesh)
     if options.picture is not None:
         from benchmark.report import figures, sheets  # matplotlib takes half a second

@@ -178,7 +178,7 @@ class Forms:
         try:
             mesh = read_mesh(path)
         except ShapeError as error:
-            raise UnsupportedShape(error.problem, error.hint) from error
+            raise UnsupportedShape(error.located, error.hint) from error
         return CanonicalForm(mesh.vertices - mesh.vertices.mean(axis=0), mesh.faces)
 
     def file_of(self, name: str) -> Path | None:

@@ -283,7 +283,7 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
             name=name if part else folder.resolve().name, shapes=entries, folder=folder
         )
         return _report(
-            unopened, [Anomaly("error", (folder.name,), error.problem, error.hint)], watched
+            unopened, [Anomaly("error", (folder.name,), error.located, error.hint)], watched
         )
 
 
@@ -296,12 +296,12 @@ def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
     try:
         check_ranked(dataset)
     except DatasetError as error:
-        yield Anomaly("warning", (dataset.name,), error.problem, error.hint)
+        yield Anomaly("warning", (dataset.name,), error.located, error.hint)
         return
     try:
         check_retrievable(dataset)
     except DatasetError as error:
-        yield Anomaly("error", (dataset.name,), error.problem, error.hint)
+        yield Anomaly("error", (dataset.name,), error.located, error.hint)
     sizes = Counter(entry.subject for entry in dataset.shapes)
     if lone := [*sizes.values()].count(1):
         what = f"ranked, but no queries: {lone} of {len(dataset.shapes)} shapes (alone in their class, or of class -1)"
@@ -365,7 +365,8 @@ def _report(dataset: ShapeSet, of_set: Iterable[Anomaly], watched: Watched) -> R
         try:
             row = _inspect(dataset, entry, file)
         except ShapeError as error:
-            problem = error.problem.removeprefix(f"{entry.path}: ")
+            is_beside = error.file not in (None, entry.path)
+            problem = error.located if is_beside else error.problem
             anomalies.append(Anomaly("error", (file,), problem, error.hint))
             continue
         rows.append(row)

@@ -85,5 +85,5 @@ def _camera(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
         )
         up = tuple(checked_up(values["up"]).tolist()) if "up" in values else None
     except BenchmarkError as error:
-        raise DatasetError(f"{path}: {error.problem}", error.hint) from error
+        raise DatasetError(f"{path}: {error.located}", error.hint) from error
     return {"intrinsics": intrinsics, "scale": scale, "up": up, "half_width": half_width}

@@ -98,10 +98,10 @@ def read_mesh(path: Path | str) -> Mesh:
     if suffix in _FORMATS_BESIDE:
         owner = _FORMATS_BESIDE[suffix].extensions[0]
         hint = f"name that file instead, such as {mesh_stem(path)}{owner}"
-        raise UnreadableMesh(f"{path}: it belongs to a {owner} file", hint)
+        raise UnreadableMesh(f"it belongs to a {owner} file", hint, path)
     if suffix not in FORMATS:
         hint = f"convert it to one of {', '.join(READABLE)}"
-        raise UnreadableMesh(f"{path}: unknown extension '{suffix}'", hint)
+        raise UnreadableMesh(f"unknown extension '{suffix}'", hint, path)
     return read_with(FORMATS[suffix], path)
 
 

@@ -384,7 +384,7 @@ class FrameFiles:
         file = self.intrinsics_file
         if self.intrinsics is None and file is None:
             hint = "put camera.json beside it, or pass --intrinsics fx,fy,cx,cy; for a folder, write dataset.toml"
-            raise DepthError(f"there are no intrinsics for {self.image}", hint)
+            raise DepthError("there are no intrinsics", hint, self.image)
         if self.intrinsics is None or self.intrinsics.scales or file is None:
             return self.intrinsics or read_intrinsics(file or self.image)
         with suppress(DepthError):  # a file that is not used for its intrinsics may hold anything

@@ -306,11 +306,9 @@ def find_intrinsics(image: Path) -> Path | None:
     for folder in (image.parent, *image.absolute().parent.parents[:2]):
         found = sorted(path for path in folder.glob("*.*") if CAMERA_FILES.fullmatch(path.name))
         if len(found) > 1:
-            problem = f"{folder} holds the camera files {found[0].name} and {found[1].name}"
-            raise DepthError(
-                problem,
-                "keep that of the depth image, or name it: --intrinsics FILE, or in dataset.toml",
-            )
+            problem = f"two camera files are near it, {found[0].name} and {found[1].name}"
+            hint = "keep that of the depth image, or name it: --intrinsics FILE, or in dataset.toml"
+            raise DepthError(problem, hint, image)
         if found:
             return found[0]
     return None

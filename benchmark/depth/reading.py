@@ -543,5 +543,5 @@ def find_mask(image: Path) -> Path | None:
         listed = " and ".join(
             path.relative_to(image.parent.parent).as_posix() for path in found[:2]
         )
-        raise DepthError(f"{image} has the masks {listed}", "keep that of the object")
+        raise DepthError(f"it has the masks {listed}", "keep that of the object", image)
     return found[0] if found else None

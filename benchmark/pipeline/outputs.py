@@ -28,7 +28,7 @@ from benchmark.errors import InvalidForm, InvalidMesh, InvalidSignature, Unsuppo
 from benchmark.geometry.cleaning import connected_components
 from benchmark.pipeline.forms import SharedResults, output_arrays
 from benchmark.pipeline.ranking import Check, distances_of_draw
-from benchmark.pipeline.stages import Arrays, timed
+from benchmark.pipeline.stages import REFUSED, Arrays, timed
 from benchmark.text import LONGEST_NAME, brief
 
 _FORM_HINT = (
@@ -50,14 +50,21 @@ _LARGEST = float(np.finfo(np.float32).max)
 def compute_output(method: Method | Descriptor, shape: Shape, shared: SharedResults) -> Arrays:
     """Return the arrays of a form or descriptor, or why the method refuses the shape; see :func:`output_arrays`.
 
+    The reason is kept for the content of the shape, so that it does not begin with the name.
+
     Raises
     ------
     InvalidForm
         If it returns anything other than a form of the shape, or a vector of finite numbers.
     """
     if isinstance(method, Method):
-        return output_arrays(lambda: compute_form(method, shape), shape, shared)
-    return output_arrays(lambda: compute_descriptor(method, shape), shape, shared)
+        arrays = output_arrays(lambda: compute_form(method, shape), shape, shared)
+    else:
+        arrays = output_arrays(lambda: compute_descriptor(method, shape), shape, shared)
+    if REFUSED not in arrays:
+        return arrays
+    texts = [text.removeprefix(f"{shape.identifier}: ") for text in arrays[REFUSED].tolist()]
+    return {**arrays, REFUSED: np.array(texts)}
 
 
 def sign(scorer: Scorer, form: Mesh) -> Arrays:

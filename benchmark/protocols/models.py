@@ -64,8 +64,13 @@ class Model:
 
     @cached_property
     def digest(self) -> str:
-        """Digest of the card, which names that of the weights: it identifies the model."""
-        return file_digest(self.folder / CARD)[:16]
+        """First digits of the digest of the card: it identifies the model."""
+        return self.card_digest[:16]
+
+    @cached_property
+    def card_digest(self) -> str:
+        """Digest of the card, which names that of the weights."""
+        return file_digest(self.folder / CARD)
 
     def has_seen(self, entry: Entry, dataset: str) -> bool:
         """Return whether a shape, or another one of its subject, was in the training data.
@@ -242,7 +247,7 @@ def _model(training: str, folder: Path) -> Model:
     try:
         card = read_card(folder)
     except ConfigurationError as error:
-        raise UnusableModel(error.problem, error.hint) from error
+        raise UnusableModel(error.problem, error.hint, error.file) from error
     if card.data != training:
         problem = f"the model in {folder} was trained on '{card.data}'"
         raise UnusableModel(problem, "move it to the folder of its training data")

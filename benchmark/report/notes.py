@@ -7,6 +7,7 @@ from pathlib import PurePath
 
 import numpy as np
 
+from benchmark.errors import short_reason
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import ROUND, Kind
 from benchmark.reference.paper import MEASURES
@@ -168,7 +169,7 @@ def _failed(view: TableView, rows: Iterable[Row], crossed: Container[str]) -> li
         has_any = bool(row.records or row.failed)
         for column in view.columns:
             for record in row.failed.get(column.title, [])[:1]:
-                reason = f"{record.status}: {brief(record.reason)}"
+                reason = f"{record.status}: {brief(short_reason(record.reason))}"
                 break
             else:
                 if column.title in row.scored or (
@@ -201,7 +202,9 @@ def _unreadable(view: TableView, rows: Sequence[Row]) -> Iterable[str]:
             where = [column.title] * (len(view.columns) > 1) + [record.input] * (len(inputs) > 1)
             reasons = {name: reason for side in record.sides for name, reason in side.unsupported}
             for name in [name for side in record.sides for name in side.unprepared]:
-                places.setdefault(f"{name} ({brief(reasons[name])})", {})[", ".join(where)] = None
+                places.setdefault(f"{name} ({brief(short_reason(reasons[name]))})", {})[
+                    ", ".join(where)
+                ] = None
     return [f"{name}{' in ' * any(where)}{' and '.join(where)}" for name, where in places.items()]
 
 
@@ -217,7 +220,7 @@ def _refused(rows: Iterable[Row]) -> Iterator[str]:
                 if name not in side.unprepared
             }
             for name, why in [*refused.items()][:1]:
-                yield f"{row.title} {len(refused)} ({title}; {name}: {brief(why)})"
+                yield f"{row.title} {len(refused)} ({title}; {name}: {brief(short_reason(why))})"
 
 
 def _seen(rows: Iterable[Row]) -> Iterator[str]:

@@ -31,7 +31,7 @@ from benchmark.report.frames import changed, file_name, hundredths
 from benchmark.report.notes import block_lead, leads, table_notes
 from benchmark.report.statistics import INTERVALS
 from benchmark.report.tables import Row, Scored, TableView
-from benchmark.text import clean, say
+from benchmark.text import clean, listed, say
 
 #: Pages of a table by the end of their name.
 KINDS = {"": "Scores", "-forms": "Forms", "-queries": "Queries"}
@@ -382,6 +382,7 @@ def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
         "queries": [{"number": of, "cells": cells[of], "is_fine": worst[of] == 2} for of in order],
         "rows": [(row.title, file_name(row.method)) for row, *_ in rows],
         "kept": [_kept_pose(record, nearest) for _, record, nearest in rows],
+        "refused": _refusals([(row.title, record) for row, record, _ in rows]),
         "data": {
             "sides": [_shapes(pages, side) for side in first.sides],
             "rows": [
@@ -389,6 +390,19 @@ def _queries(pages: Pages, view: TableView) -> dict[str, Any]:
             ],
         },
     }
+
+
+def _refusals(rows: Iterable[tuple[str, Record]]) -> list[tuple[str, str, str]]:
+    """Return the shapes that were refused, the reason with its remedy, and the rows that say so."""
+    found: dict[tuple[str, str], list[str]] = {}
+    for title, record in rows:
+        for side in record.sides:
+            for shape, reason in side.unsupported:
+                titles = found.setdefault((shape, reason), [])
+                titles += [] if title in titles else [title]
+    return [
+        (clean(shape), clean(reason), listed(titles)) for (shape, reason), titles in found.items()
+    ]
 
 
 def _shapes(pages: Pages, side: RankedShapes) -> list[tuple[str, str, str]]:

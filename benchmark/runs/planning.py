@@ -36,6 +36,7 @@ from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, select, select_one
 from benchmark.runs.tasks import CODE, Job, Step, code_of_step
+from benchmark.runs.unchanged import PlannedCode
 from benchmark.text import EVERY, clean, listed
 
 State = Literal[
@@ -55,14 +56,14 @@ class Planned:
     sides
         What it is at its queries, and at the shapes of the gallery if these are others.
     frames, codes
-        Keys of the frames of the camera that are fitted to the sides, "" where none is; digest of
-        the code that makes files of a stage.
+        Keys of the frames of the camera that are fitted to the sides, "" where none is; the code
+        that makes files of a stage.
     galleries
         The shapes, once for each table that shows them.
     record
         Its record without the outcome.
-    models
-        Folder of the trained model for each shape.
+    models, cards
+        Folder of the trained model for each shape, and the digest of the card in each folder.
     state, reason
         ``finished``: it has a record. ``failed``: its record says that it failed. ``stale``: its
         record is of other code, data or parameters; the reason names them. ``incomplete``: shapes
@@ -77,10 +78,11 @@ class Planned:
 
     sides: tuple[Job, ...]
     frames: tuple[str, ...]
-    codes: Mapping[Stage, str] = field(repr=False)
+    codes: Mapping[Stage, PlannedCode | None] = field(repr=False)
     galleries: tuple[Gallery, ...]
     record: Record = field(repr=False)
     models: tuple[Path | None, ...] = field(repr=False)
+    cards: Mapping[Path, str] = field(repr=False)
     state: State
     reason: str
     before: Record | None = field(repr=False)
@@ -94,11 +96,15 @@ class Planned:
             for number, (shape, keys) in enumerate(zip(side.file_names, side.keys, strict=True)):
                 source_shape, model = side.shapes[number // side.views], next(models)
                 of_shape = partial(
-                    Step, job, shape=shape, keys=keys, model=model, source_shape=source_shape
+                    Step,
+                    job,
+                    shape=shape,
+                    keys=keys,
+                    model=model,
+                    card=self.cards[model] if model else "",
+                    source_shape=source_shape,
                 )
-                steps = (
-                    of_shape(stage, keys[stage], code=self.codes.get(stage, "")) for stage in keys
-                )
+                steps = (of_shape(stage, keys[stage], code=self.codes.get(stage)) for stage in keys)
                 chains.append((*first, *steps))
         return chains
 
@@ -244,7 +250,7 @@ class _Planning:
         content["models"] = [
             model.summary() for model in dict.fromkeys(filter(None, chain(*models)))
         ]
-        codes: dict[Stage, str] = {}
+        codes: dict[Stage, PlannedCode | None] = {}
         if state is None:
             codes = self._codes(method, scorer)
             files = [
@@ -286,6 +292,7 @@ class _Planning:
             (gallery,),
             record_of(content),
             tuple(model.folder if model else None for model in chain(*models)),
+            {model.folder: model.card_digest for model in chain(*models) if model},
             state,
             reason,
             before,
@@ -348,7 +355,9 @@ class _Planning:
             "scorer_title": scorer.title if scorer else "",
         }
 
-    def _codes(self, method: Component, scorer: Component | None) -> dict[Stage, str]:
+    def _codes(
+        self, method: Component, scorer: Component | None
+    ) -> dict[Stage, PlannedCode | None]:
         of_stages: dict[Stage, Component] = {"forms": method, "records": scorer or method}
         of_stages |= {"signatures": scorer} if scorer else {}
         return {

@@ -12,9 +12,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from benchmark.datasets.mesh_files import READABLE, mesh_suffix
-from benchmark.depth.reading import EXTENSIONS
-from benchmark.errors import BenchmarkError
+from benchmark.errors import FILE, BenchmarkError
 from benchmark.kernels import drop_stale_kernels
 from benchmark.machine import memory_per_process
 from benchmark.pipeline.cache import Cache, writing
@@ -278,15 +276,25 @@ class _Run:
 
     def _announce(self, step: Step, reason: str) -> None:
         """Say once why a shape has no result."""
-        file, _, problem = reason.partition(": ")
-        is_file = (
-            mesh_suffix(Path(file)) in READABLE + EXTENSIONS
-        )  # its name when this content was first read
-        text = problem if is_file else reason
+        file = self._file_of(step)
+        text = f"{reason.replace(FILE, file.name)} ({file})" if file else reason
         message = step.job.source, text if text.startswith(step.shape) else f"{step.shape}: {text}"
         if message not in self.announced:
             self.announced.add(message)
             say(message[1], err=True)
+
+    def _file_of(self, step: Step) -> Path | None:
+        """Return the file of the shape of a step in its data set: another one may have the same content."""
+        of_jobs = (self.jobs[key] for key in self._jobs_of(step) if key in self.jobs)
+        name = step.source_shape or step.shape
+        for planned in of_jobs:
+            gallery = planned.galleries[0]
+            shown = (gallery, gallery.gallery_of_queries or gallery)
+            for job, side in zip(planned.sides, shown, strict=False):
+                if job.source == step.job.source:
+                    paths = (entry.path for entry in side.seen.entries if entry.identifier == name)
+                    return next(paths, None)
+        return None
 
     def _end(self, planned: Planned, shape: str, outcome: Outcome) -> Record:
         """Return the record of a job; write it unless it says less than the one that it would replace."""

@@ -19,7 +19,14 @@ import traceback
 from bdb import BdbQuit
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import chdir, contextmanager, nullcontext, redirect_stdout, suppress
+from contextlib import (
+    AbstractContextManager,
+    chdir,
+    contextmanager,
+    nullcontext,
+    redirect_stdout,
+    suppress,
+)
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from multiprocessing.connection import Connection
@@ -28,7 +35,6 @@ from typing import Any, ClassVar, NamedTuple, TypeVar
 
 from benchmark.api.contracts import Shape
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.code_digest import code_of_modules, digest
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.pipeline import forms
 from benchmark.pipeline.cache import RUNS, Cache, Stage, StorageError
@@ -39,6 +45,7 @@ from benchmark.pipeline.records import Record, Row
 from benchmark.pipeline.stages import REFUSED, Arrays, Incomplete
 from benchmark.reads import watch_this_process
 from benchmark.registry.components import THIS_PROCESS, Component, watching_component
+from benchmark.runs.unchanged import CodeChanged, PlannedCode, PlannedFiles, plan_code
 from benchmark.text import Printed, clean_lines
 
 #: Modules with the code of the suite that makes files of a stage, beside that of preparation and of
@@ -94,8 +101,11 @@ class Step(NamedTuple):
         Keys of the files of the shape by stage.
     model
         Trained model of the method.
+    card
+        Digest of the card of that model when the run was planned.
     code
-        Digest of the code that the plan saw; a process with other code leaves the job incomplete.
+        The code that the plan saw, of what determines a result; a process with other code leaves the
+        job incomplete.
     source_shape
         The shape whose mesh is loaded: that which a view shows; "" as for the shape.
     """
@@ -106,7 +116,8 @@ class Step(NamedTuple):
     shape: str = ""
     keys: Mapping[Stage, str] = {}
     model: Path | None = None
-    code: str = ""
+    card: str = ""
+    code: PlannedCode | None = None
     source_shape: str = ""
 
     def __str__(self) -> str:
@@ -135,9 +146,12 @@ class Step(NamedTuple):
         return "" if self.stage == "prepared" else self.component.process
 
 
-def code_of_step(component: Component, stage: Stage) -> str:
-    """Return the digest of the code with which a method or scorer makes files of a stage."""
-    return digest([component.key(), code_of_modules([CODE[stage]] if stage in CODE else [])])
+def code_of_step(component: Component, stage: Stage) -> PlannedCode | None:
+    """Return the code with which a method or scorer makes files of a stage; None if nobody knows it."""
+    if component.is_unknown:
+        return None
+    modules = [CODE[stage]] if stage in CODE else []
+    return plan_code(component.target, modules, component.files)
 
 
 class Task(NamedTuple):
@@ -167,6 +181,8 @@ class Outcome(NamedTuple):
         Whether an outcome without a result holds for all files of this shape.
     content
         Of a ranking: what its record says.
+    ends_process
+        Whether its process may hold code in memory that is not that of the plan.
     """
 
     status: str
@@ -174,6 +190,7 @@ class Outcome(NamedTuple):
     traceback: str = ""
     of_shape: bool = False
     content: Mapping[str, Any] = {}
+    ends_process: bool = False
 
 
 class Queue:
@@ -231,24 +248,33 @@ class RunContext:
 
     def __init__(self, uncharged: forms.Uncharged = lambda _: nullcontext()) -> None:
         self.uncharged = uncharged
-        self._components: dict[tuple[Component, Path | None, str], Any] = {}
+        self._components: dict[tuple[Component, Path | None], Any] = {}
+        self._files: dict[tuple[Component, Stage, Path | None], PlannedFiles] = {}
         self._open = cache(_open)
         self._prepare = cache(
             lambda source, data_root, input_: PreparedShapes(self._open(source, data_root), input_)
         )
 
     def created(self, step: Step) -> Any:
-        """Return the method of a step with its model, or its scorer; raise ``CodeChanged`` if the plan saw another."""
+        """Return the method of a step with its model, or its scorer."""
         model = step.model if step.stage == "forms" else None
-        key = step.component, model, step.code
+        key = step.component, model
         if key not in self._components:
             with self.uncharged("loading"):
-                _check_code(step)
                 created = step.component.create()
                 created = created.load(model) if model else created
-                _check_code(step)  # what was imported is what was planned
             self._components[key] = created
         return self._components[key]
+
+    def unchanged(self, step: Step) -> AbstractContextManager[object]:
+        """Return the context in which the files of a step must be those of the plan; see :class:`PlannedFiles`."""
+        if step.code is None:
+            return nullcontext()
+        model = step.model if step.stage == "forms" else None
+        key = step.component, step.stage, model
+        if key not in self._files:
+            self._files[key] = PlannedFiles(step.code, model, step.card)
+        return self._files[key].unchanged()
 
     def prepared_shapes(self, job: Job) -> PreparedShapes:
         """Return the prepared shapes of a job."""
@@ -260,17 +286,6 @@ class Unrunnable(BenchmarkError):
     """No job can run on this machine."""
 
 
-class CodeChanged(BenchmarkError):
-    """The code of a job is not that of its plan."""
-
-
-def _check_code(step: Step) -> None:
-    if code_of_step(step.component, step.stage) != step.code:
-        raise CodeChanged(
-            "its code changed during the run, or is another one on this machine", "run again"
-        )
-
-
 def _open(source: str, data_root: Path | None) -> ShapeSet:
     """Open a data set that loads a mesh once for both inputs, unless its file changes: generated ones take a second."""
     from benchmark.datasets.catalogue import open_dataset
@@ -279,11 +294,11 @@ def _open(source: str, data_root: Path | None) -> ShapeSet:
     try:
         import_pymeshlab()
     except ConfigurationError as error:
-        raise Unrunnable(error.problem, error.hint) from error
+        raise Unrunnable(error.located, error.hint) from error
     try:
         shapes = open_dataset(source, data_root)
     except BenchmarkError as error:  # the plan could open it
-        raise Incomplete(f"{CHANGED}: {error.problem}") from error
+        raise Incomplete(f"{CHANGED}: {error.located}") from error
     load = lru_cache(1)(lambda entry, _key, _change: shapes.load(entry))
 
     def load_once(entry: Entry) -> Any:
@@ -322,7 +337,7 @@ class Work:
         except (StorageError, Unrunnable) as error:
             return Outcome("stopped", str(error))
         except CodeChanged as error:
-            return Outcome("incomplete", str(error))
+            return Outcome("incomplete", str(error), ends_process=True)
         except DamagedFiles as error:
             for file in error.files:
                 Cache(step.job.results).remove(*file)
@@ -366,9 +381,18 @@ class Work:
         )
 
     def _watched(self, step: Step, make: Callable[[Any, Step], T]) -> T:
-        """Return what a step makes; raise ``ConfigurationError`` if a plugin reads what it does not declare."""
+        """Return what a step makes.
+
+        Raises
+        ------
+        CodeChanged
+            If a file on which it depends is not that of the plan, before or after it.
+        ConfigurationError
+            If a plugin reads what it does not declare.
+        """
         allowed = filter(None, [step.job.results / RUNS, step.model])
         with (
+            self._context.unchanged(step),
             chdir("."),
             watching_component(step.component, allowed) if step.process else nullcontext(),
         ):
@@ -492,6 +516,8 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
                         "failed", f"it raises {type(error).__name__}: use a debugger with -j 0"
                     )
                 connection.send(outcome)
+                if outcome.ends_process:
+                    return
 
 
 def _die_with(parent: int) -> None:

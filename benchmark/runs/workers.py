@@ -156,6 +156,9 @@ class Worker:
                 message = pickle.loads(self.connection.recv_bytes(_LONGEST_MESSAGE))  # noqa: S301
                 if isinstance(message, Outcome):
                     yield self.waiting.popleft(), message
+                    if message.ends_process:
+                        self.close()
+                        return
                 elif message is None:
                     self._uncharged.pop()
                 else:

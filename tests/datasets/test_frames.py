@@ -136,7 +136,7 @@ def test_each_bad_image_costs_one_shape(tmp_path):
     assert "vertices" in prepared_shapes.prepare(good, 1.285)
     camera = "invalid focal lengths 0, 0"
     for entry, message in (
-        (cut, "1.png: not a readable png file"),
+        (cut, "not a readable png file"),
         (wrong, camera),
         (twin, camera),
     ):

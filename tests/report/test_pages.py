@@ -354,7 +354,9 @@ def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch
         [[0, 1, 2, 2, 2], [1, 0, 2, 2, 2], [9, 9, 0, 1, 2], [3, 9, 4, 0, 5], [9, 9, 2, 1, 0]],
         dtype=float,
     )
-    refused = record("refuses", labels=labels, input_="view", unsupported=[("b4", "too thin")])
+    refused = record(
+        "refuses", labels=labels, input_="view", unsupported=[("b4", "too thin; feed it")]
+    )
     stored = lambda folder, one: matrix[np.ix_(one.answered, one.answered)]  # noqa: E731
     monkeypatch.setattr("benchmark.report.pages.read_distances", stored)
     page = pages(
@@ -376,6 +378,7 @@ def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch
         (' class="refused" data-value="-1"', "– refused"),
         ("", "✓ .70"),
     ]
+    assert re.findall("<li>(.*?)</li>", page) == ["<b>b4</b>: too thin; feed it (Refuses)"]
     data = json.loads(re.search(r"<script type=\"application/json\">(.*?)</script>", page)[1])
     ((title, near, forms),) = data["rows"]
     assert (title, forms) == ("GPS", {})  # no forms are stored

@@ -25,6 +25,7 @@ from benchmark.runs.workers import Worker
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 from tests.toy import PATIENCE, wait_for
+from tests.verbs import call
 
 FAULTY = (
     "fine",
@@ -219,9 +220,58 @@ def test_what_cannot_be_prepared_is_refused_for_all_and_named_once(rods, tmp_pat
     records = run_toy(folder, tmp_path / "results", "identity", "surface-area", input=None)
     for record in records.values():
         assert (record.status, record.unprepared, record.coverage) == ("ok", ["thin2"], 0.8)
-    assert [line[:30] for line in capsys.readouterr().err.splitlines()] == [
-        "thin2: not a readable off file"
-    ]
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("thin2: not a readable off file")
+    assert line.endswith(f"({folder / 'thin2.off'})")
+
+
+#: Tables of what the light scorer ranked.
+TABLES = ("tables", "--scorer", "distance-distribution", "--results")
+
+DAMAGED = {
+    "cut": "OFF\n3 1 0\n0 0 0\n",
+    "points": "OFF\n4 0 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n",
+    "nan": "OFF\n3 1 0\n0 0 nan\n1 0 0\n0 1 0\n3 0 1 2\n",
+    "flat": "OFF\n3 1 0\n0 0 0\n1 0 0\n2 0 0\n3 0 1 2\n",
+    "empty": "",
+}
+
+
+@pytest.mark.parametrize("text", DAMAGED.values(), ids=DAMAGED.keys())
+def test_a_reason_that_is_kept_for_a_content_names_no_file_and_whoever_prints_it_does(
+    rods, tmp_path, capsys, text
+):
+    results = tmp_path / "results"
+    reasons = []
+    for folder, name in (("one", "thin2"), ("two", "thin3")):
+        data = shutil.copytree(rods, tmp_path / folder / "rods")
+        (data / f"{name}.off").write_text(text)
+        (record,) = run_toy(data, results, "identity").values()
+        ((shape, reason),) = record.unsupported
+        assert shape == name
+        reasons.append(reason)
+        for line in capsys.readouterr().err.splitlines():  # none where the content is known
+            assert line.startswith(f"{name}: ")
+            assert line.endswith(f"({data / name}.off)")
+    assert reasons[0] == reasons[1]
+    assert str(tmp_path) not in reasons[0]
+    assert "thin" not in reasons[0]
+    for format in ("markdown", "latex"):
+        printed = call(*TABLES, results, "--format", format)
+        assert str(tmp_path) not in printed.replace(str(tmp_path / "two" / "rods"), "")
+    assert reasons[0].partition("; ")[0] in " ".join(call(*TABLES, results).split())
+
+
+def test_a_method_names_no_shape_in_a_reason_that_is_kept(rods, tmp_path):
+    refuses = (
+        "def canonicalise(self, shape):\n"
+        "        from benchmark.api import UnsupportedShape\n"
+        "        raise UnsupportedShape(f'{shape.identifier}: too thin', 'feed it')"
+    )
+    plugin = write_plugin(tmp_path / "smooth.py", methods=refuses)
+    jobs = planned(rods, tmp_path, "smooth", plugins=(plugin,))
+    (record,) = done(jobs, tmp_path).values()
+    assert record.reason == "none of 4 shapes could be processed; thick0: too thin; feed it"
 
 
 WRITES = (

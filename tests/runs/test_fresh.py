@@ -247,7 +247,7 @@ def test_an_edit_of_a_plugin_during_a_run_leaves_its_job_incomplete_alone_and_it
     }
     assert (
         records["fine"].reason
-        == "its code changed during the run, or is another one on this machine; run again"
+        == "edited.py changed during the run, or is another one on this machine; run again"
     )
 
 

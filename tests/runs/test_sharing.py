@@ -110,7 +110,7 @@ def test_a_draw_changes_nothing_that_the_next_one_gets(rods, tmp_path, harm):
         scorer.write_text(SCORER.replace("HARM", text))
         results = tmp_path / name / "results"
         (record,) = done(
-            planned(rods, results, "identity", scorer="harmful", plugins=(scorer,)), results, size=0
+            planned(rods, results, "identity", scorer="harmful", plugins=(scorer,)), results
         ).values()
         assert record.status == "ok", record.reason
         means.append(read_distances(results, record))
@@ -122,6 +122,6 @@ def test_a_scorer_gets_no_list_that_it_could_reorder(rods, tmp_path, harm):
     scorer = tmp_path / "harmful.py"
     scorer.write_text(SCORER.replace("HARM", harm))
     jobs = planned(rods, tmp_path / "results", "identity", scorer="harmful", plugins=(scorer,))
-    (record,) = done(jobs, tmp_path / "results", size=0).values()
+    (record,) = done(jobs, tmp_path / "results").values()
     assert record.status == "failed"
     assert "harmful.py" in record.reason

@@ -8,6 +8,7 @@ from typing import Any
 
 from benchmark.pipeline.records import Record
 from benchmark.registry.components import THIS_PROCESS
+from benchmark.registry.modules import import_plugins_anew
 from benchmark.runs.planning import Planned, plan_selection
 from benchmark.runs.runner import run
 from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Work
@@ -31,8 +32,15 @@ class ThisProcess:
     def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
         if task := queue.take(THIS_PROCESS) or queue.take_any():
             work = Work(task, self._context)
-            for step in task.steps:
-                yield step, work.outcome(step)
+            for number, step in enumerate(task.steps, 1):
+                outcome = work.outcome(step)
+                yield step, outcome
+                if outcome.ends_process:
+                    import_plugins_anew()
+                    self._context = RunContext()
+                    if left := task.steps[number:]:
+                        queue.add(task._replace(steps=left), first=True)
+                    break
 
     def close(self) -> None:
         """End nothing."""
