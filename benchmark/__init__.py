@@ -8,10 +8,15 @@ from typing import Any
 #: Module of each name; none is imported before it is used.
 _OFFERED = {
     "canonical_form_of_depth": "benchmark.commands.forms",
-    "canonicalise": "benchmark.commands.run",
+    "canonicalise": "benchmark.commands.canonicalise",
+    "compare": "benchmark.commands.compare",
+    "merge": "benchmark.commands.merge",
     "open_results": "benchmark.report.results",
+    "plan": "benchmark.commands.plan",
+    "retrieve": "benchmark.commands.retrieve",
     "run": "benchmark.commands.run",
     "score": "benchmark.commands.score",
+    "tables": "benchmark.commands.tables",
 }
 
 __all__ = sorted(_OFFERED)

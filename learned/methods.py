@@ -189,6 +189,9 @@ class Learned(TrainedNetwork):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Predict the canonical pose and return its surface, of unit area.
 
+        Its notes say how wide the predicted outline is in pixels, and a doubt if that is unusual;
+        see :func:`learned.images.outline_blur`.
+
         Raises
         ------
         UnsupportedShape
@@ -208,7 +211,7 @@ class Learned(TrainedNetwork):
         *depths, mask = self.predict(shape.depth)
         front, *back = (enlarged(torch.stack([depth, mask])) for depth in depths)
         surface, notes = closed_surface(front, back[0]) if back else open_surface(front)
-        return CanonicalForm(surface.vertices, surface.faces, notes)
+        return CanonicalForm(surface.vertices, surface.faces, {**notes, **self._fit(mask)})
 
     def predict(self, depth: DepthImage) -> Tensor:
         """Return the depth of each side and the mask, shape (sides + 1, r, r), predicted from a depth image."""
@@ -224,24 +227,18 @@ class Learned(TrainedNetwork):
             [average_body(folder, len(mask)) if self.relief == "average" else mask * 0 + 0.5, mask]
         )
 
-    def measure_fit(self, shape: Shape) -> dict[str, float | str]:
-        """Return the width of the predicted outline in pixels, and a doubt if it is unusual.
-
-        See :class:`benchmark.api.learning.MeasuresFit` and :func:`learned.images.outline_blur`.
-        """
+    def _fit(self, mask: Tensor) -> dict[str, float | str]:
+        """Return the width of a predicted outline in pixels, and a doubt if it is unusual."""
         from learned.images import outline_blur
 
-        if shape.depth is None:
-            return {}
-        notes: dict[str, float | str] = {
-            "outline_blur": (blur := outline_blur(self.predict(shape.depth)[-1]))
-        }
-        if blur > self.usual_blur and self.model_folder.is_relative_to(self.shipped_models):
-            usual = f"90 % of validation images have at most {self.usual_blur:g}"
-            notes["doubt"] = (
-                f"the predicted outline is {blur:.2f} pixels wide ({usual}), so the form may not fit"
-            )
-        return notes
+        blur = outline_blur(mask)
+        if blur <= self.usual_blur or not self.model_folder.is_relative_to(self.shipped_models):
+            return {"outline_blur": blur}
+        usual = f"90 % of validation images have at most {self.usual_blur:g}"
+        doubt = (
+            f"the predicted outline is {blur:.2f} pixels wide ({usual}), so the form may not fit"
+        )
+        return {"outline_blur": blur, "doubt": doubt}
 
 
 def _row(

@@ -41,9 +41,14 @@ def test_dir_lists_what_there_is():
     assert dir(benchmark) == [
         "canonical_form_of_depth",
         "canonicalise",
+        "compare",
+        "merge",
         "open_results",
+        "plan",
+        "retrieve",
         "run",
         "score",
+        "tables",
     ]
     with pytest.raises(AttributeError, match="module 'benchmark' has no attribute 'rum'"):
         _ = benchmark.rum

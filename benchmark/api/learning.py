@@ -250,7 +250,7 @@ class HasRecipe(Protocol):
 
 @runtime_checkable
 class MeasuresFit(Protocol):
-    """Learner that measures how well its form fits a depth image; the command ``canonicalise`` shows the result."""
+    """Deprecated: a learner that measures how well its form fits a depth image; write notes of the form instead."""
 
     def measure_fit(self, shape: Shape) -> Mapping[str, float | str]:
         """Return notes on the fit; a note named ``"doubt"`` is a warning."""

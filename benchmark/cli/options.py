@@ -6,23 +6,18 @@ Every ``--help`` imports this module, so it imports nothing heavy.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial, wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, get_type_hints
+from typing import Annotated, Any, Literal, get_type_hints
 
 from msgspec import Struct
 from msgspec.structs import asdict
 from typer import Argument, Exit, Option, Typer
 from typer.core import TyperCommand
 
-from benchmark.errors import ConfigurationError
-from benchmark.text import DATA_VARIABLE, EVERY, say
-
-if TYPE_CHECKING:
-    from benchmark.api.datasets import ShapeSet
-    from benchmark.pipeline.records import Record
+from benchmark.text import DATA_VARIABLE
 
 _application = partial(
     Typer, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False
@@ -152,47 +147,51 @@ class Selection(Struct, frozen=True, kw_only=True):
     ] = None
 
     @property
-    def is_narrow(self) -> bool:
-        """Return whether methods are selected, so that a table omits others that were never run."""
-        return bool(self.methods) and EVERY not in self.methods
+    def is_something(self) -> bool:
+        """Return whether anything is selected, or everything by name."""
+        selected = self.tables or self.methods or self.datasets or self.plugins
+        return self.everything or bool(selected)
 
-    @property
-    def has_camera(self) -> bool:
-        """Return whether camera, mask or unit of a depth image are given."""
-        return bool(self.intrinsics or self.mask or self.depth_scale is not None)
+    def of_models(self) -> dict[str, Any]:
+        """Return what selects models, by the arguments of a command."""
+        return {
+            "data": self.datasets,
+            "methods": self.methods,
+            "tables": self.tables,
+            "input": self.input,
+            "plugins": self.plugins,
+            "results": self.results,
+            "data_root": self.data_root,
+            "quick": self.quick,
+        }
 
-    def records_of_data(self, records: Sequence[Record]) -> list[Record]:
-        """Return the labelled records of the selected data sets; all of them if none is selected."""
-        from benchmark.pipeline.data_names import records_of
+    def of_jobs(self) -> dict[str, Any]:
+        """Return what selects jobs, by the arguments of a command."""
+        return {
+            **self.of_models(),
+            "scorer": self.scorer,
+            "seed": self.seed,
+            "subjects": self.subjects,
+            "gallery": self.gallery,
+            "gallery_views": self.gallery_views,
+            "same_names": self.same_names,
+        }
 
-        return records_of(records, self.datasets) if self.datasets else [*records]
+    def of_records(self) -> dict[str, Any]:
+        """Return what selects records but for tables and methods, by the arguments of a command."""
+        return {
+            "results": self.results,
+            "data": self.datasets,
+            "input": self.input,
+            "scorer": self.scorer,
+            "seed": self.seed,
+            "quick": self.quick,
+            "published": self.published,
+        }
 
-    def say_folders(self, *names: str) -> None:
-        """Say which names are those of sets of the suite, though folders here have them, too."""
-        from benchmark.datasets.catalogue import is_known, is_path, split_name
-
-        for base in (split_name(name)[0] for name in names if is_known(name) and is_path(name)):
-            if not self.data_root or Path(base).absolute() != (self.data_root / base).absolute():
-                say(
-                    f"{base} is the set of the suite; for the folder of this name here, pass ./{base}",
-                    err=True,
-                )
-
-    def open_dataset(self, name: str) -> ShapeSet:
-        """Open a data set as it is called on the command line."""
-        from benchmark.datasets.catalogue import open_dataset
-
-        return open_dataset(name, self.require_data_root())
-
-    def require_data_root(self) -> Path | None:
-        """Return the folder of official data sets; raise ``ConfigurationError`` if it is missing.
-
-        A folder without sets is valid: a run announces its stand-ins.
-        """
-        if self.data_root and not self.data_root.is_dir():
-            problem = f"data root {self.data_root} is not a readable folder"
-            raise ConfigurationError(problem, f"correct --data-root or {DATA_VARIABLE}")
-        return self.data_root
+    def of_tables(self) -> dict[str, Any]:
+        """Return what selects tables, by the arguments of a command."""
+        return {"names": self.tables, "methods": self.methods, **self.of_records()}
 
 
 def verb(

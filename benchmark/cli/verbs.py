@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
-from msgspec.structs import replace
 from typer import Argument, Option
 
 from benchmark.cli import options as shared
@@ -116,38 +115,22 @@ def tables(
 
     It needs no data.
     """
-    from benchmark.cli.results import print_tables, recorded, selected_tables
-    from benchmark.report.formats import latex, robustness_markdown
-    from benchmark.report.frames import scored_by
-    from benchmark.report.output import FORMATS, table_files, write_files
+    from benchmark.cli.printing import print_markdown
+    from benchmark.commands.tables import tables
+    from benchmark.report.output import FORMATS
 
-    records = recorded(selection, failed=failed)
-    views = selected_tables(selection, records, paper=paper)
-    is_whole = not (
-        selection.tables
-        or selection.methods
-        or selection.datasets
-        or selection.input
-        or selection.quick
-    )
-    robustness = is_whole or "robustness" in selection.tables
+    shown = tables(**selection.of_tables(), paper=paper, failed=failed)
+    for note in shown.notes:
+        say(note, err=True)
     if output is not None:
-        formats = [format] if format else FORMATS
-        files = table_files(views, records, formats, verdicts=is_whole, robustness=robustness)
-        write_files(output, files, force=force, listed=f"written{scored_by(records).suffix}.json")
+        files = shown.write(output, [format] if format else FORMATS, force=force)
         say(f"wrote {len(files)} files to {output}")
     elif format == "latex":
-        say_lines("\n".join(map(latex, views)))
+        say_lines(shown.latex())
     elif format:
-        say_lines(
-            "\n".join(
-                table_files(
-                    views, records, [format], verdicts=False, robustness=robustness
-                ).values()
-            )
-        )
+        say_lines("\n".join(shown.texts(format)))
     else:
-        print_tables(views, robustness_markdown(records) if robustness else "")
+        print_markdown(shown.markdown())
 
 
 @verb(*_RECORDS, "data_root")
@@ -171,16 +154,19 @@ def report(
 
     Pages show tables, maps, and canonical forms in 3D.
     """
-    from benchmark.cli.results import draw, recorded, selected_tables
+    from benchmark.cli.results import draw
+    from benchmark.commands.tables import tables
     from benchmark.report.output import write_files
     from benchmark.report.pages import report_files
 
     if figure:
         draw(selection, output or Path(f"{figure}.pdf"), figure, shapes, force=force)
         return
-    records, folder = recorded(selection, failed=failed), output or Path("results/report")
-    views = selected_tables(selection, records, paper=selection.published)
-    files = report_files(selection.results, views, selection.data_root)
+    shown = tables(**selection.of_tables(), paper=selection.published, failed=failed)
+    for note in shown.notes:
+        say(note, err=True)
+    folder = output or Path("results/report")
+    files = report_files(selection.results, shown.views, selection.data_root)
     write_files(folder, files, force=force)
     say(f"wrote {folder / 'index.html'} and {len(files) - 1} other files")
 
@@ -193,13 +179,12 @@ def compare(
     format: Annotated[Literal["text", "csv", "json"], Option("--format")] = "text",
 ) -> None:
     """Test the differences of a method to another one, or to every row of its tables."""
-    from benchmark.cli.results import recorded, selected_tables
-    from benchmark.report.comparison import compare, details, summaries
+    from benchmark.commands.compare import compare
+    from benchmark.report.comparison import details, summaries
 
-    records = recorded(selection, failed=True)
-    found = compare(
-        selected_tables(replace(selection, methods=[first, second]), records), first, second
-    )
+    found = compare(first, second, tables=selection.tables, **selection.of_records())
+    for note in found.attrs["notes"]:
+        say(note, err=True)
     if format == "csv":
         say_lines(found.to_csv(index=False, float_format="%.6f"))
     elif format == "json":
@@ -318,28 +303,34 @@ def score(
     DISTANCES is a symmetric N x N matrix (any M x N with --gallery): .npy, .npz, .txt, .csv, .mat,
     or .matrix of PSB.
     """
-    from benchmark.commands.external_rows import keep_distances, record_beside
-    from benchmark.commands.score import score
-
     if gallery and results is not None:
         raise ConfigurationError(
             "a row that is kept has the queries as its gallery", "omit --gallery or --results"
         )
-    title, name = title or distances.stem, dataset or labels.resolve().stem
-    if results is not None:
-        record_beside(
-            results, name, input, title
-        )  # or say before all work that there can be no row
-    elif dataset:
+    if dataset and results is None:
         raise ConfigurationError(
             "--dataset names the data of a row that is kept", "pass --results, too"
         )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # among the notes
-        evaluation = score(distances, labels, order or "", gallery)
-    record = (
-        keep_distances(results, evaluation, title, name, input) if results is not None else None
-    )
+    title = title or distances.stem
+    record = None
+    if results is not None:
+        from benchmark.commands.external_rows import score_and_keep  # whose rows need the runner
+
+        evaluation, record = score_and_keep(
+            distances,
+            labels,
+            order or "",
+            results=results,
+            title=title,
+            dataset=dataset,
+            input=input,
+        )
+    else:
+        from benchmark.commands.score import score
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # among the notes
+            evaluation = score(distances, labels, order or "", gallery)
     for note in evaluation.notes:
         say(note, err=True)
     scores = evaluation.scores.rename_axis(title)
@@ -353,12 +344,9 @@ def score(
         }
         say_lines(json.dumps(content, indent=1))
     elif format == "latex":
-        from benchmark.reference.paper import MEASURES
-        from benchmark.report.formats import latex_row, latex_title
-        from benchmark.report.frames import hundredths
+        from benchmark.report.formats import latex_of_scores
 
-        say_lines(f"% {' '.join(MEASURES)}")
-        say_lines(latex_row(latex_title(title), *map(hundredths, scores.score[[*MEASURES]])))
+        say_lines("\n".join(latex_of_scores(title, scores["score"])))
     else:
         say_lines(scores.to_string(float_format="{:.2f}".format, na_rep="--"))
     if record:
@@ -416,28 +404,19 @@ def train(
 
     An interrupted training goes on, and finished models are skipped.
     """
-    from benchmark.api.learning import Learner
     from benchmark.api.parameters import assignments
-    from benchmark.protocols.pairs import training_data, trainings_of
-    from benchmark.protocols.trainings import own_training
-    from benchmark.registry import select_one
+    from benchmark.commands.train import train
 
-    spec = select_one(method, selection.plugins)
-    learner = spec.create() if spec.learns else None
-    if not isinstance(learner, Learner):
-        raise ConfigurationError(
-            f"method '{method}' is not a learner", "choose one, such as 'learned'"
-        )
-    settings = assignments(assigned)
-    if data is not None:
-        trainings = [own_training(data, tuple(filter(None, hold_out.split(","))))]
-    else:
-        trainings = trainings_of(learner, target, selection.require_data_root())
-    for training in trainings:
-        say(f"{spec.name}, {training.name}")
-        folder = selection.results / "models" / training.name / learner.model_name
-        learner.train(training_data(training, selection.data_root, say), folder, settings, say)
-        say(f"the model is in {folder}")
+    train(
+        method,
+        target,
+        options=assignments(assigned),
+        data=data,
+        hold_out=hold_out.split(","),
+        plugins=selection.plugins,
+        results=selection.results,
+        data_root=selection.data_root,
+    )
 
 
 @verb("results")
@@ -460,18 +439,11 @@ def merge(
     It replaces failures by results, and no result by another one unless --take says so. The exit
     code is 1 if two results of a row differ, or a record there cannot be taken.
     """
-    from benchmark.cli.results import outcome
-    from benchmark.pipeline.cache import writing
-    from benchmark.pipeline.merging import merge
+    from benchmark.commands.merge import merge
+    from benchmark.commands.selection import outcome
 
-    if rows and not take:
-        raise ConfigurationError(
-            "--record names a conflict to resolve", "pass --take theirs or ours, too"
-        )
     results = selection.results
-    others = [folder for folder in folders if folder.resolve() != results.resolve()]
-    with writing(results):
-        merged = merge(others, results, take, rows)
+    merged = merge(folders, results, take=take, records=rows)
     for existing, other in merged.conflicts:
         say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
         folder = other.merged_from.folder if other.merged_from else "DIR"
@@ -510,51 +482,22 @@ def forget(
     A file that is not used as a record stays, with all files that it names, unless --record names
     it.
     """
-    from benchmark.cli.results import outcome
-    from benchmark.pipeline.cache import storing, writing
-    from benchmark.pipeline.data_names import label_data_sets
-    from benchmark.pipeline.records import Record, local_files, read_records, unneeded
+    from benchmark.commands.forget import forget
+    from benchmark.commands.selection import outcome
 
-    has_selection = bool(selection.methods or selection.datasets)
-    if has_selection + bool(named) + unused != 1:
-        raise ConfigurationError(
-            "one selection is needed",
-            "name methods with -m or data sets with -d, name records with --record, or pass --unused",
-        )
-    every = read_records(selection.results, published=False)
-    known = {path.stem for path in local_files(selection.results)}
-    known |= {str(record.row) for record in every}
-    if unknown := {*named} - known:
-        problem = f"there is no record '{min(unknown)}' under {selection.results}"
-        hint = "name a row as 'plan' and 'merge' do, or a file of runs/records without '.json'"
-        raise ConfigurationError(problem, hint)
-
-    labelled = label_data_sets(every)
-    of_data = {record.key for record in selection.records_of_data(labelled)}
-
-    def is_unwanted(record: Record) -> bool:
-        is_of_method = {record.method, record.method.partition("[")[0]} & {*selection.methods}
-        is_selected = bool(is_of_method or not selection.is_narrow)
-        return has_selection and record.key in of_data and is_selected
-
-    with writing(selection.results):
-        records, files = unneeded(selection.results, is_unwanted, named)
-        if has_selection and not records:
-            problem = f"no record under {selection.results} fits the selection"
-            methods = sorted({record.method for record in every})
-            raise ConfigurationError(problem, f"there are {', '.join(methods) or 'no records'}")
-        for record in records:
-            say(f"{record.row}  {outcome(record)}")
-        n_records = sum(path.suffix == ".json" for path in files)
-        n_forms = sum(path.parent.name == "forms" for path in files)
-        size = sum(path.stat().st_size for path in files) / 1e6
-        what = f"{n_records} records, {n_forms} forms, {size:.1f} MB"
-        if not yes:
-            raise ConfigurationError(f"this deletes {what}", "pass --yes")
-        with storing(selection.results):
-            for path in files:
-                path.unlink(missing_ok=True)
-        say(f"deleted {what}")
+    forgotten = forget(
+        selection.methods,
+        selection.datasets,
+        records=named,
+        unused=unused,
+        results=selection.results,
+        yes=yes,
+    )
+    for record in forgotten.records:
+        say(f"{record.row}  {outcome(record)}")
+    if not yes:
+        raise ConfigurationError(f"this deletes {forgotten}", "pass --yes")
+    say(f"deleted {forgotten}")
 
 
 @verb("data_root", app=data)
@@ -564,10 +507,12 @@ def check_data(selection: Selection, name: shared.SetName) -> bool:
     The exit code is 1 if it cannot be used.
     """
     from benchmark.cli.progress import counting
+    from benchmark.commands.selection import data_folder, shadowed_folders
     from benchmark.datasets.checking import check_source
 
-    root = selection.require_data_root()
-    selection.say_folders(name)
+    root = data_folder(selection.data_root)
+    for note in shadowed_folders([name], root):
+        say(note, err=True)
     report = check_source(name, root, partial(counting, f"checking {name}"))
     for line in report.lines():
         say(line)
@@ -586,11 +531,15 @@ def export(
     cannot be written.
     """
     from benchmark.cli.progress import counting
+    from benchmark.commands.selection import data_folder, shadowed_folders
+    from benchmark.datasets.catalogue import open_dataset
     from benchmark.datasets.export import export
 
-    selection.say_folders(name)
+    root = data_folder(selection.data_root)
+    for note in shadowed_folders([name], root):
+        say(note, err=True)
     watched = partial(counting, f"writing {name}")
-    written, problems = export(selection.open_dataset(name), output, watched=watched)
+    written, problems = export(open_dataset(name, root), output, watched=watched)
     for problem in problems:
         say(f"not written: {problem}", err=True)
     say(f"wrote {len(written)} files to {output}; use them with -d {output}")

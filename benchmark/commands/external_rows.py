@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -14,7 +15,7 @@ import numpy as np
 
 from benchmark.api.contracts import CanonicalForm, Input, MethodInfo, Shape
 from benchmark.code_digest import code_of_modules, digest, digest_of_bytes
-from benchmark.commands.score import Evaluation
+from benchmark.commands.score import Evaluation, score
 from benchmark.datasets.catalogue import is_known
 from benchmark.datasets.mesh_files import READABLE, read_mesh
 from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
@@ -41,6 +42,29 @@ def method_name(title: str) -> str:
     if not words:
         raise ConfigurationError(f"'{title}' cannot be the title of a row", "use letters or digits")
     return f"{EXTERNAL}-{words[:50].rstrip('-')}"
+
+
+def score_and_keep(
+    distances: Path,
+    labels: Path,
+    order: str = "",
+    *,
+    results: Path,
+    title: str = "",
+    dataset: str = "",
+    input: Input = "mesh",
+) -> tuple[Evaluation, Record]:
+    """Score distances in a file, and store them as a row; see :func:`benchmark.score` and :func:`keep_distances`.
+
+    That there can be no row is said before all work.
+    """
+    row = title or distances.stem
+    name = dataset or labels.resolve().stem
+    record_beside(results, name, input, row)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # among the notes
+        evaluation = score(distances, labels, order)
+    return evaluation, keep_distances(results, evaluation, row, name, input)
 
 
 def keep_distances(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -144,7 +145,7 @@ def form_of_object(
     shape = Shape(identifier=name, mesh=mesh, depth=view.depth, source_area=area, seed=seed)
     pieces = float(view.report["pieces"])
     joined = {"joined_pieces": pieces} if pieces > 1 else {}
-    form = form_with_fit(maker, shape, {**observed.notes, **joined})
+    form = form_with_notes(maker, shape, {**observed.notes, **joined})
     doubts = [
         str(doubt) for doubt in (small_for_person(shape, maker), form.notes.get("doubt")) if doubt
     ]
@@ -171,7 +172,7 @@ def form_of_surface(
     """
     prepared = prepare(mesh, n_vertices)
     shape = Shape(identifier=name, mesh=prepared.mesh, source_area=prepared.source_area, seed=seed)
-    form = form_with_fit(maker, shape, prepared.notes)
+    form = form_with_notes(maker, shape, prepared.notes)
     if not np.array_equal(form.faces, prepared.mesh.faces):
         return form
     numbers = prepared.numbers_of(mesh)
@@ -180,12 +181,25 @@ def form_of_surface(
     return CanonicalForm(form.vertices[numbers], mesh.faces, form.notes)
 
 
-def form_with_fit(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:
-    """Return the form of a shape with the given notes, those of the method, and those on the fit."""
+def form_with_notes(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:
+    """Return the form of a shape with the given notes, and those of the method."""
     form = compute_form(maker, shape)
     notes = {
         name: str(note) if isinstance(note, str) else float(note)
         for name, note in form.notes.items()
     }
-    fit = maker.measure_fit(shape) if isinstance(maker, MeasuresFit) else {}
-    return CanonicalForm(form.vertices, form.faces, {**first, **notes, **fit})
+    return CanonicalForm(
+        form.vertices, form.faces, {**first, **notes, **_measured_fit(maker, shape)}
+    )
+
+
+def _measured_fit(maker: Method, shape: Shape) -> Mapping[str, float | str]:
+    """Return the notes of a learner that measures its fit apart, as learners did before forms had these notes."""
+    if not isinstance(maker, MeasuresFit):
+        return {}
+    warnings.warn(
+        f"{type(maker).__name__}.measure_fit is deprecated: return its notes with the form",
+        DeprecationWarning,
+        stacklevel=2,
+    )
+    return maker.measure_fit(shape)

@@ -1,27 +1,30 @@
-"""The benchmark from Python: run jobs, and compute the form of arrays.
+"""Run jobs, from Python or for the command line.
 
 >>> import benchmark
 >>> from baselines.classic_mds import ClassicMDS
 >>> jobs = benchmark.run(data="tosca", methods=["gps", ClassicMDS(), my_function])    # doctest: +SKIP
->>> form = benchmark.canonicalise(vertices, faces, "gps")                             # doctest: +SKIP
 """
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from numpy.typing import ArrayLike
-
-from benchmark.api.contracts import CanonicalForm, Input
-from benchmark.commands.forms import form_maker, form_of_surface
-from benchmark.geometry.mesh import Mesh
+from benchmark.api.contracts import Input
+from benchmark.commands.plan import Plan, plan
+from benchmark.commands.tables import Tables
 from benchmark.machine import available_cores
-from benchmark.registry import select
-from benchmark.text import DATA_VARIABLE, say
+from benchmark.pipeline.data_names import label_data_sets
+from benchmark.pipeline.records import Record
+from benchmark.protocols.tables import TABLES, own_table
+from benchmark.report.frames import changed, chosen_records, fold_of
+from benchmark.report.results import Results
+from benchmark.report.tables import table_views
+from benchmark.runs.runner import result_of, with_results
+from benchmark.runs.runner import run as run_jobs
+from benchmark.text import say
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -92,78 +95,106 @@ def run(
     ConfigurationError
         If a name is unknown, or a value is invalid.
     """
-    from benchmark.pipeline.data_names import label_data_sets
-    from benchmark.report.results import Results
-    from benchmark.runs.planning import plan_selection
-    from benchmark.runs.runner import result_of
-    from benchmark.runs.runner import run as run_jobs
-
-    folder, root = Path(results).absolute(), data_root or os.environ.get(DATA_VARIABLE)
-    jobs = plan_selection(
-        folder,
-        datasets=[str(name) for name in _listed(data)],
-        methods=_listed(methods),
-        plugins=[Path(path).resolve() for path in plugins],
-        scorer=scorer,
+    planned = plan(
+        data,
+        methods,
         input=input,
-        data_root=Path(root) if root else None,
+        scorer=scorer,
+        plugins=[Path(path).resolve() for path in plugins],
+        results=Path(results).absolute(),
+        data_root=data_root,
         quick=quick,
-        seed=seed,
-        gallery=str(gallery) if gallery else "",
+        gallery=gallery,
         gallery_views=gallery_views,
         same_names=same_names,
+        seed=seed,
         rerun=["failed", "finished"] if again else ["failed"],
     )
-    running = run_jobs(
-        jobs, folder, size=available_cores(), anew=again, watch=watch or _lines_of_progress()
-    )
-    ended = {record.key: record for record in running}
-    return Results(
-        folder, tuple(label_data_sets([*filter(None, (result_of(job, ended) for job in jobs))]))
-    ).jobs
+    return jobs_of(planned, [*run_plan(planned, watch=watch)]).jobs
 
 
-def canonicalise(
-    vertices: ArrayLike,
-    faces: ArrayLike,
-    method: Any = "gps",
+def run_plan(
+    plan: Plan,
     *,
-    n_vertices: int = 2000,
-    seed: int = 0,
-) -> CanonicalForm:
-    """Return the canonical form of a surface, prepared as in a run: cleaned, in one piece, decimated, of unit area.
+    size: int | None = None,
+    timeout: float = 7200.0,
+    dask: str = "",
+    watch: Callable[[Any], object] | None = None,
+) -> Iterator[Record]:
+    """Run the jobs of a plan that need it, and yield the record of each as it ends.
 
     Parameters
     ----------
-    vertices
-        Coordinates, shape (n, 3).
-    faces
-        Vertex indices of the triangles, shape (m, 3).
-    method
-        A name, an object, a class, or a function from a shape to positions.
-    n_vertices
-        Largest number of vertices of the prepared surface.
-    seed
-        Seed of random choices.
-
-    Returns
-    -------
-    CanonicalForm
-        In units of the root of the area. It has the given vertices in their order, unless some were
-        removed; then those of the prepared surface, and ``vertex_map``, shape (n,), names the
-        nearest given vertex to each. Without a map, forms of other triangles than ``faces`` have
-        vertices of their own.
-
-    Raises
-    ------
-    ShapeError
-        If the surface cannot be prepared, or the method refuses it.
-    ConfigurationError
-        If there is no such method, or it computes no forms.
+    plan
+        See :func:`benchmark.plan`.
+    size
+        Number of worker processes; by default, as many as there are cores.
+    timeout
+        Seconds that a method may take for a shape.
+    dask
+        Address of the scheduler of a dask cluster that does the work instead.
+    watch
+        Called with the progress; by default, a line on stderr says now and then how far the run is.
     """
-    maker = form_maker(select([method])[0])
-    mesh = Mesh(vertices, faces)  # type: ignore[arg-type]
-    return form_of_surface(maker, mesh, n_vertices=n_vertices, seed=seed)
+    yield from run_jobs(
+        plan.jobs,
+        plan.results,
+        size=available_cores() if size is None else size,
+        timeout=timeout,
+        dask=dask,
+        anew="finished" in plan.rerun,
+        watch=watch or _lines_of_progress(),
+    )
+
+
+def jobs_of(plan: Plan, ended: Iterable[Record]) -> Results:
+    """Return the jobs of a plan after a run, with the records of those that ended in it."""
+    by_key = {record.key: record for record in ended}
+    results = [result_of(job, by_key) for job in plan.jobs]
+    found = [record for record in results if record is not None]
+    return Results(plan.results, tuple(label_data_sets(found)))
+
+
+def records_after(plan: Plan, ended: Iterable[Record]) -> list[Record]:
+    """Return the records of a results folder after a run of a plan."""
+    return with_results(plan.records, plan.jobs, {record.key: record for record in ended})
+
+
+def tables_of_run(
+    plan: Plan, records: Sequence[Record], *, quick: bool = False, scorer: str, seed: int = 0
+) -> Tables:
+    """Return the tables of the jobs of a plan, with all rows of their galleries, or those of named methods.
+
+    Parameters
+    ----------
+    plan
+        The plan.
+    records
+        Records after its run; see :func:`records_after`.
+    quick, scorer, seed
+        As for :func:`benchmark.plan`.
+    """
+    labelled = label_data_sets([*records, *(job.record for job in plan.jobs)])
+    known = labelled[: len(records)]
+    of_run = labelled[len(records) :]
+    places = {(record.gallery, record.input) for record in of_run}
+    wanted = set[str]()
+    sets = set[str]()
+    for job, record in zip(plan.jobs, of_run, strict=True):
+        for table in (gallery.table for gallery in job.galleries):
+            shown = table if table in TABLES else own_table(record.data.name, fold_of(record))
+            wanted.add(shown.identifier)
+            if not table.is_robustness:
+                sets.add(record.data.name)
+    every = chosen_records(known, quick=quick, scorer=scorer, seed=seed)
+    of_jobs = [record for record in every if (record.gallery, record.input) in places]
+    methods = [record.method for record in of_run] if plan.is_narrow else ()
+    views = table_views(of_jobs, wanted, methods, sets)
+    return Tables(
+        tuple(view for view in views if view.table.identifier in wanted),
+        tuple(of_jobs),
+        has_robustness=any(changed(record.data.name) for record in of_run),
+    )
 
 
 def _lines_of_progress() -> Callable[[Any], None]:
@@ -179,7 +210,3 @@ def _lines_of_progress() -> Callable[[Any], None]:
             )
 
     return watch
-
-
-def _listed(values: Any) -> list[Any]:
-    return list(values) if isinstance(values, list | tuple) else [values]

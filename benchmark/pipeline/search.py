@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
@@ -13,12 +13,12 @@ from benchmark.api.contracts import Descriptor, Method, Shape
 from benchmark.api.scoring import Scorer
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import Cache, Stage
+from benchmark.pipeline.cache import Arrays, Cache, Stage
 from benchmark.pipeline.forms import SharedResults, mesh_of
 from benchmark.pipeline.outputs import check_distances, compute_output, sign
 from benchmark.pipeline.ranking import distances
 from benchmark.pipeline.records import RankedShapes
-from benchmark.pipeline.stages import REFUSED, require_result
+from benchmark.pipeline.stages import NOTE, REFUSED, require_result
 
 
 class Hit(NamedTuple):
@@ -34,12 +34,13 @@ class SearchResult(NamedTuple):
 
     ``margins`` are those of the nearest class before the second, one for each draw of the scorer,
     relative to the mean distance of the second; empty without a second class, or if its distance is
-    0.
+    0. ``notes`` are those of the method on the form of the query.
     """
 
     hits: list[Hit]
     form: Mesh | None
     margins: NDArray[np.float64]
+    notes: Mapping[str, float | str] = {}
 
     @property
     def margin(self) -> float:
@@ -81,6 +82,7 @@ def search(
         If the query is refused.
     """
     answer = require_result(compute_output(method, query, SharedResults()))
+    notes = _notes_of(answer)
     stage: Stage = "forms"
     form = None
     if isinstance(method, Method):
@@ -114,4 +116,13 @@ def search(
     hits = [Hit(gallery.shapes[numbers[k]], labels[k], float(nearness[k])) for k in order]
     second = next((k for k in order if labels[k] != hits[0].subject and nearness[k] > 0), None)
     margins = [] if second is None else (draws[:, second] - draws[:, order[0]]) / nearness[second]
-    return SearchResult(hits, form, np.array(margins))
+    return SearchResult(hits, form, np.array(margins), notes)
+
+
+def _notes_of(output: Arrays) -> dict[str, float | str]:
+    """Return the notes of a method on a form, from the arrays that are stored."""
+    return {
+        name.removeprefix(NOTE): note.item()
+        for name, note in output.items()
+        if name.startswith(NOTE)
+    }

@@ -17,6 +17,7 @@ from benchmark.reference.paper import entry_of
 from benchmark.report.columns import (
     OBJECTS,
     PRINTED_OF_ROW,
+    PRINTED_SCORES,
     Column,
     Group,
     Place,
@@ -397,6 +398,16 @@ def bibliography(views: Sequence[TableView]) -> str:
 def latex_row(*cells: str) -> str:
     """Return a row of a table."""
     return " & ".join(cells) + r" \\"
+
+
+def latex_of_scores(title: str, scores: Mapping[str, float]) -> list[str]:
+    """Return a row of a table with the scores of a matrix, below a comment with the headings of its columns."""
+    heading = " ".join(column.title for column in PRINTED_SCORES)
+    texts = [
+        column.text(scores[column.key]) if column.key in scores else BLANK
+        for column in PRINTED_SCORES
+    ]
+    return [f"% {heading}", latex_row(latex_title(title), *texts)]
 
 
 def robustness_markdown(records: Iterable[Record]) -> str:

@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from benchmark import code_digest
-from benchmark.cli.forms import _with_model
+from benchmark.commands.retrieve import _with_model
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.search import SearchResult
 from tests.datasets.test_frames import write_frames

@@ -111,6 +111,8 @@ def seen(dataset: ShapeSet) -> Shape:
 
 
 def test_a_cat_is_doubted_by_the_network_of_people_and_a_person_is_not() -> None:
-    cat, person = (Streamed().measure_fit(seen(dataset)) for dataset in (animals(), people()))
+    cat, person = (
+        Streamed().canonicalise(seen(dataset)).notes for dataset in (animals(), people())
+    )
     assert cat["outline_blur"] > Streamed.usual_blur > person["outline_blur"]
     assert ("doubt" in cat, "doubt" in person) == (True, False)

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.cli.results import print_tables
+from benchmark.cli.printing import print_markdown
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import entry_of
@@ -110,7 +110,7 @@ class Terminal(io.StringIO):
 def in_terminal(tables, width, monkeypatch):
     monkeypatch.setenv("COLUMNS", str(width))
     monkeypatch.setattr("sys.stdout", Terminal())
-    print_tables(tables)
+    print_markdown("\n".join(map(markdown, tables)))
     return re.sub(r"\x1b\[[0-9;]*m", "", sys.stdout.getvalue())
 
 

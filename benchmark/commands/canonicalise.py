@@ -1,0 +1,242 @@
+"""Canonical forms of meshes and depth images: of arrays, of files, and of folders."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from benchmark.api.contracts import CanonicalForm
+from benchmark.commands.forms import (
+    form_maker,
+    form_of_object,
+    form_of_surface,
+    form_with_notes,
+    method_of_depth,
+)
+from benchmark.datasets.folder import folder_set
+from benchmark.datasets.frames import frame_settings
+from benchmark.datasets.mesh_files import read_surface
+from benchmark.depth.frame import FrameFiles, ObservedObject
+from benchmark.depth.intrinsics import intrinsics_of
+from benchmark.depth.reading import EXTENSIONS, is_depth_file
+from benchmark.errors import ConfigurationError, ShapeError
+from benchmark.geometry.camera import FRONT
+from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.forms import shape_of
+from benchmark.pipeline.views import fit_frame, prepare_view
+from benchmark.protocols.models import people_training
+from benchmark.registry import Component, select, select_one
+
+
+def canonicalise(
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    method: Any = "gps",
+    *,
+    n_vertices: int = 2000,
+    seed: int = 0,
+) -> CanonicalForm:
+    """Return the canonical form of a surface, prepared as in a run: cleaned, in one piece, decimated, of unit area.
+
+    Parameters
+    ----------
+    vertices
+        Coordinates, shape (n, 3).
+    faces
+        Vertex indices of the triangles, shape (m, 3).
+    method
+        A name, an object, a class, or a function from a shape to positions.
+    n_vertices
+        Largest number of vertices of the prepared surface.
+    seed
+        Seed of random choices.
+
+    Returns
+    -------
+    CanonicalForm
+        In units of the root of the area. It has the given vertices in their order, unless some were
+        removed; then those of the prepared surface, and ``vertex_map``, shape (n,), names the
+        nearest given vertex to each. Without a map, forms of other triangles than ``faces`` have
+        vertices of their own.
+
+    Raises
+    ------
+    ShapeError
+        If the surface cannot be prepared, or the method refuses it.
+    ConfigurationError
+        If there is no such method, or it computes no forms.
+    """
+    maker = form_maker(select([method])[0])
+    mesh = Mesh(vertices, faces)  # type: ignore[arg-type]
+    return form_of_surface(maker, mesh, n_vertices=n_vertices, seed=seed)
+
+
+def trained_on_people(component: Component) -> str:
+    """Return a warning if a model was trained on people only; "" otherwise, or if the table determines the model."""
+    training = "" if component.missing_packages() else people_training(component.create())
+    shown = f"its model of training '{training}' was shown people alone: it turns any other shape into a person"
+    return training and shown
+
+
+# Meshes
+# ------------------------------------------------------------------------------------------------
+
+
+def form_of_file(
+    source: Path, method: str, *, plugins: Iterable[Path] = (), seed: int = 0
+) -> CanonicalForm:
+    """Prepare a mesh as in the benchmark and return its form.
+
+    A method that accepts only views gets the view of a camera in front of the mesh (z up, facing
+    -y), in a frame that fits the mesh.
+
+    Parameters
+    ----------
+    source
+        The file.
+    method, plugins
+        The method; plugins that may define it.
+    seed
+        Seed of random choices.
+
+    Raises
+    ------
+    ConfigurationError
+        If the method is unknown or has no canonical form.
+    ShapeError
+        If the mesh cannot be read or processed; the message names the file.
+    """
+    component = select_one(method, plugins)
+    maker = form_maker(component)
+    try:
+        mesh = read_surface(source)
+        if "mesh" in component.info.inputs:
+            return form_of_surface(maker, mesh, source.stem, seed=seed)
+        arrays = prepare_view(mesh, FRONT, fit_frame(mesh, FRONT))
+        return form_with_notes(maker, shape_of(arrays, source.stem, seed), {})
+    except ShapeError as error:
+        raise ShapeError(error.problem, error.hint, error.file or source) from error
+
+
+# Depth images
+# ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraSettings:
+    """What is known of the camera of depth images; what is not given comes from files beside them.
+
+    Parameters
+    ----------
+    intrinsics
+        A camera file, or ``fx,fy,cx,cy`` in pixels.
+    mask
+        File of the mask of the object.
+    depth_scale
+        Units of depth per metre.
+    """
+
+    intrinsics: str = ""
+    mask: Path | None = None
+    depth_scale: float | None = None
+
+    @property
+    def is_given(self) -> bool:
+        """Whether anything is given."""
+        return bool(self.intrinsics or self.mask or self.depth_scale is not None)
+
+    def of(self, frame: FrameFiles) -> FrameFiles:
+        """Return a frame with these settings in place of its own."""
+        intrinsics = intrinsics_of(self.intrinsics) if self.intrinsics else frame.intrinsics
+        scale = frame.scale if self.depth_scale is None else self.depth_scale
+        return replace(frame, intrinsics=intrinsics, mask=self.mask or frame.mask, scale=scale)
+
+
+@dataclass(frozen=True, eq=False)
+class FormOfFrame:
+    """The form of a depth image, or why there is none.
+
+    Parameters
+    ----------
+    frame
+        The depth image with its camera.
+    observed
+        The object in it; None without a form.
+    form
+        The form; None if the image or the method refuses.
+    error
+        Why there is no form.
+    seconds
+        Seconds from the files to the form.
+    """
+
+    frame: FrameFiles
+    observed: ObservedObject | None
+    form: CanonicalForm | None
+    error: ShapeError | None
+    seconds: float
+
+
+def is_mesh_file(path: Path) -> bool:
+    """Return whether a path is that of a mesh, and not of a depth image or a folder."""
+    return path.suffix.lower() not in EXTENSIONS and not path.is_dir()
+
+
+def depth_frames(paths: Sequence[Path], camera: CameraSettings) -> list[FrameFiles]:
+    """Return the depth images of files and folders.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is none, or a folder holds meshes.
+    """
+    if len(paths) > 1:  # a pattern expanded by the shell also matches masks and colour images
+        paths = [path for path in paths if not path.is_file() or is_depth_file(path)]
+    frames = [frame for path in paths for frame in _frames_under(path, camera)]
+    if not frames:
+        raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
+    return frames
+
+
+def _frames_under(source: Path, camera: CameraSettings) -> list[FrameFiles]:
+    """Return the depth images of a file or folder; settings replace single ones of the folder's camera."""
+    if not source.is_dir():
+        return [camera.of(FrameFiles(source))]
+    dataset = folder_set(source)
+    if dataset.observe is None:
+        raise ConfigurationError(
+            f"{source} holds meshes", "name one of them, or make all forms with 'run -d'"
+        )
+    settings = frame_settings(source)
+    return [camera.of(FrameFiles(entry.path, **settings)) for entry in dataset.shapes if entry.path]
+
+
+def forms_of_frames(
+    frames: Sequence[FrameFiles], method: str, *, plugins: Sequence[Path] = (), seed: int = 0
+) -> Iterator[FormOfFrame]:
+    """Yield the form of each depth image, or the error with which it is refused.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such method, or it computes no forms from views.
+    """
+    maker = method_of_depth(method, tuple(plugins))
+    for frame in frames:
+        start = time.perf_counter()
+        observed: ObservedObject | None = None
+        form: CanonicalForm | None = None
+        refused: ShapeError | None = None
+        try:
+            observed = frame.observe()
+            form = form_of_object(
+                observed, maker, frame.image.stem, half_width=frame.half_width, seed=seed
+            )
+        except ShapeError as error:
+            refused = error
+        yield FormOfFrame(frame, observed, form, refused, time.perf_counter() - start)

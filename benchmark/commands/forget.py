@@ -1,0 +1,109 @@
+"""Delete results, and files that no record names."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmark.commands.selection import RESULTS, as_list, is_narrow, is_of_methods
+from benchmark.errors import ConfigurationError
+from benchmark.pipeline.cache import storing, writing
+from benchmark.pipeline.data_names import label_data_sets, records_of
+from benchmark.pipeline.records import Record, local_files, read_records, unneeded
+
+
+@dataclass(frozen=True)
+class Forgotten:
+    """What was deleted, or would be.
+
+    Parameters
+    ----------
+    records
+        The records.
+    files
+        The files, of records and of the cache.
+    size
+        Bytes of the files.
+    """
+
+    records: tuple[Record, ...]
+    files: tuple[Path, ...]
+    size: int
+
+    def __str__(self) -> str:
+        n_records = sum(path.suffix == ".json" for path in self.files)
+        n_forms = sum(path.parent.name == "forms" for path in self.files)
+        return f"{n_records} records, {n_forms} forms, {self.size / 1e6:.1f} MB"
+
+
+def forget(
+    methods: str | Sequence[str] = (),
+    data: str | Path | Sequence[str | Path] = (),
+    *,
+    records: Sequence[str] = (),
+    unused: bool = False,
+    results: str | Path = RESULTS,
+    yes: bool = False,
+) -> Forgotten:
+    """Delete the results of methods or data sets, and files that no record names.
+
+    A file that is not used as a record stays, with all files that it names, unless it is named.
+
+    Parameters
+    ----------
+    methods, data
+        Names of methods, and names or folders of data sets, whose results go.
+    records
+        Rows, or names of files without ``.json``, of the records that go.
+    unused
+        Whether only files go that no record names.
+    results
+        The results folder.
+    yes
+        Whether to delete them; by default they are only named.
+
+    Raises
+    ------
+    ConfigurationError
+        If nothing or too much is selected, or nothing fits.
+    """
+    folder = Path(results)
+    chosen = as_list(methods)
+    has_selection = bool(chosen or data)
+    if has_selection + bool(records) + unused != 1:
+        raise ConfigurationError(
+            "one selection is needed",
+            "name methods with -m or data sets with -d, name records with --record, or pass --unused",
+        )
+    every = read_records(folder, published=False)
+    _check_known(folder, every, records)
+    labelled = label_data_sets(every)
+    sets = [str(name) for name in as_list(data)]
+    of_data = {record.key for record in (records_of(labelled, sets) if sets else labelled)}
+
+    def is_unwanted(record: Record) -> bool:
+        is_selected = is_of_methods(record, chosen) or not is_narrow(chosen)
+        return has_selection and record.key in of_data and is_selected
+
+    with writing(folder):
+        unwanted, files = unneeded(folder, is_unwanted, records)
+        if has_selection and not unwanted:
+            problem = f"no record under {folder} fits the selection"
+            known = sorted({record.method for record in every})
+            raise ConfigurationError(problem, f"there are {', '.join(known) or 'no records'}")
+        size = sum(path.stat().st_size for path in files)
+        if yes:
+            with storing(folder):
+                for path in files:
+                    path.unlink(missing_ok=True)
+    return Forgotten(tuple(unwanted), tuple(files), size)
+
+
+def _check_known(folder: Path, every: Sequence[Record], named: Sequence[str]) -> None:
+    """Raise ``ConfigurationError`` if a record that is named is not in the folder."""
+    known = {path.stem for path in local_files(folder)} | {str(record.row) for record in every}
+    if unknown := {*named} - known:
+        problem = f"there is no record '{min(unknown)}' under {folder}"
+        hint = "name a row as 'plan' and 'merge' do, or a file of runs/records without '.json'"
+        raise ConfigurationError(problem, hint)

@@ -1,0 +1,49 @@
+"""Join the records of several results folders."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from pathlib import Path
+
+from benchmark.commands.selection import RESULTS, as_list
+from benchmark.errors import ConfigurationError
+from benchmark.pipeline.cache import writing
+from benchmark.pipeline.merging import Merged, Side
+from benchmark.pipeline.merging import merge as join
+
+
+def merge(
+    folders: str | Path | Iterable[str | Path],
+    results: str | Path = RESULTS,
+    *,
+    take: Side | None = None,
+    records: Collection[str] = (),
+) -> Merged:
+    """Add the records of other results folders to one; see :func:`benchmark.pipeline.merging.merge`.
+
+    Parameters
+    ----------
+    folders
+        The other results folders.
+    results
+        The folder to which their records are added.
+    take
+        Which of two results of a row that differ is kept: ``"ours"`` or ``"theirs"``; by default
+        they are a conflict, and ours stays.
+    records
+        The conflicts that ``take`` resolves, each by its row or the key of a record; empty for all.
+
+    Raises
+    ------
+    ConfigurationError
+        If a folder holds no records, or a record is in no conflict.
+    """
+    if records and not take:
+        raise ConfigurationError(
+            "--record names a conflict to resolve", "pass --take theirs or ours, too"
+        )
+    target = Path(results)
+    every = [Path(folder) for folder in as_list(folders)]
+    others = [folder for folder in every if folder.resolve() != target.resolve()]
+    with writing(target):
+        return join(others, target, take, records)

@@ -1,0 +1,298 @@
+"""What a run would do, why, and how long it would take."""
+
+from __future__ import annotations
+
+import os
+import shlex
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from benchmark.api.contracts import Input
+from benchmark.commands.external_rows import check_forms, forms_of
+from benchmark.commands.selection import (
+    RESULTS,
+    as_list,
+    data_folder,
+    is_narrow,
+    shadowed_folders,
+)
+from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
+from benchmark.datasets.changes import split_name
+from benchmark.datasets.checking import by_kind, unread_files
+from benchmark.errors import ConfigurationError
+from benchmark.pipeline.data_names import label_data_sets
+from benchmark.pipeline.records import DEFAULT_SCORER, Record, read_records
+from benchmark.registry import Component
+from benchmark.runs.lacking import LackingModel, lacking_models
+from benchmark.runs.planning import Estimate, Planned, estimate, plan_selection
+from benchmark.text import nfc
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The jobs of a selection, with their states; a notebook shows them as a table.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    jobs
+        The jobs.
+    records
+        Records of the results folder before the run.
+    data_root
+        Folder of the official data sets.
+    rerun
+        States of jobs that run again.
+    is_narrow
+        Whether methods were named.
+    in_this_process
+        Whether plugins run in this process, and nothing of them is kept.
+    notes
+        Names that mean other data than a folder of the same name.
+    """
+
+    results: Path
+    jobs: tuple[Planned, ...]
+    records: tuple[Record, ...]
+    data_root: Path | None = None
+    rerun: tuple[str, ...] = ()
+    is_narrow: bool = False
+    in_this_process: bool = False
+    notes: tuple[str, ...] = ()
+
+    @property
+    def pending(self) -> list[Planned]:
+        """The jobs that a run would do."""
+        return [job for job in self.jobs if job.is_pending]
+
+    @cached_property
+    def estimate(self) -> Estimate:
+        """Upper bound for the seconds of the jobs on one core, and how many cannot be estimated."""
+        return estimate(self.pending, self.records)
+
+    @cached_property
+    def names(self) -> dict[str, str]:
+        """What each job is called beside records, by its key."""
+        labelled = label_data_sets([*self.records, *(job.record for job in self.jobs)])
+        of_jobs = labelled[len(self.records) :]
+        return {
+            job.record.key: str(record.row) for job, record in zip(self.jobs, of_jobs, strict=True)
+        }
+
+    @property
+    def missed(self) -> list[Planned]:
+        """The jobs that do not run and have no result, but those that cannot run and were not named."""
+        left = [job for job in self.jobs if not job.is_pending and job.state != "finished"]
+        if not self.is_narrow:
+            return [job for job in left if job.state not in ("unsupported", "unavailable")]
+        possible = {
+            job.record.method
+            for job in self.jobs
+            if job.state not in ("unsupported", "unavailable")
+        }
+        return [
+            job for job in left if job.state != "unsupported" or job.record.method not in possible
+        ]
+
+    @property
+    def frame(self) -> DataFrame:
+        """One line a job: ``data``, ``input``, ``method``, ``state``, ``reason``, and whether a run would do it."""
+        from pandas import DataFrame
+
+        return DataFrame(
+            {
+                "job": list(self.names.values()),
+                "data": [job.record.gallery for job in self.jobs],
+                "input": [job.record.input for job in self.jobs],
+                "method": [job.record.method for job in self.jobs],
+                "state": [job.state for job in self.jobs],
+                "reason": [job.reason for job in self.jobs],
+                "runs": [job.is_pending for job in self.jobs],
+            }
+        ).set_index("job")
+
+    def known_records(self, records: Iterable[Record] | None = None) -> list[Record]:
+        """Return the records of the jobs among some records, by default those of before the run."""
+        keys = {job.record.key for job in self.jobs}
+        every = self.records if records is None else records
+        return [record for record in every if record.key in keys]
+
+    def announcements(self) -> list[str]:
+        """Say which data are stand-ins, which folders are gone, and which files are not read."""
+        return [
+            *self._folders_that_are_gone(),
+            *self._stand_ins(),
+            *self._queries_of_the_gallery(),
+            *self._files_that_are_not_read(),
+        ]
+
+    def _folders_that_are_gone(self) -> Iterable[str]:
+        every = [job.record.data for job in self.jobs]
+        folders = {data.name: data.path for data in every if data.path}
+        elsewhere = {
+            record.data.path
+            for record in self.records
+            if folders.get(record.data.name, record.data.path) != record.data.path
+        }
+        for path in sorted(elsewhere):
+            # Of a path that no system allows, Path.exists raises an error.
+            if not os.path.exists(split_name(path)[0]):  # noqa: PTH110
+                forget = shlex.join(["forget", "-d", path])
+                yield f"{path} is no longer there; its rows stay in tables until '{forget}'"
+
+    def _stand_ins(self) -> Iterable[str]:
+        stand_ins = {job.record.data.name: job.record.data.stand_in_for for job in self.jobs}
+        for name, official in stand_ins.items():
+            if official in CATALOGUE and name in CATALOGUE:
+                absent = ""
+                if not is_present(official, self.data_root):
+                    where = f"{self.data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"
+                    absent = f", which is not at {where}; see --data-root"
+                yield f"{name}: generated stand-in for {official}{absent}"
+
+    def _queries_of_the_gallery(self) -> Iterable[str]:
+        keeping = [job.record for job in self.jobs if job.record.keeps_same_names]
+        for gallery, record in {record.gallery: record for record in keeping}.items():
+            named = len({*record.shapes} & {*record.sides[-1].shapes})
+            yield (
+                f"{gallery}: {named} queries have names of its shapes; --same-names leaves these out"
+            )
+
+    def _files_that_are_not_read(self) -> Iterable[str]:
+        galleries = [gallery for job in self.jobs for gallery in job.galleries]
+        own = {each.source: each.dataset for each in galleries if not is_known(each.source)}
+        for source, dataset in own.items():
+            for anomaly in by_kind(unread_files(dataset)):
+                yield f"{source}: {anomaly}"
+
+    def _repr_html_(self) -> str:
+        return str(self.frame.to_html())
+
+
+def plan(
+    data: str | Path | Sequence[str | Path] = (),
+    methods: Any = (),
+    *,
+    tables: str | Sequence[str] = (),
+    input: Input | None = None,
+    scorer: str = DEFAULT_SCORER,
+    plugins: Iterable[str | Path] = (),
+    forms: Mapping[str, str | Path] | None = None,
+    results: str | Path = RESULTS,
+    data_root: str | Path | None = None,
+    quick: bool = False,
+    subjects: str | Sequence[str] = (),
+    gallery: str | Path = "",
+    gallery_views: int = 0,
+    same_names: bool = False,
+    seed: int = 0,
+    rerun: Collection[str] = (),
+    in_this_process: bool = False,
+) -> Plan:
+    """Say what :func:`benchmark.run` would do with the same selection, why, and how long it would take.
+
+    Parameters
+    ----------
+    data, methods, input, scorer, plugins, results, data_root, quick, gallery, gallery_views, same_names, seed
+        As for :func:`benchmark.run`; ``input=None`` is both.
+    tables
+        Identifiers of tables whose data are selected; without data and tables, I to IV and I-view to
+        III-view.
+    forms
+        Folders with forms of another program by title, to be scored instead of methods.
+    subjects
+        Names of the only subjects to rank, to choose parameters on.
+    rerun
+        States of jobs that run again: ``"failed"``, ``"finished"``.
+    in_this_process
+        Whether plugins run in this process.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name is unknown, or nothing is selected.
+    """
+    sets = [str(name) for name in as_list(data)]
+    root = data_folder(data_root)
+    of_programs = _forms(forms or {}, methods, sets)
+    chosen = of_programs or as_list(methods)
+    folder = Path(results)
+    records = read_records(folder)
+    wanted = subjects.split(",") if isinstance(subjects, str) else subjects
+    jobs = plan_selection(
+        folder,
+        methods=chosen,
+        scorer=scorer,
+        seed=seed,
+        rerun=rerun,
+        records=records,
+        plugins=[Path(path) for path in plugins],
+        in_this_process=in_this_process,
+        tables=as_list(tables),
+        datasets=sets,
+        input=input,
+        quick=quick,
+        data_root=root,
+        gallery=str(gallery) if gallery else "",
+        gallery_views=gallery_views,
+        same_names=same_names,
+        subjects=[nfc(name) for name in wanted if name],
+    )
+    if of_programs:
+        for job in jobs:
+            check_forms(job.record, job.before, job.sides[0].method.given)
+    return Plan(
+        folder,
+        tuple(jobs),
+        tuple(records),
+        root,
+        tuple(rerun),
+        is_narrow=is_narrow(as_list(methods)),
+        in_this_process=in_this_process,
+        notes=tuple(shadowed_folders([*sets, *filter(None, [str(gallery)])], root)),
+    )
+
+
+def lacking(
+    data: str | Path | Sequence[str | Path] = (),
+    methods: Any = (),
+    *,
+    tables: str | Sequence[str] = (),
+    input: Input | None = None,
+    plugins: Iterable[str | Path] = (),
+    results: str | Path = RESULTS,
+    data_root: str | Path | None = None,
+    quick: bool = False,
+) -> list[LackingModel]:
+    """Return the models that the networks of a selection lack, and that this code can train.
+
+    Parameters
+    ----------
+    data, methods, tables, input, plugins, results, data_root, quick
+        As for :func:`plan`.
+    """
+    return lacking_models(
+        Path(results),
+        methods=as_list(methods),
+        plugins=[Path(path) for path in plugins],
+        input=input,
+        data_root=data_folder(data_root),
+        tables=as_list(tables),
+        datasets=[str(name) for name in as_list(data)],
+        quick=quick,
+    )
+
+
+def _forms(forms: Mapping[str, str | Path], methods: Any, data: Sequence[str]) -> list[Component]:
+    """Return forms of other programs as methods; raise ``ConfigurationError`` unless they alone are selected."""
+    if forms and (as_list(methods) or not data):
+        problem = "--forms scores the meshes of folders as forms of a data set"
+        raise ConfigurationError(problem, "pass -d FOLDER --forms NAME=DIR, without -m")
+    return [forms_of(Path(folder), title) for title, folder in forms.items()]

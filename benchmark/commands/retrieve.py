@@ -1,0 +1,331 @@
+"""The shapes of a finished gallery that are nearest to a mesh or a depth image."""
+
+from __future__ import annotations
+
+import shlex
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from benchmark.api.contracts import Input, Shape
+from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.commands.canonicalise import CameraSettings
+from benchmark.commands.forms import small_for_person
+from benchmark.commands.plan import plan
+from benchmark.commands.selection import RESULTS, data_folder
+from benchmark.datasets.catalogue import open_dataset
+from benchmark.datasets.frames import frame_settings
+from benchmark.datasets.mesh_files import read_surface
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
+from benchmark.depth.reading import EXTENSIONS, is_depth_file
+from benchmark.errors import ConfigurationError
+from benchmark.geometry.camera import FRONT, Camera
+from benchmark.pipeline.cache import Arrays, Cache
+from benchmark.pipeline.forms import shape_of
+from benchmark.pipeline.prepared import PreparedShapes, frame_of
+from benchmark.pipeline.records import DEFAULT_SCORER, RankedShapes
+from benchmark.pipeline.search import SearchResult, search
+from benchmark.pipeline.stages import require_result
+from benchmark.pipeline.surfaces import prepare_mesh
+from benchmark.pipeline.views import prepare_view
+from benchmark.registry import Component, select_one
+from benchmark.report.forms import Drawn, StoredForms, seen, upright
+from benchmark.runs.planning import Planned
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from pandas import DataFrame
+
+_IN_WORDS: dict[Input, str] = {"mesh": "complete surfaces", "view": "views"}
+
+
+@dataclass(frozen=True, eq=False)
+class Matches:
+    """The shapes of a gallery nearest to a query; a notebook shows them as a table.
+
+    Parameters
+    ----------
+    query
+        The query as the method saw it.
+    name
+        Name of its file.
+    found
+        All shapes of the gallery that have a form, nearest first.
+    count
+        Number of shapes to show.
+    gallery
+        The gallery.
+    camera
+        The camera that says which side of the query is up.
+    doubts
+        What may be wrong with the query.
+    results, data_root
+        Where the forms of the gallery are stored; folder of the official data sets.
+    seconds
+        Seconds that the search took.
+    """
+
+    query: Shape
+    name: str
+    found: SearchResult
+    count: int
+    gallery: RankedShapes
+    camera: Camera
+    doubts: tuple[str, ...]
+    results: Path
+    data_root: Path | None
+    seconds: float
+
+    @property
+    def frame(self) -> DataFrame:
+        """The nearest shapes: ``rank``, ``name``, ``class`` and ``distance``."""
+        from pandas import DataFrame
+
+        hits = self.found.hits[: self.count]
+        return DataFrame(
+            {
+                "rank": range(1, len(hits) + 1),
+                "name": [hit.shape for hit in hits],
+                "class": [hit.subject for hit in hits],
+                "distance": [hit.distance for hit in hits],
+            }
+        )
+
+    @property
+    def notes(self) -> list[str]:
+        """What may be wrong, in words: doubts about the query, and a copy of it in the gallery."""
+        notes = [f"{self.name}: {doubt}" for doubt in self.doubts]
+        nearest = self.found.hits[0]
+        if nearest.distance == 0:
+            notes.append(
+                f"{nearest.shape} has the distance 0: the gallery holds the query, or its copy"
+            )
+        return notes
+
+    @property
+    def decision(self) -> str:
+        """The class of the nearest shape, and by which margin."""
+        label = self.found.hits[0].subject
+        margin = f"a margin of {self.found.margin:.1%} over the second class"
+        if self.found.is_decided:
+            return f"class {label}, by {margin}"
+        return f"undecided: {label} has {margin}, within the range of the scorer's draws"
+
+    def picture(self) -> Figure:
+        """Draw the query and the nearest forms side by side."""
+        from benchmark.report import sheets  # matplotlib takes half a second
+
+        stored = StoredForms(self.results, self.data_root)
+        shape = seen(self.query.mesh, self.camera)
+        drawn = upright(self.found.form, shape) if self.found.form else shape
+        panels: list[tuple[str, Drawn | None]] = [(f"query\n{Path(self.name).name}\n", drawn)]
+        for rank, hit in enumerate(self.found.hits[: self.count], 1):
+            title = f"{rank}. {hit.shape}\n{hit.subject}\n{hit.distance:.4g}"
+            panels.append((title, stored.upright(self.gallery, hit.shape)))
+        return sheets.retrieved_picture(panels)
+
+    def _repr_html_(self) -> str:
+        return str(self.frame.to_html(index=False)) + f"<p>{self.decision}</p>"
+
+
+def retrieve(
+    query: str | Path,
+    data: str | Path,
+    method: str,
+    *,
+    count: int = 5,
+    input: Input | None = None,
+    scorer: str = DEFAULT_SCORER,
+    plugins: Sequence[str | Path] = (),
+    results: str | Path = RESULTS,
+    data_root: str | Path | None = None,
+    seed: int = 0,
+    gallery_views: int = 0,
+    intrinsics: str = "",
+    mask: str | Path | None = None,
+    depth_scale: float | None = None,
+) -> Matches:
+    """Return the shapes of a gallery, complete surfaces or views, that are nearest to a query.
+
+    Parameters
+    ----------
+    query
+        File of a mesh or a depth image.
+    data
+        Name or folder of the gallery, which a run has ranked by this method and scorer.
+    method
+        Name of the method.
+    count
+        Number of shapes to show.
+    input
+        Input of the gallery; by default that of the query.
+    scorer, plugins
+        Name of the scorer; plugin files of methods and scorers.
+    results, data_root
+        The results folder; the folder of the official data sets, by default
+        ``CANONICAL_FORMS_DATA``.
+    seed
+        Base seed.
+    gallery_views
+        Number of cameras around each shape that show the gallery; 0 for none.
+    intrinsics, mask, depth_scale
+        Camera of a depth image, as a file or ``"fx,fy,cx,cy"``, its mask, and its units per metre;
+        by default from files beside it.
+
+    Raises
+    ------
+    ConfigurationError
+        If no forms of the gallery are kept, they are of other code, or the method does not take the
+        input.
+    ShapeError
+        If the query cannot be read or prepared, or the method refuses it.
+    """
+    start = time.perf_counter()
+    path = Path(query)
+    files = [Path(plugin) for plugin in plugins]
+    camera = CameraSettings(
+        intrinsics=intrinsics, mask=Path(mask) if mask else None, depth_scale=depth_scale
+    )
+    component = select_one(method, files)
+    scoring = select_one(scorer, files, "scorer").create()
+    root = data_folder(data_root)
+    shapes = open_dataset(str(data), root)
+    wanted: Input | None = "view" if gallery_views else input
+    input_, of_gallery = _inputs(path, shapes, component, wanted)
+    planned = plan(
+        data,
+        component.name,
+        input=of_gallery,
+        scorer=scorer,
+        plugins=files,
+        results=results,
+        data_root=root,
+        seed=seed,
+        gallery_views=gallery_views,
+    )
+    which = f"--gallery-views {gallery_views}" if gallery_views else f"--input {of_gallery}"
+    job = _finished(planned.jobs, str(data), shapes, component, which, of_gallery)
+    itself = [entry for entry in shapes.shapes if _is_file(entry, path)]
+    without = [entry.identifier for entry in itself]
+    prepared = _Prepared(Path(results), PreparedShapes(shapes, input_), camera)
+    known = itself[0] if itself else None
+    arrays = prepared.of_entry(known, path) if known else prepared.of_file(path)
+    shape = shape_of(arrays, path.stem, seed)
+    maker = _with_model(component, job, without)
+    gallery = (job.before or job.record).sides[-1]
+    found = search(Path(results), gallery, shape, maker, scoring, without)
+    of_person = small_for_person(shape, maker) if is_depth_file(path) else ""
+    doubts = [str(doubt) for doubt in (of_person, found.notes.get("doubt")) if doubt]
+    view = UPRIGHT if input_ == "view" else shapes.camera(known) if known else FRONT
+    return Matches(
+        shape,
+        str(query),
+        found,
+        count,
+        gallery,
+        view,
+        tuple(doubts),
+        Path(results),
+        root,
+        time.perf_counter() - start,
+    )
+
+
+@dataclass(frozen=True)
+class _Prepared:
+    """Prepares queries as the shapes of a gallery."""
+
+    results: Path
+    shapes: PreparedShapes
+    camera: CameraSettings
+
+    def of_entry(self, entry: Entry, path: Path) -> Arrays:
+        """Return a shape of the gallery; nothing is written, as this process runs the code of plugins."""
+        if self.camera.is_given:
+            return self.of_file(path, of_gallery=True)
+        known = Cache(self.results).read("prepared", self.shapes.key(entry))
+        return require_result(known or self.shapes.prepare(entry, self._half_width()))
+
+    def of_file(self, path: Path, *, of_gallery: bool = False) -> Arrays:
+        """Return a mesh or depth image, in the frame of the gallery."""
+        if path.suffix.lower() in EXTENSIONS:
+            return self._of_depth_image(path, of_gallery=of_gallery)
+        mesh = read_surface(path)
+        if self.shapes.input == "mesh":
+            return prepare_mesh(mesh)
+        return prepare_view(mesh, FRONT, self._half_width())
+
+    def _of_depth_image(self, path: Path, *, of_gallery: bool) -> Arrays:
+        """Return a depth image, with the camera of the folder of the gallery if it is one of its images."""
+        folder = self.shapes.shapes.folder
+        settings: dict[str, Any] = frame_settings(folder) if of_gallery and folder else {}
+        frame = self.camera.of(FrameFiles(path, **settings))
+        frame = replace(frame, half_width=self.shapes.shapes.half_width or HALF_WIDTH)
+        return prepare_view(frame.observe().surface, UPRIGHT, frame.half_width)
+
+    def _half_width(self) -> float:
+        """Return half the width of the frame that the run fitted; fit it if its file is gone."""
+        key = self.shapes.frame_key
+        fitted = Cache(self.results).read("prepared", key) if key else None
+        if fitted:
+            return float(fitted["half_width"])
+        return frame_of(self.shapes.shapes) if self.shapes.input == "view" else 0.0
+
+
+def _is_file(entry: Entry, path: Path) -> bool:
+    """Return whether a shape is read from a file."""
+    return bool(entry.path and entry.path.exists() and entry.path.samefile(path))
+
+
+def _finished(
+    planned: Sequence[Planned],
+    name: str,
+    shapes: ShapeSet,
+    component: Component,
+    which: str,
+    input_: Input,
+) -> Planned:
+    """Return the finished job of a gallery; raise ``ConfigurationError`` if there is none, or it is of other code."""
+    command = (
+        f"run `python -m benchmark run -m {component.name} -d {shlex.quote(name)} {which}` first"
+    )
+    jobs = [job for job in planned if job.record.sides[-1].gallery == shapes.name]
+    if jobs and jobs[0].state == "stale":
+        raise ConfigurationError(f"the gallery is stale: {jobs[0].reason}", command)
+    if not jobs or jobs[0].state != "finished":
+        why = f": {jobs[0].reason}" if jobs else ""
+        raise ConfigurationError(
+            f"no form of {shapes.name} {input_} {component.name} is kept{why}", command
+        )
+    return jobs[0]
+
+
+def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> Any:
+    """Return a method with the model that made the forms of a gallery, or of a query that is one of its shapes."""
+    of_shape = dict(
+        zip(job.record.shapes, job.models, strict=False)
+    )  # those of another gallery follow
+    models = {of_shape[name] for name in itself} or set(of_shape.values())
+    if len(models) > 1:
+        problem = f"the forms of {job.record.gallery} are of {len(models)} models, and a query is in no fold"
+        raise ConfigurationError(
+            problem, "choose one model: -m 'METHOD[training=NAME]'; see 'list models'"
+        )
+    method, (model,) = component.create(), models
+    return method.load(model) if model else method
+
+
+def _inputs(
+    query: Path, shapes: ShapeSet, component: Component, wanted: Input | None
+) -> tuple[Input, Input]:
+    """Return the inputs of query and gallery: views if either is a depth image, or the method's only input."""
+    is_view = query.suffix.lower() in EXTENSIONS or "mesh" not in shapes.inputs or wanted == "view"
+    input_: Input = "view" if is_view or "mesh" not in component.info.inputs else "mesh"
+    for each in (input_, wanted or input_):
+        if each not in component.info.inputs:
+            takes = " and ".join(_IN_WORDS[of_method] for of_method in component.info.inputs)
+            problem = f"method '{component.name}' needs {takes}, and {query} is compared with {_IN_WORDS[each]}"
+            raise ConfigurationError(problem, f"choose a method that accepts {_IN_WORDS[each]}")
+    return input_, wanted or input_

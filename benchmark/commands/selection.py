@@ -1,0 +1,205 @@
+"""What a command is asked about: folders of data, and records of a results folder."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from benchmark.api.contracts import Input
+from benchmark.datasets.catalogue import is_known, is_path, split_name
+from benchmark.errors import ConfigurationError, check_known
+from benchmark.pipeline.data_names import label_data_sets, records_of
+from benchmark.pipeline.records import DEFAULT_SCORER, SUITE_RESULTS, Record, read_records
+from benchmark.protocols.tables import TABLES, TITLES
+from benchmark.report.columns import MEASURED, PRINTED_SCORES
+from benchmark.report.frames import chosen_records, row_of
+from benchmark.report.tables import TableView, table_views
+from benchmark.text import DATA_VARIABLE, EVERY, brief, counted
+
+#: The results folder of commands that name none.
+RESULTS = Path("results")
+
+
+def as_list(values: Any) -> list[Any]:
+    """Return a list or a tuple as a list, and a single value as a list of it."""
+    return list(values) if isinstance(values, list | tuple) else [values]
+
+
+def data_folder(given: str | Path | None = None) -> Path | None:
+    """Return the folder of the official data sets, by default that of ``CANONICAL_FORMS_DATA``.
+
+    A folder without sets is valid: stand-ins take their places.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is no folder.
+    """
+    named = given or os.environ.get(DATA_VARIABLE)
+    if not named:
+        return None
+    if not Path(named).is_dir():
+        problem = f"data root {named} is not a readable folder"
+        raise ConfigurationError(problem, f"correct --data-root or {DATA_VARIABLE}")
+    return Path(named)
+
+
+def shadowed_folders(names: Iterable[str], data_root: Path | None) -> list[str]:
+    """Say which names are those of sets of the suite, though folders here have them, too."""
+    told = []
+    for name in names:
+        base = split_name(name)[0]
+        if not (is_known(name) and is_path(name)):
+            continue
+        if data_root and Path(base).absolute() == (data_root / base).absolute():
+            continue
+        told.append(
+            f"{base} is the set of the suite; for the folder of this name here, pass ./{base}"
+        )
+    return told
+
+
+def outcome(record: Record) -> str:
+    """Return scores and seconds of a record, or why it has none, on one line."""
+    if record.status != "ok":
+        return brief(record.reason)
+    scores = " ".join(f"{column.title} {column.cell(record)}" for column in PRINTED_SCORES)
+    refused = f"; {brief(record.refusals)}" if record.unsupported else ""
+    measured = ", ".join(
+        f"{column.cell(record)} {column.title} a shape" for column in MEASURED if column.title
+    )
+    return f"{scores}  ({measured}{refused})"
+
+
+def is_of_methods(record: Record, methods: Iterable[str]) -> bool:
+    """Return whether methods are named, with or without parameters, of which one made a record."""
+    return not {record.method, record.method.partition("[")[0]}.isdisjoint(methods)
+
+
+def is_narrow(methods: Sequence[Any]) -> bool:
+    """Return whether methods are selected, so that a table omits others that were never run."""
+    return bool(methods) and EVERY not in methods
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordSelection:
+    """The records that tables, pages, figures and comparisons show.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    tables, methods, data
+        Identifiers of tables, names of methods, and names or folders of data sets; empty for all.
+    input
+        ``"mesh"`` or ``"view"``; both by default.
+    scorer, seed
+        Scorer and base seed.
+    quick
+        Whether to show quick runs; by default they are shown where there are no others.
+    published
+        Whether to show published records alone.
+    """
+
+    results: Path = RESULTS
+    tables: Sequence[str] = ()
+    methods: Sequence[str] = ()
+    data: Sequence[str] = ()
+    input: Input | None = None
+    scorer: str = DEFAULT_SCORER
+    seed: int = 0
+    quick: bool = False
+    published: bool = False
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether nothing is left out of the tables."""
+        return not (self.tables or self.methods or self.data or self.input or self.quick)
+
+    def records(self, *, failed: bool = False) -> tuple[list[Record], list[str]]:
+        """Return the records, and notes on those that are left out.
+
+        With ``failed``, also those of methods that have scores on no data at all, are not selected,
+        and not the paper's.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is none, or no record knows a table or data set.
+        """
+        every = label_data_sets(read_records(self._folder(), local=not self.published))
+        known = {table.identifier for table in TABLES} | {record.data.name for record in every}
+        check_known("table", self.tables, known | {"extended"})
+        of_data = records_of(every, self.data) if self.data else every
+        of_input = [record for record in of_data if self.input in (None, record.input)]
+        full = chosen_records(of_input, scorer=self.scorer, seed=self.seed)
+        quick = chosen_records(of_input, quick=True, scorer=self.scorer, seed=self.seed)
+        records = quick if self.quick else full or quick
+        notes = [*self._of_other_scorers(of_input), *self._of_quick_runs(full, quick)]
+        if not records:
+            what = "published record" if self.published else "finished job"
+            first = "pass --results CHECKOUT/results" if self.published else "run it first"
+            problem = f"no {what} under {self.results} fits the selection"
+            raise ConfigurationError(problem, "; ".join([f"{first}, or select less", *notes]))
+        scored = {row_of(record) for record in every if failed or record.status == "ok"}
+
+        def is_shown(record: Record) -> bool:
+            row = row_of(record)
+            return row in scored or row in TITLES or is_of_methods(record, self.methods)
+
+        shown = [record for record in records if is_shown(record)] or records
+        hidden = {record.method: outcome(record) for record in records if record not in shown}
+        for method, reason in hidden.items():
+            notes.append(
+                f"left out, as it fails in every job: {method}: {reason}; --failed shows it"
+            )
+        return shown, notes
+
+    def views(self, records: Sequence[Record], *, paper: bool = False) -> list[TableView]:
+        """Return the tables that records fill; with ``paper``, also rows of the paper that never ran.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is none.
+        """
+        rows = self.methods if is_narrow(self.methods) else ()
+        sets = {record.data.name for record in records} if self.data else ()
+        views = table_views(records, self.tables, rows, sets, paper=paper)
+        if not views and "robustness" not in self.tables:
+            what = f"table {', '.join(self.tables)}" if self.tables else "any table"
+            problem = f"no finished job under {self.results} belongs to {what}"
+            raise ConfigurationError(problem, "run it first, or select less")
+        return views
+
+    def _folder(self) -> Path:
+        """Return the folder whose records are read: that of the suite where none is named, and none is here."""
+        has_published = self.results != RESULTS or (self.results / "records").is_dir()
+        return self.results if has_published or not self.published else SUITE_RESULTS
+
+    def _of_other_scorers(self, records: Iterable[Record]) -> list[str]:
+        """Say how many records of other scorers or seeds there are."""
+        others = [
+            record
+            for record in records
+            if record.scorer not in (self.scorer, "") or record.seed != self.seed
+        ]
+        if not others:
+            return []
+        ways = {f"--scorer {of.scorer or self.scorer} --seed {of.seed}" for of in others}
+        jobs = counted(len(others), "job")
+        return [f"not shown: {jobs} of another scorer or seed: pass {', or '.join(sorted(ways))}"]
+
+    def _of_quick_runs(self, full: Sequence[Record], quick: Sequence[Record]) -> list[str]:
+        """Say which quick runs are newer than all others, or that there are no others."""
+        newest = max((record.finished for record in full if not record.published), default="")
+        newer = [record for record in quick if record.finished > newest]
+        if self.quick or not newer:
+            return []
+        sets = ", ".join(dict.fromkeys(record.data.name for record in newer))
+        if full:
+            return [f"{len(newer)} newer quick jobs are not shown: pass --quick ({sets})"]
+        return [f"these are quick runs ({sets})"]

@@ -1,0 +1,155 @@
+"""Tables of finished jobs, as text in several formats, as files, and in a notebook."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pandas import DataFrame
+
+from benchmark.api.contracts import Input
+from benchmark.commands.selection import RESULTS, RecordSelection, as_list
+from benchmark.pipeline.records import DEFAULT_SCORER, Record
+from benchmark.report.columns import scores_frame
+from benchmark.report.formats import as_json, latex, markdown, robustness_markdown
+from benchmark.report.frames import scored_by
+from benchmark.report.output import FORMATS, table_files, write_files
+from benchmark.report.tables import TableView
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """Tables of finished jobs; a notebook shows them.
+
+    Parameters
+    ----------
+    views
+        The tables.
+    records
+        The records that they come from.
+    notes
+        What was left out, and how to see it.
+    has_robustness, has_verdicts
+        Whether the table of robustness, and what the paper's claims come to, belong to them.
+    """
+
+    views: tuple[TableView, ...]
+    records: tuple[Record, ...]
+    notes: tuple[str, ...] = ()
+    has_robustness: bool = False
+    has_verdicts: bool = False
+
+    def markdown(self) -> str:
+        """Return them as Markdown."""
+        robustness = robustness_markdown(self.records) if self.has_robustness else ""
+        return "\n".join(filter(None, [*map(markdown, self.views), robustness]))
+
+    def latex(self) -> str:
+        r"""Return them for ``\input``; see :func:`benchmark.report.formats.latex`."""
+        return "\n".join(map(latex, self.views))
+
+    @property
+    def scores(self) -> DataFrame:
+        """Their scores, one value a line, as in ``scores.csv``."""
+        return scores_frame(self.records)
+
+    @property
+    def rows(self) -> DataFrame:
+        """One line for each row and column of each table, with the keys of ``tables --format json``."""
+        return DataFrame(as_json(self.views))
+
+    def texts(self, format: str) -> list[str]:
+        """Return the contents of the files of a format."""
+        files = table_files(
+            self.views, self.records, [format], verdicts=False, robustness=self.has_robustness
+        )
+        return list(files.values())
+
+    def write(
+        self, folder: str | Path, formats: Sequence[str] = FORMATS, *, force: bool = False
+    ) -> list[str]:
+        """Write them as files, and return their names; see :func:`benchmark.report.output.write_files`.
+
+        Parameters
+        ----------
+        folder
+            The folder, created if necessary.
+        formats
+            Some of ``"latex"``, ``"markdown"``, ``"csv"`` and ``"json"``.
+        force
+            Whether to replace files that were edited or come from elsewhere.
+
+        Raises
+        ------
+        ConfigurationError
+            If a file would be replaced that was edited or that no command has written.
+        """
+        files = table_files(
+            self.views,
+            self.records,
+            formats,
+            verdicts=self.has_verdicts,
+            robustness=self.has_robustness,
+        )
+        listed = f"written{scored_by(self.records).suffix}.json"
+        write_files(Path(folder), files, force=force, listed=listed)
+        return list(files)
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown()
+
+
+def tables(
+    names: str | Sequence[str] = (),
+    *,
+    results: str | Path = RESULTS,
+    data: str | Path | Sequence[str | Path] = (),
+    methods: str | Sequence[str] = (),
+    input: Input | None = None,
+    scorer: str = DEFAULT_SCORER,
+    seed: int = 0,
+    quick: bool = False,
+    published: bool = False,
+    paper: bool = False,
+    failed: bool = False,
+) -> Tables:
+    """Return the tables of finished jobs; it needs no data.
+
+    Parameters
+    ----------
+    names
+        Identifiers of tables, such as ``"III"``; all by default.
+    results
+        The results folder.
+    data, methods, input, scorer, seed, quick, published
+        Which records to show; see :class:`benchmark.commands.selection.RecordSelection`.
+    paper
+        Whether to add rows of the paper that never ran.
+    failed
+        Whether to add methods that fail in every job.
+
+    Raises
+    ------
+    ConfigurationError
+        If nothing fits the selection, or a name is unknown.
+    """
+    selection = RecordSelection(
+        results=Path(results),
+        tables=as_list(names),
+        methods=as_list(methods),
+        data=[str(name) for name in as_list(data)],
+        input=input,
+        scorer=scorer,
+        seed=seed,
+        quick=quick,
+        published=published,
+    )
+    records, notes = selection.records(failed=failed)
+    return Tables(
+        tuple(selection.views(records, paper=paper)),
+        tuple(records),
+        tuple(notes),
+        has_robustness=selection.is_whole or "robustness" in selection.tables,
+        has_verdicts=selection.is_whole,
+    )
