@@ -49,11 +49,20 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
         except ShapeError as error:  # it is refused when it is prepared
             return f"{entry.identifier}: {error}"
 
+    def files_of(entry: Entry) -> list[Path]:
+        frame = files[entry.identifier]
+        try:
+            beside = [frame.mask_file, frame.intrinsics_file]
+        except ShapeError:  # it is refused when it is prepared
+            beside = []
+        return [frame.image, *filter(None, beside)]
+
     return ShapeSet(
         name=name,
         shapes=entries,
         load=lambda entry: files[entry.identifier].observe().surface,
         key=key,
+        files=files_of,
         camera=lambda _: UPRIGHT,
         observe=lambda entry: files[entry.identifier].observe(),
         half_width=settings["half_width"],

@@ -33,6 +33,13 @@ def write_frames(folder, classes=("one", "two"), count=2):
     return folder
 
 
+def test_a_shape_is_read_from_its_image_its_mask_and_its_intrinsics(frames):
+    dataset = open_dataset(str(frames), None)
+    files = [path.resolve() for path in dataset.files(dataset.shapes[0])]
+    names = [path.relative_to(frames.resolve()).as_posix() for path in files]
+    assert names == ["one/0.png", "one/0_mask.png", "intrinsics.txt"]
+
+
 def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
     dataset = open_dataset(str(frames), None)
     assert dataset.observe is not None and dataset.inputs == ("view",)
