@@ -67,7 +67,7 @@ TITLES: Mapping[str, str] = {
     "gps": "GPS",
     "mesh-unfolding": "Mesh Unfolding",
     "skeleton": "Skeleton-based",
-    paper.AS_PRINTED: "Depth network (depth range of the frame)",
+    paper.AS_PRINTED: "Depth network, 500 px, width 16",
     "learned": "Depth network, 128 px",
     "learned[configuration=as_printed,training=animals-III]": (
         "Depth network, 500 px, generated animals"

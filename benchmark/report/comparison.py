@@ -19,6 +19,9 @@ from benchmark.report.statistics import (
 )
 from benchmark.report.tables import SAME, Row, TableView, least_difference
 
+#: Verdict on a difference with p < .05 that is larger than codebooks and trainings scatter.
+ABOVE = "significant, above the scatter"
+
 ALONE, AMONG = "planned alone", "among the {} rows of the table"
 _TEST = "studentised permutation test over whole classes, of all measures"
 LEGEND = (
@@ -47,10 +50,11 @@ def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFra
     pandas.DataFrame
         ``place`` (table and column), ``method``, ``other``, ``title`` of the other row,
         ``measure``, ``score``, ``other_score``, ``difference``, ``low`` and ``high`` (its
-        interval), ``p``, ``verdict`` (``"certain"``, ``"not distinguishable (9 classes)"``, or why
-        there is none) among the ``rows`` tested at once, ``p_alone`` and ``verdict_alone`` of the
-        two planned alone, and numbers: ``queries``, those ``differing`` and those left out because
-        they were ``seen`` in training, and ``classes``.
+        interval), ``p``, ``verdict`` (``"significant, above the scatter"``, ``"significant, within
+        the scatter of codebooks"``, ``"not significant (9 classes)"``, or why there is none) among
+        the ``rows`` tested at once, ``p_alone`` and ``verdict_alone`` of the two planned alone, and
+        numbers: ``queries``, those ``differing`` and those left out because they were ``seen`` in
+        training, and ``classes``.
 
     Raises
     ------
@@ -133,8 +137,8 @@ def _differences(
         f"verdict{test}": undecided
         or np.where(
             p >= ALPHA,
-            f"not distinguishable ({n_classes} classes)",
-            np.where(small, why, "certain"),
+            f"not significant ({n_classes} classes)",
+            np.where(small, f"significant, {why}", ABOVE),
         )
         for test, p in p_values.items()
     }
@@ -204,10 +208,12 @@ def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
 
 
 def _verdict(of_row: DataFrame) -> str:
-    """Return the verdict on a row: which measures differ with certainty, or why none does."""
-    certain = list(of_row.measure[of_row.verdict == "certain"])
-    which = f" ({', '.join(certain)})" if len(certain) < len(of_row) else ""
-    return f"certain{which}" if certain else str(of_row.verdict.iloc[0])
+    """Return the verdict on a row: which measures differ significantly and above the scatter, or why none does."""
+    above = list(of_row.measure[of_row.verdict == ABOVE])
+    if not above:
+        return str(of_row.verdict.iloc[0])
+    which = f" ({', '.join(above)})" if len(above) < len(of_row) else ""
+    return f"{ABOVE}{which}"
 
 
 def _signed(difference: float) -> str:

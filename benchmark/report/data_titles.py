@@ -34,7 +34,8 @@ def data_title(record: Record) -> str:
         return brief(data.title)
     copy = known_copy(record)
     name = copy.title if copy else f"files named like {official.title}, unverified"
-    return brief(name + data.title.removeprefix(official.title))  # what a change adds
+    _, is_official, change = data.title.partition(official.title)
+    return brief(name + change if is_official else name)
 
 
 def official_set(record: RankedShapes) -> OfficialSet | None:

@@ -92,7 +92,7 @@ class Cell:
     text
         What it shows.
     mark
-        ``"bold"``, ``"italic"`` or "".
+        ``"bold"``, ``"italic"``, ``"scatter"`` or "".
     value
         Its number; None if it has none.
     folds
@@ -196,7 +196,7 @@ def _chance_line(view: TableView, groups: Iterable[Group]) -> Line:
     return Line(CHANCE, tuple(map(cells, groups)), [Cell("") for _ in PRINTED_OF_ROW])
 
 
-_MARKDOWN_STYLES = {"bold": "**{}**", "italic": "*{}*", "": "{}"}
+_MARKDOWN_STYLES = {"bold": "**{}**", "italic": "*{}*", "scatter": "({})", "": "{}"}
 
 
 def _joined(cells: Iterable[Cell]) -> str:
@@ -255,7 +255,12 @@ def markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[s
     ]
 
 
-_LATEX_STYLES = {"bold": r"\textbf{{{}}}", "italic": r"\textit{{{}}}", "": "{}"}
+_LATEX_STYLES = {
+    "bold": r"\textbf{{{}}}",
+    "italic": r"\textit{{{}}}",
+    "scatter": "({})",
+    "": "{}",
+}
 
 
 def latex(view: TableView) -> str:

@@ -23,9 +23,9 @@ FEW_CLASSES = 10
 #: Note on what few classes can decide, and on bold and italic.
 FEW = "{} classes decide little: a difference of .2 in every class is found in about a quarter of cases at most. "
 MARKS = (
-    "Bold: the best of its block. Italic: not certainly worse (studentised permutation test over whole classes, of all "
-    "rows and measures of the block, 5 %; above the scatter of codebooks and, for networks, of trainings). Rows that "
-    "lack shapes, or with shapes seen in training, have neither."
+    "Bold: the best of its block. Italic: not significantly worse (p >= .05; studentised permutation test over whole "
+    "classes, of all rows and measures of the block). In parentheses: significantly worse, but within the scatter of "
+    "codebooks and, for networks, of trainings. Rows that lack shapes, or with shapes seen in training, have no mark."
 )
 
 
@@ -43,7 +43,7 @@ def table_notes(view: TableView) -> list[str]:
         "No form of a surface: {}.": listed(
             r.title for r in rows if r.kind == "network" and crossed - {*r.scored}
         ),
-        "No difference is certain: {}.": listed(_undecided(view)),
+        "No difference is significant and above the scatter: {}.": listed(_undecided(view)),
         "No result: {}.": listed(_failed(view, rows, crossed)),
         "Cannot be read or prepared, and count 0: {}.": listed(_unreadable(view, rows), "; "),
         "Refused shapes, which count 0: {}.": listed(_refused(rows), "; "),
@@ -61,7 +61,7 @@ def table_notes(view: TableView) -> list[str]:
         "Merged from other results folders: {}.": listed(_merged(rows), "; "),
         "Trained with one seed, so no spread over seeds: {}.": listed(_trained_once(rows), "; "),
     }
-    tested = [len({*next(iter(rivals.values())).labels}) for rivals, _ in view.tests.values()]
+    tested = [one.n_classes for one in view.tests.values()]
     fewest = min([n for n in tested if n >= FEWEST_CLASSES], default=0)
     marks = FEW.format(fewest) * (fewest <= FEW_CLASSES) + MARKS
     found = [marks] * bool(view.marks) + [
@@ -71,18 +71,18 @@ def table_notes(view: TableView) -> list[str]:
 
 
 def leads(view: TableView) -> list[str]:
-    """Say for each column which row leads its block, and before how many it does so certainly."""
+    """Say for each column which row leads its block, and how many are significantly worse and above the scatter."""
     said: dict[str, list[str]] = {}
-    for (title, kind), (rivals, _) in view.tests.items():
-        n_classes = len({*next(iter(rivals.values())).labels})
-        if n_classes < FEWEST_CLASSES:
-            said[title] = [f"{n_classes} classes decide nothing here"]
+    for (title, kind), tested in view.tests.items():
+        rivals = tested.rivals
+        if tested.n_classes < FEWEST_CLASSES:
+            said[title] = [f"{tested.n_classes} classes decide nothing here"]
             continue
         row, n_behind = block_lead(view, title, kind)
         score = f"{MEASURES[-1]} ({hundredths(rivals[row.method].means[MEASURES[-1]])}"
         worse = f"{n_behind or 'none'} of {len(rivals) - 1}"
         said.setdefault(title, []).append(
-            f"{BLOCKS[kind]}: {row.title} leads in {score}; certainly worse: {worse})"
+            f"{BLOCKS[kind]}: {row.title} leads in {score}; significantly worse, above the scatter: {worse})"
         )
     return [
         f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "."
@@ -91,11 +91,12 @@ def leads(view: TableView) -> list[str]:
 
 
 def block_lead(view: TableView, title: str, kind: Kind) -> tuple[Row, int]:
-    """Return the best row of a tested block in a column, and before how many others it certainly is."""
-    rivals, certain = view.tests[title, kind]
+    """Return the best row of a block in a column, and how many are significantly worse, by more than the scatter."""
+    tested = view.tests[title, kind]
+    rivals, is_above = tested.rivals, tested.is_above_scatter
     best = max(rivals, key=lambda method: rivals[method].means[MEASURES[-1]])
     return next(row for row in view.rows if row.method == best), int(
-        certain[[*rivals].index(best), :, -1].sum()
+        is_above[[*rivals].index(best), :, -1].sum()
     )
 
 
@@ -146,15 +147,16 @@ def _machines(records: Iterable[Record]) -> str:
 
 
 def _undecided(view: TableView) -> Iterable[str]:
-    """Name the blocks in which no difference is certain, and the columns with too few classes to tell."""
+    """Name the blocks in which no difference is significant and above the scatter, or that have too few classes."""
     printed = {row.method for row in view.printed_rows}
     undecided: dict[str, None] = {}
-    for (title, kind), (rivals, certain) in view.tests.items():
+    for (title, kind), tested in view.tests.items():
+        rivals = tested.rivals
         if len(printed & {*rivals}) < 2:
             continue
-        if (n_classes := len({*next(iter(rivals.values())).labels})) < FEWEST_CLASSES:
-            undecided[f"{title} (not decidable: {n_classes} classes)"] = None
-        elif not certain.any():
+        if tested.n_classes < FEWEST_CLASSES:
+            undecided[f"{title} (not decidable: {tested.n_classes} classes)"] = None
+        elif not tested.is_above_scatter.any():
             alone = ": one training each" * bool(
                 np.isinf(least_difference([*rivals.values()])[0][0])
             )

@@ -205,14 +205,14 @@ def _matrix(pages: Pages, views: Iterable[TableView]) -> dict[str, Any]:
 
 
 def _leads(columns: Mapping[tuple[int, str], tuple[TableView, GalleryGroup]]) -> list[str]:
-    """Say for each block and group which row is certainly above all others on which data."""
+    """Say for each block and group which row is significantly above all others, by more than the scatter."""
     found: dict[str, list[str]] = {}
     for (group, label), (view, column) in sorted(columns.items()):
-        for (title, kind), (rivals, _) in view.tests.items():
+        for (title, kind), tested in view.tests.items():
             if title != column.title or (group, kind) == (0, "network"):  # which see views
                 continue
             row, n_behind = block_lead(view, title, kind)
-            if n_behind == len(rivals) - 1:
+            if n_behind == len(tested.rivals) - 1:
                 found.setdefault(
                     f"{BLOCKS[kind]}, {GROUPS[group].lower()}: {row.title}", []
                 ).append(label)

@@ -340,8 +340,8 @@ class TableView:
         return [(min(of), max(of)) for of in one.of_galleries.T.tolist()] if one and several else []
 
     @cached_property
-    def tests(self) -> dict[tuple[str, Kind], tuple[dict[str, Scored], NDArray[np.bool_]]]:
-        """By column and block, its rivals by method if there are several, and whether their differences are certain."""
+    def tests(self) -> dict[tuple[str, Kind], Tested]:
+        """Rivals with the outcome of their tests, by column and block; for blocks with several rivals."""
         tests = {}
         for column, kind in product(self.columns, BLOCKS):
             of_block = {
@@ -349,27 +349,58 @@ class TableView:
             }
             rivals = {name: one for name, one in of_block.items() if one and one.is_rival()}
             if len(rivals) > 1:
-                rows = [*rivals.values()]
-                means = np.array([[one.means[name] for name in MEASURES] for one in rows])
-                p_values = permutation_test([one.values for one in rows], rows[0].labels)
-                is_above = np.abs(means[:, None] - means) > least_difference(rows)[0] + SAME
-                tests[column.title, kind] = rivals, (p_values < ALPHA) & is_above
+                tests[column.title, kind] = tested_rivals(rivals)
         return tests
 
     @cached_property
     def marks(self) -> dict[tuple[str, str], dict[str, str]]:
         """Marks of the scores of rivals by method and column, then by measure; see :func:`_marks`."""
         marks: dict[tuple[str, str], dict[str, str]] = {}
-        for (title, _), (rivals, certain) in self.tests.items():
-            if len({*next(iter(rivals.values())).labels}) >= FEWEST_CLASSES:
-                each = zip(rivals, _marks([*rivals.values()], certain).tolist(), strict=True)
+        for (title, _), tested in self.tests.items():
+            if tested.n_classes >= FEWEST_CLASSES:
+                each = zip(tested.rivals, _marks(tested).tolist(), strict=True)
                 for name, of_row in each:
                     marks[name, title] = dict(zip(MEASURES, of_row, strict=True))
         return marks
 
 
+@dataclass(frozen=True, eq=False)
+class Tested:
+    """Rows of a block in one column, with the outcome of their tests.
+
+    Parameters
+    ----------
+    rivals
+        The rows by method.
+    is_significant
+        Which differences have p < .05 in the test of all rows and measures, shape (rows, rows,
+        measures).
+    is_above_scatter
+        Which of them are also larger than the scatter of codebooks and trainings.
+    """
+
+    rivals: Mapping[str, Scored]
+    is_significant: NDArray[np.bool_]
+    is_above_scatter: NDArray[np.bool_]
+
+    @property
+    def n_classes(self) -> int:
+        """Number of classes over which is tested."""
+        return len({*next(iter(self.rivals.values())).labels})
+
+
+def tested_rivals(rivals: Mapping[str, Scored]) -> Tested:
+    """Test the differences of some rows; a difference within the scatter may be that of two codebooks or seeds."""
+    rows = [*rivals.values()]
+    means = np.array([[one.means[name] for name in MEASURES] for one in rows])
+    p_values = permutation_test([one.values for one in rows], rows[0].labels)
+    is_above = np.abs(means[:, None] - means) > least_difference(rows)[0] + SAME
+    is_significant = p_values < ALPHA
+    return Tested(rivals, is_significant, is_significant & is_above)
+
+
 def least_difference(rows: Sequence[Scored]) -> tuple[NDArray[np.float64], str]:
-    """Return the difference, by measure, that a certain one must exceed, and what a smaller one may come from.
+    """Return the difference, by measure, that one above the scatter exceeds, and what a smaller one may come from.
 
     It is twice the standard error of a difference over draws of the codebook; between networks,
     also the largest range of the scores of a row over its seeds and folds. A test over classes says
@@ -452,16 +483,20 @@ def table_views(
     return [view for view in views if not wanted or sets or _is_preferred(view, views)]
 
 
-def _marks(rivals: Sequence[Scored], certain: NDArray[np.bool_]) -> NDArray[np.str_]:
+def _marks(tested: Tested) -> NDArray[np.str_]:
     """Return the marks of the rows of a block in one column, shape (rows, measures).
 
-    ``"bold"`` for the best; ``"italic"`` where it is not certainly better than a row.
+    ``"bold"`` for the best, ``"italic"`` where it is not significantly better than a row, and
+    ``"scatter"`` where it is, but within the scatter of codebooks or trainings.
     """
-    means = np.array([[one.means[name] for name in MEASURES] for one in rivals])
+    means = np.array([[one.means[name] for name in MEASURES] for one in tested.rivals.values()])
     is_best = means >= means.max(axis=0) - SAME
-    marks = np.where(is_best, "bold", "").astype("U6")
-    to_best = np.take_along_axis(certain, is_best.argmax(axis=0)[None, None], axis=0)[0]
-    marks[~is_best & ~to_best] = "italic"
+    best = is_best.argmax(axis=0)[None, None]
+    is_worse = np.take_along_axis(tested.is_significant, best, axis=0)[0]
+    is_above = np.take_along_axis(tested.is_above_scatter, best, axis=0)[0]
+    marks = np.where(is_above, "", "scatter")
+    marks[~is_worse] = "italic"
+    marks[is_best] = "bold"
     return marks
 
 

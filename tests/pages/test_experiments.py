@@ -70,3 +70,21 @@ def test_the_recipe_of_all_cells_has_the_same_number_of_images(experiment):
         images = pairs * experiment.REPEATS[data] * experiment.RECIPE["epochs"]
         assert images == experiment.IMAGES
     assert len(list(experiment.cells())) == 8
+
+
+def test_the_computation_of_the_networks_is_that_of_the_page(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    import computation
+
+    page = (FOLDER.parents[1] / "docs" / "explanation" / "networks.md").read_text()
+    for configuration, pixels, epochs in computation.NETWORKS:
+        count = f"{computation.parameters(configuration):,}"
+        giga = f"{computation.forward_operations(configuration, pixels) / 2e9:.1f}"
+        tera = f"{computation.training(configuration, pixels, epochs):,.0f}"
+        assert f"width 16, {epochs} epochs | {count} | {giga} | {tera} |" in page
+    millions = [
+        [computation.capacity(rate, share) / 1e6 for share in computation.SHARES]
+        for rate in computation.RATES.values()
+    ]
+    for low, high in millions:
+        assert f"| {low:.1f} to {high:.0f} million |" in page

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.report.comparison import compare, details, summaries
+from benchmark.report.comparison import ABOVE, compare, details, summaries
 from benchmark.report.statistics import permutation_test
 from benchmark.report.tables import table_views
 from tests.report.records import LABELS, record
@@ -41,7 +41,7 @@ def test_differences_are_first_minus_second_with_intervals():
         "-0.013",
     ]  # .125 and 2.365 x .134 / sqrt(8)
     # 2 of 16 exchanges of the four classes that differ
-    alike = "not distinguishable (8 classes) (p 0.125)"
+    alike = "not significant (8 classes) (p 0.125)"
     assert nn.split(maxsplit=6)[6] == f"{alike} {alike}"
     assert legend.startswith("low, high: nominal 95 % interval")
     assert (
@@ -73,10 +73,10 @@ def test_a_quick_run_decides_nothing():
     assert set(compared(quick, "a").verdict) == {"not decided (quick run)"}
 
 
-def test_the_certain_difference_is_named():
+def test_the_significant_difference_is_named():
     records = [record("a", 0.4, labels=LETTERS), record("b", 0.6, labels=LETTERS)]
     found = lines(records, "a", "b")
-    assert found[3].count("certain (p 0.008)") == 2  # 2 of 2^8
+    assert found[3].count("significant, above the scatter (p 0.008)") == 2  # 2 of 2^8
     assert found[4].count("(p 1.000)") == 2
 
 
@@ -94,8 +94,8 @@ def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_te
     order = ["classic-mds", "gps", "skeleton", "mine"]  # of the rows of the table
     block = [[[nn, 0.5, 0.6, 0.7] for nn in np.broadcast_to(values[name], 16)] for name in order]
     assert list(of_nn.p[:3]) == list(permutation_test(block, LETTERS)[3, :3, 0])
-    alike, small = "not distinguishable (8 classes)", "within the scatter of codebooks"
-    assert list(of_nn.verdict) == ["certain", alike, small, "not decidable (7 classes)", "certain"]
+    alike, small = "not significant (8 classes)", "significant, within the scatter of codebooks"
+    assert list(of_nn.verdict) == [ABOVE, alike, small, "not decidable (7 classes)", ABOVE]
     assert list(of_nn["rows"]) == [4, 4, 4, 5, 5]
     for other in of_nn.index:
         for pair in (("mine", other), (other, "mine")):
@@ -107,16 +107,16 @@ def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_te
         == "Table III on tosca, ours: mine - each row, 16 queries, among the 4 to 5 rows of the table"
     )
     assert [*zip(head, first, strict=True)][1:3] == [("NN", "+.40"), ("FT", "+.00")]
-    assert first[0::5] == ["Classic MDS", "certain (NN)"]
+    assert first[0::5] == ["Classic MDS", "significant, above the scatter (NN)"]
     assert len(json.loads(frame.to_json(orient="records"))) == 20
 
 
 @pytest.mark.parametrize(
     ("errors", "nn", "verdict"),
     [
-        ({}, 0.57, "certain"),
-        ({"NN": 0.03}, 0.57, "within the scatter of codebooks"),
-        ({"NN": 0.001}, 0.51, "certain"),
+        ({}, 0.57, ABOVE),
+        ({"NN": 0.03}, 0.57, "significant, within the scatter of codebooks"),
+        ({"NN": 0.001}, 0.51, ABOVE),
     ],
 )
 def test_the_scatter_of_codebooks_is_that_of_the_records_and_else_a_measured_one(

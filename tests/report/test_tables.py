@@ -152,7 +152,7 @@ def eight(method, *values, **more):
     return record(method, [value for value in values for _ in range(2)], labels=labels, **more)
 
 
-def test_the_best_of_each_block_is_bold_and_rows_that_it_does_not_certainly_beat_are_italic():
+def test_a_block_marks_its_best_what_is_not_significantly_worse_and_what_is_within_the_scatter():
     descriptor = {"scorer": "", "scorer_title": ""}
     rows = [
         eight("top", *[0.9] * 8),
@@ -166,20 +166,22 @@ def test_the_best_of_each_block_is_bold_and_rows_that_it_does_not_certainly_beat
     expected = {
         "top": "bold",
         "near": "italic",
-        "close": "italic",
+        "close": "scatter",
         "far": "",
         "dna": "bold",
         "area": "italic",
     }
     assert marks(table) == expected
-    assert "No difference is certain: Descriptors (mesh)." in table_notes(table)
+    none = "No difference is significant and above the scatter: Descriptors (mesh)."
+    assert none in table_notes(table)
     assert "bold" in table.marks["area", "mesh"].values()
 
 
 def test_below_eight_classes_nothing_is_marked():
     table = view(record("best", 0.9), record("far", 0.1))
     assert table.marks == {}
-    assert "No difference is certain: mesh (not decidable: 3 classes)." in table_notes(table)
+    none = "No difference is significant and above the scatter: mesh (not decidable: 3 classes)."
+    assert none in table_notes(table)
     alone = replace(table, shown=frozenset({"far"}))
     assert not any("No difference" in note for note in table_notes(alone)), (
         "one row has no rival beside it"
@@ -229,7 +231,7 @@ def test_notes_say_what_s_is_why_a_score_is_missing_and_what_was_seen_in_trainin
     assert "processor seconds per shape for form and geodesics; machine: unknown." in found
     assert "Ranks by spherical harmonics: no record yet." in found
     assert (
-        "Depth network (depth range of the frame) (no model was trained for this data, or it was not run)"
+        "Depth network, 500 px, width 16 (no model was trained for this data, or it was not run)"
         in found
     )
     assert "Classic MDS, Fast MDS, Non-metric MDS, 4 more (not run)" in found

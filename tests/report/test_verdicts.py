@@ -3,8 +3,10 @@
 import numpy as np
 from pandas import DataFrame
 
+from benchmark.datasets.official import SETS
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
-from benchmark.reference.paper import CLASSICAL, MEASURES, PRINTED, Claim
+from benchmark.reference.paper import AS_PRINTED, CLASSICAL, MEASURES, PRINTED, Claim
+from benchmark.report import data_titles, verdicts
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import (
     _exchanged,
@@ -54,9 +56,9 @@ def test_a_claim_needs_other_classes_to_hold():
             "mixed": dict(zip("abcdefgh", (1.0, 1.0, 1.0, 1.0, 0.2, 0.2, 0.2, 0.2), strict=True)),
         }.items()
     )
-    assert judged(claim_on("high", "low"), high, low).decision == "supported"
-    assert judged(claim_on("low", "high"), high, low).decision == "contradicted"
-    assert judged(claim_on("high", "mixed"), high, mixed).decision == "undecided"
+    assert judged(claim_on("high", "low"), high, low).decision == "holds on the stand-in"
+    assert judged(claim_on("low", "high"), high, low).decision == "fails on the stand-in"
+    assert judged(claim_on("high", "mixed"), high, mixed).decision == "open on the stand-in"
     assert judged(claim_on("high", "none"), high, low).decision == "not comparable"
 
 
@@ -66,8 +68,9 @@ def test_queries_of_classes_that_a_row_has_seen_decide_nothing():
     seen = record("net", [1.0, 1.0, *[0.2] * 16], labels=labels, seen=["a0"])
     rows = [seen, record("gps", 0.3, labels=labels)]
     one = judged(claim_on("net", "gps"), *rows)
-    assert (one.decision, one.queries, one.n_queries, one.leads) == ("contradicted", 16, 18, 0)
-    assert judged(claim_on("gps", "net"), *rows).decision == "supported"
+    found = (one.decision, one.queries, one.n_queries, one.leads)
+    assert found == ("fails on the stand-in", 16, 18, 0)
+    assert judged(claim_on("gps", "net"), *rows).decision == "holds on the stand-in"
     few = judged(claim_on("net", "gps"), record("net", 1.0, seen=["cat1"]), record("gps", 0.5))
     assert (few.decision, few.queries, few.leads) == ("not decidable: 2 classes", 8, 1)
     none = judged(
@@ -91,7 +94,7 @@ def test_claims_say_how_many_queries_decide():
         )
     )
     text = verdicts_markdown(table_views(rows))
-    assert "|Depth network, 128 px|III|not decidable: 7 classes|14 of 18|8 of 24||" in text
+    assert "|Depth network, 128 px|III|not decidable: 7 classes|14 of 18|8 of 24|" in text
 
 
 def test_of_several_trainings_each_must_lead():
@@ -108,7 +111,7 @@ def test_of_several_trainings_each_must_lead():
         for k in (1, 2)
     ]
     (view,) = table_views([*better, other, *rest], ["IV"])
-    assert assess(claim_on("learned", "learned-without-srf"), view).certain == 0
+    assert assess(claim_on("learned", "learned-without-srf"), view).above_scatter == 0
 
 
 def test_the_count_stands_beside_that_of_exchanged_rows_by_hand():
@@ -127,3 +130,42 @@ def test_the_count_stands_beside_that_of_exchanged_rows_by_hand():
     assert "one constant for each measure, chosen in hindsight, 8." in text
     assert "NN .87, FT .87" in text
     assert _exchanged(printed, ours.replace(0.9, np.nan)) == ""
+
+
+def test_only_the_papers_data_support_or_contradict_and_the_data_are_named(monkeypatch):
+    labels = [name for name in "abcdefgh" for _ in range(3)]
+    rows = [record(name, nn, labels=labels, dataset="tosca") for name, nn in PAIR.items()]
+    claim, reverse = claim_on("gps", "skeleton"), claim_on("skeleton", "gps")
+    one = judged(claim, *rows)
+    assert (one.decision, one.data) == (
+        "holds, unverified data",
+        "files named like TOSCA, unverified",
+    )
+    (copy,) = SETS["tosca"].copies
+    for module in (verdicts, data_titles):
+        monkeypatch.setattr(module, "known_copy", lambda _: copy)
+    assert judged(claim, *rows).decision == "supported"
+    assert judged(claim, *rows).data == copy.title
+    assert judged(reverse, *rows).decision == "contradicted"
+
+
+def test_a_network_of_ours_decides_no_claim_on_the_papers_data(monkeypatch):
+    labels = [name for name in "abcdefgh" for _ in range(3)]
+    nets = {"gps": 0.1, "learned": 0.9, AS_PRINTED: 0.9}
+    rows = [record(name, nn, labels=labels, models=[]) for name, nn in nets.items()]
+    none = "not decidable: a small share of the paper's computation"
+    assert judged(claim_on("learned", "gps"), *rows).decision == "holds on the stand-in"
+    assert judged(claim_on(AS_PRINTED, "gps"), *rows).decision == none
+    monkeypatch.setattr(verdicts, "known_copy", lambda _: SETS["tosca"].copies[0])
+    assert judged(claim_on("learned", "gps"), *rows).decision == none
+
+
+def test_a_significant_lead_within_the_scatter_is_counted_apart():
+    labels = [name for name in "abcdefgh" for _ in range(3)]
+    rows = [record(name, nn, labels=labels) for name, nn in {"gps": 0.51, "skeleton": 0.5}.items()]
+    one = judged(claim_on("gps", "skeleton"), *rows)
+    assert (one.leads, one.significant, one.above_scatter) == (1, 1, 0)
+    assert one.decision == "open on the stand-in"
+
+
+PAIR = {"gps": 0.9, "skeleton": 0.1}
