@@ -23,9 +23,9 @@ from typing import Any
 
 from benchmark.code_digest import FIRST_PARTY, ROOT, sources_of
 from benchmark.errors import ConfigurationError
+from benchmark.places import no_places_of_the_user
 
-#: Folders of Python, of the system and of a user's settings, and models of the suite: no result
-#: depends on others.
+#: Folders of Python and of the system, and models of the suite: no result depends on others.
 _EXEMPT = (
     *(
         sys.prefix,
@@ -33,7 +33,7 @@ _EXEMPT = (
         *sysconfig.get_paths().values(),
         *(str(ROOT / name) for name in FIRST_PARTY),
     ),
-    *("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys", "/dev", "~/.cache", "~/.config"),
+    *("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys"),
 )
 
 #: Seconds by which the clock of a file system may be late.
@@ -141,7 +141,8 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
     describing, spawn.get_preparation_data = spawn.get_preparation_data, _refuse_spawn
     _take = take
     try:
-        yield declared
+        with no_places_of_the_user():
+            yield declared
     finally:
         _take, spawn.get_preparation_data = None, describing
         for file, facts in opened.items():

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import os
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -17,6 +19,7 @@ from typing import Protocol
 
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.stages import Incomplete
+from benchmark.places import PREFIX, away_from_home
 from benchmark.registry.components import THIS_PROCESS
 from benchmark.registry.modules import environment
 from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
@@ -92,6 +95,8 @@ class Worker:
     def __init__(self, memory: int, timeout: float) -> None:
         self._memory, self._timeout = memory, timeout
         self._process: subprocess.Popen[bytes] | None = None
+        #: What the process of a plugin sees as the places of the user.
+        self._folder = ""
         self.task = Task(())
         self.waiting: deque[Step] = deque()
         #: Work under way that is charged to no method.
@@ -108,7 +113,7 @@ class Worker:
         """Give it a task; raise ``BenchmarkError`` if it cannot be started."""
         if not self.is_alive or self.task.process != task.process:
             self.close()
-            self._start()
+            self._start(task.process)
         self.task, self.waiting = task, deque(task.steps)
         is_of_shape = bool(task.steps[0].shape)  # the camera takes as long as its data set is large
         self._limit = self._timeout * (
@@ -118,12 +123,16 @@ class Worker:
         with suppress(OSError):  # it has just died; outcomes() says so
             self.connection.send(task)
 
-    def _start(self) -> None:
+    def _start(self, process: str) -> None:
         try:
             self.connection, theirs = Pipe()
             with theirs:
                 numbers = theirs.fileno(), self._memory, os.getpid()
                 command = [sys.executable, "-c", _PROGRAM, *map(str, numbers)]
+                variables = environment()
+                if process:  # of a plugin
+                    self._folder = tempfile.mkdtemp(prefix=PREFIX)
+                    variables = away_from_home(variables, self._folder)
                 self._process = _starter.submit(
                     subprocess.Popen,
                     command,
@@ -131,7 +140,7 @@ class Worker:
                     stdout=2,
                     pass_fds=[theirs.fileno()],
                     start_new_session=True,
-                    env=environment(),
+                    env=variables,
                 ).result()
         except OSError as error:
             problem = f"no process can be started: {error.strerror}"
@@ -210,6 +219,9 @@ class Worker:
         self._process.wait()
         self._process = None
         self.connection.close()
+        if self._folder:
+            shutil.rmtree(self._folder, ignore_errors=True)
+            self._folder = ""
 
 
 class Pool:

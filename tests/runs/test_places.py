@@ -1,0 +1,93 @@
+"""A plugin sees no place of the user, so that nothing it left there in an earlier run determines a result."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from benchmark.pipeline.records import read_distances
+from benchmark.places import no_places_of_the_user
+from tests.registry.plugin import write_plugin
+from tests.runs.toy import planned, run_toy
+
+#: By name, where a method keeps what it computed.
+PLACES = {
+    "home": "Path.home() / '.mymethod'",
+    "cache": "Path('~/.cache/mymethod').expanduser()",
+    "xdg-cache": "Path(os.environ['XDG_CACHE_HOME']) / 'mymethod'",
+    "xdg-data": "Path(os.environ['XDG_DATA_HOME']) / 'mymethod'",
+    "config": "Path(os.path.expandvars('$HOME/.config/mymethod'))",
+    "temporary": "Path(tempfile.gettempdir()) / 'mymethod'",
+    "tmpdir": "Path(os.environ['TMPDIR']) / 'mymethod'",
+    "matplotlib": "Path(os.environ['MPLCONFIGDIR']) / 'mymethod'",
+    "torch": "Path(os.environ['TORCH_HOME']) / 'mymethod'",
+}
+
+KEEPS = """
+def canonicalise(self, shape):
+        for place in PLACES:
+            file = place / f"{shape.identifier}.npy"
+            if file.exists():
+                return shape.form(np.load(file))
+        form = shape.mesh.vertices ** 3 * [1, 1, 1.0]
+        for place in PLACES:
+            place.mkdir(parents=True, exist_ok=True)
+            np.save(place / f"{shape.identifier}.npy", form)
+        return shape.form(form)
+"""
+
+
+def test_what_a_method_kept_in_an_earlier_run_is_gone(rods, tmp_path, monkeypatch):
+    for name in ("HOME", "TMPDIR", "XDG_CACHE_HOME", "XDG_DATA_HOME", "MPLCONFIGDIR", "TORCH_HOME"):
+        (tmp_path / name).mkdir()
+        monkeypatch.setenv(name, str(tmp_path / name))
+    imports = "import os, tempfile\nfrom pathlib import Path\nimport numpy as np\n\nPLACES = ["
+    imports += ", ".join(PLACES.values()) + "]"
+    plugin = write_plugin(tmp_path / "smooth.py", imports=imports, methods=KEEPS.strip())
+    results = tmp_path / "results"
+    (first,) = run_toy(rods, results, "smooth", plugins=(plugin,), size=1).values()
+    assert first.status == "ok", first.reason
+    plugin.write_text(plugin.read_text().replace("[1, 1, 1.0]", "[1, 1, 7.0]"))
+    (second,) = run_toy(rods, results, "smooth", plugins=(plugin,), size=1).values()
+    (clean,) = run_toy(rods, tmp_path / "clean", "smooth", plugins=(plugin,), size=1).values()
+    assert second.status == "ok", second.reason
+    found = read_distances(results, second)
+    assert (found == read_distances(tmp_path / "clean", clean)).all(axis=None)
+    assert not (found == read_distances(results, first)).all(axis=None)
+    assert not any(
+        path.is_file()
+        for name in ("HOME", "TMPDIR")
+        for path in (tmp_path / name).rglob("mymethod/*")
+    )
+
+
+@pytest.mark.parametrize("place", [".cache/mymethod", ".config/mymethod"])
+def test_a_file_of_the_user_by_its_path_is_refused(rods, tmp_path, monkeypatch, place):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    file = tmp_path / "home" / place
+    file.parent.mkdir(parents=True)
+    file.write_text("1")
+    reads = (
+        f"def canonicalise(self, shape):\n        open({str(file)!r}).close()\n"
+        "        return shape.form(shape.mesh.vertices)"
+    )
+    plugin = write_plugin(tmp_path / "smooth.py", methods=reads)
+    (record,) = run_toy(rods, tmp_path / "results", "smooth", plugins=(plugin,), size=1).values()
+    assert (record.status, "declare it in info" in record.reason) == ("failed", True)
+    assert planned(rods, tmp_path / "results", "smooth", plugins=(plugin,))
+
+
+def test_variables_are_as_before_and_what_else_changed_stays(monkeypatch):
+    monkeypatch.setenv("XDG_SESSION_ID", "1")
+    before = dict(os.environ)
+    with no_places_of_the_user():
+        inside = Path.home()
+        assert inside != Path(before["HOME"])
+        assert {os.environ[name] for name in ("TMPDIR", "XDG_CACHE_HOME")} == {str(inside)}
+        assert "XDG_SESSION_ID" not in os.environ
+        with no_places_of_the_user():
+            assert Path.home() == inside
+        monkeypatch.setenv("MINE", "1")
+    assert dict(os.environ) == {**before, "MINE": "1"}
