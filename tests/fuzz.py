@@ -54,10 +54,10 @@ def cut(data: bytes, random: Random) -> bytes:
     return data[: random.integers(len(data.rstrip()))]
 
 
-def cut_line(data: bytes, random: Random) -> bytes:
-    """Cut within a line, where its text does not end."""
-    places = [found.start() + 1 for found in re.finditer(rb"(?=\S[^\r\n]*\S)", data)]
-    return data[: places[random.integers(len(places))]]
+def cut_above(data: bytes, random: Random) -> bytes:
+    """Cut before the last number; within it, nobody can tell a cut from a text without a last line break."""
+    words = [*re.finditer(rb"\S+", data)]
+    return data[: random.integers(max(1, words[-1].start()))]
 
 
 def flip(data: bytes, random: Random) -> bytes:
@@ -98,11 +98,11 @@ def read(path: Path) -> tuple[Any, ...]:
     return mesh.vertices, mesh.faces
 
 
-TEXT: tuple[Damage, ...] = (cut, spoil, miscount)
+TEXT: tuple[Damage, ...] = (cut_above, spoil, miscount)
 #: What may happen to a kind of file and is not another valid file.
 DAMAGES: dict[str, tuple[Damage, ...]] = {
     **dict.fromkeys((".off", ".ply", ".cla"), TEXT),
-    **dict.fromkeys((".obj", ".vert"), (cut_line, spoil)),
+    **dict.fromkeys((".obj", ".vert"), (spoil,)),
     **dict.fromkeys((".gz", ".png", ".npz"), (cut, flip)),
     **dict.fromkeys((".glb", ".mat", ".npy", ".tiff", ".stl"), (cut,)),
     **dict.fromkeys((".pfm", ".pgm"), (cut, miscount)),

@@ -21,7 +21,7 @@ from benchmark.commands.selection import (
 )
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
 from benchmark.datasets.changes import split_name
-from benchmark.datasets.checking import by_kind, unread_files
+from benchmark.datasets.checking import by_kind, unfinished_files, unread_files
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import DEFAULT_SCORER, Record, read_records
@@ -169,7 +169,8 @@ class Plan:
         galleries = [gallery for job in self.jobs for gallery in job.galleries]
         own = {each.source: each.dataset for each in galleries if not is_known(each.source)}
         for source, dataset in own.items():
-            for anomaly in by_kind(unread_files(dataset)):
+            found = [*unread_files(dataset), *unfinished_files(dataset, dataset.shapes)]
+            for anomaly in by_kind(found):
                 yield f"{source}: {anomaly}"
 
     def _repr_html_(self) -> str:

@@ -18,7 +18,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
 from benchmark.datasets.folder import all_mesh_files, is_hidden, skipped_files, sub_folders
-from benchmark.datasets.mesh_files import POINTS, mesh_file_set, mesh_stem
+from benchmark.datasets.mesh_files import POINTS, lacks_last_break, mesh_file_set, mesh_stem
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError, surface_command
@@ -107,17 +107,38 @@ class Anomaly:
 
 
 def by_kind(anomalies: Iterable[Anomaly]) -> tuple[Anomaly, ...]:
-    """Join problems that differ in files and numbers alone: the numbers, the largest, are those of the first file."""
+    """Join problems that differ in files and numbers alone: of several numbers, the least and the largest are said.
+
+    The file with the largest number is named first.
+    """
     kinds = defaultdict[tuple[str, ...], list[Anomaly]](list)
     for one in anomalies:
         what = one.what if one.severity == "error" else ""  # warnings of one kind have one hint
         kinds[one.severity, _NUMBER.sub("", what), _NUMBER.sub("", one.hint)].append(one)
     ranked = [sorted(members, key=_numbers, reverse=True) for members in kinds.values()]
     joined = [
-        replace(first, files=sum((one.files for one in others), first.files))
-        for first, *others in ranked
+        replace(
+            members[0],
+            files=tuple(file for one in members for file in one.files),
+            what=_with_ranges([one.what for one in members]),
+            hint=_with_ranges([one.hint for one in members]),
+        )
+        for members in ranked
     ]
     return tuple(sorted(joined, key=lambda one: one.severity))
+
+
+def _with_ranges(texts: Sequence[str]) -> str:
+    """Return the first of some texts, with the least and the largest of each number that differs between them."""
+    numbers = [_NUMBER.findall(text) for text in texts]
+    if len({len(of_text) for of_text in numbers}) > 1:
+        return texts[0]
+    ranges: list[str] = []
+    for found in zip(*numbers, strict=True):
+        least, largest = min(found, key=float), max(found, key=float)
+        ranges.append(largest if least == largest else f"{least} to {largest}")
+    each = iter(ranges)
+    return _NUMBER.sub(lambda _: next(each), texts[0])
 
 
 def _numbers(anomaly: Anomaly) -> list[float]:
@@ -352,8 +373,18 @@ def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
                 yield Anomaly("warning", (name,), what, "remove it, or list it if it belongs here")
 
 
+def unfinished_files(dataset: ShapeSet, entries: Iterable[Entry]) -> Iterator[Anomaly]:
+    """Yield the mesh files of shapes that are text without a last line break, which is read all the same."""
+    for path in dict.fromkeys(path for entry in entries for path in dataset.files(entry)):
+        if lacks_last_break(path):
+            file = _relative(path, dataset.folder) if dataset.folder else path.name
+            what = "text without a last line break: its last number may be cut off"
+            yield Anomaly("warning", (file,), what, "compare it with its source")
+
+
 def _report(dataset: ShapeSet, of_set: Iterable[Anomaly], watched: Watched) -> Report:
     rows: list[Row] = []
+    read: list[Entry] = []
     anomalies: list[Anomaly] = []
     first_with: dict[str, Row] = {}
     for entry in watched(dataset.shapes):
@@ -370,6 +401,7 @@ def _report(dataset: ShapeSet, of_set: Iterable[Anomaly], watched: Watched) -> R
             anomalies.append(Anomaly("error", (file,), problem, error.hint))
             continue
         rows.append(row)
+        read.append(entry)
         anomalies += [Anomaly("warning", (file,), what, hint) for what, hint in row.changes]
         twin = first_with.setdefault(row.digest, row)
         if twin is not row:
@@ -379,9 +411,10 @@ def _report(dataset: ShapeSet, of_set: Iterable[Anomaly], watched: Watched) -> R
             anomalies.append(
                 Anomaly(severity, (f"{file} ({twin.file})",), what, "keep one of the two")
             )
+    of_files = [*unread_files(dataset), *unfinished_files(dataset, read)]
     units = _of_units(rows) if dataset.observe is None else ()
     of_shapes = [*anomalies, *units, *_of_frame(dataset, {row.file: row.extent for row in rows})]
-    return Report(dataset, tuple(rows), by_kind([*of_set, *unread_files(dataset), *of_shapes]))
+    return Report(dataset, tuple(rows), by_kind([*of_set, *of_files, *of_shapes]))
 
 
 def changes_of(prepared: Prepared) -> list[tuple[str, str]]:

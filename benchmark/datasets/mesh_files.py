@@ -7,17 +7,19 @@ This is the only module of the suite that knows formats: those are the modules o
 from __future__ import annotations
 
 import pkgutil
+import zlib
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from benchmark import formats
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
+from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnreadableMesh
 from benchmark.files import file_digest, named_errors, write_atomically
 from benchmark.formats import unread
+from benchmark.formats.ascii import ends_within_line
 from benchmark.formats.base import Format, mesh_stem, mesh_suffix
-from benchmark.formats.reading import read_with
+from benchmark.formats.reading import load, read_with
 from benchmark.geometry.copies import check_copies
 from benchmark.geometry.mesh import Mesh
 
@@ -32,6 +34,7 @@ __all__ = [
     "files_beside",
     "files_of",
     "find_formats",
+    "lacks_last_break",
     "mesh_file_set",
     "mesh_stem",
     "mesh_suffix",
@@ -72,6 +75,10 @@ BESIDE: tuple[str, ...] = tuple(_FORMATS_BESIDE)
 """Extensions of files that belong to a mesh file and are none themselves."""
 
 
+#: Extensions of meshes that may be text whose end is not marked.
+_TEXTS = (".off", ".obj", ".ply", ".vert", ".tri")
+
+
 def read_mesh(path: Path | str) -> Mesh:
     """Read a triangle mesh; vertices and faces keep the order of the file.
 
@@ -103,6 +110,18 @@ def read_mesh(path: Path | str) -> Mesh:
         hint = f"convert it to one of {', '.join(READABLE)}"
         raise UnreadableMesh(f"unknown extension '{suffix}'", hint, path)
     return read_with(FORMATS[suffix], path)
+
+
+def lacks_last_break(path: Path) -> bool:
+    """Return whether a mesh file is text that ends within a line; False for what cannot be read."""
+    if mesh_suffix(path) not in _TEXTS:
+        return False
+    try:
+        content = load(path)
+    except (BenchmarkError, OSError, EOFError, zlib.error):  # which is refused when it is read
+        return False
+    is_binary = b"\0" in content or b"\nformat binary" in content[:1000]
+    return not is_binary and ends_within_line(content)
 
 
 def read_surface(path: Path) -> Mesh:

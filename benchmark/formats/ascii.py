@@ -22,24 +22,31 @@ _LARGEST_INTEGER = 2**53
 
 
 def plain_text(data: bytes) -> bytes:
-    """Return text in ASCII, without comments and byte-order marks, with one kind of line break.
+    """Return text in ASCII, without comments and byte-order marks, with one kind of line break at each end of a line.
 
-    Raises
-    ------
-    UnreadableMesh
-        If it ends within a line of numbers: the last one may be cut off.
+    A text that is cut off within its last number cannot be told from one without a last line break;
+    ``data check`` and a run name both. Any other cut contradicts the counts or the last line.
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16").encode()
     text = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"#" in text:
         text = re.sub(rb"(?<!\S)#[^\n]*", b"\n", text)
-    if re.match(rb"\s*[vf\d.+-]", text.rpartition(b"\n")[2]):
-        problem = "its last line has no line break, so it may be cut off"
+    return text if text.endswith(b"\n") else text + b"\n"
+
+
+def ends_within_line(data: bytes) -> bool:
+    """Return whether the last line of a text has no line break, as at the end of one that is cut off."""
+    return not data.rstrip(b" \t\0").endswith((b"\n", b"\r"))
+
+
+def check_end(data: bytes, corners: IntArray, n_vertices: int) -> None:
+    """Raise ``UnreadableMesh`` if a text without counts ends within a line, and vertices have no face."""
+    if ends_within_line(data) and len(np.unique(corners)) < n_vertices:
         raise UnreadableMesh(
-            problem, "fetch or export it again, or add a line break if it is whole"
+            "its last line has no line break, and vertices have no face: it may be cut off",
+            "fetch or export it again, or add a line break if it is whole",
         )
-    return text
 
 
 def filled_lines(text: bytes) -> list[bytes]:

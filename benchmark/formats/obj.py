@@ -13,6 +13,7 @@ import numpy as np
 
 from benchmark.errors import UnreadableMesh
 from benchmark.formats.ascii import (
+    check_end,
     parse_numbers,
     parse_table,
     plain_text,
@@ -52,6 +53,7 @@ def read(data: bytes, _: Path) -> Arrays:
     face_starts = np.array([polygon.start() for polygon in polygons], dtype=np.int64)
     latest = np.repeat(np.searchsorted(vertex_starts, face_starts), sizes)
     corners = _counted_from_1(indices, latest)
+    check_end(data, corners, len(vertices))
     return parse_table([vertex[1] for vertex in vertices], (3, 4, 6, 7)), corners, sizes
 
 

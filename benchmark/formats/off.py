@@ -10,6 +10,7 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmark.errors import UnreadableMesh
 from benchmark.formats.ascii import (
     filled_lines,
     parse_numbers,
@@ -26,12 +27,16 @@ _HEADER = re.compile(
     rb"(?:((?:ST)?C?N?C?)OFF)?\s*(\d{1,12})\s+(\d{1,12})(?:[ \t]+\d+)?[ \t]*\n", re.IGNORECASE
 )
 
+#: Headers of vertices with other coordinates than three.
+_OTHER_DIMENSION = re.compile(rb"(?:ST)?C?N?(?:4n?|n)OFF")
+
 
 def read(data: bytes, _: Path) -> Arrays:
     """Return the vertices and polygons of an OFF file."""
     text = plain_text(data).lstrip()
     header = _HEADER.match(text)
     if not header:
+        _check_kind(text)
         raise ValueError("it does not begin with OFF and the numbers of vertices and faces")
     n_vertices = int(header[2])
     n_faces = int(header[3])
@@ -46,8 +51,25 @@ def read(data: bytes, _: Path) -> Arrays:
             f"{n_vertices} vertices and {n_faces} faces announced, but {len(lines)} lines follow"
         )
     width = _numbers_of_a_vertex(header[1] or b"")
+    _check_colours(lines[:n_vertices], width)
     vertices = parse_table(lines[:n_vertices], (width, width + 3, width + 4))
     return vertices, *_counted_polygons(lines[n_vertices:])
+
+
+def _check_kind(text: bytes) -> None:
+    """Raise ``UnreadableMesh`` if it is a kind of OFF that is not read."""
+    first = text[:100].split()
+    if _OTHER_DIMENSION.fullmatch(first[0] if first else b""):
+        raise UnreadableMesh("n-dimensional OFF is not read", "export three coordinates a vertex")
+    if first[1:2] == [b"BINARY"]:
+        raise UnreadableMesh("binary OFF is not read", "export it as text, or as .ply")
+
+
+def _check_colours(lines: Sequence[bytes], width: int) -> None:
+    """Raise ``UnreadableMesh`` if each vertex has one number more than it should."""
+    if lines and {len(line.split()) for line in lines} == {width + 1}:
+        problem = "each vertex has one number behind its coordinates, such as a packed colour"
+        raise UnreadableMesh(problem, "export it without colours")
 
 
 def _numbers_of_a_vertex(prefix: bytes) -> int:

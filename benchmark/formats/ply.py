@@ -73,7 +73,7 @@ def read(data: bytes, _: Path) -> Arrays:
     header, body = _split_header(data)
     elements, is_text = _elements(header)
     names = [element.name for element in elements]
-    is_known = {"vertex", "face"} <= {*names} and "tristrips" not in names
+    is_known = "vertex" in names and "tristrips" not in names
     if not is_known or len(names) > len({*names}):
         raise ValueError(
             f"it has the elements {', '.join(names) or 'none'}, not vertex and face alone"
@@ -88,6 +88,8 @@ def read(data: bytes, _: Path) -> Arrays:
     vertices = np.concatenate(
         [np.stack([run[axis] for axis in "xyz"], axis=1) for run in runs["vertex"]]
     )
+    if "face" not in names:  # points
+        return vertices.astype(np.float64), np.empty(0, dtype=np.int64)
     faces = runs["face"]
     names_of_face = faces[0].dtype.names or ()
     corners = "vertex_index" if "vertex_index" in names_of_face else "vertex_indices"
@@ -198,6 +200,8 @@ def _row_at(
         lengths[name] = 0
         if count and at < len(data):
             begun = np.frombuffer(data, layout, 1, at)
+            if not float(begun[name][0]).is_integer():
+                raise ValueError("its rows are not those that its header announces")
             lengths[name] = int(whole_numbers(begun[name])[0])
         layout.append((field.name, field.type, (lengths[name],)))
     return np.dtype(layout), lengths

@@ -43,7 +43,8 @@ def split_polygons(vertices: Points, corners: IntArray, sizes: IntArray) -> IntA
     """Split polygons, one after the other, into fans around the first corner that sees all others."""
     if (too_few := np.flatnonzero(sizes < 3)).size:
         size = counted(int(sizes[too_few[0]]), "corner")
-        raise ValueError(f"face {too_few[0] + 1} of {len(sizes)} has {size}")
+        problem = f"face {too_few[0] + 1} of {len(sizes)} has {size}"
+        raise InvalidMesh(problem, "drop faces of fewer than three corners")
     starts = np.cumsum(sizes) - sizes
     centres = _fan_centres(vertices, corners, starts, sizes)
     if (blind := np.flatnonzero(centres < 0)).size:

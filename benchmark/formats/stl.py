@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmark.errors import UnreadableMesh
 from benchmark.formats.ascii import is_padding, parse_numbers, plain_text
 from benchmark.formats.base import Arrays, Format
 from benchmark.geometry.cleaning import merge_duplicates
@@ -54,6 +55,10 @@ def _ascii_corners(data: bytes) -> FloatArray:
         raise ValueError("it does not end with 'endsolid'")
     text = plain_text(data).partition(b"\n")[2].lower()
     found = _CORNER_OR_END.findall(text)
+    if not found and b"endfacet" in data.lower():
+        raise UnreadableMesh(
+            "its line breaks are missing", "write each facet, loop and vertex on its own line"
+        )
     ends = np.flatnonzero([not corner for corner in found])
     n_corners = np.diff(ends, prepend=-1) - 1
     if (wrong := np.flatnonzero(n_corners != 3)).size:

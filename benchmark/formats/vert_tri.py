@@ -9,7 +9,13 @@ from pathlib import Path
 
 from benchmark.errors import UnreadableMesh
 from benchmark.files import named_errors
-from benchmark.formats.ascii import filled_lines, parse_table, plain_text, whole_numbers
+from benchmark.formats.ascii import (
+    check_end,
+    filled_lines,
+    parse_table,
+    plain_text,
+    whole_numbers,
+)
 from benchmark.formats.base import Arrays, Format
 from benchmark.formats.reading import load
 
@@ -19,7 +25,9 @@ def read(data: bytes, path: Path) -> Arrays:
     vertices = parse_table(filled_lines(plain_text(data)))
     companion = triangle_file(path)
     with named_errors(companion, "tri file", UnreadableMesh, "fetch it again"):
-        faces = parse_table(filled_lines(plain_text(load(companion))))
+        triangles = load(companion)
+        faces = parse_table(filled_lines(plain_text(triangles)))
+        check_end(triangles, whole_numbers(faces), len(vertices))
     first, last = int(faces.min()), int(faces.max())
     if first > 0 and last < len(vertices):
         problem = f"triangles name vertices {first} to {last} of {len(vertices)}, so they may count from 0 or from 1"
