@@ -66,6 +66,11 @@ def load_module(target: str) -> ModuleType:
             hint = (
                 f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
             )
+        if "relative import" in str(error):
+            hint = (
+                "a plugin is one file and no part of a package: write 'from core import X' for "
+                "'from .core import X', with core.py beside the file"
+            )
         raise ConfigurationError(
             f"{path or name} cannot be imported: {locate(error)}", hint
         ) from error

@@ -152,3 +152,11 @@ def test_a_package_of_another_folder_than_pythons_is_no_code_of_the_user(tmp_pat
     subprocess.run(
         [sys.executable, "-c", program], env={**os.environ, "PYTHONPATH": found}, check=True
     )
+
+
+def test_a_relative_import_says_what_to_write(tmp_path):
+    (tmp_path / "core.py").write_text("X = 1\n")
+    for line in ("from .core import X", "from . import core", "from ..pack import X"):
+        (tmp_path / "plug.py").write_text(f"{line}\n")
+        with pytest.raises(ConfigurationError, match="write 'from core import X'"):
+            load_module(str(tmp_path / "plug.py"))
