@@ -16,6 +16,7 @@ _OFFERED = {
     "retrieve": "benchmark.commands.retrieve",
     "run": "benchmark.commands.run",
     "score": "benchmark.commands.score",
+    "side_by_side": "benchmark.commands.form",
     "tables": "benchmark.commands.tables",
 }
 

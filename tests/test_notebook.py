@@ -48,6 +48,7 @@ def test_dir_lists_what_there_is():
         "retrieve",
         "run",
         "score",
+        "side_by_side",
         "tables",
     ]
     with pytest.raises(AttributeError, match="module 'benchmark' has no attribute 'rum'"):

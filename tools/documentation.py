@@ -56,7 +56,15 @@ BESIDE = (
 #: scorers.
 DOCUMENTED = (
     "benchmark/api/*.py",
+    "benchmark/commands/canonicalise.py",
+    "benchmark/commands/compare.py",
+    "benchmark/commands/form.py",
+    "benchmark/commands/merge.py",
+    "benchmark/commands/plan.py",
+    "benchmark/commands/retrieve.py",
     "benchmark/commands/run.py",
+    "benchmark/commands/score.py",
+    "benchmark/commands/tables.py",
     "benchmark/report/results.py",
     "baselines/*.py",
     "retrieval/*.py",

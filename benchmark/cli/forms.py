@@ -18,8 +18,9 @@ from benchmark.commands.canonicalise import (
     is_mesh_file,
     trained_on_people,
 )
+from benchmark.commands.form import check_writable
 from benchmark.commands.retrieve import retrieve as matches_of
-from benchmark.datasets.mesh_files import WRITABLE, read_mesh, write_mesh
+from benchmark.datasets.mesh_files import read_mesh
 from benchmark.depth.frame import FrameFiles
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
@@ -49,11 +50,11 @@ def canonicalise(paths: Sequence[Path], method: str, options: Selection, output:
     if output.exists() and output.samefile(source):
         raise ConfigurationError(f"{output} is the mesh itself", "name another file with -o")
     form = form_of_file(source, method, plugins=options.plugins, seed=options.seed)
-    write_mesh(output, form.mesh)
+    told = form.write(output)
     if options.picture is not None:
         _draw_mesh(source, form, options.picture)
-    facts = facts_of(form.notes)
-    if form.vertex_map is not None:
+    facts = [*facts_of(form.notes), *told]
+    if form.vertex_map is not None and output.suffix.lower() != ".stl":
         numbers = output.with_suffix(".vertices.txt")
         write_text(numbers, "".join(f"{number}\n" for number in form.vertex_map))
         facts.append(f"the nearest of the file, counted from 0, in {numbers}")
@@ -70,10 +71,7 @@ def _camera(options: Selection) -> CameraSettings:
 def _check_targets(path: Path, picture: Path | None) -> None:
     """Raise ``ConfigurationError`` if a form or its picture cannot be written to a file of this name."""
     check_ending(picture)
-    if path.suffix.lower() not in WRITABLE:
-        raise ConfigurationError(
-            f"{path} is not the name of a mesh file", f"use {', '.join(WRITABLE)}"
-        )
+    check_writable(path)
 
 
 def _draw_mesh(source: Path, form: CanonicalForm, picture: Path) -> None:
@@ -109,10 +107,10 @@ def _canonicalise_frames(
             failures += 1
             say(f"{count}{of_frame.frame.image}: {of_frame.error}")
             continue
-        write_mesh(target, of_frame.form.mesh)
+        told_of_file = of_frame.form.write(target)
         if picture:
             _draw_frame(of_frame, picture)
-        facts = facts_of(of_frame.form.notes)
+        facts = [*facts_of(of_frame.form.notes), *told_of_file]
         shown = facts if is_single else [fact for fact in facts if fact.startswith("doubt")]
         n_vertices = len(of_frame.form.vertices)
         told = f"{count}{target}: {n_vertices} vertices, {of_frame.seconds:.2f} s"

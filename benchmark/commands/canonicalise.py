@@ -10,7 +10,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from benchmark.api.contracts import CanonicalForm
+from benchmark.commands.form import Form
 from benchmark.commands.forms import (
     form_maker,
     form_of_object,
@@ -18,6 +18,7 @@ from benchmark.commands.forms import (
     form_with_notes,
     method_of_depth,
 )
+from benchmark.commands.meshes import as_mesh
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.frames import frame_settings
 from benchmark.datasets.mesh_files import read_surface
@@ -26,7 +27,6 @@ from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
 from benchmark.errors import ConfigurationError, ShapeError
 from benchmark.geometry.camera import FRONT
-from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.views import fit_frame, prepare_view
 from benchmark.protocols.models import people_training
@@ -34,21 +34,22 @@ from benchmark.registry import Component, select, select_one
 
 
 def canonicalise(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: Any,
+    faces: ArrayLike | None = None,
     method: Any = "gps",
     *,
     n_vertices: int = 2000,
     seed: int = 0,
-) -> CanonicalForm:
+) -> Form:
     """Return the canonical form of a surface, prepared as in a run: cleaned, in one piece, decimated, of unit area.
 
     Parameters
     ----------
     vertices
-        Coordinates, shape (n, 3).
+        Coordinates, shape (n, 3); or a whole mesh: a ``trimesh.Trimesh``, an Open3D
+        ``TriangleMesh``, a ``pymeshlab.Mesh``, a pair of arrays, or the path of a file.
     faces
-        Vertex indices of the triangles, shape (m, 3).
+        Vertex indices of the triangles, shape (m, 3), if the mesh is given by its vertices.
     method
         A name, an object, a class, or a function from a shape to positions.
     n_vertices
@@ -58,22 +59,27 @@ def canonicalise(
 
     Returns
     -------
-    CanonicalForm
+    Form
         In units of the root of the area. It has the given vertices in their order, unless some were
         removed; then those of the prepared surface, and ``vertex_map``, shape (n,), names the
         nearest given vertex to each. Without a map, forms of other triangles than ``faces`` have
-        vertices of their own.
+        vertices of their own. A notebook shows it in 3D, ``to_trimesh`` and ``write`` hand it on.
 
     Raises
     ------
     ShapeError
-        If the surface cannot be prepared, or the method refuses it.
+        If the surface cannot be read or prepared, or the method refuses it.
     ConfigurationError
         If there is no such method, or it computes no forms.
     """
+    if isinstance(faces, str) or callable(faces):
+        raise ConfigurationError(
+            "the faces of a mesh are no method", "name the method: method='gps'"
+        )
     maker = form_maker(select([method])[0])
-    mesh = Mesh(vertices, faces)  # type: ignore[arg-type]
-    return form_of_surface(maker, mesh, n_vertices=n_vertices, seed=seed)
+    mesh = as_mesh(vertices, faces)
+    name = Path(vertices).stem if isinstance(vertices, str | Path) else "shape"
+    return form_of_surface(maker, mesh, name, n_vertices=n_vertices, seed=seed)
 
 
 def trained_on_people(component: Component) -> str:
@@ -87,9 +93,7 @@ def trained_on_people(component: Component) -> str:
 # ------------------------------------------------------------------------------------------------
 
 
-def form_of_file(
-    source: Path, method: str, *, plugins: Iterable[Path] = (), seed: int = 0
-) -> CanonicalForm:
+def form_of_file(source: Path, method: str, *, plugins: Iterable[Path] = (), seed: int = 0) -> Form:
     """Prepare a mesh as in the benchmark and return its form.
 
     A method that accepts only views gets the view of a camera in front of the mesh (z up, facing
@@ -177,7 +181,7 @@ class FormOfFrame:
 
     frame: FrameFiles
     observed: ObservedObject | None
-    form: CanonicalForm | None
+    form: Form | None
     error: ShapeError | None
     seconds: float
 
@@ -230,7 +234,7 @@ def forms_of_frames(
     for frame in frames:
         start = time.perf_counter()
         observed: ObservedObject | None = None
-        form: CanonicalForm | None = None
+        form: Form | None = None
         refused: ShapeError | None = None
         try:
             observed = frame.observe()

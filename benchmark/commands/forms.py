@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from benchmark.api.contracts import CanonicalForm, Method, Shape
+from benchmark.api.contracts import Method, Shape
 from benchmark.api.learning import MeasuresFit
+from benchmark.commands.form import Form
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, observe, scale_of
 from benchmark.depth.intrinsics import Intrinsics, camera_of
 from benchmark.depth.reading import in_metres
@@ -41,7 +42,7 @@ def canonical_form_of_depth(
     up: Up | None = None,
     half_width: float = HALF_WIDTH,
     seed: int = 0,
-) -> CanonicalForm:
+) -> Form:
     """Return the canonical form of the object in a depth image; the model is loaded once and cached.
 
     Parameters
@@ -69,7 +70,7 @@ def canonical_form_of_depth(
 
     Returns
     -------
-    CanonicalForm
+    Form
         ``vertices``, shape (n, 3), with unit area for learned methods; ``faces``, shape (m, 3);
         ``notes``: how the object was segmented, and the notes of the method.
 
@@ -120,7 +121,7 @@ def form_of_object(
     *,
     half_width: float = HALF_WIDTH,
     seed: int = 0,
-) -> CanonicalForm:
+) -> Form:
     """Return the canonical form of a segmented object.
 
     Parameters
@@ -163,7 +164,7 @@ def small_for_person(shape: Shape, model: object) -> str:
 
 def form_of_surface(
     maker: Method, mesh: Mesh, name: str = "shape", *, n_vertices: int = N_VERTICES, seed: int = 0
-) -> CanonicalForm:
+) -> Form:
     """Return the form of a surface, prepared as in a run.
 
     Where each vertex of the surface has one in the prepared surface, the form has those of the
@@ -178,22 +179,26 @@ def form_of_surface(
     numbers = prepared.numbers_of(mesh)
     if numbers is None:
         return replace(form, vertex_map=prepared.vertex_map(mesh))
-    return CanonicalForm(form.vertices[numbers], mesh.faces, form.notes)
+    return replace(form, vertices=form.vertices[numbers], faces=mesh.faces, body=mesh)
 
 
-def form_with_notes(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> CanonicalForm:
+def form_with_notes(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> Form:
     """Return the form of a shape with the given notes, and those of the method."""
     form = compute_form(maker, shape)
     notes = {
         name: str(note) if isinstance(note, str) else float(note)
         for name, note in form.notes.items()
     }
-    return CanonicalForm(
-        form.vertices, form.faces, {**first, **notes, **_measured_fit(maker, shape)}
+    return Form(
+        form.vertices,
+        form.faces,
+        {**first, **notes, **measured_fit(maker, shape)},
+        body=shape.mesh if np.array_equal(form.faces, shape.mesh.faces) else None,
+        title=f"{shape.identifier}, {maker.info.title}",
     )
 
 
-def _measured_fit(maker: Method, shape: Shape) -> Mapping[str, float | str]:
+def measured_fit(maker: object, shape: Shape) -> dict[str, float | str]:
     """Return the notes of a learner that measures its fit apart, as learners did before forms had these notes."""
     if not isinstance(maker, MeasuresFit):
         return {}
@@ -202,4 +207,4 @@ def _measured_fit(maker: Method, shape: Shape) -> Mapping[str, float | str]:
         DeprecationWarning,
         stacklevel=2,
     )
-    return maker.measure_fit(shape)
+    return dict(maker.measure_fit(shape))

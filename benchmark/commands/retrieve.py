@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 from benchmark.api.contracts import Input, Shape
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.commands.canonicalise import CameraSettings
-from benchmark.commands.forms import small_for_person
+from benchmark.commands.forms import measured_fit, small_for_person
+from benchmark.commands.meshes import as_mesh
 from benchmark.commands.plan import plan
 from benchmark.commands.selection import RESULTS, data_folder
 from benchmark.datasets.catalogue import open_dataset
@@ -22,6 +23,7 @@ from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT, Camera
+from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Arrays, Cache
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.prepared import PreparedShapes, frame_of
@@ -131,7 +133,7 @@ class Matches:
 
 
 def retrieve(
-    query: str | Path,
+    query: Any,
     data: str | Path,
     method: str,
     *,
@@ -152,7 +154,7 @@ def retrieve(
     Parameters
     ----------
     query
-        File of a mesh or a depth image.
+        File of a mesh or a depth image; or a mesh as :func:`benchmark.canonicalise` takes it.
     data
         Name or folder of the gallery, which a run has ranked by this method and scorer.
     method
@@ -183,7 +185,8 @@ def retrieve(
         If the query cannot be read or prepared, or the method refuses it.
     """
     start = time.perf_counter()
-    path = Path(query)
+    path = Path(query) if isinstance(query, str | Path) else None
+    name = str(query) if path else "the query"
     files = [Path(plugin) for plugin in plugins]
     camera = CameraSettings(
         intrinsics=intrinsics, mask=Path(mask) if mask else None, depth_scale=depth_scale
@@ -193,7 +196,9 @@ def retrieve(
     root = data_folder(data_root)
     shapes = open_dataset(str(data), root)
     wanted: Input | None = "view" if gallery_views else input
-    input_, of_gallery = _inputs(path, shapes, component, wanted)
+    is_depth = path is not None and path.suffix.lower() in EXTENSIONS
+    is_view = is_depth or "mesh" not in shapes.inputs or wanted == "view"
+    input_, of_gallery = _inputs(name, component, wanted, is_view=is_view)
     planned = plan(
         data,
         component.name,
@@ -207,21 +212,27 @@ def retrieve(
     )
     which = f"--gallery-views {gallery_views}" if gallery_views else f"--input {of_gallery}"
     job = _finished(planned.jobs, str(data), shapes, component, which, of_gallery)
-    itself = [entry for entry in shapes.shapes if _is_file(entry, path)]
+    itself = [entry for entry in shapes.shapes if path and _is_file(entry, path)]
     without = [entry.identifier for entry in itself]
     prepared = _Prepared(Path(results), PreparedShapes(shapes, input_), camera)
     known = itself[0] if itself else None
-    arrays = prepared.of_entry(known, path) if known else prepared.of_file(path)
-    shape = shape_of(arrays, path.stem, seed)
+    if path is None:
+        arrays = prepared.of_mesh(as_mesh(query))
+    elif known:
+        arrays = prepared.of_entry(known, path)
+    else:
+        arrays = prepared.of_file(path)
+    shape = shape_of(arrays, path.stem if path else "query", seed)
     maker = _with_model(component, job, without)
     gallery = (job.before or job.record).sides[-1]
     found = search(Path(results), gallery, shape, maker, scoring, without)
-    of_person = small_for_person(shape, maker) if is_depth_file(path) else ""
-    doubts = [str(doubt) for doubt in (of_person, found.notes.get("doubt")) if doubt]
+    of_person = small_for_person(shape, maker) if path and is_depth_file(path) else ""
+    fit = {**found.notes, **measured_fit(maker, shape)}
+    doubts = [str(doubt) for doubt in (of_person, fit.get("doubt")) if doubt]
     view = UPRIGHT if input_ == "view" else shapes.camera(known) if known else FRONT
     return Matches(
         shape,
-        str(query),
+        name,
         found,
         count,
         gallery,
@@ -252,7 +263,10 @@ class _Prepared:
         """Return a mesh or depth image, in the frame of the gallery."""
         if path.suffix.lower() in EXTENSIONS:
             return self._of_depth_image(path, of_gallery=of_gallery)
-        mesh = read_surface(path)
+        return self.of_mesh(read_surface(path))
+
+    def of_mesh(self, mesh: Mesh) -> Arrays:
+        """Return a mesh, or its view from the front in the frame of the gallery."""
         if self.shapes.input == "mesh":
             return prepare_mesh(mesh)
         return prepare_view(mesh, FRONT, self._half_width())
@@ -318,10 +332,9 @@ def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> An
 
 
 def _inputs(
-    query: Path, shapes: ShapeSet, component: Component, wanted: Input | None
+    query: str, component: Component, wanted: Input | None, *, is_view: bool
 ) -> tuple[Input, Input]:
     """Return the inputs of query and gallery: views if either is a depth image, or the method's only input."""
-    is_view = query.suffix.lower() in EXTENSIONS or "mesh" not in shapes.inputs or wanted == "view"
     input_: Input = "view" if is_view or "mesh" not in component.info.inputs else "mesh"
     for each in (input_, wanted or input_):
         if each not in component.info.inputs:

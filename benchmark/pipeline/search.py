@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -40,7 +41,7 @@ class SearchResult(NamedTuple):
     hits: list[Hit]
     form: Mesh | None
     margins: NDArray[np.float64]
-    notes: Mapping[str, float | str] = {}
+    notes: Mapping[str, float | str] = MappingProxyType({})
 
     @property
     def margin(self) -> float:

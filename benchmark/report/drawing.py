@@ -55,6 +55,14 @@ def outwardness(mesh: Mesh) -> NDArray[np.float64]:
     )  # most of a body is trunk, which would have a single colour without this step
 
 
+def colours_of(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """Return the colours of values from 0 to 1, red, green, blue and opacity, shape (n, 4)."""
+    places = np.linspace(0, 1, len(_RAMP))
+    channels = [np.interp(values, places, channel) for channel in _RAMP.T]
+    opaque = np.ones(len(values))
+    return np.round(255 * np.stack([*channels, opaque], axis=-1)).astype(np.uint8)
+
+
 def shaded(
     mesh: Mesh,
     camera: Camera,

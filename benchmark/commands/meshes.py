@@ -1,0 +1,69 @@
+"""Meshes as other libraries hold them: trimesh, Open3D, PyMeshLab, arrays, and files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmark.datasets.mesh_files import read_surface
+from benchmark.errors import InvalidMesh
+from benchmark.geometry.mesh import Mesh
+
+#: What is taken as a mesh, in words.
+TAKEN = (
+    "a trimesh.Trimesh, an Open3D TriangleMesh, a pymeshlab.Mesh, a pair of arrays (vertices, faces), "
+    "or the path of a mesh file"
+)
+
+
+def as_mesh(given: Any, faces: Any = None) -> Mesh:
+    """Return a mesh that another library holds, or that is in a file; vertices keep their order.
+
+    Parameters
+    ----------
+    given
+        A ``trimesh.Trimesh``, an Open3D ``TriangleMesh`` (legacy or tensor), a ``pymeshlab.Mesh``, a
+        pair of arrays, the path of a file, or coordinates of vertices, shape (n, 3).
+    faces
+        Vertex indices of the triangles, shape (m, 3), if the vertices alone are given.
+
+    Raises
+    ------
+    InvalidMesh
+        If it is none of these, or no valid mesh.
+    UnreadableMesh
+        If a file cannot be read.
+    """
+    if faces is not None:
+        return Mesh(_array(given), _array(faces))
+    if isinstance(given, Mesh):
+        return given
+    if isinstance(given, str | Path):
+        return read_surface(Path(given))
+    if isinstance(given, tuple | list) and len(given) == 2:
+        return Mesh(_array(given[0]), _array(given[1]))
+    vertices, triangles = _held(given)
+    if vertices is None or triangles is None:
+        problem = f"a {type(given).__module__}.{type(given).__name__} is no triangle mesh"
+        raise InvalidMesh(problem, f"pass {TAKEN}")
+    return Mesh(_array(vertices), _array(triangles))
+
+
+def _held(given: Any) -> tuple[Any, Any]:
+    """Return the vertices and the triangles that an object of another library holds; None for what it lacks."""
+    if hasattr(given, "to_legacy"):  # tensors of Open3D
+        given = given.to_legacy()
+    if hasattr(given, "vertex_matrix"):  # PyMeshLab
+        return given.vertex_matrix(), given.face_matrix()
+    vertices = getattr(given, "vertices", None)
+    if vertices is None:
+        return None, None
+    faces = getattr(given, "faces", None)  # trimesh; its triangles are corners
+    return vertices, getattr(given, "triangles", None) if faces is None else faces
+
+
+def _array(values: Any) -> Any:
+    """Return values as an array; integers of any width name vertices."""
+    return np.asarray(values)
