@@ -29,6 +29,21 @@ from benchmark.text import NAME
 
 _QUOTES = "'\""
 
+#: Types of parameters in words, by the names that messages of msgspec give them.
+_KINDS = {
+    "int": "a whole number",
+    "float": "a number",
+    "bool": "true or false",
+    "str": "text",
+    "array": "a list in parentheses",
+    "int | null": "a whole number, or none",
+    "float | null": "a number, or none",
+    "str | null": "text, or none",
+}
+
+#: Bounds of numbers in words.
+_BOUNDS = {">=": "of at least", "<=": "of at most", ">": "above", "<": "below"}
+
 
 def Interval(  # noqa: N802  # it stands in types
     low: float = -math.inf,
@@ -119,11 +134,21 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
                     f"{name} of {owner}", value, map(format_value, arguments)
                 ) from None
             words = [of.description for of in arguments if isinstance(of, Meta) and of.description]
-            expected = words[0] if words else re.sub("^Expected |, got .*", "", str(error))
+            expected = words[0] if words else _in_words(str(error))
             raise ConfigurationError(
                 f"'{value}' does not fit {name} of {owner}", f"write {expected}"
             ) from None
     return values
+
+
+def _in_words(message: str) -> str:
+    """Return what a message of msgspec expects, in words: ``a number of at least 0``."""
+    expected = re.sub("^Expected |, got .*| - at .*", "", message)
+    for kind, words in _KINDS.items():
+        expected = expected.replace(f"`{kind}`", words)
+    for sign, words in _BOUNDS.items():
+        expected = re.sub(rf" {sign} (-?[\d.]+?)(?:\.0)?$", rf" {words} \1", expected)
+    return expected
 
 
 def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[str, Any]:

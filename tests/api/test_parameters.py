@@ -59,14 +59,27 @@ def read(name: str, value: Any) -> Any:
 
 
 READ = [
-    ("whole", "-7", -7), ("whole", " 2.0 ", 2), ("whole", "1e3", 1000), ("whole", 3.0, 3), ("whole", np.int64(3), 3),
+    ("whole", "-7", -7),
+    ("whole", " 2.0 ", 2),
+    ("whole", "1e3", 1000),
+    ("whole", 3.0, 3),
+    ("whole", np.int64(3), 3),
     ("whole", str(2**70), 2**70), ("number", "2", 2.0), ("number", 2, 2.0), ("number", "-0", 0.0),
-    ("number", ".5", 0.5), ("number", "+7", 7.0), ("number", np.float32(0.25), 0.25), ("flag", "True", True),
+    ("number", ".5", 0.5),
+    ("number", "+7", 7.0),
+    ("number", np.float32(0.25), 0.25),
+    ("flag", "True", True),
     ("flag", "false", False),
     ("flag", True, True), ("text", "a=b", "a=b"), ("optional", "3", 3), ("optional", "None", None),
-    ("optional", None, None), ("either", 3, 3), ("either", "three", "three"), ("choice", "classic", "classic"),
+    ("optional", None, None),
+    ("either", 3, 3),
+    ("either", "three", "three"),
+    ("choice", "classic", "classic"),
     ("level", "2", 2), ("level", 2, 2), ("pair", "(1,2)", (1.0, 2.0)), ("pair", [1, 2], (1.0, 2.0)),
-    ("levels", "12", (12,)), ("levels", "(1, 2, 3)", (1, 2, 3)), ("levels", "(1,)", (1,)), ("levels", "()", ()),
+    ("levels", "12", (12,)),
+    ("levels", "(1, 2, 3)", (1, 2, 3)),
+    ("levels", "(1,)", (1,)),
+    ("levels", "()", ()),
     ("path", "b", Path("b")), ("share", "0.25", 0.25), ("half_open", "0", 0.0), ("most", "3", 3.0),
     ("name", "abc", "abc"), ("some", "none", None), ("some", "5", 5), ("parts", "(1,2)", (1, 2)),
 ]  # fmt: skip
@@ -81,25 +94,39 @@ def test_a_value_is_read_as_its_type_wants_it(name: str, text: Any, value: Any) 
 
 
 REFUSED = [
-    ("whole", "many", "'many' does not fit whole of Sample; write `int`"),
-    ("whole", "2.5", "write `int`"), ("whole", "inf", "write `int`"), ("whole", True, "'True' does not fit whole"),
-    ("whole", "", "'' does not fit whole of Sample; write `int`"), ("whole", None, "write `int`"),
+    ("whole", "many", "'many' does not fit whole of Sample; write a whole number"),
+    ("whole", "2.5", "write a whole number"),
+    ("whole", "inf", "write a whole number"),
+    ("whole", True, "'True' does not fit whole"),
+    ("whole", "", "'' does not fit whole of Sample; write a whole number"),
+    ("whole", None, "write a whole number"),
     ("number", "nan", "'nan' does not fit number of Sample; write a finite number"),
-    ("number", math.nan, "a finite number"), ("number", "inf", "a finite number"), ("flag", "yes", "write `bool`"),
-    ("text", 3, "write `str`"), ("text", "a\0", "write printable text"), ("optional", "x", "write `int | null`"),
+    ("number", math.nan, "a finite number"),
+    ("number", "inf", "a finite number"),
+    ("flag", "yes", "write true or false"),
+    ("text", 3, "write text"),
+    ("text", "a\0", "write printable text"),
+    ("optional", "x", "write a whole number, or none"),
     ("choice", "clasic", "unknown choice of Sample 'clasic'; did you mean classic?"),
     ("choice", "zzz", "unknown choice of Sample 'zzz'; choose one of classic, mesh"),
-    ("choice", 3, "'3' does not fit choice of Sample; write `str`"),
+    ("choice", 3, "'3' does not fit choice of Sample; write text"),
     ("level", "3", "unknown level of Sample '3'; choose one of 1, 2"),
-    ("pair", "(1,2,3)", "write `array` of length 2"), ("pair", 3, "write `array`"), ("pair", "(1,2", "parenthesis"),
-    ("pair", "(1,nan)", "a finite number"), ("levels", "(1,2.5)", "write `int`"), ("made", "12", "write `array`"),
-    ("least", "0", "'0' does not fit least of Sample; write `int` >= 1"), ("least", np.int64(0), "write `int` >= 1"),
-    ("share", "0", "write `float` > 0.0"), ("share", "1", "write `float` < 1.0"),
-    ("half_open", "1", "write `float` < 1.0"), ("half_open", "-.1", "write `float` >= 0.0"),
-    ("most", "3.1", "write `float` <= 3.0"), ("most", "-inf", "write a finite number"),
+    ("pair", "(1,2,3)", "write a list in parentheses of length 2"),
+    ("pair", 3, "write a list in parentheses"),
+    ("pair", "(1,2", "parenthesis"),
+    ("pair", "(1,nan)", "a finite number"),
+    ("levels", "(1,2.5)", "write a whole number"),
+    ("made", "12", "write a list in parentheses"),
+    ("least", "0", "'0' does not fit least of Sample; write a whole number of at least 1"),
+    ("least", np.int64(0), "write a whole number of at least 1"),
+    ("share", "0", "write a number above 0"), ("share", "1", "write a number below 1"),
+    ("half_open", "1", "write a number below 1"),
+    ("half_open", "-.1", "write a number of at least 0"),
+    ("most", "3.1", "write a number of at most 3"), ("most", "-inf", "write a finite number"),
     ("name", "A", "'A' does not fit name of Sample; write lower-case letters"),
-    ("name", "a\n", "does not fit name of Sample"), ("some", "0", "write `int` >= 1"),
-    ("parts", "(1,0)", "write `int` >= 1"),
+    ("name", "a\n", "does not fit name of Sample"),
+    ("some", "0", "write a whole number of at least 1"),
+    ("parts", "(1,0)", "write a whole number of at least 1"),
     ("wole", "1", "unknown parameter of Sample 'wole'; did you mean whole"),
 ]  # fmt: skip
 
@@ -125,7 +152,8 @@ def test_a_class_may_check_itself() -> None:
     assert Guarded() == Guarded(least=1)
     assert Guarded(least="2").least == 2  # type: ignore[arg-type]
     with pytest.raises(
-        ConfigurationError, match="'0' does not fit least of Guarded; write `int` >= 1"
+        ConfigurationError,
+        match="'0' does not fit least of Guarded; write a whole number of at least 1",
     ):
         replace(Guarded(), least=0)
     assert parameter_values(Guarded()) == {"least": 1}
