@@ -41,7 +41,11 @@ CITED = {
 }
 
 #: Names that have brackets, in the sentences below.
-SHORT = {AS_PRINTED: "printed", "learned-wide-extra[training=animals-sampled]": "animals"}
+SHORT = {
+    AS_PRINTED: "printed",
+    "learned-wide-extra[training=animals-sampled]": "animals",
+    "learned[configuration=as_printed,training=animals-III]": "printed animals",
+}
 
 
 def sentences_of(name):
