@@ -57,7 +57,9 @@ def test_a_path_is_a_mesh_and_names_its_form(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "given", [trimesh.PointCloud(ROD.vertices), trimesh.Scene(), object(), {}, 3], ids=str
+    "given",
+    [trimesh.PointCloud(ROD.vertices), trimesh.Scene(), object(), {}, 3],
+    ids=lambda given: type(given).__name__,
 )
 def test_what_is_no_triangle_mesh_is_named_with_what_is_taken(given):
     with pytest.raises(InvalidMesh, match=r"no triangle mesh; pass a trimesh\.Trimesh, an Open3D"):
