@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.datasets.base import natural_key
-from benchmark.datasets.folder import class_list, folder_set, read_cla
 from benchmark.datasets.labels import classes_of, names_of, read_labels
 from benchmark.delimited import (
     Rows,
@@ -69,6 +67,8 @@ def _read_labels(path: Path) -> tuple[Labels, Orders]:
     if path.is_dir():
         return _folder_labels(path)
     if path.suffix.lower() == ".cla":
+        from benchmark.datasets.folder import read_cla  # lazy: most labels are in no folder
+
         classes = {str(number): label for number, label in read_cla(path).items()}
         return classes, {"list": list(classes), "number": sorted(classes, key=int)}
     labels = read_labels(path)
@@ -77,11 +77,16 @@ def _read_labels(path: Path) -> tuple[Labels, Orders]:
 
 def _orders_of_numbers(names: Iterable[str]) -> Orders:
     """Return the orders of names that are the numbers of rows; none for other names, whose order is that of rows."""
+    from benchmark.datasets.base import natural_key  # lazy, as above
+
     numbers = sorted(names, key=natural_key)
     return {"list": [*names], "number": numbers} if are_row_numbers(numbers) else {}
 
 
 def _folder_labels(folder: Path) -> tuple[dict[str, str], Orders]:
+    from benchmark.datasets.base import natural_key
+    from benchmark.datasets.folder import class_list, folder_set, read_cla
+
     shapes = folder_set(folder).shapes
     labels = {entry.identifier: entry.subject for entry in shapes}
     listing = [
