@@ -19,6 +19,7 @@ from safetensors.torch import save
 
 from benchmark.api.learning import CARD, WEIGHTS, TrainingPair, digest_of
 from benchmark.errors import ConfigurationError, TrainingError
+from benchmark.machine import describe_machine
 from learned.fitting import train
 from learned.images import resampled
 from learned.models import HISTORY, load, predict
@@ -64,6 +65,10 @@ def test_the_folder_of_a_model_tells_what_was_trained(trained: Path) -> None:
         rows = list(csv.DictReader(file))
     assert [float(row["epoch"]) for row in rows] == list(range(1, 31))
     assert float(rows[-1]["mask loss"]) < 0.3 * float(rows[0]["mask loss"])
+    assert (card["seed"], card["extra_data"]) == (0, False)
+    assert card["depth_scale"] == {"mean": 0.5, "factor": 1.0}
+    assert card["machine"] == describe_machine() and card["core_seconds"] >= 1
+    assert "commit" in card and len(card["data_digest"]) == 64
     assert card["training_measures"]["mask overlap"] > 0.8
     assert 0 < card["validation_measures"]["mask overlap"] <= 1
 
