@@ -17,6 +17,7 @@ from benchmark.depth.filling import WIDEST, filled, in_gaps_of_mask
 from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_intrinsics
 from benchmark.depth.neighbours import (
     AVERAGED,
+    MOST_DEAD,
     MOST_FLYING,
     dead_lines,
     jump,
@@ -139,6 +140,8 @@ def observe(
     distance = float(np.median(depths[kept]))
     widest = int(WIDEST * max(intrinsics.fx, intrinsics.fy) / distance)
     dead = dead_rows[:, None] | dead_columns
+    if dead.mean() > MOST_DEAD:  # of a registered image, what lies between readings may be anything
+        dead[:] = False
     completed = filled(depths, kept, dropped & ~kept, whole, dead, widest)
     direction, up_source = _up(planes, up)
     surface = object_surface(completed, rays, completed > 0, upright(direction), half_width)

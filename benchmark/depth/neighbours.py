@@ -49,6 +49,9 @@ AVERAGED = (
 MEASURED = 0.5
 """Minimum share of pixels with a reading in an image whose background is not cut away."""
 
+MOST_DEAD = 0.25
+"""Maximum share of an image in dead lines, which a camera fails to read."""
+
 RIGHT, DOWN = (0, 1), (1, 0)
 DIRECTIONS = (RIGHT, DOWN, (1, 1), (1, -1))
 """Directions in which each pair of the eight neighbours is met once: steps in rows and columns."""

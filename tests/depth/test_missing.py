@@ -13,6 +13,7 @@ from benchmark.depth.intrinsics import Intrinsics
 from benchmark.depth.reading import Depths, Mask
 from benchmark.errors import DepthError
 from benchmark.geometry.depth import View, depth_surface
+from tests.fuzz_frames import fuzz
 
 INPUTS = Path(__file__).with_name("inputs") / "missing"
 CAMERA = Intrinsics(260.0, 260.0, 159.5, 119.5, (320, 240))
@@ -195,3 +196,7 @@ def test_depths_without_neighbours_are_named(every: int) -> None:
     sparse = np.where((ROWS % every == 0) & (COLUMNS % every == 0), BODY, 0)
     with pytest.raises(DepthError, match="no neighbour with a depth; if the image was registered"):
         observe(sparse, CAMERA, OBJECT)
+
+
+def test_frames_of_known_geometry_have_its_figures_or_are_refused() -> None:
+    assert not fuzz(2, range(45))["wrong"]
