@@ -5,6 +5,7 @@ import re
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import matplotlib as mpl
@@ -20,6 +21,7 @@ from benchmark.geometry.preparation import import_pymeshlab, prepare
 from tests.geometry.surfaces import sphere
 from tests.toy import SMALL_SCORER, rod, write_off
 
+EXECUTED = Path(__file__).parents[1] / "examples" / "from_python.ipynb"
 NOTEBOOK = Path(__file__).parents[1] / "examples" / "first_table.ipynb"
 
 
@@ -145,6 +147,25 @@ def test_the_cells_of_the_notebook_run_one_after_the_other(tmp_path, monkeypatch
     assert len(found["sweep"]) == 3
     assert len(found["curves"]) == 8
     assert found["form"].n_vertices > 100
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+def test_the_cells_of_the_executed_notebook_run_and_its_outputs_are_committed_and_small(
+    tmp_path, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    cells = [cell for cell in json.loads(EXECUTED.read_text())["cells"] if "outputs" in cell]
+    found: dict[str, Any] = {"__name__": "notebook"}
+    monkeypatch.setitem(sys.modules, "notebook", ModuleType("notebook"))
+    for cell in cells:
+        exec("".join(cell["source"]), found)  # noqa: S102
+    assert list(found["jobs"]["status"]) == ["ok"] * 4
+    assert found["merged"].conflicts == []
+    assert "tabular" in found["table"].latex()
+    assert EXECUTED.stat().st_size < 700_000
+    assert all(cell["outputs"] for cell in cells[1:] if cell["source"])
+    assert not any(out["output_type"] == "error" for cell in cells for out in cell["outputs"])
 
 
 def test_pymeshlab_is_not_loaded_in_another_thread_first(monkeypatch):

@@ -35,7 +35,7 @@ _VERTICES = 2000
 _PIXELS = 320
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Form(CanonicalForm):
     """A canonical form that a notebook shows, and that other libraries take.
 
@@ -52,6 +52,9 @@ class Form(CanonicalForm):
 
     body: Mesh | None = field(default=None, repr=False)
     title: str = ""
+
+    def __repr__(self) -> str:
+        return f"Form({self.title!r}, {len(self.vertices)} vertices, {len(self.faces)} faces)"
 
     @cached_property
     def outwardness(self) -> NDArray[np.float64]:

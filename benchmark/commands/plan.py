@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Plan:
     """The jobs of a selection, with their states; a notebook shows them as a table.
 
@@ -66,6 +66,9 @@ class Plan:
     is_narrow: bool = False
     in_this_process: bool = False
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"Plan({len(self.pending)} of {len(self.jobs)} jobs to run)"
 
     @property
     def pending(self) -> list[Planned]:

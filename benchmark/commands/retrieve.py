@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 _IN_WORDS: dict[Input, str] = {"mesh": "complete surfaces", "view": "views"}
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Matches:
     """The shapes of a gallery nearest to a query; a notebook shows them as a table.
 
@@ -79,6 +79,9 @@ class Matches:
     results: Path
     data_root: Path | None
     seconds: float
+
+    def __repr__(self) -> str:
+        return f"Matches({self.name!r}, {self.decision})"
 
     @property
     def frame(self) -> DataFrame:

@@ -18,7 +18,7 @@ from benchmark.report.output import FORMATS, table_files, write_files
 from benchmark.report.tables import TableView
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Tables:
     """Tables of finished jobs; a notebook shows them.
 
@@ -39,6 +39,9 @@ class Tables:
     notes: tuple[str, ...] = ()
     has_robustness: bool = False
     has_verdicts: bool = False
+
+    def __repr__(self) -> str:
+        return f"Tables({', '.join(view.stem for view in self.views)})"
 
     def markdown(self) -> str:
         """Return them as Markdown."""
