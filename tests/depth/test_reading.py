@@ -293,13 +293,13 @@ def test_masks_are_found_by_their_usual_names_and_several_are_refused(
     (tmp_path / "a/depth/00_mask.png").write_text("")
     assert find_mask(tmp_path / "a/1.png") is None
     with pytest.raises(
-        DepthError, match="7.png has the masks mask/7_man.png and mask/7_shirt.png; keep"
+        DepthError, match="7.png: it has the masks mask/7_man.png and mask/7_shirt.png; keep"
     ):
         find_mask(tmp_path / "a/depth/7.png")
     for number in range(2):
         (tmp_path / f"a/5_mask_{number}.png").write_text("")
     with pytest.raises(
-        DepthError, match="5.png has the masks a/5_mask_0.png and a/5_mask_1.png; keep that of"
+        DepthError, match="5.png: it has the masks a/5_mask_0.png and a/5_mask_1.png; keep that of"
     ):
         find_mask(tmp_path / "a/5.png")
 
@@ -465,6 +465,7 @@ def test_intrinsics_are_found_by_their_usual_names_the_nearest_first(
     for name in ("camera_color.json", "K.txt"):
         (tmp_path / files[0]).with_name(name).write_text("")
     with pytest.raises(
-        DepthError, match=f"holds the camera files K.txt and {Path(files[0]).name}; keep that of"
+        DepthError,
+        match=f"two camera files are near it, K.txt and {Path(files[0]).name}; keep that of",
     ):
         find_intrinsics(tmp_path / image)

@@ -142,9 +142,12 @@ def test_a_helper_that_is_written_after_its_import_failed_counts_from_then_on(ow
 def test_code_of_the_ranking_that_is_edited_during_a_run_ranks_nothing(own, tmp_path, monkeypatch):
     jobs = planned(own, tmp_path / "results", "identity")
     monkeypatch.setattr(
-        "benchmark.runs.tasks.code_of_modules", lambda _: {"retrieval/measures.py": "edited"}
+        "benchmark.runs.unchanged.code_of_modules", lambda _: {"retrieval/measures.py": "edited"}
     )
-    assert "its code changed during the run" in done(jobs, tmp_path / "results")["identity"].reason
+    (record,) = done(jobs, tmp_path / "results").values()
+    assert record.status == "incomplete"
+    assert "measures.py" in record.reason
+    assert "changed during the run" in record.reason
 
 
 @pytest.mark.parametrize("size", [0, 1])
