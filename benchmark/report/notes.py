@@ -23,9 +23,11 @@ FEW_CLASSES = 10
 #: Note on what few classes can decide, and on bold and italic.
 FEW = "{} classes decide little: a difference of .2 in every class is found in about a quarter of cases at most. "
 MARKS = (
-    "Bold: the best of its block. Italic: not significantly worse (p at least .05; studentised permutation test over whole "
-    "classes, of all rows and measures of the block). In parentheses: significantly worse, but within the scatter of "
-    "codebooks and, for networks, of trainings. Rows that lack shapes, or with shapes seen in training, have no mark."
+    "Bold: the best of its block. Italic: not significantly worse (p at least .05; "
+    "studentised permutation test over whole classes, of all rows and measures of the block). "
+    "In parentheses: significantly worse, but within the scatter of codebooks and, for "
+    "networks, of trainings. Rows that lack shapes, or with shapes seen in training, have no "
+    "mark."
 )
 
 
