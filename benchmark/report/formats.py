@@ -296,8 +296,8 @@ def latex(view: TableView) -> str:
 def _wide_columns(view: TableView, groups: Iterable[Group]) -> str:
     """Return columns that spread over the page, so that no name is far from its scores."""
     longest = max(len(row.title) for row in view.printed_rows) + 5  # and a citation
-    width = min(0.5 * longest, 17)
-    names = rf">{{\raggedright\hangindent1em\arraybackslash}}p{{{width:.1f}em}}"
+    width = rf"{0.5 * longest:.1f}em" if longest < 25 else r"0.26\linewidth"
+    names = rf">{{\raggedright\hangindent1em\arraybackslash}}p{{{width}}}"
     scores = "".join(rf"*{{{len(group.columns)}}}{{c}}" for group in groups)
     return rf"@{{\extracolsep{{\fill}}}}{names}{scores}{'r' * len(PRINTED_OF_ROW)}@{{}}"
 
@@ -312,8 +312,10 @@ def _narrow_columns(groups: Iterable[Group]) -> str:
 def _latex_size(*, is_wide: bool, has_folds: bool) -> str:
     """Return the size of the letters, and the distances of columns and rows."""
     style = r"\scriptsize\setlength{\tabcolsep}{1.7pt}"
-    if is_wide:
-        style = r"\footnotesize\setlength{\tabcolsep}{2pt}"
+    if is_wide:  # on a page of one narrow column, smaller
+        narrow = r"\scriptsize\setlength{\tabcolsep}{.9pt}"
+        wide = r"\footnotesize\setlength{\tabcolsep}{2pt}"
+        style = rf"\ifdim\linewidth<400pt{narrow}\else{wide}\fi"
     return style + r"\renewcommand{\arraystretch}{1.25}" if has_folds else style
 
 
