@@ -49,7 +49,7 @@ ENDINGS = {
     "exits": ("failed", "thick0: faults.py:36: SystemExit: 3"),
     "os-exit": ("crashed", "thick0: the process ended with exit code 3"),
     "segfault": ("crashed", "thick0: the process ended with SIGSEGV"),
-    "hang": ("timeout", "thick0: stopped after 4 s; pass a longer --timeout"),
+    "hang": ("timeout", "thick0: stopped after 20 s; pass a longer --timeout"),
     "memory": (
         "memory",
         "thick0: out of memory; run with fewer jobs (-j 1) or on a larger machine",
