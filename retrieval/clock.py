@@ -186,7 +186,7 @@ def _largest_similarities(
             count = counts[entry]
             for mine in range(np.uint64(begins[cell]), np.uint64(begins[cell + np.uint64(1)])):
                 slot = base + np.uint64(places[mine])
-                before = shared[base + np.uint64(places[mine])]
+                before = shared[slot]
                 touched[n_touched] = slot
                 n_touched += np.uint64(before == 0)
                 shared[slot] = before + min(count, own_counts[mine])
