@@ -1,0 +1,75 @@
+"""Python finds the shapes that the verb prints, for a file and for the mesh of another library."""
+
+import shutil
+from types import SimpleNamespace
+
+import pandas.testing
+import pytest
+import trimesh
+
+import benchmark
+from benchmark.errors import ConfigurationError
+from tests.toy import SMALL_SCORER, rod
+from tests.verbs import call, refusal
+
+QUERY = "thick1.off"
+
+
+@pytest.fixture(scope="module")
+def gallery(rods, tmp_path_factory):
+    """What names a finished gallery of rods: its folder, method, scorer and results."""
+    results = tmp_path_factory.mktemp("retrieve") / "results"
+    call("run", "-d", rods, "-m", "gps", "--scorer", SMALL_SCORER, "--results", results, "-j", 0)
+    return SimpleNamespace(data=rods, method="gps", scorer=SMALL_SCORER, results=results)
+
+
+def found(query, gallery, **options):
+    """Return the matches of a query in the gallery."""
+    return benchmark.retrieve(
+        query,
+        gallery.data,
+        gallery.method,
+        scorer=gallery.scorer,
+        results=gallery.results,
+        **options,
+    )
+
+
+def test_matches_are_those_that_the_verb_prints(gallery):
+    query = gallery.data / QUERY
+    matches = found(query, gallery, count=4)
+    selected = ("-d", gallery.data, "-m", gallery.method, "--scorer", gallery.scorer)
+    printed = call("retrieve", *selected, "--results", gallery.results, "-k", 4, query)
+    rows = [line.split() for line in printed.splitlines()]
+    for match in matches.frame.itertuples(index=False):
+        words = [str(match.rank), match.name]
+        assert any(row[: len(words)] == words for row in rows), printed
+    assert matches.decision in printed.replace("\n", " ")
+    assert "thick1" not in set(matches.frame["name"]), "the query is no answer to itself"
+
+
+def test_a_mesh_of_another_library_finds_what_a_copy_of_its_file_finds(gallery, tmp_path):
+    copy = shutil.copy(gallery.data / QUERY, tmp_path)
+    of_file = found(copy, gallery)
+    assert of_file.frame["name"][0] == "thick1"
+    assert "the gallery holds the query, or its copy" in of_file.notes[0]
+    body = trimesh.load(copy, process=False)
+    for query in (body, (body.vertices, body.faces)):
+        matches = found(query, gallery)
+        pandas.testing.assert_frame_equal(matches.frame, of_file.frame)
+        assert matches.decision == of_file.decision
+
+
+def test_a_mesh_that_no_file_holds_is_found_beside_its_own_build(gallery):
+    matches = found(rod(0.18, 0.6), gallery, count=2)
+    assert matches.name == "the query"
+    assert set(matches.frame["class"]) == {"thick"}
+    assert not matches.notes
+
+
+def test_a_gallery_without_forms_is_refused_in_the_words_of_the_verb(gallery, tmp_path):
+    query = gallery.data / QUERY
+    with pytest.raises(ConfigurationError) as error:
+        benchmark.retrieve(query, gallery.data, "gps", results=tmp_path)
+    said = refusal("retrieve", "-d", gallery.data, "-m", "gps", "--results", tmp_path, query)
+    assert str(error.value).splitlines()[0].split(";")[0] in said.replace("\n", " ")
