@@ -1,0 +1,129 @@
+"""How much the weights that are ours move scores: each is halved and doubled, one at a time.
+
+    python results/experiments/sensitivity.py run RESULTS [METHOD ...]   # it resumes
+    python results/experiments/sensitivity.py judge RESULTS              # writes sensitivity.csv
+
+The rule is in README.md beside this file, under "Weights of ours". CANONICAL_FORMS_DATA names the
+folder of TOSCA. Rows with our weights are the published ones; what is not published runs, too.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmark.api.parameters import format_value
+from benchmark.pipeline.records import Record, read_records
+from benchmark.reference.paper import MEASURES
+from benchmark.registry import select_one
+from benchmark.report.statistics import ALPHA, sign_flip_test
+from benchmark.report.tables import DRAW_ERRORS, SAME
+
+#: Weights that the sources do not give, by method.
+WEIGHTS = {
+    "constrained-mds": ("first_pull", "last_pull"),
+    "feature-preserved": ("parts", "seam"),
+    "mesh-unfolding": ("first_stiffness", "strain_bound"),
+    "sd-gdm": ("count",),
+}
+
+FACTORS = (0.5, 2)
+
+#: TOSCA, and one draw of people.
+DATA = ("tosca", "people[draw=1]")
+
+PUBLISHED = Path(__file__).parents[1]
+TABLE = Path(__file__).with_name("sensitivity.csv")
+
+
+def variants(method: str) -> Iterator[tuple[str, str, float]]:
+    """Yield the name of each variant of a method, the weight that it changes, and the factor."""
+    defaults = select_one(method).defaults
+    for weight in WEIGHTS[method]:
+        for factor in FACTORS:
+            value = type(defaults[weight])(factor * defaults[weight])
+            yield f"{method}[{weight}={format_value(value)}]", weight, factor
+
+
+def run(results: Path, *methods: str) -> None:
+    """Score all variants, and our weights where no published record has them."""
+    for data in DATA:
+        known = {of.method for of in records_of(PUBLISHED, data)}
+        for method in methods or WEIGHTS:
+            names = [name for name, _, _ in variants(method)]
+            if method not in known:
+                names.append(method)
+            words = ["-d", data, "--input", "mesh", "-j", "1", "--results", str(results)]
+            for name in names:
+                words += ["-m", name]
+            subprocess.run([sys.executable, "-m", "benchmark", "run", *words], check=True)
+
+
+def records_of(folder: Path, data: str) -> list[Record]:
+    """Return the records of a results folder that rank all complete surfaces of a data set."""
+    return [
+        record
+        for record in read_records(folder)
+        if record.gallery == data and record.input == "mesh" and record.status == "ok"
+    ]
+
+
+def queries(record: Record) -> np.ndarray:
+    """Return the measures of the queries, shape (N, 4)."""
+    return np.array([record.per_query[name] for name in MEASURES]).T
+
+
+def codebook_errors(record: Record) -> np.ndarray:
+    """Return the standard errors of scores over draws of the codebook; 0 for a descriptor."""
+    if not record.scorer:
+        return np.zeros(len(MEASURES))
+    return np.array([(record.draw_errors or DRAW_ERRORS)[name] for name in MEASURES])
+
+
+def changes(ours: Record, other: Record) -> pd.DataFrame:
+    """Return the scores of a variant beside those with our weights, by measure.
+
+    A change is significant if p < .05 for these two rows alone, over whole classes and the four
+    measures, and above the scatter if it exceeds twice its standard error over codebooks.
+    """
+    gains = queries(other) - queries(ours)
+    errors = np.array([codebook_errors(ours), codebook_errors(other)])
+    change = gains.mean(axis=0)
+    return pd.DataFrame(
+        {
+            "measure": MEASURES,
+            "ours": queries(ours).mean(axis=0),
+            "change": change,
+            "p": sign_flip_test(gains, ours.labels),
+            "above_scatter": np.abs(change) > 2 * np.sqrt((errors**2).sum(axis=0)) + SAME,
+        }
+    )
+
+
+def judge(results: Path) -> None:
+    """Write what each change of a weight does, and print a table of it."""
+    found = []
+    for data in DATA:
+        known = {of.method: of for of in records_of(PUBLISHED, data)}
+        known |= {of.method: of for of in records_of(results, data)}
+        for method in WEIGHTS:
+            for name, weight, factor in variants(method):
+                if name in known and method in known:
+                    table = changes(known[method], known[name])
+                    place = {"data": data, "method": method, "weight": weight, "factor": factor}
+                    found.append(table.assign(**place))
+    table = pd.concat(found)[["data", "method", "weight", "factor", *found[0].columns[:5]]]
+    table.to_csv(TABLE, index=False, float_format="%.6f", lineterminator="\n")
+    shown = table.pivot(index=["method", "weight", "factor"], columns=["data", "measure"])
+    print(shown["change"].round(3).to_string())
+    print(table[(table.p < ALPHA) & table.above_scatter].to_string(index=False))
+
+
+if __name__ == "__main__":
+    verb, folder, *names = sys.argv[1:]
+    {"run": run, "judge": judge}[verb](Path(folder), *names)
