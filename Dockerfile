@@ -16,7 +16,7 @@ COPY constraints.txt /wheels/
 # The CPU build of torch: its version is that of constraints.txt with +cpu, which pip prefers.
 RUN pip install --no-cache-dir --extra-index-url https://download.pytorch.org/whl/cpu --constraint /wheels/constraints.txt /wheels/*.whl
 USER 1000
-RUN python -m benchmark.kernels
+RUN python -m benchmark.kernel_cache
 WORKDIR /work
 ENTRYPOINT ["canonical-forms"]
 CMD ["--help"]

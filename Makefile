@@ -56,7 +56,7 @@ $(DOCUMENTED): $(READY)
 kernels: $(COMPILED)
 
 $(COMPILED): $(RUNNABLE) $(KERNELS)
-	$(BIN)/python -m benchmark.kernels
+	$(BIN)/python -m benchmark.kernel_cache
 	touch $@
 
 bench: kernels

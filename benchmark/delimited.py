@@ -21,7 +21,7 @@ _BESIDE_SEPARATOR = re.compile("[;,\t] | [;,\t]")
 #: A first line that tells Excel which separator follows.
 _FOR_EXCEL = re.compile(r'"?sep=.?"?', re.IGNORECASE)
 
-Rows = list[list[str]]
+TextRows = list[list[str]]
 
 
 def lines_of(content: bytes) -> list[str]:
@@ -94,7 +94,7 @@ def usual_separator(lines: Iterable[str]) -> str:
     return next((mark for mark in ";\t," if mark in text), " ")
 
 
-def cells_of(lines: Sequence[str], separator: str) -> Rows:
+def cells_of(lines: Sequence[str], separator: str) -> TextRows:
     """Split lines at a separator; cells may be in quotes, and empty cells that end each line are left out.
 
     Raises

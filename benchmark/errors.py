@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from benchmark.text import LONGEST_MESSAGE, brief, clean
+from benchmark.text import LONGEST_MESSAGE, brief, clean_text
 
 #: What a message calls the file that it is about, where it is kept.
 FILE = "<file>"
@@ -14,7 +14,7 @@ FILE = "<file>"
 
 def with_file(message: str, file: Path | None) -> str:
     """Return a message that names the file that it is about; without a file, the message."""
-    return clean(f"{file}: {message.replace(FILE, file.name)}") if file else message
+    return clean_text(f"{file}: {message.replace(FILE, file.name)}") if file else message
 
 
 def without_file(message: str, file: Path) -> str:
@@ -119,7 +119,7 @@ def locate(error: BaseException) -> str:
     import traceback
 
     if isinstance(error, SyntaxError) and error.filename:
-        return clean(f"{Path(error.filename).name}:{error.lineno}: {one_line(error)}")
+        return clean_text(f"{Path(error.filename).name}:{error.lineno}: {one_line(error)}")
     libraries = tuple(
         {sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib", "scripts")}
     )
@@ -129,7 +129,7 @@ def locate(error: BaseException) -> str:
         frame for frame in ours if not Path(frame.filename).is_relative_to(Path(__file__).parent)
     ]
     for frame in (outside or ours)[-1:]:
-        return clean(f"{Path(frame.filename).name}:{frame.lineno}: {one_line(error)}")
+        return clean_text(f"{Path(frame.filename).name}:{frame.lineno}: {one_line(error)}")
     return one_line(error)
 
 

@@ -18,12 +18,6 @@ LONGEST_REASON, LONGEST_MESSAGE, LONGEST_TEXT = 500, 1000, 20_000
 #: Longest name, in characters: names become parts of file names.
 LONGEST_NAME = 60
 
-#: Environment variable for the folder of the official data sets if ``--data-root`` is not given.
-DATA_VARIABLE = "CANONICAL_FORMS_DATA"
-
-#: Name that selects all methods on the command line, and so cannot be that of one.
-EVERY = "all"
-
 #: Names in a list before the rest is only counted.
 _NAMED = 3
 
@@ -60,7 +54,7 @@ def listed(texts: Iterable[str], joint: str = ", ") -> str:
     return joint.join([*every[: _NAMED if more else None], *more])
 
 
-def clean(text: object) -> str:
+def clean_text(text: object) -> str:
     r"""Return text as one printable line.
 
     Line breaks and tabs become one space, ANSI escape sequences are removed, and other characters
@@ -86,7 +80,7 @@ def counted(number: int, one: str, many: str = "") -> str:
 
 def brief(text: object, longest: int = LONGEST_REASON) -> str:
     """Return cleaned text, cut to a number of characters."""
-    words = clean(_as_text(text)[: 2 * longest])
+    words = clean_text(_as_text(text)[: 2 * longest])
     return words if len(words) <= longest else words[: longest - len(_CUT)] + _CUT
 
 
@@ -95,7 +89,7 @@ def clean_lines(text: str) -> str:
     if len(text) > LONGEST_TEXT:
         text = f"{text[: LONGEST_TEXT // 2]}\n{_CUT.strip()}\n{text[-LONGEST_TEXT // 2 :]}"
     return "\n".join(
-        line[: len(line) - len(line.lstrip(" "))] + clean(line.lstrip(" "))
+        line[: len(line) - len(line.lstrip(" "))] + clean_text(line.lstrip(" "))
         for line in text.splitlines()
     )
 
@@ -109,7 +103,7 @@ def _as_text(text: object) -> str:
 
 def say(text: object = "", *, err: bool = False, indent: int = 2) -> None:
     """Print one cleaned line to stdout or stderr; a terminal gets it wrapped between words, with more indentation."""
-    stream, line = sys.stderr if err else sys.stdout, clean(text)
+    stream, line = sys.stderr if err else sys.stdout, clean_text(text)
     if stream.isatty():
         blanks = " " * (len(line) - len(line.lstrip()) + indent)
         width = shutil.get_terminal_size().columns
@@ -135,7 +129,7 @@ class Printed(io.TextIOBase):
 def say_lines(text: str) -> None:
     """Print text line by line, as it is for other programs."""
     for line in text.removesuffix("\n").split("\n"):
-        print(clean(line), flush=True)  # noqa: T201
+        print(clean_text(line), flush=True)  # noqa: T201
 
 
 def say_table(rows: Sequence[Sequence[str]], whole: Collection[int] = ()) -> None:
@@ -150,7 +144,7 @@ def say_table(rows: Sequence[Sequence[str]], whole: Collection[int] = ()) -> Non
         *(Column(no_wrap=k in whole) for k in range(len(rows[0]))), padding=(0, 2, 0, 0)
     )
     for row in rows:
-        grid.add_row(*(Text(clean(cell), overflow="fold") for cell in row))
+        grid.add_row(*(Text(clean_text(cell), overflow="fold") for cell in row))
     with console.capture() as captured:
         console.print(grid)
     say_lines("\n".join(map(str.rstrip, captured.get().splitlines())))

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from benchmark.kernels import drop_stale_kernels
+from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import pin_threads
 
 pin_threads()

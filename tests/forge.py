@@ -32,7 +32,7 @@ from benchmark.errors import BenchmarkError
 from benchmark.pipeline import records as records_module
 from benchmark.pipeline.record_layout import RecordError
 from benchmark.pipeline.records import (
-    encode,
+    encode_record,
     local_files,
     parse_record,
     scan_files,
@@ -147,7 +147,7 @@ def bases() -> list[Content]:
         record("failing", status="failed", reason="it fell", scores={}, per_query={}),
         record("cross", 0.5, fold="against complete surfaces", against=_gallery()),
     ]
-    return [msgspec.json.decode(encode(each)) for each in every]
+    return [msgspec.json.decode(encode_record(each)) for each in every]
 
 
 def _gallery() -> Content:
@@ -400,7 +400,7 @@ def finding(text: bytes) -> str:
     if found.status == "ok":
         for name, mean in expected_means(text).items():
             assert abs(found.scores[name] - mean) <= 1e-6, name
-    assert parse_record(encode(found)) == found
+    assert parse_record(encode_record(found)) == found
     return "used"
 
 

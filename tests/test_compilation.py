@@ -1,4 +1,4 @@
-"""``python -m benchmark.kernels`` leaves no kernel for a run to compile."""
+"""``python -m benchmark.kernel_cache`` leaves no kernel for a run to compile."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 from numba.core.dispatcher import Dispatcher
 
 from benchmark.code_digest import FIRST_PARTY
-from benchmark.kernels.__main__ import main
+from benchmark.kernel_cache.__main__ import main
 
 
 def kernels() -> list[Dispatcher]:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.kernels import VARIABLE, choose_kernel_cache
+from benchmark.kernel_cache import VARIABLE, choose_kernel_cache
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from benchmark import code_digest, kernels
-from benchmark.kernels import compiled_kernels, drop_stale_kernels
+from benchmark.kernel_cache import compiled_kernels, drop_stale_kernels
 
 KERNEL = (
     "from numba import njit\nfrom {origin} import {name}\n\n\n"

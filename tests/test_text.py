@@ -4,18 +4,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.text import clean
+from benchmark.text import clean_text
 
 ANY = st.text(st.characters(codec=None, exclude_categories=()))
 
 
 @given(ANY)
 def test_whatever_it_was_it_can_be_printed_on_one_line(text):
-    line = clean(text)
+    line = clean_text(text)
     assert line.isprintable()
     assert line.splitlines() in ([line], [])
     line.encode("utf-8")
-    assert clean(line) == line
+    assert clean_text(line) == line
 
 
 @pytest.mark.parametrize(
@@ -34,4 +34,4 @@ def test_whatever_it_was_it_can_be_printed_on_one_line(text):
     ],
 )
 def test_what_cannot_be_printed_is_written_as_python_writes_it(text, told):
-    assert clean(text) == told
+    assert clean_text(text) == told

@@ -16,13 +16,14 @@ from scipy.spatial.distance import squareform
 from benchmark.code_digest import digest_of_bytes
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.datasets.official import SETS
+from benchmark.defaults import DATA_VARIABLE
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.pipeline.cache import storing
 from benchmark.pipeline.environment import has_edits
 from benchmark.pipeline.records import (
     Record,
-    encode,
+    encode_record,
     published_distances,
     read_distances,
     read_records,
@@ -35,7 +36,7 @@ from benchmark.registry import BUILT_IN, SCORERS
 from benchmark.report.drawing import OBLIQUE, shaded, webp
 from benchmark.report.forms import StoredForms, thumbnail
 from benchmark.report.frames import row_of
-from benchmark.text import DATA_VARIABLE, LONGEST_NAME
+from benchmark.text import LONGEST_NAME
 
 #: Data set whose distances are published, of surfaces and of views.
 WITH_DISTANCES = "tosca"
@@ -123,7 +124,7 @@ def write_published(results: Path, records: Iterable[Record]) -> None:
             re.sub("[^A-Za-z0-9-]+", "-", record.data.name.partition("[")[0])[:LONGEST_NAME]
             or "records"
         )
-        files[f"{base}.jsonl"] += encode(record) + b"\n"
+        files[f"{base}.jsonl"] += encode_record(record) + b"\n"
     folder = results / "records"
     with storing(results):
         for name, text in files.items():

@@ -36,6 +36,7 @@ from baselines.classic_mds import classic_scaling
 from benchmark.api.contracts import Mesh, Shape
 from benchmark.commands.forms import form_of_object, method_of_depth
 from benchmark.datasets.people import people
+from benchmark.defaults import DEFAULT_SCORER
 from benchmark.depth.frame import FrameFiles
 from benchmark.geometry import geodesics
 from benchmark.geometry.preparation import prepare
@@ -333,7 +334,7 @@ def of_frames() -> Iterator[Row]:
     torch.set_num_threads(1)
     method, scorer = (
         method_of_depth("learned-streamed"),
-        select_one("cm-bof", kind="scorer").create(),
+        select_one(DEFAULT_SCORER, kind="scorer").create(),
     )
     files = FrameFiles(FRAME)
 

@@ -17,7 +17,7 @@ from typer.exceptions import TyperException
 
 from benchmark.cli.verbs import cli
 from benchmark.errors import BenchmarkError
-from benchmark.kernels import choose_kernel_cache
+from benchmark.kernel_cache import choose_kernel_cache
 from benchmark.machine import pin_threads
 from benchmark.reads import watch_this_process
 from benchmark.text import say

@@ -17,7 +17,7 @@ from msgspec.structs import asdict
 from typer import Argument, Exit, Option, Typer
 from typer.core import TyperCommand
 
-from benchmark.text import DATA_VARIABLE
+from benchmark.defaults import DATA_VARIABLE, DEFAULT_SCORER
 
 _application = partial(
     Typer, no_args_is_help=True, rich_markup_mode=None, pretty_exceptions_enable=False
@@ -86,7 +86,7 @@ class Selection(Struct, frozen=True, kw_only=True):
     )
     scorer: Annotated[
         str, Option("--scorer", metavar="SCORER", help="Scorer; see 'list scorers'.")
-    ] = "cm-bof"
+    ] = DEFAULT_SCORER
     plugins: Annotated[
         list[Path], Option("--plugin", metavar="FILE", help="File with methods or scorers.")
     ] = []

@@ -15,7 +15,7 @@ from rich.progress import BarColumn, Progress, TextColumn, track
 from rich.table import Column
 
 from benchmark.runs.runner import Progress as State
-from benchmark.text import clean, say
+from benchmark.text import clean_text, say
 
 #: Seconds between lines of progress without a terminal.
 INTERVAL = 15.0
@@ -61,7 +61,7 @@ class Bar:
     def watch(self, state: State) -> None:
         """Show how far the run is."""
         self._state = state
-        working = clean("; ".join(state.working)) or "ranking"
+        working = clean_text("; ".join(state.working)) or "ranking"
         counts = self._counts()
         self._bar.update(
             self._task,
@@ -103,5 +103,5 @@ def counting(what: str, items: Iterable[T]) -> Iterator[T]:
     if not console.is_terminal:
         say(what, err=True)
     yield from track(
-        [*items], escape(clean(what)), console=console, disable=not console.is_terminal
+        [*items], escape(clean_text(what)), console=console, disable=not console.is_terminal
     )

@@ -13,7 +13,7 @@ from benchmark.commands.plan import Plan
 from benchmark.commands.run import records_after, run_plan, tables_of_run
 from benchmark.commands.selection import outcome
 from benchmark.errors import ConfigurationError
-from benchmark.kernels import compiled_kernels, suite_sources
+from benchmark.kernel_cache import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
 from benchmark.pipeline.records import Record
 from benchmark.runs.lacking import LackingModel, train_lacking
@@ -98,7 +98,7 @@ def run(
         say(f"{job.state:<11}  {name}  {brief(job.reason)}{remedy}")
     if planned.pending and not any(map(compiled_kernels, suite_sources())):
         say(
-            "the first run compiles kernels, which takes minutes; 'python -m benchmark.kernels' does so in advance"
+            "the first run compiles kernels, which takes minutes; 'python -m benchmark.kernel_cache' does so in advance"
         )
     if in_this_process:
         say(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from benchmark.api.contracts import Input
 from benchmark.commands.selection import RESULTS
 from benchmark.commands.tables import tables as tables_of
-from benchmark.pipeline.records import DEFAULT_SCORER
+from benchmark.defaults import DEFAULT_SCORER
 from benchmark.report.comparison import compare as differences
 
 if TYPE_CHECKING:

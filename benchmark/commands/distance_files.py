@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from benchmark.datasets.labels import classes_of, names_of, read_labels
 from benchmark.delimited import (
-    Rows,
+    TextRows,
     ambiguous,
     cells_of,
     lines_of,
@@ -291,7 +291,7 @@ def _plain_numbers(lines: Sequence[str]) -> NDArray[np.float64] | None:
         return None
 
 
-def _rows_of(lines: Sequence[str]) -> Rows:
+def _rows_of(lines: Sequence[str]) -> TextRows:
     """Return the cells of lines; where several separators divide them, those between numbers.
 
     Raises
@@ -310,12 +310,12 @@ def _rows_of(lines: Sequence[str]) -> Rows:
     return cells_of(lines, usual_separator(lines))
 
 
-def _divides_numbers(rows: Rows) -> bool:
+def _divides_numbers(rows: TextRows) -> bool:
     """Return whether cells are numbers, but for the first row and column and one cell of a row, the diagonal."""
     return all(sum(not _is_number(cell) for cell in row[1:]) <= 1 for row in rows[1:] or rows)
 
 
-def _check_widths(rows: Rows, lines: Sequence[str]) -> None:
+def _check_widths(rows: TextRows, lines: Sequence[str]) -> None:
     """Raise ``ConfigurationError`` if rows have different lengths; the message says what they may be."""
     widths = [len(row) for row in rows]
     steps = {after - before for before, after in pairwise(widths[1:])}

@@ -25,7 +25,7 @@ from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.records import EXTERNAL, Record, read_records, record_of, write_record
 from benchmark.registry import Component
 from benchmark.report.frames import fold_of
-from benchmark.runs.tasks import CODE
+from benchmark.runs.tasks import STAGE_MODULES
 from benchmark.text import brief
 from retrieval.measures import score_draws
 
@@ -107,7 +107,7 @@ def keep_distances(
         raise ConfigurationError(f"the shapes are not those of '{facts['gallery']}': {what}", hint)
     order = evaluation.queries.index.get_indexer(list(known))
     matrix = evaluation.distances[np.ix_(order, order)]
-    ranking = code_of_modules([CODE["records"]])
+    ranking = code_of_modules([STAGE_MODULES["records"]])
     key = digest(
         [facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), ranking]
     )

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.commands.selection import RESULTS, as_list, is_narrow, is_of_methods
+from benchmark.commands.selection import RESULTS, as_list, is_of_methods
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import storing, writing
 from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.records import Record, local_files, read_records, unneeded
+from benchmark.registry import are_named
 
 
 @dataclass(frozen=True)
@@ -83,7 +84,7 @@ def forget(
     of_data = {record.key for record in (records_of(labelled, sets) if sets else labelled)}
 
     def is_unwanted(record: Record) -> bool:
-        is_selected = is_of_methods(record, chosen) or not is_narrow(chosen)
+        is_selected = is_of_methods(record, chosen) or not are_named(chosen)
         return has_selection and record.key in of_data and is_selected
 
     with writing(folder):

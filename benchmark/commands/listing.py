@@ -17,7 +17,7 @@ from benchmark.protocols.tables import TABLES
 from benchmark.reference.paper import entry_of, source_of
 from benchmark.registry import Component, by_name, select_one
 from benchmark.registry.names import split_name
-from benchmark.text import clean
+from benchmark.text import clean_text
 
 Rows = list[dict[str, str]]
 
@@ -78,7 +78,7 @@ def details_of(component: Component) -> dict[str, str | list[str]]:
     return {
         "name": component.name,
         "title": info.title,
-        "summary": clean(component.summary),
+        "summary": clean_text(component.summary),
         "kind": kind,
         "family": info.family if facts else "",
         "source": source_of(info.cite) or "none",

@@ -8,8 +8,7 @@ from pathlib import Path
 from benchmark.commands.selection import RESULTS, as_list
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import writing
-from benchmark.pipeline.merging import Merged, Side
-from benchmark.pipeline.merging import merge as join
+from benchmark.pipeline.merging import Merged, Side, merge_records
 
 
 def merge(
@@ -46,4 +45,4 @@ def merge(
     every = [Path(folder) for folder in as_list(folders)]
     others = [folder for folder in every if folder.resolve() != target.resolve()]
     with writing(target):
-        return join(others, target, take, records)
+        return merge_records(others, target, take, records)

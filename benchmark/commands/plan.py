@@ -16,16 +16,16 @@ from benchmark.commands.selection import (
     RESULTS,
     as_list,
     data_folder,
-    is_narrow,
     shadowed_folders,
 )
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
 from benchmark.datasets.changes import split_name
 from benchmark.datasets.checking import by_kind, unfinished_files, unread_files
+from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.data_names import label_data_sets
-from benchmark.pipeline.records import DEFAULT_SCORER, Record, read_records
-from benchmark.registry import Component
+from benchmark.pipeline.records import Record, read_records
+from benchmark.registry import Component, are_named
 from benchmark.runs.lacking import LackingModel, lacking_models
 from benchmark.runs.planning import Estimate, Planned, estimate, plan_selection
 from benchmark.text import nfc
@@ -258,7 +258,7 @@ def plan(
         tuple(records),
         root,
         tuple(rerun),
-        is_narrow=is_narrow(as_list(methods)),
+        is_narrow=are_named(as_list(methods)),
         in_this_process=in_this_process,
         notes=tuple(shadowed_folders([*sets, *filter(None, [str(gallery)])], root)),
     )

@@ -19,6 +19,7 @@ from benchmark.commands.selection import RESULTS, data_folder
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.frames import frame_settings
 from benchmark.datasets.mesh_files import read_surface
+from benchmark.defaults import DEFAULT_SCORER
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
 from benchmark.errors import ConfigurationError
@@ -27,7 +28,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Arrays, Cache
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.prepared import PreparedShapes, frame_of
-from benchmark.pipeline.records import DEFAULT_SCORER, RankedShapes
+from benchmark.pipeline.records import RankedShapes
 from benchmark.pipeline.search import SearchResult, search
 from benchmark.pipeline.stages import require_result
 from benchmark.pipeline.surfaces import prepare_mesh

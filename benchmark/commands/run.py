@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 from benchmark.api.contracts import Input
 from benchmark.commands.plan import Plan, plan
 from benchmark.commands.tables import Tables
+from benchmark.defaults import DEFAULT_SCORER
 from benchmark.machine import available_cores
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record
@@ -22,8 +23,7 @@ from benchmark.protocols.tables import TABLES, own_table
 from benchmark.report.frames import changed, chosen_records, fold_of
 from benchmark.report.results import Results
 from benchmark.report.tables import table_views
-from benchmark.runs.runner import result_of, with_results
-from benchmark.runs.runner import run as run_jobs
+from benchmark.runs.runner import result_of, run_jobs, with_results
 from benchmark.text import say
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def run(
     methods: Any = (),
     *,
     input: Input = "mesh",
-    scorer: str = "cm-bof",
+    scorer: str = DEFAULT_SCORER,
     plugins: Iterable[str | Path] = (),
     results: str | Path = "results",
     data_root: str | Path | None = None,

@@ -10,14 +10,16 @@ from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.catalogue import is_known, is_path, split_name
+from benchmark.defaults import DATA_VARIABLE, DEFAULT_SCORER
 from benchmark.errors import ConfigurationError, check_known
 from benchmark.pipeline.data_names import label_data_sets, records_of
-from benchmark.pipeline.records import DEFAULT_SCORER, SUITE_RESULTS, Record, read_records
+from benchmark.pipeline.records import SUITE_RESULTS, Record, read_records
 from benchmark.protocols.tables import TABLES, TITLES
+from benchmark.registry import are_named
 from benchmark.report.columns import MEASURED, PRINTED_SCORES
 from benchmark.report.frames import chosen_records, row_of
 from benchmark.report.tables import TableView, table_views
-from benchmark.text import DATA_VARIABLE, EVERY, brief, counted
+from benchmark.text import brief, counted
 
 #: The results folder of commands that name none.
 RESULTS = Path("results")
@@ -77,11 +79,6 @@ def outcome(record: Record) -> str:
 def is_of_methods(record: Record, methods: Iterable[str]) -> bool:
     """Return whether methods are named, with or without parameters, of which one made a record."""
     return not {record.method, record.method.partition("[")[0]}.isdisjoint(methods)
-
-
-def is_narrow(methods: Sequence[Any]) -> bool:
-    """Return whether methods are selected, so that a table omits others that were never run."""
-    return bool(methods) and EVERY not in methods
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -166,7 +163,7 @@ class RecordSelection:
         ConfigurationError
             If there is none.
         """
-        rows = self.methods if is_narrow(self.methods) else ()
+        rows = self.methods if are_named(self.methods) else ()
         sets = {record.data.name for record in records} if self.data else ()
         views = table_views(records, self.tables, rows, sets, paper=paper)
         if not views and "robustness" not in self.tables:

@@ -10,7 +10,8 @@ from pandas import DataFrame
 
 from benchmark.api.contracts import Input
 from benchmark.commands.selection import RESULTS, RecordSelection, as_list
-from benchmark.pipeline.records import DEFAULT_SCORER, Record
+from benchmark.defaults import DEFAULT_SCORER
+from benchmark.pipeline.records import Record
 from benchmark.report.columns import scores_frame
 from benchmark.report.formats import as_json, latex, markdown, robustness_markdown
 from benchmark.report.frames import scored_by

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from benchmark.delimited import (
-    Rows,
+    TextRows,
     ambiguous,
     cells_of,
     holds_separator,
@@ -299,7 +299,7 @@ def read_labels(path: Path) -> dict[str, str] | list[str]:
         return classes_of(dict(zip(names, (label for _, label in rows), strict=True)))
 
 
-def _rows_of(lines: Sequence[str]) -> Rows:
+def _rows_of(lines: Sequence[str]) -> TextRows:
     """Return the cells of lines with one or two of them each."""
     splits = {separator: cells_of(lines, separator) for separator in separators_of(lines)}
     different = {str(rows): separator for separator, rows in splits.items()}
@@ -326,7 +326,7 @@ def _check_title(line: str) -> None:
         raise ConfigurationError(problem, "delete it, or let it begin with '#'")
 
 
-def _without_header(rows: Rows) -> Rows:
+def _without_header(rows: TextRows) -> TextRows:
     """Return rows without the first one if it names the two columns."""
     if len(rows[0]) == 1:
         return rows

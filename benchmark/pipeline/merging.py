@@ -15,7 +15,7 @@ from benchmark.pipeline.records import (
     Origin,
     RankedShapes,
     Record,
-    Row,
+    RowId,
     age_of,
     facts_of_shapes,
     key_at,
@@ -66,7 +66,7 @@ class Merged(NamedTuple):
     n_skipped: int
 
 
-def merge(
+def merge_records(
     folders: Iterable[Path], results: Path, take: Side | None = None, rows: Collection[str] = ()
 ) -> Merged:
     """Add the records of other results folders; a result replaces a failure, and the later of two failures stays.
@@ -116,12 +116,12 @@ class _Merging:
     def __init__(self, results: Path, take: Side | None, rows: Collection[str]) -> None:
         self.results, self.take, self.rows = results, take, rows
         #: All records here by row; the last one counts.
-        self.here: dict[Row, list[Record]] = {}
+        self.here: dict[RowId, list[Record]] = {}
         for record in sorted(read_files(local_files(results)), key=age_of):
             self.here.setdefault(record.row, []).append(record)
         self.known = {row: records[-1] for row, records in self.here.items()}
         #: Row of each file, by its key; None of a file that is not used as a record.
-        self.owners: dict[str, Row | None] = {path.stem: None for path in local_files(results)}
+        self.owners: dict[str, RowId | None] = {path.stem: None for path in local_files(results)}
         for row, records in self.here.items():
             self.owners |= {record.key: row for record in records}
         #: Shapes and classes of each gallery here, by its digest.
@@ -129,12 +129,12 @@ class _Merging:
             record.gallery_digest: facts_of_shapes(record)
             for record in read_records(results, published=False)
         }
-        self.added: dict[Row, Record] = {}
+        self.added: dict[RowId, Record] = {}
         self.n_known = self.n_skipped = 0
         self.conflicts = list[tuple[Record, Record]]()
         self.refused = list[Refused]()
         #: Names and keys of each row in conflict, resolved or not.
-        self.names_of_conflicts: dict[Row, set[str]] = {}
+        self.names_of_conflicts: dict[RowId, set[str]] = {}
 
     def add_folder(self, folder: Path) -> None:
         """Decide on each record of a folder."""

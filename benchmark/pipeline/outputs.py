@@ -39,7 +39,7 @@ _SIGNATURE_HINT = "return a mapping from names to arrays of finite numbers"
 
 #: Fewest vertices of a form: three coordinates and a residual need four points, as any three points
 #: lie in a plane.
-FEWEST_VERTICES = 4
+FEWEST_FORM_VERTICES = 4
 
 #: Most vertices for distances of all pairs: their 3 GiB fit into an ordinary memory a few times.
 MOST_WITH_ALL_PAIRS = 20_000
@@ -77,8 +77,8 @@ def check_needs(info: MethodInfo, shape: Shape) -> None:
     if not info.needs:
         return
     name, n_vertices, n_faces = shape.identifier, shape.mesh.n_vertices, shape.mesh.n_faces
-    if n_vertices < FEWEST_VERTICES or not n_faces:
-        problem = f"{n_vertices} vertices and {n_faces} faces, where at least {FEWEST_VERTICES} and one are needed"
+    if n_vertices < FEWEST_FORM_VERTICES or not n_faces:
+        problem = f"{n_vertices} vertices and {n_faces} faces, where at least {FEWEST_FORM_VERTICES} and one are needed"
         raise UnsupportedShape(f"{name}: {problem}", "check how the shape was cut or decimated")
     n_pieces = int(connected_components(shape.mesh).max()) + 1
     if n_pieces > 1:
@@ -175,10 +175,10 @@ def compute_distances(
     queries: Sequence[Any] | None = None,
 ) -> FloatArray:
     """Return the checked distances of :func:`benchmark.pipeline.ranking.distances_of_draw`."""
-    return distances_of_draw(comparing, check_distances(comparing), outputs, draw, queries)
+    return distances_of_draw(comparing, make_distance_check(comparing), outputs, draw, queries)
 
 
-def check_distances(comparing: Descriptor | Scorer) -> Check:
+def make_distance_check(comparing: Descriptor | Scorer) -> Check:
     """Return the check of the matrices of a scorer or descriptor.
 
     It returns them in double precision, or raises ``InvalidForm`` if they are anything but finite

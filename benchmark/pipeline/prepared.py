@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from benchmark.api.datasets import Entry, ShapeSet
 
 #: Modules that prepare the meshes of a data set, by input, beside those that make them.
-CODE: Mapping[Input, str] = {"mesh": surfaces.__name__, "view": views.__name__}
+PREPARING_MODULES: Mapping[Input, str] = {"mesh": surfaces.__name__, "view": views.__name__}
 
 #: Problem of a shape whose key is not the planned one.
 CHANGED = "changed during the run"
@@ -51,7 +51,7 @@ class PreparedShapes:
 
     def _makers(self, entry: Entry) -> tuple[str, ...]:
         """Return the modules that make the mesh of a shape and prepare it."""
-        return (*self.shapes.code(entry), CODE[self.input])
+        return (*self.shapes.code(entry), PREPARING_MODULES[self.input])
 
     @cached_property
     def camera_key(self) -> str:

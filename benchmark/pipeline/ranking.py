@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from benchmark.pipeline.records import RankedShapes, Record
 
 #: Returns what a scorer or descriptor returned as a matrix of a shape, or raises an error that names
-#: it; see :func:`benchmark.pipeline.outputs.check_distances`.
+#: it; see :func:`benchmark.pipeline.outputs.make_distance_check`.
 Check = Callable[[object, tuple[int, int]], NDArray[np.float64]]
 
 #: Arrays of prepared shapes and forms that ranking does not read.

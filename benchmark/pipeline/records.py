@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Input
 from benchmark.api.datasets import name_view
 from benchmark.code_digest import ROOT, digest, digest_of_bytes
+from benchmark.defaults import DEFAULT_SCORER
 from benchmark.files import read_file, write_atomically
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import RUNS, Cache, Stage, StorageError, storing
@@ -33,17 +34,17 @@ from benchmark.pipeline.record_layout import (
     is_newer,
 )
 from benchmark.reference.paper import MEASURES
-from benchmark.text import LONGEST_MESSAGE, brief, clean, counted, say
+from benchmark.text import LONGEST_MESSAGE, brief, clean_text, counted, say
 from retrieval.measures import Targets
 
 Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean slightly above 1
 Seconds = Annotated[float, Meta(ge=0, le=1e9)]
-Name = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$", max_length=30_000)]
+PrintableText = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$", max_length=30_000)]
 Key = Annotated[str, Meta(pattern=r"^([0-9a-f]{32})?\Z")]
 Count = Annotated[int, Meta(ge=0)]
 
 #: Name of a measure: it has a capital letter, so that no fact of a job has its name.
-Measure = Annotated[str, Meta(pattern=r"^[a-z]{0,9}[A-Z][A-Za-z0-9@-]{0,19}\Z")]
+MeasureName = Annotated[str, Meta(pattern=r"^[a-z]{0,9}[A-Z][A-Za-z0-9@-]{0,19}\Z")]
 
 #: ``"unavailable"`` is the state of a job in a plan; no record says it.
 Status = Literal[
@@ -54,11 +55,8 @@ Status = Literal[
 #: checkout.
 SUITE_RESULTS = next(filter(Path.is_dir, [ROOT / "benchmark" / "results"]), ROOT / "results")
 
-#: Scorer of the tables.
-DEFAULT_SCORER = "cm-bof"
-
 #: Largest size of a file of records in bytes.
-LARGEST_FILE = 2**28
+LARGEST_RECORDS_FILE = 2**28
 
 #: Family of rows whose distances or forms come from other programs.
 EXTERNAL = "external"
@@ -91,19 +89,19 @@ class Data(RecordPart, frozen=True, forbid_unknown_fields=True, omit_defaults=Tr
         Where a folder lies; "" for a set of the suite.
     """
 
-    name: Name
-    title: Name
-    source: Name
-    stand_in_for: Name = ""
+    name: PrintableText
+    title: PrintableText
+    source: PrintableText
+    stand_in_for: PrintableText = ""
     quick: bool = False
     n_shapes: Count = 0
-    path: Name = ""
+    path: PrintableText = ""
 
 
-class Model(RecordPart, frozen=True, forbid_unknown_fields=True):
+class RecordedModel(RecordPart, frozen=True, forbid_unknown_fields=True):
     """A trained model that a job used."""
 
-    training: Name
+    training: PrintableText
     data: str
     digest: str
     schedule: str = ""
@@ -129,8 +127,8 @@ class Origin(RecordPart, frozen=True, forbid_unknown_fields=True, omit_defaults=
         methods of the suite.
     """
 
-    folder: Name
-    plugins: dict[Name, str] = {}
+    folder: PrintableText
+    plugins: dict[PrintableText, str] = {}
 
 
 class RankedShapes(
@@ -155,14 +153,14 @@ class RankedShapes(
         Number of views of each shape; its distance from a query is the least of theirs.
     """
 
-    gallery: Name
+    gallery: PrintableText
     gallery_digest: str
     input: Input
     data: Data
-    shapes: list[Name]
-    labels: list[Name]
-    unsupported: list[tuple[Name, str]] = []
-    unprepared: list[Name] = []
+    shapes: list[PrintableText]
+    labels: list[PrintableText]
+    unsupported: list[tuple[PrintableText, str]] = []
+    unprepared: list[PrintableText] = []
     files: dict[Stage, list[Key]] = {}
     views: Annotated[int, Meta(ge=1)] = 1
 
@@ -243,9 +241,9 @@ class Record(
 
     key: Annotated[str, Meta(pattern=r"^[0-9a-f]{32}\Z")]
     status: Status
-    method: Name
-    title: Name
-    family: Name
+    method: PrintableText
+    title: PrintableText
+    family: PrintableText
     gallery_of_queries: RankedShapes | None = msgspec.field(default=None, name="against")
     keeps_same_names: bool = False
     reason: str = ""
@@ -255,20 +253,20 @@ class Record(
     parameters: dict[str, Any] = {}
     defaults: dict[str, Any] = {}
     seed: int = 0
-    scorer: Name = DEFAULT_SCORER
-    scorer_title: Name = "CM-BOF"
-    scores: dict[Measure, Share] = {}
-    per_query: dict[Measure, list[Share | None]] = {}
-    draw_errors: dict[Measure, Share] = {}
+    scorer: PrintableText = DEFAULT_SCORER
+    scorer_title: PrintableText = "CM-BOF"
+    scores: dict[MeasureName, Share] = {}
+    per_query: dict[MeasureName, list[Share | None]] = {}
+    draw_errors: dict[MeasureName, Share] = {}
     distances: Annotated[str, Meta(pattern=r"^([0-9a-f]{16})?\Z")] = ""
     tied_queries: Count = 0
     lone_queries: Count = 0
-    models: list[Model] = []
-    seen: list[Name] = []
+    models: list[RecordedModel] = []
+    seen: list[PrintableText] = []
     notes: dict[str, Note] = {}
     seconds: dict[str, Seconds] = {}
     processor_seconds: dict[str, Seconds] = {}
-    machines: list[Name] = []
+    machines: list[PrintableText] = []
     finished: str = ""
     commit: str = ""
     packages: dict[str, str] = {}
@@ -279,10 +277,10 @@ class Record(
     checksum: str = ""
 
     @property
-    def row(self) -> Row:
+    def row(self) -> RowId:
         """What the record is the result of; there is one for each row."""
         paths = tuple(side.data.path for side in self.sides)
-        return Row(self.gallery, self.input, self.method, self.seed, self.scorer, paths)
+        return RowId(self.gallery, self.input, self.method, self.seed, self.scorer, paths)
 
     @property
     def sides(self) -> tuple[RankedShapes, ...]:
@@ -333,7 +331,7 @@ class Record(
         )
 
 
-class Row(NamedTuple):
+class RowId(NamedTuple):
     """What a record is the result of; the paths are those of the data of its queries and of another gallery."""
 
     gallery: str
@@ -528,7 +526,7 @@ def age_of(record: Record) -> tuple[str, str]:
     return record.finished, record.key
 
 
-class Skipped(NamedTuple):
+class SkippedRecord(NamedTuple):
     """A file or line that is not used as a record, and why."""
 
     where: str
@@ -538,11 +536,11 @@ class Skipped(NamedTuple):
         return f"{self.where}: {self.error}"
 
 
-class Files(NamedTuple):
+class ScannedFiles(NamedTuple):
     """What files of records hold."""
 
     records: list[Record]
-    skipped: list[Skipped]
+    skipped: list[SkippedRecord]
 
 
 def read_files(paths: Iterable[Path]) -> list[Record]:
@@ -552,23 +550,23 @@ def read_files(paths: Iterable[Path]) -> list[Record]:
     return found.records
 
 
-def say_skipped(skipped: Iterable[Skipped]) -> None:
+def say_skipped(skipped: Iterable[SkippedRecord]) -> None:
     """Name files and lines that are not used on stderr, each once in a process."""
     for each in skipped:
         _say_skipped(str(each))
 
 
-def scan_files(paths: Iterable[Path]) -> Files:
+def scan_files(paths: Iterable[Path]) -> ScannedFiles:
     """Return the records in files, and the files and lines that are none.
 
     A ``.json`` file holds one record and is named by its key; a ``.jsonl`` file holds one a line.
     """
-    records, skipped = list[Record](), list[Skipped]()
+    records, skipped = list[Record](), list[SkippedRecord]()
     for path in sorted(paths):
         try:
-            text = read_file(path, LARGEST_FILE)
+            text = read_file(path, LARGEST_RECORDS_FILE)
         except OSError as error:
-            skipped.append(Skipped(str(path), RecordError(str(error.strerror))))
+            skipped.append(SkippedRecord(str(path), RecordError(str(error.strerror))))
             continue
         is_of_one = path.suffix == ".json"
         for number, line in enumerate([text] if is_of_one else text.splitlines(), 1):
@@ -579,8 +577,8 @@ def scan_files(paths: Iterable[Path]) -> Files:
                     raise RecordError("its name is not its key", hint)
                 records.append(record)
             except RecordError as error:
-                skipped.append(Skipped(str(path) if is_of_one else f"{path}:{number}", error))
-    return Files(records, skipped)
+                skipped.append(SkippedRecord(str(path) if is_of_one else f"{path}:{number}", error))
+    return ScannedFiles(records, skipped)
 
 
 def parse_record(text: bytes) -> Record:
@@ -616,7 +614,7 @@ def parse_record(text: bytes) -> Record:
     return msgspec.structs.replace(record, published=False, checksum="")
 
 
-def encode(record: Record) -> bytes:
+def encode_record(record: Record) -> bytes:
     """Return a record as JSON, with the version of its layout and its checksum."""
     content = {LAYOUT_FIELD: record.layout} | content_of(record)
     return msgspec.json.encode(content | {"checksum": _checksum(content)})
@@ -643,7 +641,7 @@ def record_of(content: Mapping[str, Any]) -> Record:
 def _escaped(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {
-            clean(name): each if name == "traceback" else _escaped(each)
+            clean_text(name): each if name == "traceback" else _escaped(each)
             for name, each in value.items()
         }
     if isinstance(value, list | tuple):
@@ -667,9 +665,9 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
     if problem := newer_record_at(results, record.key):
         raise StorageError(problem, "update the suite, or choose another --results DIR")
     try:
-        text = encode(record)
+        text = encode_record(record)
     except UnicodeEncodeError:  # a surrogate, as in names of files that are not UTF-8
-        text = encode(msgspec.convert(_escaped(msgspec.to_builtins(record)), Record))
+        text = encode_record(msgspec.convert(_escaped(msgspec.to_builtins(record)), Record))
     text = msgspec.json.format(text, indent=1)
     with storing(results):
         write_atomically(folder / f"{record.key}.json", lambda file: file.write(text), durable=True)
@@ -730,7 +728,7 @@ def unneeded(
 def _keys_in(path: Path) -> set[str]:
     """Return the keys in a file that is no record, or one of another layout, with its own."""
     try:
-        text = read_file(path, LARGEST_FILE)
+        text = read_file(path, LARGEST_RECORDS_FILE)
     except OSError:
         text = b""
     return {path.stem, *(key.decode() for key in re.findall(rb"(?<!\w)[0-9a-f]{32}(?!\w)", text))}

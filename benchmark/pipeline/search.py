@@ -16,7 +16,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Arrays, Cache, Stage
 from benchmark.pipeline.forms import SharedResults, mesh_of
-from benchmark.pipeline.outputs import check_distances, compute_output, sign
+from benchmark.pipeline.outputs import compute_output, make_distance_check, sign
 from benchmark.pipeline.ranking import distances
 from benchmark.pipeline.records import RankedShapes
 from benchmark.pipeline.stages import NOTE, REFUSED, require_result
@@ -108,7 +108,7 @@ def search(
     comparing = scorer if isinstance(method, Method) else method
     numbers, first = np.unique([index for index, _ in stored], return_index=True)
     draws = np.concatenate(
-        [*distances(comparing, check_distances(comparing), [*stored.values()], [answer])]
+        [*distances(comparing, make_distance_check(comparing), [*stored.values()], [answer])]
     )
     draws = np.minimum.reduceat(draws, first, axis=1)  # the least distance of the views of a shape
     nearness = draws.mean(axis=0)

@@ -13,10 +13,10 @@ from typing import NoReturn
 from benchmark.api.contracts import MethodInfo
 from benchmark.api.datasets import ShapeSet
 from benchmark.api.scoring import ScorerInfo
+from benchmark.defaults import ALL_METHODS, DEFAULT_SCORER
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.registry.components import Component, Kind
 from benchmark.registry.modules import load_module
-from benchmark.text import EVERY
 
 BUILT_IN: dict[str, str] = {
     "classic-mds": "baselines.classic_mds:ClassicMDS",
@@ -48,7 +48,7 @@ BUILT_IN: dict[str, str] = {
     "si-hks": "baselines.si_hks:ScaleInvariantHKS",
 }
 
-SCORERS: dict[str, str] = {"cm-bof": "retrieval.cmbof:CMBOF"}
+SCORERS: dict[str, str] = {DEFAULT_SCORER: "retrieval.cmbof:CMBOF"}
 
 
 class Known(dict[str, Component]):
@@ -58,9 +58,9 @@ class Known(dict[str, Component]):
         super().__init__()
         self._kind = kind
         for component in components:
-            if component.name == EVERY:
+            if component.name == ALL_METHODS:
                 raise ConfigurationError(
-                    f"a {kind} is called '{EVERY}', which stands for all", "rename it"
+                    f"a {kind} is called '{ALL_METHODS}', which stands for all", "rename it"
                 )
             if component.name in self:
                 both = f"{self[component.name].target} and {component.target}"

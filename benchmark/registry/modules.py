@@ -16,7 +16,7 @@ from typing import Any
 from benchmark.code_digest import is_installed, modules_beside, plugin_file, sources_of
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.files import file_digest
-from benchmark.kernels import remove_kernels, suite_sources
+from benchmark.kernel_cache import remove_kernels, suite_sources
 from benchmark.reads import UndeclaredFile, watching
 from benchmark.text import Printed
 

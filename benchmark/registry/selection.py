@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
+from benchmark.defaults import ALL_METHODS
 from benchmark.errors import ConfigurationError
 from benchmark.registry.components import Component, Kind, component_of
 from benchmark.registry.known import by_name, in_file
 from benchmark.registry.names import combinations, split_name
-from benchmark.text import EVERY
 
 
 def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Component]:
@@ -43,7 +43,7 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
                     f"there is another method '{base}', {known[base].target}", "rename yours"
                 )
         else:
-            chosen += known.values() if name.strip() == EVERY else variants(name, known)
+            chosen += known.values() if name.strip() == ALL_METHODS else variants(name, known)
     named = {component.plugin for component in chosen}
     chosen += [
         component
@@ -61,6 +61,11 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
         if selected.setdefault(component.name, component) != component:
             raise ConfigurationError(f"two methods are called '{component.name}'", "rename one")
     return [*selected.values()]
+
+
+def are_named(names: Sequence[Any]) -> bool:
+    """Return whether methods are selected by their names, so that others do not count."""
+    return bool(names) and ALL_METHODS not in names
 
 
 def select_one(name: str, plugins: Iterable[Path] = (), kind: Kind = "method") -> Component:

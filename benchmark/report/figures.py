@@ -32,7 +32,7 @@ from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.frames import file_name
 from benchmark.report.tables import Row, Scored, TableView
-from benchmark.text import clean
+from benchmark.text import clean_text
 
 T = TypeVar("T")
 
@@ -85,7 +85,7 @@ def shown_rows(view: TableView) -> list[tuple[Row, Scored]]:
             (column.title for column in view.columns if column.title in row.scored), ""
         ):
             title = row.title if column == view.columns[0].title else f"{row.title}, {column}"
-            found.append((replace(row, title=clean(title)), row.scored[column]))
+            found.append((replace(row, title=clean_text(title)), row.scored[column]))
     return found
 
 
@@ -142,7 +142,7 @@ def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
                 colour = COLOURS[
                     int(np.searchsorted(np.unique(record.labels), label)) % len(COLOURS)
                 ]
-                named.append((clean(label), centre, mine[:, 1].max(), colour))
+                named.append((clean_text(label), centre, mine[:, 1].max(), colour))
         _annotate(place, named, points)
         place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED)
         addresses = [f"{page}-{file_name(name)}" for name in names.tolist()] if page else None
@@ -209,7 +209,7 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
     check_known("shape", names, labels)
     columns: list[tuple[str, list[Drawn | None]]] = []
     subjects = [*dict.fromkeys(labels[name] for name in names)]
-    heads = [*map(clean, subjects)] if len(subjects) > 1 else ["Shape"]
+    heads = [*map(clean_text, subjects)] if len(subjects) > 1 else ["Shape"]
     for subject, head in zip(subjects, heads, strict=True):
         poses = [name for name in names if labels[name] == subject]
         columns.append((head, [forms.shape(first, name) for name in poses]))

@@ -29,7 +29,7 @@ from benchmark.report.data_titles import data_title
 from benchmark.report.frames import BLANK, changed, fold_of, hundredths, scored_by
 from benchmark.report.notes import table_notes
 from benchmark.report.tables import BLOCKS, PAPER, SECOND, Row, TableView
-from benchmark.text import clean
+from benchmark.text import clean_text
 
 CHANCE = "Random order"
 
@@ -69,12 +69,12 @@ _LATEX = {
 
 def markdown_text(text: str) -> str:
     """Return text as Markdown shows it literally, in a table, too."""
-    return "".join(_MARKDOWN.get(character, character) for character in clean(text))
+    return "".join(_MARKDOWN.get(character, character) for character in clean_text(text))
 
 
 def latex_text(text: str) -> str:
     """Return text as LaTeX shows it literally; characters that pdflatex lacks become question marks."""
-    known = (c if ord(c) < 0x180 else "?" for c in clean(text))
+    known = (c if ord(c) < 0x180 else "?" for c in clean_text(text))
     return "".join(_LATEX.get(character, character) for character in known)
 
 
@@ -156,7 +156,7 @@ def _input_in_words(kind: Kind, rows: Iterable[Row]) -> str:
 
 def _line(view: TableView, groups: Iterable[Group], row: Row) -> Line:
     return Line(
-        clean(row.title),
+        clean_text(row.title),
         tuple(_cells(view, group, row) for group in groups),
         [Cell(column.cell(row), value=column.value(row)) for column in PRINTED_OF_ROW],
         row,

@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 from benchmark.code_digest import digest_of_bytes
 from benchmark.datasets.changes import CHANGES
-from benchmark.pipeline.records import DEFAULT_SCORER, EXTERNAL, SUITE_RESULTS, Record
+from benchmark.defaults import DEFAULT_SCORER
+from benchmark.pipeline.records import EXTERNAL, SUITE_RESULTS, Record
 from benchmark.protocols.tables import AGAINST, AVERAGED, NETWORKS, TABLES, Kind, Table, own_table
 
 BLANK = "--"

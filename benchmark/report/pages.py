@@ -31,7 +31,7 @@ from benchmark.report.frames import changed, file_name, hundredths
 from benchmark.report.notes import block_lead, leads, table_notes
 from benchmark.report.statistics import INTERVALS
 from benchmark.report.tables import Row, Scored, TableView
-from benchmark.text import clean, listed, say
+from benchmark.text import clean_text, listed, say
 
 #: Pages of a table by the end of their name.
 KINDS = {"": "Scores", "-forms": "Forms", "-queries": "Queries"}
@@ -59,7 +59,9 @@ _TEMPLATES = Environment(
     autoescape=True,
     trim_blocks=True,
     lstrip_blocks=True,
-    finalize=lambda value: "" if value is None else clean(value) if type(value) is str else value,
+    finalize=lambda value: (
+        "" if value is None else clean_text(value) if type(value) is str else value
+    ),
 )
 _TEMPLATES.globals |= {"measure": MEASURE, "side": SIDE, "kind_names": KINDS}
 _TEMPLATES.globals |= {"intervals": INTERVALS, "palette": PALETTE, "viewing": OBLIQUE.direction}
@@ -276,7 +278,7 @@ def _scores(
         "-forms": made,
         "-queries": {anchor for facet in queries for _, anchor in facet["rows"]},
     }
-    rows = {clean(row.title): row for row in view.printed_rows}
+    rows = {clean_text(row.title): row for row in view.printed_rows}
     every = [one for row in rows.values() for one in row.scored.values()]
     ranges = [end for one in every for end in (one.means[MEASURE], *one.intervals.get(MEASURE, ()))]
     papers = [scores[MEASURE] for scores in view.paper.values()]
@@ -401,7 +403,8 @@ def _refusals(rows: Iterable[tuple[str, Record]]) -> list[tuple[str, str, str]]:
                 titles = found.setdefault((shape, reason), [])
                 titles += [] if title in titles else [title]
     return [
-        (clean(shape), clean(reason), listed(titles)) for (shape, reason), titles in found.items()
+        (clean_text(shape), clean_text(reason), listed(titles))
+        for (shape, reason), titles in found.items()
     ]
 
 
@@ -412,7 +415,7 @@ def _shapes(pages: Pages, side: RankedShapes) -> list[tuple[str, str, str]]:
         pages.picture(f"{place}-{shape}", pages.forms.shape(side, shape), _SMALL)
         for shape in side.shapes
     ]
-    return [*zip(map(clean, side.shapes), map(clean, side.labels), pictures, strict=True)]
+    return [*zip(map(clean_text, side.shapes), map(clean_text, side.labels), pictures, strict=True)]
 
 
 def _nearest(record: Record, matrix: NDArray[np.float64]) -> Nearest:
@@ -518,6 +521,6 @@ def _data_title(view: TableView) -> str:
     title = re.sub(
         r" \((stand-in|generated)[^)]*\)", " (generated)", re.sub(r", draw \d+", "", title)
     )
-    return clean(
+    return clean_text(
         re.sub(r"view angle: largest angle in degrees (\d+)$", r"cameras turned up to \1°", title)
     )

@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pandas import DataFrame, Index, concat
 
+from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import ConfigurationError, check_known
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import (
-    DEFAULT_SCORER,
     Record,
     read_distances,
     read_form,

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.api.parameters import format_value
-from benchmark.pipeline.records import DEFAULT_SCORER, Record
+from benchmark.defaults import DEFAULT_SCORER
+from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import (
     AVERAGED,
     TABLES,

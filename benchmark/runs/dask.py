@@ -11,10 +11,10 @@ from importlib.util import find_spec
 from typing import Any
 
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.kernels import drop_stale_kernels
+from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import memory_per_process
 from benchmark.runs.tasks import Outcome, Queue, Step, Task
-from benchmark.runs.workers import INTERVAL, Pool
+from benchmark.runs.workers import POLL_SECONDS, Pool
 
 #: The worker process of each thread of a dask worker, and the run that it serves.
 _of_thread = threading.local()
@@ -86,7 +86,7 @@ class DaskPool:
             self._tasks[future] = task
         done = [future for future in self._tasks if future.done()]
         if not done:
-            time.sleep(INTERVAL)
+            time.sleep(POLL_SECONDS)
         for future in done:
             del self._tasks[future]
             if future.status != "finished":

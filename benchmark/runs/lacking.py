@@ -15,8 +15,7 @@ from benchmark.api.learning import HasRecipe
 from benchmark.errors import TrainingError
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import find_training, n_pairs
-from benchmark.registry import Component, select
-from benchmark.text import EVERY
+from benchmark.registry import Component, are_named, select
 
 
 @dataclass(frozen=True)
@@ -76,11 +75,11 @@ def lacking_models(
         Folder of the official data sets, tables and data sets.
     """
     selected = select(methods, plugins)
-    are_named = bool(methods) and EVERY not in methods
+    is_named = are_named(methods)
     found: dict[tuple[str, str], LackingModel] = {}
     for gallery in galleries(input=input, data_root=data_root, **data):
         for input_ in gallery.inputs:
-            lacking = gallery.lacking(input_, selected, results / "models", named=are_named)
+            lacking = gallery.lacking(input_, selected, results / "models", named=is_named)
             for component, training in lacking:
                 # Rows of controls have the models of other rows.
                 name = training.name, component.create().model_name

@@ -14,6 +14,7 @@ from typing import Any, Literal, NamedTuple
 from benchmark.api.contracts import Input
 from benchmark.code_digest import code_of_modules, definitions_of, digest
 from benchmark.datasets.catalogue import is_known, is_path
+from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.pipeline.cache import Stage
 from benchmark.pipeline.code_store import Definitions, changed_definitions, read_definitions
@@ -25,7 +26,7 @@ from benchmark.pipeline.records import (
     SUITE_RESULTS,
     RankedShapes,
     Record,
-    Row,
+    RowId,
     key_at,
     newer_record_at,
     read_records,
@@ -34,10 +35,10 @@ from benchmark.pipeline.records import (
 from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import NoFolds
-from benchmark.registry import Component, select, select_one
-from benchmark.runs.tasks import CODE, Job, Step, code_of_step
+from benchmark.registry import Component, are_named, select, select_one
+from benchmark.runs.tasks import STAGE_MODULES, Job, Step, code_of_step
 from benchmark.runs.unchanged import PlannedCode
-from benchmark.text import EVERY, clean, listed
+from benchmark.text import clean_text, listed
 
 State = Literal[
     "finished", "failed", "missing", "stale", "incomplete", "unavailable", "unsupported"
@@ -118,7 +119,7 @@ def plan_selection(
     *,
     methods: Sequence[Any] = (),
     plugins: Sequence[Path] = (),
-    scorer: str = "cm-bof",
+    scorer: str = DEFAULT_SCORER,
     input: Input | None = None,
     seed: int = 0,
     rerun: Collection[str] = (),
@@ -157,11 +158,11 @@ def plan_selection(
         *selected, of_forms = [component.in_this_process() for component in (*selected, of_forms)]
     known = read_records(results, published=False) if records is None else records
     planning = _Planning(results.absolute(), of_forms, seed, rerun, known)
-    are_named = bool(methods) and EVERY not in methods
+    is_named = are_named(methods)
     jobs: dict[str, Planned] = {}
     for gallery in galleries(input=input, **data):
         for input_ in gallery.inputs:
-            rows = gallery.rows(input_, selected, results / "models", named=are_named)
+            rows = gallery.rows(input_, selected, results / "models", named=is_named)
             for job in planning.jobs(gallery, input_, rows) if rows else ():
                 _check_pair(job.record)
                 first = jobs.setdefault(job.record.key, job)
@@ -217,7 +218,7 @@ class _Planning:
     def __post_init__(self) -> None:
         self._key, self._code = cache(Component.key), cache(Component.code)
         self._forms, self._ranking = (
-            code_of_modules([CODE[stage]]) for stage in ("forms", "records")
+            code_of_modules([STAGE_MODULES[stage]]) for stage in ("forms", "records")
         )
         self._code_of_step = cache(code_of_step)
         self._records = {record.row: record for record in self.records if not record.published}
@@ -235,7 +236,7 @@ class _Planning:
     def _job(self, facts: dict[str, Any], sides: Sequence[_Side], method: Component) -> Planned:
         gallery, paths = sides[0].gallery, tuple(path_of(side.gallery.source) for side in sides)
         scorer = None if method.missing_packages() or method.describes else self.scorer
-        row = Row(
+        row = RowId(
             gallery.name,
             facts["input"],
             method.name,
@@ -436,7 +437,7 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
         "data": {
             "name": shapes.name,
             "title": shapes.title,
-            "source": clean(gallery.source),
+            "source": clean_text(gallery.source),
             "stand_in_for": shapes.stand_in_for,
             "quick": gallery.quick,
             "path": path,

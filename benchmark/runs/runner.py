@@ -13,7 +13,7 @@ from typing import NamedTuple
 import msgspec
 
 from benchmark.errors import FILE, BenchmarkError
-from benchmark.kernels import drop_stale_kernels
+from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import memory_per_process
 from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.code_store import keep_definitions
@@ -36,7 +36,7 @@ class Progress(NamedTuple):
     working: Sequence[str] = ()
 
 
-def run(
+def run_jobs(
     planned: Sequence[Planned],
     results: Path,
     *,

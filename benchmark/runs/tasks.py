@@ -38,10 +38,10 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.pipeline import forms
 from benchmark.pipeline.cache import RUNS, Cache, Stage, StorageError
-from benchmark.pipeline.outputs import check_distances, compute_output, sign
+from benchmark.pipeline.outputs import compute_output, make_distance_check, sign
 from benchmark.pipeline.prepared import CHANGED, PreparedShapes, last_change
 from benchmark.pipeline.ranking import DamagedFiles, rank
-from benchmark.pipeline.records import Record, Row
+from benchmark.pipeline.records import Record, RowId
 from benchmark.pipeline.stages import REFUSED, Arrays, Incomplete
 from benchmark.reads import watch_this_process
 from benchmark.registry.components import THIS_PROCESS, Component, watching_component
@@ -50,7 +50,7 @@ from benchmark.text import Printed, clean_lines
 
 #: Modules with the code of the suite that makes files of a stage, beside that of preparation and of
 #: the component.
-CODE: Mapping[Stage, str] = {"forms": forms.__name__, "records": rank.__module__}
+STAGE_MODULES: Mapping[Stage, str] = {"forms": forms.__name__, "records": rank.__module__}
 
 T = TypeVar("T")
 
@@ -78,7 +78,7 @@ class Job:
     """
 
     key: str
-    row: Row
+    row: RowId
     source: str
     data_root: Path | None
     method: Component
@@ -150,7 +150,7 @@ def code_of_step(component: Component, stage: Stage) -> PlannedCode | None:
     """Return the code with which a method or scorer makes files of a stage; None if nobody knows it."""
     if component.is_unknown:
         return None
-    modules = [CODE[stage]] if stage in CODE else []
+    modules = [STAGE_MODULES[stage]] if stage in STAGE_MODULES else []
     return plan_code(component.target, modules, component.files)
 
 
@@ -458,7 +458,7 @@ class Work:
 
         def ranked(_: Any, step: Step) -> tuple[dict[str, Any], Arrays]:
             comparing = self._context.created(step)
-            return rank(record, kept, comparing, check_distances(comparing))
+            return rank(record, kept, comparing, make_distance_check(comparing))
 
         content, distances = self._watched(step, ranked)
         if not distances:

@@ -26,7 +26,7 @@ from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 
 #: Seconds between looks at the workers, and most of them that count between two: a machine may be
 #: paused.
-INTERVAL, _LONGEST_INTERVAL = 0.2, 1.0
+POLL_SECONDS, _LONGEST_INTERVAL = 0.2, 1.0
 
 #: Most bytes of a message: what a plugin writes into the connection of its worker may announce any
 #: number of them.
@@ -274,7 +274,7 @@ class Pool:
             if worker not in self._workers:
                 self._workers.append(worker)
         busy = self._busy
-        wait([worker.connection for worker in busy], INTERVAL if busy else 0)
+        wait([worker.connection for worker in busy], POLL_SECONDS if busy else 0)
         for worker in busy:
             yield from worker.outcomes()
             if not worker.is_alive:

@@ -22,10 +22,10 @@ from benchmark.geometry.camera import SIDE, DepthSensor
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.forms import SharedResults
 from benchmark.pipeline.outputs import (
-    check_distances,
     compute_distances,
     compute_output,
     compute_signature,
+    make_distance_check,
 )
 from benchmark.pipeline.ranking import rank
 from benchmark.pipeline.records import Data, Record
@@ -132,7 +132,7 @@ def ranked(forms: Sequence[str], labels: Sequence[str], refused: Sequence[str]) 
                 "forms", key, {REFUSED: np.array(["no reason", ""])} if form in refused else second
             )
             cache.write("signatures", key, {**_committed("cm-bof", form), **second})
-        content, arrays = rank(record, cache, scorer, check_distances(scorer))
+        content, arrays = rank(record, cache, scorer, make_distance_check(scorer))
     del content["machines"]
     del content["processor_seconds"], content["seconds"]["ranking"]  # of this machine
     refused = [forms.index(name) for name, _ in content.pop("unsupported")]

@@ -8,7 +8,7 @@ import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import Cache
-from benchmark.pipeline.merging import merge
+from benchmark.pipeline.merging import merge_records
 from benchmark.pipeline.records import read_records, write_record
 from tests.pipeline.test_record_layout import content_of, put
 from tests.pipeline.test_records import failed, made
@@ -53,7 +53,7 @@ def test_a_record_under_the_key_of_another_row_replaces_no_file(tmp_path):
 def test_two_folders_with_one_key_for_two_rows_write_the_first(tmp_path):
     write_record(tmp_path / "1", made("gps", key="a"))
     write_record(tmp_path / "2", made("identity", key="a"))
-    outcome = merge([tmp_path / "1", tmp_path / "2"], tmp_path / "ours")
+    outcome = merge_records([tmp_path / "1", tmp_path / "2"], tmp_path / "ours")
     assert [record.method for record in outcome.added] == ["gps"]
     assert [refused.record.method for refused in outcome.refused] == ["identity"]
     assert scores(tmp_path / "ours") == {"gps": 0.5}
@@ -63,7 +63,7 @@ def test_two_folders_with_one_key_for_two_rows_write_the_first(tmp_path):
 def test_a_file_that_cannot_be_read_is_not_overwritten(tmp_path, there):
     path = put(tmp_path / "ours", there)
     write_record(tmp_path / "theirs", made("gps"))
-    outcome = merge([tmp_path / "theirs"], tmp_path / "ours", "theirs")
+    outcome = merge_records([tmp_path / "theirs"], tmp_path / "ours", "theirs")
     assert [refused.reason for refused in outcome.refused] == [
         f"{'a' * 32}.json is there already, and is not used as a record"
     ]
@@ -74,7 +74,7 @@ def test_a_record_of_other_shapes_of_a_gallery_is_not_taken(tmp_path):
     write_record(tmp_path / "ours", made("gps"))
     others = made("pca", key="b", shapes=["cat0", "cat1", "dog0", "dog1", "emu0"])
     write_record(tmp_path / "theirs", others)
-    outcome = merge([tmp_path / "theirs"], tmp_path / "ours")
+    outcome = merge_records([tmp_path / "theirs"], tmp_path / "ours")
     assert [refused.reason for refused in outcome.refused] == [
         "its shapes or classes are not those of its gallery here"
     ]
@@ -110,7 +110,7 @@ def test_all_conflicts_are_resolved_by_theirs_or_ours(folders):
 @pytest.mark.parametrize("name", ["pets mesh gps", "a" * 32, "d" * 32])
 def test_one_conflict_is_resolved_by_its_row_or_a_key(folders, name):
     ours, theirs = folders
-    outcome = merge([theirs], ours, "theirs", [name])
+    outcome = merge_records([theirs], ours, "theirs", [name])
     assert [record.method for record in outcome.added] == ["gps", "skeleton"]
     assert [there.method for _, there in outcome.conflicts] == ["identity"]
     assert scores(ours) == {"gps": 0.25, "identity": 0.5, "pca": 0.5, "skeleton": 0.5}
@@ -134,15 +134,18 @@ def test_a_row_of_two_data_sets_is_to_be_named_by_a_key(tmp_path):
     with pytest.raises(
         ConfigurationError, match="names rows of several data sets: /x/pets, /y/pets"
     ):
-        merge([tmp_path / "theirs"], tmp_path / "ours", "theirs", ["pets mesh gps"])
-    assert len(merge([tmp_path / "theirs"], tmp_path / "ours", "theirs", ["5" * 32]).added) == 1
+        merge_records([tmp_path / "theirs"], tmp_path / "ours", "theirs", ["pets mesh gps"])
+    assert (
+        len(merge_records([tmp_path / "theirs"], tmp_path / "ours", "theirs", ["5" * 32]).added)
+        == 1
+    )
 
 
 def test_two_folders_that_differ_stay_in_conflict(tmp_path):
     for folder, nn in (("1", 0.25), ("2", 0.75)):
         write_record(tmp_path / folder, made(nn=nn, key=folder))
     write_record(tmp_path / "ours", made())
-    outcome = merge([tmp_path / "1", tmp_path / "2"], tmp_path / "ours", "theirs")
+    outcome = merge_records([tmp_path / "1", tmp_path / "2"], tmp_path / "ours", "theirs")
     assert (len(outcome.added), len(outcome.conflicts)) == (1, 1)
     assert scores(tmp_path / "ours") == {"gps": 0.25}
 
@@ -151,7 +154,7 @@ def test_distances_of_the_result_that_goes_do_not_stay(tmp_path):
     write_record(tmp_path / "ours", made())
     Cache(tmp_path / "ours").write("records", "a" * 32, {})
     write_record(tmp_path / "theirs", made(nn=0.25))
-    merge([tmp_path / "theirs"], tmp_path / "ours", "theirs")
+    merge_records([tmp_path / "theirs"], tmp_path / "ours", "theirs")
     assert scores(tmp_path / "ours") == {"gps": 0.25}
     assert not Cache(tmp_path / "ours").has("records", "a" * 32)
 
@@ -160,7 +163,7 @@ def test_all_files_of_a_row_go_with_it(tmp_path):
     write_record(tmp_path / "ours", made(finished="2026-02-01"))
     write_record(tmp_path / "ours", made(key="b", finished="2026-03-01"))
     write_record(tmp_path / "theirs", made(key="c", nn=0.25, finished="2026-01-01"))
-    merge([tmp_path / "theirs"], tmp_path / "ours", "theirs")
+    merge_records([tmp_path / "theirs"], tmp_path / "ours", "theirs")
     assert scores(tmp_path / "ours") == {"gps": 0.25}
     assert names(tmp_path / "ours") == ["c"]
 

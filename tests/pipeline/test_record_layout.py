@@ -13,7 +13,7 @@ from benchmark.pipeline.record_layout import LAYOUT, convert_older
 from benchmark.pipeline.records import (
     MOST_SHAPES,
     StorageError,
-    encode,
+    encode_record,
     read_records,
     unneeded,
     write_record,
@@ -43,7 +43,7 @@ ADDED = {
 
 def content_of(record=None, **changes):
     """Return the content of a record, without its checksum, with changes; None removes a field."""
-    content = json.loads(encode(record or made())) | changes
+    content = json.loads(encode_record(record or made())) | changes
     del content["checksum"]
     return {name: value for name, value in content.items() if value is not None}
 

@@ -13,7 +13,7 @@ import pytest
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline import environment
 from benchmark.pipeline.cache import Cache, StorageError
-from benchmark.pipeline.merging import merge
+from benchmark.pipeline.merging import merge_records
 from benchmark.pipeline.records import (
     Record,
     published_distances,
@@ -144,7 +144,9 @@ def merged(folder, *records, into=()):
         write_record(folder / "here", record)
     for number, record in enumerate(records):
         write_record(folder / str(number), record)
-    outcome = merge([folder / str(number) for number in range(len(records))], folder / "here")
+    outcome = merge_records(
+        [folder / str(number) for number in range(len(records))], folder / "here"
+    )
     return outcome, {
         record.method: (record.status, record.scores.get("NN"))
         for record in read_records(folder / "here")
@@ -173,7 +175,7 @@ def test_merge_adds_rows_and_prefers_results_to_failures_and_later_failures_to_e
     )
     assert (outcome.added, outcome.known, outcome.conflicts) == ([], 3, [])
     with pytest.raises(StorageError, match=r"holds no records; name a results folder"):
-        merge([tmp_path / "none"], tmp_path / "here")
+        merge_records([tmp_path / "none"], tmp_path / "here")
 
 
 @pytest.mark.parametrize(
@@ -192,14 +194,14 @@ def test_the_row_of_a_colleague_on_the_same_folder_elsewhere_stands_beside_ours(
     theirs = shutil.copytree(rods, tmp_path / "home" / "rods")
     run_toy(theirs, tmp_path / "theirs", "identity", "classic-mds", input=None)
     run_toy(rods, tmp_path / "ours", "gps", "identity", input=None)
-    outcome = merge([tmp_path / "theirs"], tmp_path / "ours")
+    outcome = merge_records([tmp_path / "theirs"], tmp_path / "ours")
     assert (len(outcome.added), outcome.conflicts, outcome.refused) == (2, [], [])
     assert {record.data.path for record in read_records(tmp_path / "ours")} == {str(rods)}
     jobs = planned(rods, tmp_path / "ours", "classic-mds", "identity", "gps", input=None)
     assert {job.state for job in jobs} == {"finished"}
     (theirs / "dataset.toml").write_text('camera = "side"')  # so that all views are others
     run_toy(theirs, tmp_path / "other", "fast-mds", "gps", input="view")
-    merge([tmp_path / "other"], tmp_path / "ours")
+    merge_records([tmp_path / "other"], tmp_path / "ours")
     paths = {
         record.method: record.data.path
         for record in read_records(tmp_path / "ours")

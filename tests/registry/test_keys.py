@@ -14,7 +14,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import FORMATS, mesh_file_set
 from benchmark.pipeline.prepared import PreparedShapes
 from benchmark.registry import select, select_one
-from benchmark.runs.tasks import CODE
+from benchmark.runs.tasks import STAGE_MODULES
 
 
 def modules(names):
@@ -118,7 +118,7 @@ def test_the_key_of_a_file_is_that_of_its_own_format_whatever_lies_beside_it(tmp
 
 
 def test_a_form_holds_its_method_and_what_hands_it_the_shape():
-    of_stage = code_of_modules([CODE["forms"]])
+    of_stage = code_of_modules([STAGE_MODULES["forms"]])
     for component in components():
         own = component.target.partition(":")[0]
         allowed = NETWORK if own == "learned.methods" else FORM | KERNELS | BASES
@@ -127,7 +127,7 @@ def test_a_form_holds_its_method_and_what_hands_it_the_shape():
 
 
 def test_no_module_is_allowed_in_forms_that_is_in_none():
-    used = set(of_suite(code_of_modules([CODE["forms"]])))
+    used = set(of_suite(code_of_modules([STAGE_MODULES["forms"]])))
     for component in components():
         used |= of_suite(component.code())
     assert (FORM | KERNELS | BASES | NETWORK) - used == set()
@@ -135,7 +135,7 @@ def test_no_module_is_allowed_in_forms_that_is_in_none():
 
 def test_a_signature_holds_its_scorer_and_a_ranking_holds_the_measures():
     assert of_suite(select_one("cm-bof", kind="scorer").code()) == SIGNATURE
-    assert of_suite(code_of_modules([CODE["records"]])) == RANKING
+    assert of_suite(code_of_modules([STAGE_MODULES["records"]])) == RANKING
 
 
 def test_the_code_of_a_plugin_is_that_of_the_names_that_it_imports(tmp_path):

@@ -23,7 +23,7 @@ from benchmark.report.notes import table_notes
 from benchmark.report.results import open_results
 from benchmark.report.tables import table_views
 from benchmark.runs.planning import plan_selection
-from benchmark.runs.runner import run
+from benchmark.runs.runner import run_jobs
 from benchmark.runs.tasks import Work
 from tests.report.records import record as made_up
 from tests.runs.toy import ThisProcess, done
@@ -55,7 +55,7 @@ def forms(results):
 def finished(rods, tmp_path_factory):
     """Rods that were run under both inputs."""
     results = tmp_path_factory.mktemp("results")
-    of_both = run(jobs(rods, "", results, input=None), results, workers=ThisProcess())
+    of_both = run_jobs(jobs(rods, "", results, input=None), results, workers=ThisProcess())
     assert [record.status for record in of_both] == ["ok"] * 2
     return results
 

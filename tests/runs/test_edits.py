@@ -16,7 +16,7 @@ import pytest
 
 from benchmark.pipeline.records import read_distances, read_records
 from benchmark.runs import unchanged
-from benchmark.runs.runner import run
+from benchmark.runs.runner import run_jobs
 from benchmark.runs.unchanged import CodeChanged, PlannedFiles, plan_code
 from tests.runs.toy import ThisProcess, done, planned
 
@@ -269,7 +269,7 @@ def test_a_file_that_is_edited_and_put_back_within_a_step_gives_the_planned_figu
             put_back(state)
 
     jobs = folder.planned(results)
-    (record,) = run(jobs, results, workers=ThisProcess(), watch=watch)
+    (record,) = run_jobs(jobs, results, workers=ThisProcess(), watch=watch)
     if record.status == "incomplete":  # one step more was tried meanwhile
         assert Path(name).name in record.reason
         record = folder.run(results)
@@ -296,7 +296,7 @@ def test_a_file_that_is_touched_between_steps_costs_nothing(folder, clean, tmp_p
     monkeypatch.setattr(builtins, "edit", calls.append, raising=False)
     jobs = folder.planned(results)
     declared = folder.folder / "declared.txt"
-    (record,) = run(jobs, results, workers=ThisProcess(), watch=lambda _: declared.touch())
+    (record,) = run_jobs(jobs, results, workers=ThisProcess(), watch=lambda _: declared.touch())
     assert record.status == "ok", record.reason
     assert sorted(calls) == ["thick0", "thick1", "thin0", "thin1"]
     assert is_same(read_distances(results, record), clean())
@@ -327,7 +327,7 @@ def test_a_worker_ends_with_the_code_that_it_holds(folder, clean, tmp_path):
     slow = PLUGIN.replace("    import late", "    import time; time.sleep(0.5)\n    import late")
     (folder.folder / "edited.py").write_text(slow)
     jobs = folder.planned(results)
-    (record,) = run(jobs, results, size=1, watch=edit)
+    (record,) = run_jobs(jobs, results, size=1, watch=edit)
     assert edited
     assert record.status == "incomplete"
     assert record.reason.startswith("below.py changed during the run")

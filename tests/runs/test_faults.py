@@ -20,7 +20,7 @@ import pytest
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.records import read_distances, read_records
 from benchmark.registry.modules import load_module
-from benchmark.runs.runner import run
+from benchmark.runs.runner import run_jobs
 from benchmark.runs.workers import Worker
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
@@ -183,7 +183,7 @@ def test_a_worker_killed_from_outside_is_replaced_busy_or_idle(pair, tmp_path, m
 
     jobs = planned(pair, tmp_path / "results", "waits-once", "slow", plugins=(FAULTS,))
     records = {}
-    for record in run(jobs, tmp_path / "results", size=1, timeout=60, watch=kill):
+    for record in run_jobs(jobs, tmp_path / "results", size=1, timeout=60, watch=kill):
         records[record.method] = record
         for child in psutil.Process().children():
             with suppress(psutil.ZombieProcess):  # it was killed before
@@ -208,7 +208,7 @@ def test_an_interruption_of_all_processes_and_a_pause_of_the_machine_fail_no_met
             pauses.append(10 * PATIENCE)  # the clock goes on while the machine is paused
 
     jobs = planned(pair, tmp_path / "results", "slow", plugins=(FAULTS,))
-    (record,) = run(jobs, tmp_path / "results", size=1, timeout=PATIENCE, watch=disturb)
+    (record,) = run_jobs(jobs, tmp_path / "results", size=1, timeout=PATIENCE, watch=disturb)
     assert pauses
     assert (record.status, record.reason) == ("ok", "")
     assert len(noted(tmp_path / "slow")) == 3

@@ -16,7 +16,7 @@ from benchmark.pipeline.cache import StorageError, writing
 from benchmark.pipeline.records import read_records
 from benchmark.registry.modules import import_plugins_anew
 from benchmark.runs.planning import estimate
-from benchmark.runs.runner import run
+from benchmark.runs.runner import run_jobs
 from tests.behaviour.suite import start
 from tests.runs.toy import FAULTS, LIGHT, ThisProcess, done, noted, planned, run_toy
 from tests.toy import PATIENCE, files_of_at_most, wait_for
@@ -90,7 +90,7 @@ def test_a_full_disk_ends_the_run_with_one_line(rods, tmp_path, workers):
         files_of_at_most(100),
         pytest.raises(BenchmarkError, match="cannot write to .*File too large; free some space"),
     ):
-        list(run(jobs, tmp_path, workers=workers))
+        list(run_jobs(jobs, tmp_path, workers=workers))
     assert run_toy(rods, tmp_path, "surface-area")["surface-area"].status == "ok"
 
 

@@ -10,7 +10,7 @@ from benchmark.pipeline.records import Record
 from benchmark.registry.components import THIS_PROCESS
 from benchmark.registry.modules import import_plugins_anew
 from benchmark.runs.planning import Planned, plan_selection
-from benchmark.runs.runner import run
+from benchmark.runs.runner import run_jobs
 from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Work
 from tests.toy import wait_for
 
@@ -58,7 +58,7 @@ def planned(
 def done(jobs: list[Planned], results: Path, **options: Any) -> dict[str, Record]:
     """Run jobs and return their records by method; without options, in this process, which is seconds faster."""
     options = options or {"workers": ThisProcess()}
-    return {record.method: record for record in run(jobs, results, **options)}
+    return {record.method: record for record in run_jobs(jobs, results, **options)}
 
 
 def run_toy(

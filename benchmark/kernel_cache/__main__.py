@@ -1,4 +1,4 @@
-"""Compile all kernels before the first run: ``python -m benchmark.kernels``.
+"""Compile all kernels before the first run: ``python -m benchmark.kernel_cache``.
 
 Kernels are compiled on first use and cached beside the code. The workers of a run start together,
 so each would compile all of them. Here one process compiles them by the steps of a run, so that
@@ -12,8 +12,9 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 
+from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import BenchmarkError
-from benchmark.kernels import drop_stale_kernels
+from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import pin_threads
 from benchmark.text import say
 
@@ -47,7 +48,7 @@ def steps() -> Iterator[Callable[[], object]]:
     for name in [name for name, known in CATALOGUE.items() if not known.folder]:
         dataset = open_dataset(name, None)
         yield partial(dataset.load, dataset.shapes[1])
-    scorer = select_one("cm-bof", kind="scorer").create()
+    scorer = select_one(DEFAULT_SCORER, kind="scorer").create()
     yield lambda: scorer.compare([scorer.signature(figure(bend)) for bend in BENDS[:2]], 0)
 
 
