@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from benchmark import code_digest, kernels
+from benchmark import code_digest, kernel_cache
 from benchmark.kernel_cache import compiled_kernels, drop_stale_kernels
 
 KERNEL = (
@@ -37,8 +37,8 @@ def test_what_was_compiled_from_other_code_goes(tmp_path, monkeypatch, edited, k
     for name, text in FILES.items():
         (tmp_path / name).write_text(text)
     sources = [tmp_path / name for name in FILES]
-    monkeypatch.setattr(kernels, "suite_sources", lambda: sources)
-    for module in (kernels, code_digest):
+    monkeypatch.setattr(kernel_cache, "suite_sources", lambda: sources)
+    for module in (kernel_cache, code_digest):
         monkeypatch.setattr(module, "ROOT", tmp_path)
     monkeypatch.setattr(code_digest, "FIRST_PARTY", [source.stem for source in sources])
     monkeypatch.setattr(

@@ -49,7 +49,6 @@ PENDING = frozenset(
         "benchmark/geometry/bridging.py",
         "benchmark/geometry/camera.py",
         "benchmark/geometry/cleaning.py",
-        "benchmark/kernels/__init__.py",
         "benchmark/machine.py",
         "benchmark/pipeline/code_store.py",
         "benchmark/pipeline/merging.py",

@@ -1,4 +1,4 @@
-"""Compiled kernels: remove those of older code, and choose a writable folder for them.
+"""The cache of compiled kernels: remove those of older code, and choose a writable folder for it.
 
 numba keeps a compiled kernel until its own file changes, although kernels of other files, and
 values that a plugin read from anywhere, are compiled into it. So those of a plugin never outlive
@@ -20,13 +20,29 @@ from benchmark.code_digest import FIRST_PARTY, ROOT, sources_of
 #: Environment variable with the folder where numba stores compiled kernels.
 VARIABLE = "NUMBA_CACHE_DIR"
 
+#: Permission bits with which others than its owner can write to a folder.
+_WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+
 
 def drop_stale_kernels() -> None:
-    """Remove the compiled kernels of the suite that are older than their code, or that of a module they use."""
+    """Remove the compiled kernels of the suite that are older than code that they were made from."""
     for source in suite_sources():
-        if b"numba" in source.read_bytes():
-            with suppress(OSError):  # a folder that is read-only
-                _drop_if_stale(source)
+        if b"numba" not in source.read_bytes():
+            continue
+        with suppress(OSError):  # a folder that is read-only
+            if _is_stale(source):
+                remove_kernels([source])
+
+
+def _is_stale(source: Path) -> bool:
+    """Return whether kernels of a file are older than a source that is compiled into them.
+
+    A source counts from when it was moved to its place, as by a checkout, so that the time of
+    its last change of any kind is compared.
+    """
+    module = ".".join(source.relative_to(ROOT).with_suffix("").parts)
+    newest_source = max(path.stat().st_ctime_ns for path in sources_of(module))
+    return any(path.stat().st_ctime_ns < newest_source for path in compiled_kernels(source))
 
 
 def remove_kernels(sources: Iterable[Path]) -> None:
@@ -39,20 +55,15 @@ def remove_kernels(sources: Iterable[Path]) -> None:
 
 def suite_sources() -> list[Path]:
     """Return the source files of the suite."""
-    return [path for package in FIRST_PARTY for path in sorted((ROOT / package).rglob("*.py"))]
+    sources: list[Path] = []
+    for package in FIRST_PARTY:
+        sources += sorted((ROOT / package).rglob("*.py"))
+    return sources
 
 
 def compiled_kernels(source: Path) -> list[Path]:
     """Return numba's files with the compiled kernels of a source file."""
     return [*kernel_folder(source).glob(f"{glob.escape(source.stem)}.*.nb[ic]")]
-
-
-def _drop_if_stale(source: Path) -> None:
-    """Remove kernels that are older than a source that they are compiled from, or its move to its place."""
-    target = ".".join(source.relative_to(ROOT).with_suffix("").parts)
-    newest = max(path.stat().st_ctime_ns for path in sources_of(target))
-    if any(path.stat().st_ctime_ns < newest for path in compiled_kernels(source)):
-        remove_kernels([source])
 
 
 def kernel_folder(source: Path) -> Path:
@@ -65,20 +76,27 @@ def kernel_folder(source: Path) -> Path:
 
 
 def choose_kernel_cache() -> None:
-    """Set a folder for compiled kernels, for this process and its children, if that of the suite is read-only.
+    """Set a folder for compiled kernels, for this process and its children, if the suite's is read-only.
 
-    Only the user may write to it, because its content is executed.
+    Kernels are executed, so a folder to which others can write is not used.
     """
     if VARIABLE in os.environ or os.access(Path(__file__).parent, os.W_OK):
         return
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111  # raises nothing
-    folder = Path(home) / "canonical-forms-kernels"
-    is_private = False
-    with suppress(OSError):
+    user_cache = os.environ.get("XDG_CACHE_HOME")
+    if not user_cache:
+        user_cache = os.path.expanduser("~/.cache")  # noqa: PTH111  # unlike Path, it raises nothing
+    folder = Path(user_cache) / "canonical-forms-kernels"
+    if not _make_private_folder(folder):
+        folder = Path(tempfile.mkdtemp(prefix="canonical-forms-"))
+    os.environ[VARIABLE] = str(folder)
+
+
+def _make_private_folder(folder: Path) -> bool:
+    """Create a folder; return whether only this user can write to it."""
+    try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         status = folder.lstat()
-        is_ours = status.st_uid == os.getuid() and stat.S_ISDIR(status.st_mode)
-        is_private = is_ours and not status.st_mode & 0o022 and os.access(folder, os.W_OK)
-    os.environ[VARIABLE] = (
-        str(folder) if is_private else tempfile.mkdtemp(prefix="canonical-forms-")
-    )
+    except OSError:
+        return False
+    is_own_folder = stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid()
+    return is_own_folder and not status.st_mode & _WRITABLE_BY_OTHERS and os.access(folder, os.W_OK)

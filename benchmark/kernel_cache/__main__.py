@@ -8,9 +8,10 @@ they fit the types of its arrays.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
+from typing import TYPE_CHECKING
 
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import BenchmarkError
@@ -18,38 +19,62 @@ from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import pin_threads
 from benchmark.text import say
 
+if TYPE_CHECKING:  # numerical libraries are imported once threads are pinned
+    from benchmark.api.contracts import Shape
+    from benchmark.registry import Component
+
 
 def steps() -> Iterator[Callable[[], object]]:
-    """Yield the steps of a run: methods on a small figure, bodies in a pose that bends, a scorer."""
-    from benchmark.check.shapes import BENDS, figure
+    """Yield steps of a run that use kernels: those of methods, generated data sets and the scorer."""
     from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+    from benchmark.registry import by_name
+
+    shapes = _figure_as_input()
+    for method in by_name("method").values():
+        yield partial(_apply, method, shapes)
+    for name, known_set in CATALOGUE.items():
+        if not known_set.folder:
+            dataset = open_dataset(name, None)
+            # The second shape of each set is bent, so that its pose is computed, too.
+            yield partial(dataset.load, dataset.shapes[1])
+    yield _compare_figures
+
+
+def _figure_as_input() -> dict[str, Shape]:
+    """Return a small figure as methods get it, for each input."""
+    from benchmark.check.shapes import figure
     from benchmark.geometry.camera import FRONT
     from benchmark.pipeline.forms import shape_of
     from benchmark.pipeline.surfaces import prepare_mesh
     from benchmark.pipeline.views import fit_frame, prepare_view
-    from benchmark.protocols.models import with_model
-    from benchmark.registry import Component, by_name, select_one
 
     source = figure()
-    prepared = {
-        "mesh": prepare_mesh(source),
-        "view": prepare_view(source, FRONT, fit_frame(source, FRONT)),
+    half_width = fit_frame(source, FRONT)
+    return {
+        "mesh": shape_of(prepare_mesh(source), "figure"),
+        "view": shape_of(prepare_view(source, FRONT, half_width), "figure"),
     }
-    shapes = {input_: shape_of(arrays, "figure") for input_, arrays in prepared.items()}
 
-    def apply(component: Component) -> None:
-        method = with_model(component)
-        for input_ in component.info.inputs:
-            with suppress(BenchmarkError):
-                (method.describe if component.describes else method.canonicalise)(shapes[input_])
 
-    for component in by_name("method").values():
-        yield partial(apply, component)
-    for name in [name for name, known in CATALOGUE.items() if not known.folder]:
-        dataset = open_dataset(name, None)
-        yield partial(dataset.load, dataset.shapes[1])
+def _apply(component: Component, shapes: Mapping[str, Shape]) -> None:
+    """Apply a method or descriptor to the inputs that it takes."""
+    from benchmark.protocols.models import with_model
+
+    method = with_model(component)
+    compute = method.describe if component.describes else method.canonicalise
+    for input_ in component.info.inputs:
+        with suppress(BenchmarkError):  # a method may refuse the figure
+            compute(shapes[input_])
+
+
+def _compare_figures() -> None:
+    """Compare a figure in two poses by the scorer of the tables."""
+    from benchmark.check.shapes import BENDS, figure
+    from benchmark.registry import select_one
+
     scorer = select_one(DEFAULT_SCORER, kind="scorer").create()
-    yield lambda: scorer.compare([scorer.signature(figure(bend)) for bend in BENDS[:2]], 0)
+    signatures = [scorer.signature(figure(bend)) for bend in BENDS[:2]]
+    scorer.compare(signatures, 0)
 
 
 def main() -> None:
