@@ -30,7 +30,6 @@ PENDING = frozenset(
         "benchmark/datasets/base.py",
         "benchmark/datasets/bodies.py",
         "benchmark/datasets/changes.py",
-        "benchmark/datasets/checking.py",
         "benchmark/datasets/folder.py",
         "benchmark/datasets/mesh_files.py",
         "benchmark/datasets/official.py",

@@ -18,9 +18,10 @@ from benchmark.commands.selection import (
     data_folder,
     shadowed_folders,
 )
+from benchmark.datasets.anomalies import by_kind
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
 from benchmark.datasets.changes import split_name
-from benchmark.datasets.checking import by_kind, unfinished_files, unread_files
+from benchmark.datasets.checking import unfinished_files, unread_files
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.data_names import label_data_sets

@@ -6,15 +6,18 @@ import hashlib
 import math
 import re
 import statistics
-from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections import Counter
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.datasets.anomalies import Anomaly, by_kind
 from benchmark.datasets.base import Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
 from benchmark.datasets.folder import all_mesh_files, is_hidden, skipped_files, sub_folders
@@ -33,13 +36,16 @@ from benchmark.geometry.depth import (
 from benchmark.geometry.preparation import Prepared, prepare
 from benchmark.text import counted, listed
 
-#: Factors between units of length: inches, centimetres, millimetres, feet, metres.
+#: Factors between units of length: inches and centimetres, centimetres and millimetres, inches and
+#: feet, inches and millimetres, metres and centimetres, feet and millimetres, metres and
+#: millimetres.
 _UNITS = (2.54, 10, 12, 25.4, 100, 304.8, 1000)
-#: Largest relative difference of a factor, and of the sizes of a subject in several poses.
+#: Largest relative difference of a factor from that of two units, because sizes of a subject differ
+#: between poses.
 _NEAR_UNIT = 0.05
 
-#: What preparation changes or leaves by its name in the report: how it is counted, and what
-#: happens.
+#: What the report of a preparation counts: its name there, the counted thing in singular and
+#: plural, and what happens to it.
 _CHANGES: dict[str, tuple[tuple[str, ...], str]] = {
     "merged": (("copy of a vertex", "copies of vertices"), "preparation merges them"),
     "unreferenced": (
@@ -79,75 +85,18 @@ _CHANGES: dict[str, tuple[tuple[str, ...], str]] = {
     ),
 }
 
-_NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+#: Lines of a report on the meshes, and the count of a shape whose range each gives.
+_COUNTS = {
+    "vertices": "vertices_before",
+    "faces": "faces_before",
+    "components": "components",
+    "holes": "holes",
+}
 
 
 @dataclass(frozen=True)
-class Anomaly:
-    """A problem in a data set.
-
-    Parameters
-    ----------
-    severity
-        ``"error"`` if the data set or the shape is unusable without a fix, otherwise ``"warning"``.
-    files
-        The files, relative to the folder, or the identifiers of generated shapes.
-    what, hint
-        The problem, and a suggested action.
-    """
-
-    severity: str
-    files: tuple[str, ...]
-    what: str
-    hint: str
-
-    def __str__(self) -> str:
-        count = f"{len(self.files)} files: " if len(self.files) > 1 else ""
-        return f"{self.severity:<7}  {count}{listed(self.files)}  {self.what}; {self.hint}"
-
-
-def by_kind(anomalies: Iterable[Anomaly]) -> tuple[Anomaly, ...]:
-    """Join problems that differ in files and numbers alone: of several numbers, the least and the largest are said.
-
-    The file with the largest number is named first.
-    """
-    kinds = defaultdict[tuple[str, ...], list[Anomaly]](list)
-    for one in anomalies:
-        what = one.what if one.severity == "error" else ""  # warnings of one kind have one hint
-        kinds[one.severity, _NUMBER.sub("", what), _NUMBER.sub("", one.hint)].append(one)
-    ranked = [sorted(members, key=_numbers, reverse=True) for members in kinds.values()]
-    joined = [
-        replace(
-            members[0],
-            files=tuple(file for one in members for file in one.files),
-            what=_with_ranges([one.what for one in members]),
-            hint=_with_ranges([one.hint for one in members]),
-        )
-        for members in ranked
-    ]
-    return tuple(sorted(joined, key=lambda one: one.severity))
-
-
-def _with_ranges(texts: Sequence[str]) -> str:
-    """Return the first of some texts, with the least and the largest of each number that differs between them."""
-    numbers = [_NUMBER.findall(text) for text in texts]
-    if len({len(of_text) for of_text in numbers}) > 1:
-        return texts[0]
-    ranges: list[str] = []
-    for found in zip(*numbers, strict=True):
-        least, largest = min(found, key=float), max(found, key=float)
-        ranges.append(largest if least == largest else f"{least} to {largest}")
-    each = iter(ranges)
-    return _NUMBER.sub(lambda _: next(each), texts[0])
-
-
-def _numbers(anomaly: Anomaly) -> list[float]:
-    return [float(number) for number in _NUMBER.findall(f"{anomaly.hint} {anomaly.what}")]
-
-
-@dataclass(frozen=True)
-class Row:
-    """A readable shape.
+class CheckedShape:
+    """A readable shape, as a check of its data set sees it.
 
     Parameters
     ----------
@@ -164,9 +113,9 @@ class Row:
         in file units.
     digest
         Digest of vertices and faces, independent of the file format.
-    taken
-        As what a depth image was taken: ``unit``, ``camera``, ``mask``, and the range of its
-        ``depths`` and the ``distance`` and ``size`` of its object in metres.
+    capture
+        How a depth image was taken: ``unit``, ``camera``, ``mask``, and the range of its ``depths``
+        and the ``distance`` and ``size`` of its object in metres; empty for a mesh.
     """
 
     file: str
@@ -176,7 +125,7 @@ class Row:
     extent: float
     size: float
     digest: str
-    taken: Mapping[str, Any] = field(default_factory=dict)
+    capture: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -184,7 +133,7 @@ class Report:
     """Results of a check: the readable shapes, and the problems by kind, errors first."""
 
     dataset: ShapeSet
-    rows: tuple[Row, ...]
+    shapes: tuple[CheckedShape, ...]
     anomalies: tuple[Anomaly, ...]
 
     @property
@@ -194,37 +143,53 @@ class Report:
 
     def lines(self) -> list[str]:
         """Return the report as text: a summary, one line per kind of problem, and their counts."""
-        n_shapes = len(self.dataset.shapes)
-        sizes = Counter(entry.subject for entry in self.dataset.shapes if entry.subject)
-        unread = n_shapes - len(self.rows)
-        keys = {
-            "vertices": "vertices_before",
-            "faces": "faces_before",
-            "components": "components",
-            "holes": "holes",
-        }
-        counts = Counter(anomaly.severity for anomaly in self.anomalies for _ in anomaly.files)
         return [
-            f"{self.dataset.name}: {n_shapes} shapes, {len(sizes)} classes, "
-            f"{describe_content(self.dataset)}"
-            f"{f', {unread} unreadable, which count as 0' if unread else ''}",
-            f"classes     {', '.join(f'{subject} {size}' for subject, size in sizes.items()) or 'unknown'}",
-            *(
-                f"{name:<11} {_range([row.counts[key] for row in self.rows])}"
-                for name, key in keys.items()
-            ),
-            *(
-                f"{name:<11} {_summary([row.taken[name] for row in self.rows])}"
-                for name in (self.rows[0].taken if self.rows else ())
-            ),
+            self._title(),
+            f"classes     {self._classes()}",
+            *(f"{name:<11} {text}" for name, text in self._ranges().items()),
             *map(str, self.anomalies),
-            ", ".join(
-                f"{counts[kind]} {kind}{'s' * (counts[kind] != 1)}" for kind in ("error", "warning")
-            ),
+            self._totals(),
         ]
+
+    def _ranges(self) -> dict[str, str]:
+        """Return the range of each count of meshes, and of each fact about depth images."""
+        ranges = {}
+        for name, key in _COUNTS.items():
+            ranges[name] = _range([shape.counts[key] for shape in self.shapes])
+        if self.shapes:
+            for name in self.shapes[0].capture:
+                ranges[name] = _summary([shape.capture[name] for shape in self.shapes])
+        return ranges
+
+    @cached_property
+    def _sizes(self) -> Mapping[str, int]:
+        """Number of shapes of each class."""
+        return Counter(entry.subject for entry in self.dataset.shapes if entry.subject)
+
+    def _title(self) -> str:
+        """Return the line that says how much there is, and what the set is by its content."""
+        n_shapes = len(self.dataset.shapes)
+        n_unread = n_shapes - len(self.shapes)
+        title = (
+            f"{self.dataset.name}: {n_shapes} shapes, {len(self._sizes)} classes, "
+            f"{describe_content(self.dataset)}"
+        )
+        return f"{title}, {n_unread} unreadable, which count as 0" if n_unread else title
+
+    def _classes(self) -> str:
+        """Return the classes with their sizes."""
+        return ", ".join(f"{name} {size}" for name, size in self._sizes.items()) or "unknown"
+
+    def _totals(self) -> str:
+        """Return how many files have an error, and how many a warning."""
+        counts = Counter[str]()
+        for anomaly in self.anomalies:
+            counts[anomaly.severity] += len(anomaly.files)
+        return ", ".join(counted(counts[severity], severity) for severity in ("error", "warning"))
 
 
 def _range(values: list[float]) -> str:
+    """Return the least, the largest and the median of numbers as text."""
     if not values:
         return "none could be read"
     return f"{min(values):.10g} to {max(values):.10g}, median {statistics.median(values):.10g}"
@@ -238,7 +203,10 @@ def _summary(values: Sequence[Any]) -> str:
 
 
 def describe_content(dataset: ShapeSet) -> str:
-    """Say what a data set is by its content: a stand-in, a known copy of an official set, or neither."""
+    """Say what a data set is by its content.
+
+    It is a stand-in, a known copy of an official set, or neither.
+    """
     if dataset.stand_in_for:
         return f"stand-in for {dataset.stand_in_for}"
     official = SETS.get(dataset.name)
@@ -253,27 +221,32 @@ def describe_content(dataset: ShapeSet) -> str:
     return f"{first.title} (SHA-256 of {count} files)"
 
 
-def _of_copies(dataset: ShapeSet) -> Iterator[Anomaly]:
-    """Yield the files that a known copy lacks, if others belong to it, and that no copy is known, if none does."""
+def _problems_of_copies(dataset: ShapeSet) -> Iterator[Anomaly]:
+    """Yield the files that a known copy lacks, if others of the set belong to it.
+
+    If none does, yield that no copy is known.
+    """
     official = SETS.get(dataset.name)
     if official is None or dataset.stand_in_for:
         return
     copies = {entry: official.copy_of(entry) for entry in dataset.shapes}
-    known = [copy for copy in copies.values() if copy is not None]
-    if not known:
+    recognised = [copy for copy in copies.values() if copy is not None]
+    if not recognised:
         what = f"no file has a known SHA-256, so tables call them files named like {official.title}"
         yield Anomaly("warning", (dataset.name,), what, "say beside scores which copy they are of")
         return
-    copy, _ = Counter(known).most_common(1)[0]
-    for entry in (entry for entry, of in copies.items() if of is not copy):
-        file = _relative(entry.path, dataset.folder) if entry.path and dataset.folder else ""
-        what = f"not the file of '{copy.title}': another SHA-256"
-        hint = f"restore it, or tables call the set files named like {official.title}, unverified"
-        yield Anomaly("warning", (file or entry.identifier,), what, hint)
+    usual, _ = Counter(recognised).most_common(1)[0]
+    what = f"not the file of '{usual.title}': another SHA-256"
+    hint = f"restore it, or tables call the set files named like {official.title}, unverified"
+    for entry, copy in copies.items():
+        if copy is not usual:
+            yield Anomaly("warning", (_file_of(dataset, entry),), what, hint)
 
 
 def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> Report:
-    """Check a data set by name or folder; if it cannot be opened, report that and check its meshes anyway.
+    """Check a data set by name or folder.
+
+    If it cannot be opened, the report says so, and its meshes are checked anyway.
 
     Parameters
     ----------
@@ -290,30 +263,41 @@ def check_source(name: str, data_root: Path | None, watched: Watched = iter) -> 
         If the set is missing.
     """
     try:
-        return check(open_dataset(name, data_root), watched)
+        return check_dataset(open_dataset(name, data_root), watched)
     except BenchmarkError as error:
-        part = CATALOGUE[name].folder if name in CATALOGUE else ""
-        folder = (
-            (data_root / part if data_root and part else None) if name in CATALOGUE else Path(name)
-        )
+        folder = _folder_of(name, data_root)
         if folder is None or not folder.is_dir():
             raise
-        paths = [path for place in (folder, *sub_folders(folder)) for path in all_mesh_files(place)]
-        entries = tuple(Entry(_relative(path, folder), "", "", path) for path in paths)
-        unopened = mesh_file_set(
-            name=name if part else folder.resolve().name, shapes=entries, folder=folder
-        )
-        return _report(
-            unopened, [Anomaly("error", (folder.name,), error.located, error.hint)], watched
-        )
+        problem = Anomaly("error", (folder.name,), error.located, error.hint)
+        return _report(_unsorted_meshes(name, folder), [problem], watched)
 
 
-def check(dataset: ShapeSet, watched: Watched = iter) -> Report:
+def _folder_of(name: str, data_root: Path | None) -> Path | None:
+    """Return the folder that should hold a data set; None for one without a folder."""
+    if name not in CATALOGUE:
+        return Path(name)
+    folder = CATALOGUE[name].folder
+    return data_root / folder if data_root and folder else None
+
+
+def _unsorted_meshes(name: str, folder: Path) -> ShapeSet:
+    """Return all meshes of a folder that is no valid data set, without classes."""
+    entries = []
+    for place in (folder, *sub_folders(folder)):
+        entries += [Entry(_relative(path, folder), "", "", path) for path in all_mesh_files(place)]
+    if name not in CATALOGUE:
+        name = folder.resolve().name
+    return mesh_file_set(name=name, shapes=tuple(entries), folder=folder)
+
+
+def check_dataset(dataset: ShapeSet, watched: Watched = iter) -> Report:
     """Check a data set: its files, its classes, and every mesh; see :func:`check_source`."""
-    return _report(dataset, [*_of_copies(dataset), *_of_classes(dataset)], watched)
+    problems = [*_problems_of_copies(dataset), *_problems_of_classes(dataset)]
+    return _report(dataset, problems, watched)
 
 
-def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
+def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
+    """Yield what hinders retrieval, shapes that are no queries, and classes of a wrong size."""
     try:
         check_ranked(dataset)
     except DatasetError as error:
@@ -324,187 +308,245 @@ def _of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
     except DatasetError as error:
         yield Anomaly("error", (dataset.name,), error.located, error.hint)
     sizes = Counter(entry.subject for entry in dataset.shapes)
-    if lone := [*sizes.values()].count(1):
-        what = f"ranked, but no queries: {lone} of {len(dataset.shapes)} shapes (alone in their class, or of class -1)"
-        yield Anomaly(
-            "warning", (dataset.name,), what, "add a shape to their classes if they should count"
+    n_lone = [*sizes.values()].count(1)
+    if n_lone:
+        what = (
+            f"ranked, but no queries: {n_lone} of {len(dataset.shapes)} shapes "
+            "(alone in their class, or of class -1)"
         )
-    for subject, size in (SETS[dataset.name].sizes if dataset.name in SETS else {}).items():
+        hint = "add a shape to their classes if they should count"
+        yield Anomaly("warning", (dataset.name,), what, hint)
+    if dataset.name not in SETS:
+        return
+    for subject, size in SETS[dataset.name].sizes.items():
         if sizes[subject] != size:
             what = f"class '{subject}' has {sizes[subject]} shapes, officially {size}"
-            hint = f"unpack the official archive there, or name the folder, -d {dataset.folder}, where no more is meant"
+            hint = (
+                "unpack the official archive there, or name the folder, "
+                f"-d {dataset.folder}, where no more is meant"
+            )
             yield Anomaly("error", (dataset.name,), what, hint)
 
 
 def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
     """Yield files of a folder that are no shapes of the data set."""
-    folder, used = dataset.folder, {entry.path for entry in dataset.shapes}
+    folder = dataset.folder
     if folder is None:
         return
-    for path in skipped_files(folder) if dataset.name not in SETS else ():
-        what, hint = (
-            "points, not a surface",
-            f"make a surface of them: {surface_command('FILE')}",
-        )
-        if is_hidden(path):
-            what, hint = "hidden", "remove what macOS writes beside each file, or rename a shape"
-        elif path.suffix.lower() not in POINTS:
-            what, hint = (
-                "no shape, labels or settings",
-                f"labels.txt and {SETTINGS_FILE} are read, in {folder.name}",
-            )
-        yield Anomaly("warning", (_relative(path, folder),), f"skipped: {what}", hint)
-    for place in dict.fromkeys(
-        [folder, *(path.parent for path in used if path), *sub_folders(folder)]
-    ):
-        first: dict[str, Path] = {}
-        for path in all_mesh_files(place):
-            name, same = _relative(path, folder), first.setdefault(mesh_stem(path), path)
-            if same != path:
-                what = "the name of another in another format"
-                yield Anomaly(
-                    "warning",
-                    (f"{name} ({same.name})",),
-                    what,
-                    "keep one of the two; this one is not read",
-                )
-            elif path not in used:
-                what = "none of the shapes of this data set"
-                yield Anomaly("warning", (name,), what, "remove it, or list it if it belongs here")
+    if dataset.name not in SETS:
+        for path in skipped_files(folder):
+            what, hint = _why_skipped(path, folder)
+            yield Anomaly("warning", (_relative(path, folder),), f"skipped: {what}", hint)
+    used = {entry.path for entry in dataset.shapes}
+    folders_of_shapes = [path.parent for path in used if path]
+    for place in dict.fromkeys([folder, *folders_of_shapes, *sub_folders(folder)]):
+        yield from _surplus_meshes(place, folder, used)
+
+
+def _why_skipped(path: Path, folder: Path) -> tuple[str, str]:
+    """Return what a skipped file is, and what to do."""
+    if is_hidden(path):
+        return "hidden", "remove what macOS writes beside each file, or rename a shape"
+    if path.suffix.lower() in POINTS:
+        return "points, not a surface", f"make a surface of them: {surface_command('FILE')}"
+    hint = f"labels.txt and {SETTINGS_FILE} are read, in {folder.name}"
+    return "no shape, labels or settings", hint
+
+
+def _surplus_meshes(place: Path, folder: Path, used: Container[Path | None]) -> Iterator[Anomaly]:
+    """Yield the meshes at one place of a folder that are no shapes of the data set."""
+    first_of_name: dict[str, Path] = {}
+    for path in all_mesh_files(place):
+        name = _relative(path, folder)
+        first = first_of_name.setdefault(mesh_stem(path), path)
+        if first != path:
+            what = "the name of another in another format"
+            hint = "keep one of the two; this one is not read"
+            yield Anomaly("warning", (f"{name} ({first.name})",), what, hint)
+        elif path not in used:
+            what = "none of the shapes of this data set"
+            yield Anomaly("warning", (name,), what, "remove it, or list it if it belongs here")
 
 
 def unfinished_files(dataset: ShapeSet, entries: Iterable[Entry]) -> Iterator[Anomaly]:
-    """Yield the mesh files of shapes that are text without a last line break, which is read all the same."""
-    for path in dict.fromkeys(path for entry in entries for path in dataset.files(entry)):
+    """Yield the mesh files of shapes that are text without a last line break.
+
+    They are read all the same.
+    """
+    files = chain.from_iterable(map(dataset.files, entries))
+    for path in dict.fromkeys(files):
         if lacks_last_break(path):
             file = _relative(path, dataset.folder) if dataset.folder else path.name
             what = "text without a last line break: its last number may be cut off"
             yield Anomaly("warning", (file,), what, "compare it with its source")
 
 
-def _report(dataset: ShapeSet, of_set: Iterable[Anomaly], watched: Watched) -> Report:
-    rows: list[Row] = []
+def _report(dataset: ShapeSet, problems: Iterable[Anomaly], watched: Watched) -> Report:
+    """Return the report on all shapes of a data set, with problems of the set that are known."""
+    shapes: list[CheckedShape] = []
     read: list[Entry] = []
     anomalies: list[Anomaly] = []
-    first_with: dict[str, Row] = {}
     for entry in watched(dataset.shapes):
-        file = (
-            _relative(entry.path, dataset.folder)
-            if entry.path and dataset.folder
-            else entry.identifier
-        )
+        file = _file_of(dataset, entry)
         try:
-            row = _inspect(dataset, entry, file)
+            shape = _inspect(dataset, entry, file)
         except ShapeError as error:
-            is_beside = error.file not in (None, entry.path)
-            problem = error.located if is_beside else error.problem
+            is_about_another_file = error.file not in (None, entry.path)
+            problem = error.located if is_about_another_file else error.problem
             anomalies.append(Anomaly("error", (file,), problem, error.hint))
             continue
-        rows.append(row)
+        shapes.append(shape)
         read.append(entry)
-        anomalies += [Anomaly("warning", (file,), what, hint) for what, hint in row.changes]
-        twin = first_with.setdefault(row.digest, row)
-        if twin is not row:
-            is_wrong = twin.subject != row.subject
-            what = f"the same geometry as another{' of another class' * is_wrong}"
-            severity = "error" if is_wrong else "warning"
-            anomalies.append(
-                Anomaly(severity, (f"{file} ({twin.file})",), what, "keep one of the two")
-            )
-    of_files = [*unread_files(dataset), *unfinished_files(dataset, read)]
-    units = _of_units(rows) if dataset.observe is None else ()
-    of_shapes = [*anomalies, *units, *_of_frame(dataset, {row.file: row.extent for row in rows})]
-    return Report(dataset, tuple(rows), by_kind([*of_set, *of_files, *of_shapes]))
+        anomalies += [Anomaly("warning", (file,), what, hint) for what, hint in shape.changes]
+    of_all = [
+        *problems,
+        *unread_files(dataset),
+        *unfinished_files(dataset, read),
+        *anomalies,
+        *_copies_of_shapes(shapes),
+    ]
+    if dataset.observe is None:
+        of_all += _problems_of_units(shapes)
+    of_all += _problems_of_frame(dataset, {shape.file: shape.extent for shape in shapes})
+    return Report(dataset, tuple(shapes), by_kind(of_all))
+
+
+def _copies_of_shapes(shapes: Iterable[CheckedShape]) -> Iterator[Anomaly]:
+    """Yield the shapes that have the geometry of an earlier one."""
+    first_with: dict[str, CheckedShape] = {}
+    for shape in shapes:
+        twin = first_with.setdefault(shape.digest, shape)
+        if twin is shape:
+            continue
+        severity = "warning"
+        what = "the same geometry as another"
+        if twin.subject != shape.subject:
+            severity = "error"
+            what = f"{what} of another class"
+        yield Anomaly(severity, (f"{shape.file} ({twin.file})",), what, "keep one of the two")
 
 
 def changes_of(prepared: Prepared) -> list[tuple[str, str]]:
-    """Return what is unusual about a mesh, and what preparation does about it or the user can do."""
+    """Return what is unusual about a mesh, and what preparation does about it or a user can do."""
     report = prepared.report
-    found = []
+    changes = []
     for name, (what, action) in _CHANGES.items():
         if report[name]:
-            found.append((counted(int(report[name]), *what), action))
-    if gap := prepared.scale * report["largest_gap"]:
+            changes.append((counted(int(report[name]), *what), action))
+    gap = prepared.scale * report["largest_gap"]
+    if gap:
         hint = "join the pieces if the surface should be in one"
-        found.append((f"bridges of length up to {gap:.3g}", hint))
-    if lost := report["lost_area"]:
+        changes.append((f"bridges of length up to {gap:.3g}", hint))
+    if report["lost_area"]:
         hint = "preparation drops it with small pieces and crowded edges"
-        found.append((f"{lost:.2%} of the area", hint))
-    return found
+        changes.append((f"{report['lost_area']:.2%} of the area", hint))
+    return changes
 
 
-def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> Row:
+def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> CheckedShape:
+    """Return what a shape is like; raise a ``ShapeError`` if it cannot be used."""
     mesh = dataset.load(entry)
     surface = compact(mesh.vertices, mesh.faces)
     changes: list[tuple[str, str]] = []
+    capture: dict[str, Any] = {}
     if dataset.observe is None:
         prepared = prepare(mesh, mesh.n_vertices)
-        counts, changes = prepared.report, changes_of(prepared)
+        counts = prepared.report
+        changes = changes_of(prepared)
     else:  # views are open and possibly disconnected
         counts = {
             "vertices_before": mesh.n_vertices,
             "faces_before": mesh.n_faces,
             **topology(surface),
         }
-    extent = float(np.abs(camera_coordinates(surface, dataset.camera(entry))).max())
-    digest = hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest()
-    taken = _taken(dataset.observe(entry), entry) if dataset.observe else {}
-    return Row(
-        file, entry.subject, counts, changes, extent, float(np.sqrt(mesh.area)), digest, taken
+        capture = _capture(dataset.observe(entry), entry)
+    return CheckedShape(
+        file=file,
+        subject=entry.subject,
+        counts=counts,
+        changes=changes,
+        extent=float(np.abs(camera_coordinates(surface, dataset.camera(entry))).max()),
+        size=float(np.sqrt(mesh.area)),
+        digest=hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest(),
+        capture=capture,
     )
 
 
-def _taken(observed: Any, entry: Entry) -> dict[str, Any]:
-    """Return as what a depth image was taken, in words that are the same for images that were taken alike."""
-    notes, stem, seen = (
-        observed.notes,
-        entry.path.stem if entry.path else "",
-        observed.depths[observed.depths > 0],
-    )
-    words = {name: str(notes.get(name, "given")) for name in ("unit", "camera", "mask")}
-    words["mask"] = re.sub(f"^{re.escape(stem)}", "NAME", words["mask"])
+def _capture(observed: Any, entry: Entry) -> dict[str, Any]:
+    """Return how a depth image was taken, in the same words for images that were taken alike."""
+    notes = observed.notes
+    depths = observed.depths[observed.depths > 0]
+    stem = entry.path.stem if entry.path else ""
+    mask = str(notes.get("mask", "given"))
     return {
-        **words,
-        "depths": (seen.min(), seen.max()),
+        "unit": str(notes.get("unit", "given")),
+        "camera": str(notes.get("camera", "given")),
+        "mask": re.sub(f"^{re.escape(stem)}", "NAME", mask),
+        "depths": (depths.min(), depths.max()),
         "distance": notes["distance"],
         "size": notes["size"],
     }
 
 
-def _of_units(rows: Sequence[Row]) -> Iterator[Anomaly]:
-    """Yield the shapes that differ by the factor of a unit from their class, or from the set if a class has one shape.
+def _problems_of_units(shapes: Sequence[CheckedShape]) -> Iterator[Anomaly]:
+    """Yield the shapes that differ by the factor of a unit from their class.
 
-    If some are larger and some smaller, these are the fewer ones; of equal groups, that farther
-    from the whole set.
+    A shape that is alone in its class is compared with the whole set. If some are larger and some
+    smaller, these are the fewer ones; of equal groups, that farther from the whole set.
     """
-    of_set = statistics.median(row.size for row in rows) if rows else 1.0
-    groups: dict[float, dict[str, list[Row]]] = {
-        unit: {"large": [], "small": []} for unit in _UNITS
-    }
-    for row in rows:
-        others = [other.size for other in rows if other is not row and other.subject == row.subject]
-        ratio = row.size / (statistics.median(others) if others else of_set)
-        for unit, near in groups.items():
-            for word, factor in (("large", ratio), ("small", 1 / ratio)):
-                near[word] += [row] * (abs(factor / unit - 1) < _NEAR_UNIT)
-    for unit, near in groups.items():
+    if not shapes:
+        return
+    usual_size = statistics.median(shape.size for shape in shapes)
+    ratios = {shape.file: _ratio_to_class(shape, shapes, usual_size) for shape in shapes}
 
-        def rank(word: str, near: Mapping[str, list[Row]] = near) -> tuple[int, float]:
-            return len(near[word]) or len(rows), -sum(
-                abs(math.log(row.size / of_set)) for row in near[word]
-            )
+    def rank(group: Sequence[CheckedShape]) -> tuple[int, float]:
+        """Return what is least for the group that rather has another unit."""
+        distance = sum(abs(math.log(shape.size / usual_size)) for shape in group)
+        return len(group) or len(shapes), -distance
 
-        odd, other = sorted(near, key=rank)
-        if near[odd]:
-            rest = [row.file for row in near[other] or rows if row not in near[odd]]
-            verb = "are" if len(near[odd]) > 1 else "is"
-            what = f"{verb} {unit:g} times as {odd} as {len(rest)} others ({listed(rest)}), a unit's factor"
-            hint = f"state the unit of each in {SETTINGS_FILE}, or ignore surface-area"
-            yield Anomaly("warning", tuple(row.file for row in near[odd]), what, hint)
+    for unit in _UNITS:
+        large = [shape for shape in shapes if _is_near(ratios[shape.file], unit)]
+        small = [shape for shape in shapes if _is_near(1 / ratios[shape.file], unit)]
+        odd, others = sorted((large, small), key=rank)
+        if odd:
+            how_large = f"{unit:g} times as {'large' if odd is large else 'small'}"
+            rest = others or [shape for shape in shapes if shape not in odd]
+            yield _other_unit(odd, how_large, [shape.file for shape in rest])
 
 
-def _of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anomaly]:
-    """Yield shapes that exceed the camera's frame or cover too few pixels."""
+def _is_near(factor: float, unit: float) -> bool:
+    """Return whether a factor is that between two units."""
+    return abs(factor / unit - 1) < _NEAR_UNIT
+
+
+def _ratio_to_class(
+    shape: CheckedShape, shapes: Iterable[CheckedShape], usual_size: float
+) -> float:
+    """Return the size of a shape as a multiple of that of its class, or of all if it is alone."""
+    others = [
+        other.size for other in shapes if other is not shape and other.subject == shape.subject
+    ]
+    return shape.size / (statistics.median(others) if others else usual_size)
+
+
+def _other_unit(odd: Sequence[CheckedShape], how_large: str, others: Sequence[str]) -> Anomaly:
+    """Return the warning that shapes seem to have another unit than other files."""
+    verb = "are" if len(odd) > 1 else "is"
+    what = f"{verb} {how_large} as {len(others)} others ({listed(others)}), a unit's factor"
+    hint = f"state the unit of each in {SETTINGS_FILE}, or ignore surface-area"
+    return Anomaly("warning", tuple(shape.file for shape in odd), what, hint)
+
+
+def _problems_of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anomaly]:
+    """Yield shapes that exceed the camera's frame or cover too few pixels.
+
+    Parameters
+    ----------
+    dataset
+        The data set.
+    extents
+        Extent of each readable shape in the camera's frame, by its file.
+    """
     if not extents:
         return
     declared = dataset.half_width
@@ -514,16 +556,32 @@ def _of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anoma
         hint = f"set half_width = {extents[widest] / FILL:.6g} in {SETTINGS_FILE}, or remove it"
         yield Anomaly("error", (widest,), what, hint)
     fitted = common_half_width(list(extents.values())) / FILL
+    half_width = declared or fitted
     for file, extent in extents.items():
         if declared is None and extent >= fitted:
-            where = f"half_width = {extent / FILL:.6g} in {SETTINGS_FILE}"
-            what = f"extends to {extent:.6g}, out of scale with the others, whose frame has half width {fitted:.6g}"
-            hint = f"check its unit and look for stray vertices, or set {where}; the view input leaves it out"
+            what = (
+                f"extends to {extent:.6g}, out of scale with the others, "
+                f"whose frame has half width {fitted:.6g}"
+            )
+            hint = (
+                "check its unit and look for stray vertices, or set half_width = "
+                f"{extent / FILL:.6g} in {SETTINGS_FILE}; the view input leaves it out"
+            )
             yield Anomaly("warning", (file,), what, hint)
-        elif (extent / (declared or fitted) * SIZE) ** 2 < FEWEST_PIXELS:
-            what = f"extends to {extent:.6g}, almost nothing in a frame of half width {declared or fitted:.6g}"
+        elif (extent / half_width * SIZE) ** 2 < FEWEST_PIXELS:
+            what = (
+                f"extends to {extent:.6g}, almost nothing in a frame of half width {half_width:.6g}"
+            )
             yield Anomaly("warning", (file,), what, "check its unit; the view input leaves it out")
 
 
+def _file_of(dataset: ShapeSet, entry: Entry) -> str:
+    """Return the file of a shape relative to the folder of its set, or the name of the shape."""
+    if entry.path and dataset.folder:
+        return _relative(entry.path, dataset.folder)
+    return entry.identifier
+
+
 def _relative(path: Path, folder: Path) -> str:
+    """Return a path relative to a folder; the name of the folder for itself."""
     return folder.resolve().name if path == folder else path.relative_to(folder).as_posix()

@@ -4,7 +4,7 @@ import igl
 import numpy as np
 import pytest
 
-from benchmark.datasets.checking import check, check_source
+from benchmark.datasets.checking import check_dataset, check_source
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.mesh_files import read_mesh, write_mesh
 from benchmark.geometry.cleaning import count_holes
@@ -81,7 +81,7 @@ def test_flaws_of_a_mesh_are_warnings(rods, vertices, faces, message):
     )
     write_off(rods / "thick2.off", flawed)
     assert any(re.match(f"warning  thick2.off  {message}", line) for line in lines(rods))
-    assert check(folder_set(rods)).usable
+    assert check_dataset(folder_set(rods)).usable
 
 
 def test_the_same_geometry_under_two_names_is_named_whatever_the_format(rods):
@@ -101,8 +101,8 @@ def test_what_cannot_be_read_is_a_shape_and_lowers_coverage(rods):
     (rods / "thin7.vtk").write_text("# vtk DataFile")
     (rods / "thin8.xyz").write_text("0 0 0")
     (rods / "thick0.off").write_text("OFF")
-    report = check(folder_set(rods))
-    assert (len(report.dataset.shapes), len(report.rows)) == (7, 5)
+    report = check_dataset(folder_set(rods))
+    assert (len(report.dataset.shapes), len(report.shapes)) == (7, 5)
     assert (
         report.lines()[0]
         == "rods: 7 shapes, 2 classes, not a stand-in, 2 unreadable, which count as 0"
@@ -117,7 +117,7 @@ def test_what_cannot_be_read_is_a_shape_and_lowers_coverage(rods):
     )
     assert [
         (row.file, row.subject, row.counts["vertices_before"], row.counts["holes"])
-        for row in report.rows
+        for row in report.shapes
     ][:2] == [("thick1.off", "thick", 290, 0), ("thick2.off", "thick", 290, 0)]
 
 

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.checking import check
+from benchmark.datasets.checking import check_dataset
 from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.prepared import PreparedShapes
@@ -49,7 +49,7 @@ def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
         ("two/0", "two"),
         ("two/1", "two"),
     ]
-    report = check(dataset)
+    report = check_dataset(dataset)
     assert report.usable
     assert not report.anomalies
     taken = [

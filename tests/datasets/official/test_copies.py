@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from benchmark.datasets.checking import check
+from benchmark.datasets.checking import check_dataset
 from benchmark.datasets.copies import KnownCopy
 from benchmark.datasets.official import SETS
 from benchmark.files import file_digest
@@ -52,7 +52,7 @@ def test_surfaces_of_files_without_size_get_their_area_and_other_files_keep_thei
 
 def checked(shapes):
     """First line of the check of a set, and what it says of copies."""
-    report = check(shapes)
+    report = check_dataset(shapes)
     said = [one for one in report.anomalies if "SHA-256" in one.what]
     return report.lines()[0].partition("classes, ")[2], said
 
