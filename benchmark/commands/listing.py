@@ -16,7 +16,7 @@ from benchmark.protocols.models import MODELS_VARIABLE, model_places
 from benchmark.protocols.tables import TABLES
 from benchmark.reference.paper import entry_of, source_of
 from benchmark.registry import Component, by_name, select_one
-from benchmark.registry.names import split_name
+from benchmark.registry.names import split_parameters
 from benchmark.text import clean_text
 
 Rows = list[dict[str, str]]
@@ -51,7 +51,7 @@ def listing(
 
 def find_component(name: str, plugins: Sequence[Path] = ()) -> Component:
     """Return a method or a scorer by its name."""
-    is_scorer = split_name(name)[0] in by_name("scorer", plugins)
+    is_scorer = split_parameters(name)[0] in by_name("scorer", plugins)
     return select_one(name, plugins, "scorer" if is_scorer else "method")
 
 

@@ -20,7 +20,7 @@ from benchmark.commands.selection import (
 )
 from benchmark.datasets.anomalies import by_kind
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
-from benchmark.datasets.changes import split_name
+from benchmark.datasets.changes import split_changes
 from benchmark.datasets.checking import unfinished_files, unread_files
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import ConfigurationError
@@ -147,7 +147,7 @@ class Plan:
         }
         for path in sorted(elsewhere):
             # Of a path that no system allows, Path.exists raises an error.
-            if not os.path.exists(split_name(path)[0]):  # noqa: PTH110
+            if not os.path.exists(split_changes(path)[0]):  # noqa: PTH110
                 forget = shlex.join(["forget", "-d", path])
                 yield f"{path} is no longer there; its rows stay in tables until '{forget}'"
 

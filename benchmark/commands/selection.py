@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.api.contracts import Input
-from benchmark.datasets.catalogue import is_known, is_path, split_name
+from benchmark.datasets.catalogue import is_known, is_path, split_changes
 from benchmark.defaults import DATA_VARIABLE, DEFAULT_SCORER
 from benchmark.errors import ConfigurationError, check_known
 from benchmark.pipeline.data_names import label_data_sets, records_of
@@ -53,7 +53,7 @@ def shadowed_folders(names: Iterable[str], data_root: Path | None) -> list[str]:
     """Say which names are those of sets of the suite, though folders here have them, too."""
     told = []
     for name in names:
-        base = split_name(name)[0]
+        base = split_changes(name)[0]
         if not (is_known(name) and is_path(name)):
             continue
         if data_root and Path(base).absolute() == (data_root / base).absolute():

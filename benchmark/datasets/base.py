@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,41 +32,47 @@ def check_retrievable(dataset: ShapeSet, entries: Iterable[Entry] | None = None)
     entries
         The ranked part of the data set; None for all shapes.
     """
-    members = by_subject(dataset.shapes if entries is None else entries)
-    what = (
-        f"data set '{dataset.name}'"
-        if entries is None
-        else f"what this table ranks of data set '{dataset.name}'"
-    )
+    what = f"data set '{dataset.name}'"
+    if entries is None:
+        entries = dataset.shapes
+    else:
+        what = f"what this table ranks of {what}"
+    members = by_subject(entries)
     if not members:
-        raise DatasetError(
-            f"{what} has no meshes", "point to a folder with .off, .obj, .ply or .stl files"
-        )
+        hint = "point to a folder with .off, .obj, .ply or .stl files"
+        raise DatasetError(f"{what} has no meshes", hint)
     if len(members) < 2:
-        hint = "sort the meshes into one sub-folder per class, add a .cla file, or name them CLASS + number"
-        raise DatasetError(
-            f"{what} has one class ('{next(iter(members))}'), so every ranking is perfect", hint
+        problem = f"{what} has one class ('{next(iter(members))}'), so every ranking is perfect"
+        hint = (
+            "sort the meshes into one sub-folder per class, add a .cla file, "
+            "or name them CLASS + number"
         )
+        raise DatasetError(problem, hint)
     if max(map(len, members.values())) < 2:
         problem = f"each class of {what} has one shape, so nothing can be retrieved"
         raise DatasetError(problem, "add a second shape to at least one class")
 
 
 def canonical_shapes(dataset: ShapeSet) -> Mapping[str, Entry]:
-    """Return the shape of each subject in the canonical pose: that set for the subject, or else the first one."""
-    return {
-        subject: next(
-            (entry for entry in members if entry.pose == dataset.canonical_poses.get(subject)),
-            members[0],
-        )
-        for subject, members in by_subject(dataset.shapes).items()
-    }
+    """Return the shape of each subject in the canonical pose; the first if none is set for it."""
+    canonical = {}
+    for subject, members in by_subject(dataset.shapes).items():
+        pose = dataset.canonical_poses.get(subject)
+        in_pose = [entry for entry in members if entry.pose == pose]
+        canonical[subject] = in_pose[0] if in_pose else members[0]
+    return canonical
 
 
 def natural_key(text: str) -> tuple[tuple[int, int, str], ...]:
     """Return a sort key that puts ``cat2`` before ``cat10``."""
-    parts = re.findall(r"[0-9]+|[^0-9]+", text)
-    return tuple((0, int(part), "") if part[0] in "0123456789" else (1, 0, part) for part in parts)
+    return tuple(map(_part_key, re.findall(r"[0-9]+|[^0-9]+", text)))
+
+
+def _part_key(part: str) -> tuple[int, int, str]:
+    """Return the sort key of digits, by their number, or of other text, behind all digits."""
+    if part[0] in "0123456789":
+        return 0, int(part), ""
+    return 1, 0, part
 
 
 @dataclass(frozen=True)
@@ -85,21 +92,19 @@ class Part:
 
     def of(self, dataset: ShapeSet) -> tuple[Entry, ...]:
         """Return the shapes of this part, in the order of the data set."""
-        chosen = {
-            entry.identifier
-            for place, (subject, shapes) in enumerate(by_subject(dataset.shapes).items())
-            if not self.subjects or subject in self.subjects or place in self.subjects
-            for pose, entry in enumerate(shapes)
-            if not self.poses or pose in self.poses
-        }
+        chosen = set[str]()
+        for number, (subject, shapes) in enumerate(by_subject(dataset.shapes).items()):
+            if not self.subjects or subject in self.subjects or number in self.subjects:
+                for pose, entry in enumerate(shapes):
+                    if not self.poses or pose in self.poses:
+                        chosen.add(entry.identifier)
         return tuple(entry for entry in dataset.shapes if entry.identifier in chosen)
 
 
 def thinned(entries: tuple[Entry, ...], most: int) -> tuple[Entry, ...]:
     """Return at most ``most`` evenly spaced poses of each subject, including the first."""
-    kept = {
-        entry.identifier
-        for members in by_subject(entries).values()
-        for entry in members[:: -(-len(members) // most)]
-    }
+    kept = set[str]()
+    for members in by_subject(entries).values():
+        step = math.ceil(len(members) / most)
+        kept.update(entry.identifier for entry in members[::step])
     return tuple(entry for entry in entries if entry.identifier in kept)

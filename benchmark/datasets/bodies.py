@@ -37,18 +37,27 @@ _UPPER_ARM = np.array([0.664, -0.021, -0.747])
 _FOREARM = np.array([0.512, -0.687, -0.517])
 _SPINE = ("spine05", "spine04", "spine03", "spine02", "spine01")
 _NECK = ("neck01", "neck02", "neck03", "head")
-#: Fraction of the swing of an arm in the shoulder girdle, and of the hip flexion in the second bone
-#: of the thigh.
-_CLAVICLE_SHARE, _THIGH_SHARE = 0.2, 0.15
+#: Fraction of the swing of an arm that the shoulder girdle takes.
+_CLAVICLE_SHARE = 0.2
 
-#: Number of angles of an arm, a leg, and a part of the trunk.
-_ARM, _LEG, _COLUMN = 4, 5, 3
+#: Fraction of the hip flexion that the second bone of the thigh takes.
+_THIGH_SHARE = 0.15
 
+#: Number of angles of an arm.
+_ARM = 4
+
+#: Number of angles of a leg.
+_LEG = 5
+
+#: Number of angles of a part of the trunk.
+_COLUMN = 3
+
+#: Runs of vertices of the template in mouth, nostrils and eye sockets; commit 26c8d472 has the code
+#: that made it.
 CAVITIES = Path(__file__).parent / "cavities.csv"
-"""Runs of vertices of the template in mouth, nostrils and eye sockets; commit 26c8d472 has the code that made it."""
 
+#: Decimals of coordinates in metres.
 _DECIMALS = 6
-"""Decimals of coordinates in metres."""
 
 
 @dataclass(frozen=True)
@@ -76,11 +85,13 @@ class Subject:
 
 
 def _table(file: str) -> list[dict[str, str]]:
+    """Return the rows of a table beside this module, by the titles of its columns."""
     with (Path(__file__).parent / file).open(encoding="utf-8", newline="") as stream:
         return list(csv.DictReader(stream))
 
 
 def _subjects() -> dict[str, dict[str, Subject]]:
+    """Return the subjects of the table by data set and name."""
     sets: dict[str, dict[str, Subject]] = {}
     for row in _table("subjects.csv"):
         body = Subject(*(float(row[field.name]) for field in fields(Subject)))
@@ -88,23 +99,30 @@ def _subjects() -> dict[str, dict[str, Subject]]:
     return sets
 
 
-POSES: Mapping[str, FloatArray] = {
-    row.pop("pose"): np.array([float(angle) for angle in row.values()])
-    for row in _table("poses.csv")
-}
-"""Joint angles of each pose, shape (27,); the first pose is the canonical one."""
+def _poses() -> dict[str, FloatArray]:
+    """Return the joint angles of the poses of the table by name."""
+    poses = {}
+    for row in _table("poses.csv"):
+        name = row.pop("pose")
+        poses[name] = np.array([float(angle) for angle in row.values()])
+    return poses
 
+
+#: Joint angles of each pose, shape (27,); the first pose is the canonical one.
+POSES: Mapping[str, FloatArray] = _poses()
+
+#: Subjects by data set and name.
 SUBJECTS: Mapping[str, Mapping[str, Subject]] = _subjects()
-"""Subjects by data set and name."""
 
 
-def describe(subject: Subject, angles: FloatArray) -> str:
+def describe_body(subject: Subject, angles: FloatArray) -> str:
     """Return the phenotype and joint angles that determine a mesh."""
-    body, joints = (np.round(values, 9).tolist() for values in (astuple(subject), angles))
+    body = np.round(astuple(subject), 9).tolist()
+    joints = np.round(angles, 9).tolist()
     return f"body {body} with joints {joints}"
 
 
-def mirrored(angles: FloatArray) -> FloatArray:
+def mirrored_pose(angles: FloatArray) -> FloatArray:
     """Return a pose with left and right exchanged."""
     left_arm, right_arm, left_leg, right_leg, columns = np.split(
         angles, np.cumsum([_ARM, _ARM, _LEG, _LEG])
@@ -115,11 +133,20 @@ def mirrored(angles: FloatArray) -> FloatArray:
 
 
 def jittered(angles: FloatArray, deviation: float, random: np.random.Generator) -> FloatArray:
-    """Perturb every angle of a pose by a standard deviation in degrees, within its range over all poses."""
-    ends = np.stack([end for pose in POSES.values() for end in (pose, mirrored(pose))])
-    return np.clip(
-        angles + random.normal(0.0, deviation, angles.shape), ends.min(axis=0), ends.max(axis=0)
-    )
+    """Return a pose with every angle perturbed, within its range over all poses.
+
+    Parameters
+    ----------
+    angles
+        Joint angles, shape (27,).
+    deviation
+        Standard deviation in degrees.
+    random
+        Random generator.
+    """
+    poses = np.stack([*POSES.values(), *map(mirrored_pose, POSES.values())])
+    perturbed = angles + random.normal(0.0, deviation, angles.shape)
+    return np.clip(perturbed, poses.min(axis=0), poses.max(axis=0))
 
 
 def named_random(name: str, purpose: str) -> np.random.Generator:
@@ -129,7 +156,7 @@ def named_random(name: str, purpose: str) -> np.random.Generator:
 
 
 def bone_rotations(angles: FloatArray) -> dict[str, FloatArray]:
-    """Return the rotations of the bones relative to their parents, about the axes of the body at rest.
+    """Return the rotations of bones relative to their parents, about the axes of the body at rest.
 
     Parameters
     ----------
@@ -156,14 +183,20 @@ def bone_rotations(angles: FloatArray) -> dict[str, FloatArray]:
 
 
 def _column(angles: FloatArray, bones: int) -> Rotation:
+    """Return the rotation of each of some bones that share the angles of a part of the trunk."""
     bend, lean, turn = angles / bones
     return Rotation.from_euler("ZXY", [turn, bend, lean], degrees=True)
 
 
 def _arm(raised: float, forward: float, roll: float, bend: float) -> dict[str, Rotation]:
-    """Return the rotations of the left arm: a roll of the upper arm, then its shortest swing to the direction."""
-    raised, forward = np.radians(raised), np.radians(forward)
-    side, front = np.sin(raised) * np.cos(forward), np.sin(raised) * np.sin(forward)
+    """Return the rotations of the left arm, by bone.
+
+    The upper arm rolls, then takes the shortest swing to its direction.
+    """
+    raised = np.radians(raised)
+    forward = np.radians(forward)
+    side = np.sin(raised) * np.cos(forward)
+    front = np.sin(raised) * np.sin(forward)
     target = np.array([side, -front, -np.cos(raised)])
     axis = np.cross(_UPPER_ARM, target)
     angle = np.arctan2(np.linalg.norm(axis), _UPPER_ARM @ target)
@@ -183,17 +216,18 @@ def _arm(raised: float, forward: float, roll: float, bend: float) -> dict[str, R
 def _leg(
     flexion: float, abduction: float, roll: float, bend: float, point: float
 ) -> dict[str, Rotation]:
-    first, second, lower, foot = (
-        Rotation.from_euler("x", angle, degrees=True)
-        for angle in (-(1 - _THIGH_SHARE) * flexion, -_THIGH_SHARE * flexion, bend, point)
-    )
+    """Return the rotations of the left leg, by bone."""
+
+    def about_x(angle: float) -> Rotation:
+        return Rotation.from_euler("x", angle, degrees=True)
+
     half_roll = Rotation.from_euler("z", roll / 2, degrees=True)
     outwards = Rotation.from_euler("y", -abduction, degrees=True)
     return {
-        "upperleg01": first * outwards * half_roll,
-        "upperleg02": second * half_roll,
-        "lowerleg01": lower,
-        "foot": foot,
+        "upperleg01": about_x(-(1 - _THIGH_SHARE) * flexion) * outwards * half_roll,
+        "upperleg02": about_x(-_THIGH_SHARE * flexion) * half_roll,
+        "lowerleg01": about_x(bend),
+        "foot": about_x(point),
     }
 
 
@@ -249,13 +283,30 @@ def vertices_of(bones: tuple[str, ...], side: str = "") -> IntArray:
 
 @functools.cache
 def reference_mesh() -> Mesh:
-    """Return the template of all bodies at rest; every generated mesh has the same triangles and vertex order."""
+    """Return the template of all bodies at rest.
+
+    Every generated mesh has the same triangles and vertex order.
+    """
     template = _template()
     return Mesh(template.model.template_vertices.numpy()[template.kept], template.faces)
 
 
 @dataclass(frozen=True)
 class _Template:
+    """The parametric body, without eyes and tongue.
+
+    Parameters
+    ----------
+    model
+        The model of the package ``anny``.
+    kept
+        Mask of those vertices of the model that a mesh has.
+    faces
+        Triangles of a mesh.
+    bones
+        The bone with the largest weight at each vertex of a mesh.
+    """
+
     model: Any
     kept: NDArray[np.bool_]
     faces: Faces
@@ -264,47 +315,51 @@ class _Template:
 
 @functools.cache
 def _template() -> _Template:
+    """Return the parametric body; raise ``DatasetError`` if its packages are missing."""
     try:
-        import anny
-        import anny.paths
-        import torch
+        model = _model()
     except ImportError as error:
         package = (error.name or "anny").partition(".")[0]
-        raise DatasetError(
-            f"generated people need the package '{package}'", f"run `pip install {package}`"
-        ) from error
+        problem = f"generated people need the package '{package}'"
+        raise DatasetError(problem, f"run `pip install {package}`") from error
+    faces = model.get_triangular_faces().numpy().astype(np.int32)
+    labels = connected_components(Mesh(model.template_vertices.numpy(), faces))
+    # Eyes and tongue are separate components inside the head.
+    kept = labels == np.bincount(labels).argmax()
+    renumbered = np.cumsum(kept, dtype=np.int32) - 1
+    rows = np.flatnonzero(kept)
+    strongest = model.vertex_bone_weights.numpy()[rows].argmax(axis=1)
+    bones = model.vertex_bone_indices.numpy()[rows, strongest]
+    names = tuple(model.bone_labels[bone] for bone in bones)
+    return _Template(model, kept, renumbered[faces[kept[faces[:, 0]]]], names)
+
+
+def _model() -> Any:
+    """Return the body of the package ``anny`` with skinning that is the same on all machines."""
+    import anny
+    import anny.paths
+    import torch
 
     if not any(anny.paths.get_anny_cache_path().glob("*/*")):
         hint = "anny builds its cache on first use; this takes about half a minute"
         sys.stderr.write(f"{hint}\n")
 
     class Body(anny.Anny):  # type: ignore[misc]
-        """Model whose linear blend skinning adds in one order and in double precision: the same on all machines."""
+        """Model whose linear blend skinning adds in one order and in double precision."""
 
         def get_skinned_vertices(self, rest_vertices: Any, bone_transforms: Any) -> Any:
-            bones, weights = self.vertex_bone_indices.numpy(), self.vertex_bone_weights.numpy()
-            rest, transforms, posed = (
-                rest_vertices.numpy(),
-                bone_transforms.numpy(),
-                np.zeros(rest_vertices.shape),
-            )
-            x, y, z = (rest[..., axis, None] for axis in range(3))
-            for place in range(bones.shape[1]):
-                turn = transforms[:, bones[:, place], :3]
+            bones = self.vertex_bone_indices.numpy()
+            weights = self.vertex_bone_weights.numpy()
+            rest = rest_vertices.numpy()
+            transforms = bone_transforms.numpy()
+            posed = np.zeros(rest_vertices.shape)
+            x = rest[..., 0, None]
+            y = rest[..., 1, None]
+            z = rest[..., 2, None]
+            for number in range(bones.shape[1]):
+                turn = transforms[:, bones[:, number], :3]
                 moved = turn[..., 0] * x + turn[..., 1] * y + turn[..., 2] * z + turn[..., 3]
-                posed += weights[:, place, None] * moved
+                posed += weights[:, number, None] * moved
             return torch.from_numpy(posed)
 
-    model = Body(skinning_method="lbs", pose_parameterization="local-ref")
-    faces = model.get_triangular_faces().numpy().astype(np.int32)
-    labels = connected_components(Mesh(model.template_vertices.numpy(), faces))
-    kept = (
-        labels == np.bincount(labels).argmax()
-    )  # eyes and tongue are separate components inside the head
-    renumbered = np.cumsum(kept, dtype=np.int32) - 1
-    rows = np.flatnonzero(kept)
-    strongest = model.vertex_bone_weights.numpy()[rows].argmax(axis=1)
-    bones = tuple(
-        model.bone_labels[bone] for bone in model.vertex_bone_indices.numpy()[rows, strongest]
-    )
-    return _Template(model, kept, renumbered[faces[kept[faces[:, 0]]]], bones)
+    return Body(skinning_method="lbs", pose_parameterization="local-ref")

@@ -10,7 +10,7 @@ from importlib import import_module
 from pathlib import Path
 
 from benchmark.api.datasets import ShapeSet
-from benchmark.datasets.changes import changed, split_name
+from benchmark.datasets.changes import split_changes, with_change
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.official import SETS, OfficialSet
 from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
@@ -19,7 +19,17 @@ from benchmark.text import printable
 
 @dataclass(frozen=True)
 class GeneratedSet:
-    """A generated data set: what a module of this package makes with a function and its arguments, without a folder."""
+    """A generated data set, without a folder: what a function of this package makes.
+
+    Parameters
+    ----------
+    summary
+        What it is, for lists.
+    module, function, arguments
+        What makes it: a module of this package, and a function of it with its arguments.
+    n_shapes, n_classes
+        Number of its shapes and classes.
+    """
 
     summary: str
     module: str
@@ -27,49 +37,70 @@ class GeneratedSet:
     n_shapes: int
     n_classes: int
     arguments: tuple[int, ...] = ()
-    folder = origin = url = terms = other_use = ""
+
+    #: What official sets have.
+    folder = ""
+    origin = ""
+    url = ""
+    terms = ""
+    other_use = ""
 
     def open(self, _name: str, _folder: Path) -> ShapeSet:
         """Return the data set."""
-        shapes: ShapeSet = getattr(
-            import_module(f"benchmark.datasets.{self.module}"), self.function
-        )(*self.arguments)
+        module = import_module(f"benchmark.datasets.{self.module}")
+        shapes: ShapeSet = getattr(module, self.function)(*self.arguments)
         return shapes
 
 
+#: Official sets with a table in the paper.
 _PAPER = ("shrec14-synthetic", "shrec14-real", "tosca")
 
 _RANDOM = "generated humans drawn at random, 15 subjects x 20 poses"
 
+#: What makes ``people``, and the number of its shapes and classes.
+_PEOPLE = ("people", "people", 300, 15)
+
+
+def _generated_people() -> dict[str, GeneratedSet]:
+    """Return the sets of people drawn at random, by name."""
+    sets = {"people": GeneratedSet(f"{_RANDOM}: the first draw of three", *_PEOPLE)}
+    for draw in range(3):
+        sets[f"people[draw={draw}]"] = GeneratedSet(f"{_RANDOM}, draw {draw}", *_PEOPLE, (draw,))
+    return sets
+
+
+#: Data sets by name, those of the paper first.
 CATALOGUE: dict[str, OfficialSet | GeneratedSet] = {
     **{name: SETS[name] for name in _PAPER},
     "humans-scanlike": GeneratedSet(
         "generated scans of adults, 40 subjects x 10 poses; stand-in for SHREC'14 real",
-        *("people", "humans_scanlike", 400, 40),
+        module="people",
+        function="humans_scanlike",
+        n_shapes=400,
+        n_classes=40,
     ),
-    "people": GeneratedSet(f"{_RANDOM}: the first draw of three", "people", "people", 300, 15),
-    **{
-        f"people[draw={draw}]": GeneratedSet(
-            f"{_RANDOM}, draw {draw}", "people", "people", 300, 15, (draw,)
-        )
-        for draw in range(3)
-    },
+    **_generated_people(),
     "animals": GeneratedSet(
         "generated animals and people, 80 shapes in 9 classes; stand-in for TOSCA",
-        "animals",
-        "animals",
-        80,
-        9,
+        module="animals",
+        function="animals",
+        n_shapes=80,
+        n_classes=9,
     ),
     "animals-few": GeneratedSet(
-        "generated animals and people, 6 classes x 3 poses of the set animals, for the table of robustness",
-        *("animals", "animals_few", 18, 6),
+        "generated animals and people, 6 classes x 3 poses of the set animals, "
+        "for the table of robustness",
+        module="animals",
+        function="animals_few",
+        n_shapes=18,
+        n_classes=6,
     ),
     **SETS,
 }
-"""Data sets by name, those of the paper first."""
 
 _MANY = re.compile(r"people\[n=0*([0-9]{1,9})\]")
+
+#: Poses of each body of ``people[n=500]``.
 _POSES = 20
 
 
@@ -91,14 +122,15 @@ def open_dataset(name: str, data_root: Path | None = None) -> ShapeSet:
     DatasetError
         If the set is missing or unreadable.
     """
-    base, changes = split_name(name)
+    base, changes = split_changes(name)
     shapes = _open(base, data_root)
     for change, level in changes:
-        shapes = changed(shapes, change, level)
+        shapes = with_change(shapes, change, level)
     return shapes
 
 
 def _open(name: str, data_root: Path | None) -> ShapeSet:
+    """Return a data set without changes; see :func:`open_dataset`."""
     require_known(name)
     source = _source(name)
     if source is None:
@@ -114,15 +146,23 @@ def _open(name: str, data_root: Path | None) -> ShapeSet:
 
 
 def _source(name: str) -> OfficialSet | GeneratedSet | None:
-    if match := _MANY.fullmatch(name):
-        n = int(match[1])
-        return GeneratedSet(
-            f"{n} people drawn at random", "people", "many_people", _POSES * n, n, (n,)
-        )
-    return CATALOGUE.get(name)
+    """Return the data set of the suite with a name; None if there is none."""
+    match = _MANY.fullmatch(name)
+    if not match:
+        return CATALOGUE.get(name)
+    n = int(match[1])
+    return GeneratedSet(
+        f"{n} people drawn at random",
+        module="people",
+        function="many_people",
+        n_shapes=_POSES * n,
+        n_classes=n,
+        arguments=(n,),
+    )
 
 
 def _no_folder(folder: Path) -> ConfigurationError:
+    """Return the error for a path that is no folder, with the folder that may be meant."""
     hint = "name a data set or the folder that holds the meshes"
     beside = [path.name for path in folder.parent.glob("*") if path.is_dir()]
     if folder.is_file():
@@ -133,48 +173,52 @@ def _no_folder(folder: Path) -> ConfigurationError:
 
 
 def is_known(name: str) -> bool:
-    """Return whether a name on the command line is a data set of the suite, with or without changes."""
-    return _source(split_name(name)[0]) is not None
+    """Return whether a name is that of a data set of the suite, with or without changes."""
+    return _source(split_changes(name)[0]) is not None
 
 
 def is_present(name: str, data_root: Path | None) -> bool:
-    """Return whether a data set is available: generated sets always, official sets if their folder exists."""
-    source = _source(split_name(name)[0])
+    """Return whether a data set is available: a generated one always, else if its folder exists."""
+    source = _source(split_changes(name)[0])
     return is_path(name) if source is None else _is_there(source, data_root)
 
 
 def _is_there(source: OfficialSet | GeneratedSet, data_root: Path | None) -> bool:
+    """Return whether the folder of a data set of the suite exists, if it has one."""
     return not source.folder or (data_root is not None and (data_root / source.folder).is_dir())
 
 
 def is_path(name: str) -> bool:
     """Return whether a name on the command line is a path, with or without changes."""
-    base = split_name(name)[0]
+    base = split_changes(name)[0]
     return "/" in base or base.startswith(".") or Path(base).is_dir()
 
 
 def catalogued(name: str) -> str | None:
     """Return the name of a data set of the suite without its changes; None for any other set."""
     try:
-        base = split_name(name)[0]
+        base = split_changes(name)[0]
     except ConfigurationError:
         return None
     return base if _source(base) else None
 
 
 def require_known(name: str) -> None:
-    """Raise ``ConfigurationError`` unless a name on the command line, without its changes, is a data set or a path."""
-    base, _ = split_name(name)
-    if _source(base) is None and not is_path(base):
-        folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
-        raise did_you_mean(
-            "data set", base, [*CATALOGUE, *difflib.get_close_matches(base, folders, 1)]
-        )
+    """Raise ``ConfigurationError`` unless a name is a data set or path, with or without changes."""
+    base, _ = split_changes(name)
+    if _source(base) is not None or is_path(base):
+        return
+    folders = [path.name for path in Path().glob("[!.]*") if path.is_dir()]
+    similar = difflib.get_close_matches(base, folders, 1)
+    raise did_you_mean("data set", base, [*CATALOGUE, *similar])
 
 
 def table_name(source: str) -> str:
-    """Return the name of the table of a data set that no table of the paper uses: its name, also for a path."""
-    base, _ = split_name(source)
+    """Return the name of the table of a data set that no table of the paper uses.
+
+    It is the name of the set, also for a path.
+    """
+    base, _ = split_changes(source)
     name = base if _source(base) else folder_name(Path(base))
     return name + source[len(base) :]
 
@@ -188,8 +232,7 @@ def check_ranked(dataset: ShapeSet) -> None:
 
 
 def folder_name(folder: Path) -> str:
-    """Return the data set name of a folder: its own name, with a suffix if the catalogue uses that name."""
-    name = printable(
-        Path(os.path.realpath(folder)).name
-    )  # also names circular links, which are rejected later
+    """Return the data set name of a folder: its own, with a suffix if the catalogue has that."""
+    real = os.path.realpath(folder)  # also of circular links, which are rejected later
+    name = printable(Path(real).name)
     return f"{name}-folder" if name in CATALOGUE else name

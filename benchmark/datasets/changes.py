@@ -1,4 +1,4 @@
-"""Changes of the shapes of a data set: ``animals[noise=3]``, ``tosca[jitter=1]``, ``FOLDER[holes=2][view-angle=4]``.
+"""Changes of the shapes of a data set: ``animals[noise=3]``, ``FOLDER[holes=2][view-angle=4]``.
 
 A change replaces functions of a :class:`~benchmark.api.datasets.ShapeSet`. All its levels draw the
 same random numbers, so that they differ in the amount alone; those of ``jitter`` differ in the
@@ -51,29 +51,38 @@ class Change:
 
 
 def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> ShapeSet:
-    """Return a data set with several views of each shape, one after the other, in the frame of its own views.
+    """Return a data set with several views of each shape, one after the other.
 
     The cameras stand upright around the shape at half a step, one and a half steps, ... from its
-    own camera, which is the last one on request.
+    own camera, which is the last one on request. All views have the frame of the set's own views.
     """
     if "mesh" not in shapes.inputs:
         problem = f"{shapes.name} shows one side of each shape"
         raise ConfigurationError(problem, "choose a data set of complete surfaces")
-    steps = [*(np.arange(count) + 0.5), *[0.0] * own]
-    seen = {
-        name_view(entry.identifier, number): (entry, 2 * np.pi / count * step)
-        for entry in shapes.shapes
-        for number, step in enumerate(steps)
-    }
+    angles = [2 * np.pi / count * step for step in np.arange(count) + 0.5]
+    if own:
+        angles.append(0.0)
+    views: list[Entry] = []
+    shape_of: dict[str, Entry] = {}
+    angle_of: dict[str, float] = {}
+    for entry in shapes.shapes:
+        for number, angle in enumerate(angles):
+            name = name_view(entry.identifier, number)
+            views.append(replace(entry, identifier=name))
+            shape_of[name] = entry
+            angle_of[name] = angle
+
+    def camera(view: Entry) -> Camera:
+        name = view.identifier
+        return surface.turned_by(shapes.camera(shape_of[name]), angle_of[name])
+
     return replace(
         shapes,
-        shapes=tuple(replace(entry, identifier=name) for name, (entry, _) in seen.items()),
-        load=lambda view: shapes.load(seen[view.identifier][0]),
-        key=lambda view: shapes.key(seen[view.identifier][0]),
-        camera=lambda view: surface.turned_by(
-            shapes.camera(seen[view.identifier][0]), seen[view.identifier][1]
-        ),
-        sensor=lambda view: shapes.sensor(seen[view.identifier][0]),
+        shapes=tuple(views),
+        load=lambda view: shapes.load(shape_of[view.identifier]),
+        key=lambda view: shapes.key(shape_of[view.identifier]),
+        camera=camera,
+        sensor=lambda view: shapes.sensor(shape_of[view.identifier]),
         framed=shapes,
     )
 
@@ -133,12 +142,12 @@ CHANGES = {
 """Changes by name. Lengths are fractions of the longest side of the bounding box."""
 
 #: Levels that the table of robustness shows.
-LEVELS = (1, 2, 3, 4, 5)
+STRENGTHS = (1, 2, 3, 4, 5)
 
 _NAME = re.compile(r"(?P<base>.+)\[(?P<change>[a-z-]+)=(?P<level>[^\[\]=]*)\]", re.DOTALL)
 
 
-def split_name(name: str) -> tuple[str, list[tuple[str, int]]]:
+def split_changes(name: str) -> tuple[str, list[tuple[str, int]]]:
     """Split ``"animals[noise=3][jitter=1]"`` into ``"animals"`` and its changes, in order.
 
     Raises
@@ -147,16 +156,27 @@ def split_name(name: str) -> tuple[str, list[tuple[str, int]]]:
         If a change has no such level.
     """
     changes: list[tuple[str, int]] = []
-    while (
-        (match := _NAME.fullmatch(name)) and match["change"] in CHANGES and not Path(name).is_dir()
-    ):
-        n_levels = len(CHANGES[match["change"]].amounts)
-        if match["level"] not in map(str, range(1, n_levels + 1)):
-            problem = f"'{match['change']}' has no level '{match['level']}'"
-            raise ConfigurationError(problem, f"choose a whole number from 1 to {n_levels}")
-        changes.insert(0, (match["change"], int(match["level"])))
-        name = match["base"]
+    last = _last_change(name)
+    while last is not None:
+        name, change, level = last
+        changes.insert(0, (change, level))
+        last = _last_change(name)
     return name, changes
+
+
+def _last_change(name: str) -> tuple[str, str, int] | None:
+    """Return the name before the last change, the change and its level; None without a change.
+
+    The name of a folder may look like a change.
+    """
+    match = _NAME.fullmatch(name)
+    if not match or match["change"] not in CHANGES or Path(name).is_dir():
+        return None
+    n_levels = len(CHANGES[match["change"]].amounts)
+    if match["level"] not in map(str, range(1, n_levels + 1)):
+        problem = f"'{match['change']}' has no level '{match['level']}'"
+        raise ConfigurationError(problem, f"choose a whole number from 1 to {n_levels}")
+    return match["base"], match["change"], int(match["level"])
 
 
 def changed_name(base: str, change: str, level: int) -> str:
@@ -164,7 +184,7 @@ def changed_name(base: str, change: str, level: int) -> str:
     return f"{base}[{change}={level}]"
 
 
-def changed(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
+def with_change(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
     """Apply a change to a data set.
 
     Raises
@@ -198,21 +218,27 @@ def changed(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
             views, name=result.name, title=result.title, code=result.code, inputs=("view",)
         )
     if of_mesh := change.of_mesh:
-        return replace(
-            result, load=lambda entry: of_mesh(shapes.load(entry), amount, random(entry))
-        )
+
+        def changed_mesh(entry: Entry) -> Mesh:
+            return of_mesh(shapes.load(entry), amount, random(entry))
+
+        return replace(result, load=changed_mesh)
+    # What follows changes views alone.
     result = replace(result, inputs=tuple(input_ for input_ in shapes.inputs if input_ == "view"))
     if of_camera := change.of_camera:
-        return replace(
-            result, camera=lambda entry: of_camera(shapes.camera(entry), amount, random(entry))
-        )
+
+        def changed_camera(entry: Entry) -> Camera:
+            return of_camera(shapes.camera(entry), amount, random(entry))
+
+        return replace(result, camera=changed_camera)
     if seen := change.seen:
-        return replace(
-            result, load=lambda entry: seen(shapes.load(entry), shapes.camera(entry), amount)
-        )
+
+        def seen_mesh(entry: Entry) -> Mesh:
+            return seen(shapes.load(entry), shapes.camera(entry), amount)
+
+        return replace(result, load=seen_mesh)
     of_sensor = change.of_sensor
     if of_sensor is None or (shapes.shapes and shapes.sensor(shapes.shapes[0])):
-        raise ConfigurationError(
-            f"{shapes.name} has depth noise already", "name one strength of depth-noise"
-        )
+        problem = f"{shapes.name} has depth noise already"
+        raise ConfigurationError(problem, "name one strength of depth-noise")
     return replace(result, sensor=lambda entry: of_sensor(amount, seed(entry)))

@@ -21,7 +21,7 @@ from benchmark.geometry.camera import Camera
 def export(
     dataset: ShapeSet, folder: Path, *, watched: Watched = iter
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Write the readable shapes as ``CLASS/POSE.off``; cameras and canonical poses in ``dataset.toml``.
+    """Write the readable shapes as ``CLASS/POSE.off``; cameras and poses in ``dataset.toml``.
 
     Coordinates are exact. Files are written to a temporary sibling folder, which takes the place of
     the folder at the end, so a failure while writing leaves nothing.
@@ -50,35 +50,48 @@ def export(
         If no mesh is readable.
     """
     if any(dataset.sensor(entry) for entry in dataset.shapes):
-        raise ConfigurationError(
-            "meshes have no depth noise", "export the set without it, and name it in a run"
-        )
-    names, written, problems = _file_names(dataset.shapes), dict[str, Entry](), list[str]()
+        problem = "meshes have no depth noise"
+        raise ConfigurationError(problem, "export the set without it, and name it in a run")
+    names = _file_names(dataset.shapes)
     try:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise ConfigurationError(f"{folder} is not an empty folder", "choose a new one")
         folder.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as name:
             target = Path(name) / "set"
-            for entry in watched(dataset.shapes):
-                file = names[entry.identifier]
-                (target / file).parent.mkdir(parents=True, exist_ok=True)
-                try:
-                    write_mesh(target / file, dataset.load(entry))
-                    written[file] = entry
-                except ShapeError as error:
-                    problems.append(f"{entry.identifier}: {error}")
-            if not written:
-                raise DatasetError(
-                    f"no mesh of '{dataset.name}' is readable: {problems[0]}", "correct the files"
-                )
+            written, problems = _write_meshes(dataset, names, target, watched)
             (target / SETTINGS_FILE).write_bytes(_settings(dataset, written).encode())
             target.replace(folder)
     except OSError as error:
-        raise ConfigurationError(
-            f"cannot write to {folder}: {error.strerror}", "choose another folder"
-        ) from error
+        problem = f"cannot write to {folder}: {error.strerror}"
+        raise ConfigurationError(problem, "choose another folder") from error
     return (*written, SETTINGS_FILE), problems
+
+
+def _write_meshes(
+    dataset: ShapeSet, names: Mapping[str, str], target: Path, watched: Watched
+) -> tuple[dict[str, Entry], list[str]]:
+    """Write the meshes of a data set below a folder.
+
+    Returns
+    -------
+    dict of str to Entry, list of str
+        The shape in each file; and a line for each shape that cannot be read.
+    """
+    written: dict[str, Entry] = {}
+    problems: list[str] = []
+    for entry in watched(dataset.shapes):
+        file = names[entry.identifier]
+        (target / file).parent.mkdir(parents=True, exist_ok=True)
+        try:
+            write_mesh(target / file, dataset.load(entry))
+            written[file] = entry
+        except ShapeError as error:
+            problems.append(f"{entry.identifier}: {error}")
+    if not written:
+        problem = f"no mesh of '{dataset.name}' is readable: {problems[0]}"
+        raise DatasetError(problem, "correct the files")
+    return written, problems
 
 
 def _file_names(entries: Sequence[Entry]) -> dict[str, str]:
@@ -86,48 +99,42 @@ def _file_names(entries: Sequence[Entry]) -> dict[str, str]:
     counts = Counter((entry.subject, entry.pose.casefold()) for entry in entries)
     names = {}
     for number, entry in enumerate(entries):
-        is_single = entry.pose and counts[entry.subject, entry.pose.casefold()] == 1
-        pose = entry.pose if is_single else f"{entry.pose or 'pose'}-{number}"
+        pose = entry.pose
+        if not pose or counts[entry.subject, pose.casefold()] > 1:
+            pose = f"{pose or 'pose'}-{number}"
         for word in (entry.subject, pose):
             if not re.fullmatch(r"\w[\w .+-]*", word):
-                raise ConfigurationError(
-                    f"{word!r} of '{entry.identifier}' cannot be the name of a file", "rename it"
-                )
+                problem = f"{word!r} of '{entry.identifier}' cannot be the name of a file"
+                raise ConfigurationError(problem, "rename it")
         names[entry.identifier] = f"{entry.subject}/{pose}.off"
     return names
 
 
 def _settings(dataset: ShapeSet, written: Mapping[str, Entry]) -> str:
-    """Return the ``dataset.toml`` that reproduces the depth images and canonical poses of the data set."""
+    """Return the ``dataset.toml`` that reproduces depth images and canonical poses of the set."""
     lines = [f"# Written from the data set {_quoted(dataset.name)}."]
     if dataset.stand_in_for:
         lines.append(f"stand_in_for = {_quoted(dataset.stand_in_for)}")
     if dataset.half_width is not None:
         lines.append(f"half_width = {float(dataset.half_width)!r}")
+    lines += ["", "[canonical_pose]"]
     canonical = canonical_shapes(replace(dataset, shapes=tuple(written.values()))).values()
-    poses = [
-        file.removesuffix(".off").split("/")
-        for file, entry in written.items()
-        if entry in canonical
-    ]
-    lines += [
-        "",
-        "[canonical_pose]",
-        *(f"{_quoted(subject)} = {_quoted(pose)}" for subject, pose in poses),
-    ]
-    cameras = {file.removesuffix(".off"): dataset.camera(entry) for file, entry in written.items()}
-    lines += [
-        "",
-        "[camera]",
-        *(f"{_quoted(shape)} = {_view(camera)}" for shape, camera in cameras.items()),
-    ]
+    for file, entry in written.items():
+        if entry in canonical:
+            subject, pose = file.removesuffix(".off").split("/")
+            lines.append(f"{_quoted(subject)} = {_quoted(pose)}")
+    lines += ["", "[camera]"]
+    for file, entry in written.items():
+        camera = _view(dataset.camera(entry))
+        lines.append(f"{_quoted(file.removesuffix('.off'))} = {camera}")
     return "\n".join([*lines, ""])
 
 
 def _view(camera: Camera) -> str:
+    """Return a camera as a TOML table."""
     return f"{{ direction = {list(camera.direction)}, up = {list(camera.up)} }}"
 
 
 def _quoted(text: str) -> str:
-    # A JSON string is a TOML basic string.
+    """Return text as a TOML basic string, which a JSON string is."""
     return json.dumps(text, ensure_ascii=False)

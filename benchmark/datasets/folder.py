@@ -1,4 +1,4 @@
-"""Folders of meshes or depth images: classes from a list of labels, a PSB ``.cla`` file, file names, or sub-folders."""
+"""Folders of meshes or depth images, with classes from lists, file names or sub-folders."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import natural_key
-from benchmark.datasets.frames import depth_frames
+from benchmark.datasets.frames import depth_frame_set
 from benchmark.datasets.labels import class_name, read_labels
 from benchmark.datasets.mesh_files import (
     BESIDE,
@@ -41,11 +41,11 @@ _BESIDE = (
     ".html",
 )
 
-#: Names of lists of classes: of the Princeton Shape Benchmark, and in a folder of a user also of
-#: lines ``name label``.
-_CLA, _LISTS = (
-    re.compile(pattern, re.IGNORECASE) for pattern in (r".*\.cla", r".*\.cla|labels\.(txt|csv|tsv)")
-)
+#: Names of lists of classes of the Princeton Shape Benchmark.
+_CLA = re.compile(r".*\.cla", re.IGNORECASE)
+
+#: The same, and names of files with lines ``name label``, which the folder of a user may have.
+_LISTS = re.compile(r".*\.cla|labels\.(txt|csv|tsv)", re.IGNORECASE)
 
 
 def folder_set(folder: Path, name: str = "") -> ShapeSet:
@@ -71,42 +71,66 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
         If ``dataset.toml`` has an unknown key.
     """
     name = name or printable(folder.resolve().name)
-    files, given = mesh_files(folder), class_list([folder], _LISTS)
-    if given and given.suffix.lower() == ".cla":
-        entries = [*_from_cla(given, files)]
-    elif files:
-        entries = [*_from_names(files)]
-    else:
-        entries = [
-            entry for sub in sub_folders(folder) for entry in _from_sub_folder(sub, mesh_files(sub))
-        ]
-    frames = [] if entries else _from_depth_images(folder)
-    shapes = entries or frames
+    classes = class_list([folder], _LISTS)
+    is_cla = classes is not None and classes.suffix.lower() == ".cla"
+    shapes = [*_from_cla(classes, mesh_files(folder))] if classes and is_cla else _meshes(folder)
+    are_frames = not shapes
+    if are_frames:
+        shapes = _depth_images(folder)
     if not shapes:
-        unread = ", ".join(sorted({path.suffix for path in skipped_files(folder)}))
-        hint = f"expected files ending in {', '.join(READABLE)}, depth images of 16 bits, or sub-folders of such files"
-        raise DatasetError(
-            f"no meshes in {folder}{f' that can be read: {unread} cannot' if unread else ''}", hint
-        )
-    if given and given.suffix.lower() != ".cla":
-        shapes = _labelled(given, shapes)
+        raise _no_shapes(folder)
+    if classes and not is_cla:
+        shapes = _labelled(classes, shapes)
     counts = Counter(entry.identifier for entry in shapes)
-    if twice := [identifier for identifier, count in counts.items() if count > 1]:
-        raise DatasetError(
-            f"{folder} holds two shapes that are both written '{twice[0]}'", "rename one of them"
-        )
-    if frames:
-        return depth_frames(name, folder, tuple(shapes))
+    for identifier, count in counts.items():
+        if count > 1:
+            problem = f"{folder} holds two shapes that are both written '{identifier}'"
+            raise DatasetError(problem, "rename one of them")
+    if are_frames:
+        return depth_frame_set(name, folder, tuple(shapes))
     return with_settings(mesh_file_set(name=name, shapes=tuple(shapes), folder=folder))
 
 
+def _meshes(folder: Path) -> list[Entry]:
+    """Return the meshes of a folder, or those of its sub-folders if it has none itself."""
+    files = mesh_files(folder)
+    if files:
+        return [*_from_names(files)]
+    entries: list[Entry] = []
+    for sub in sub_folders(folder):
+        entries += _from_sub_folder(sub, mesh_files(sub))
+    return entries
+
+
+def _no_shapes(folder: Path) -> DatasetError:
+    """Return the error for a folder without shapes."""
+    problem = f"no meshes in {folder}"
+    unread = sorted({path.suffix for path in skipped_files(folder)})
+    if unread:
+        problem = f"{problem} that can be read: {', '.join(unread)} cannot"
+    hint = (
+        f"expected files ending in {', '.join(READABLE)}, depth images of 16 bits, "
+        "or sub-folders of such files"
+    )
+    return DatasetError(problem, hint)
+
+
 def depth_files(folder: Path) -> list[Path]:
-    """Return the depth images of a folder in natural order: 16 bits or more, floats or arrays; no colours or masks."""
+    """Return the depth images of a folder in natural order.
+
+    They have 16 bits or more, floats or arrays; colours and masks are none.
+    """
     return _listed(folder, lambda path: not path.is_dir() and is_depth_file(path))
 
 
 def mesh_files(folder: Path) -> list[Path]:
-    """Return the mesh files of a folder in natural order, one per stem; raise ``DatasetError`` if it is unreadable."""
+    """Return the mesh files of a folder in natural order, one per stem.
+
+    Raises
+    ------
+    DatasetError
+        If the folder is unreadable.
+    """
     by_stem: dict[str, Path] = {}
     for path in all_mesh_files(folder):
         by_stem.setdefault(mesh_stem(path), path)
@@ -127,41 +151,43 @@ def all_mesh_files(folder: Path) -> list[Path]:
 
 
 def sub_folders(folder: Path) -> list[Path]:
-    """Return visible sub-folders in natural order; raises ``DatasetError`` if the folder cannot be listed."""
+    """Return visible sub-folders in natural order; raise ``DatasetError`` if there is no list."""
     return _listed(folder, Path.is_dir)
 
 
 def skipped_files(folder: Path) -> list[Path]:
-    """Return files of a folder and its sub-folders that are not known, and hidden ones that would be."""
+    """Return unknown files of a folder and its sub-folders, and hidden ones of a known kind."""
     places = (folder, *sub_folders(folder))
     known = {*MESHES, *BESIDE, *EXTENSIONS, *_BESIDE}
 
     def is_unknown(path: Path) -> bool:
-        is_read = path.parent == folder and (
-            path.name == SETTINGS_FILE or _LISTS.fullmatch(path.name)
-        )
-        return not (
-            mesh_suffix(path) in known
-            or is_read
-            or CAMERA_FILES.fullmatch(path.name)
-            or path.is_dir()
-        )
+        is_list = path.name == SETTINGS_FILE or _LISTS.fullmatch(path.name) is not None
+        is_read = path.parent == folder and is_list
+        is_about_cameras = CAMERA_FILES.fullmatch(path.name) is not None
+        return not (mesh_suffix(path) in known or is_read or is_about_cameras or path.is_dir())
 
-    unknown = [path for place in places for path in _listed(place, is_unknown)]
-    return unknown + [
-        path for place in places for path in sorted(place.glob(".*")) if mesh_suffix(path) in known
-    ]
+    unknown: list[Path] = []
+    hidden: list[Path] = []
+    for place in places:
+        unknown += _listed(place, is_unknown)
+        hidden += [path for path in sorted(place.glob(".*")) if mesh_suffix(path) in known]
+    return unknown + hidden
 
 
 def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
-    """Return visible paths in a folder, in natural order; raises ``DatasetError`` if it cannot be listed."""
+    """Return visible paths in a folder, in natural order.
+
+    Raises
+    ------
+    DatasetError
+        If the folder cannot be listed.
+    """
     try:
         paths = sorted(folder.iterdir(), key=lambda path: (natural_key(path.name), path.name))
         return [path for path in paths if not is_hidden(path) and is_wanted(path)]
     except OSError as error:
-        raise DatasetError(
-            f"cannot list {folder}: {error.strerror}", "check the path and its rights"
-        ) from error
+        problem = f"cannot list {folder}: {error.strerror}"
+        raise DatasetError(problem, "check the path and its rights") from error
 
 
 def is_hidden(path: Path) -> bool:
@@ -175,28 +201,33 @@ def _labelled(source: Path, entries: Sequence[Entry]) -> list[Entry]:
     if not isinstance(labels, dict):
         raise DatasetError(f"{source} does not name the shapes", "write 'name label' on each line")
     names = [entry.identifier for entry in entries]
-    if wrong := [name for name in (*names, *labels) if (name in labels) != (name in names)]:
-        problem = f"{source} and the shapes beside it differ in {listed(wrong)}"
+    unlabelled = [name for name in names if name not in labels]
+    surplus = [name for name in labels if name not in names]
+    if unlabelled or surplus:
+        problem = f"{source} and the shapes beside it differ in {listed([*unlabelled, *surplus])}"
         raise DatasetError(problem, f"name each shape once, like {names[0]}")
     return [
         replace(entry, subject=labels[entry.identifier], pose=entry.identifier) for entry in entries
     ]
 
 
-def _from_depth_images(folder: Path) -> list[Entry]:
-    if flat := depth_files(folder):
-        return [*_from_names(flat)]
+def _depth_images(folder: Path) -> list[Entry]:
+    """Return the depth images of a folder, or those of its sub-folders if it has none itself."""
+    files = depth_files(folder)
+    if files:
+        return [*_from_names(files)]
     entries: list[Entry] = []
     for sub in sub_folders(folder):
         if sub.name.lower() not in MASK_FOLDERS:
-            inner = sub / "depth"
-            entries += _from_sub_folder(
-                sub, depth_files(sub) or (depth_files(inner) if inner.is_dir() else [])
-            )
+            files = depth_files(sub)
+            if not files and (sub / "depth").is_dir():
+                files = depth_files(sub / "depth")
+            entries += _from_sub_folder(sub, files)
     return entries
 
 
 def _from_names(files: Iterable[Path]) -> Iterator[Entry]:
+    """Yield shapes whose files are named by class and number."""
     for path in files:
         stem = mesh_stem(path)
         subject = re.sub(r"[-_ \xa0]*[0-9]+\Z", "", stem) or stem
@@ -205,26 +236,30 @@ def _from_names(files: Iterable[Path]) -> Iterator[Entry]:
 
 
 def _from_sub_folder(folder: Path, files: Iterable[Path]) -> list[Entry]:
+    """Return shapes of the class that their folder names."""
     subject = printable(folder.name)
-    poses = [(printable(mesh_stem(path)), path) for path in files]
-    return [
-        Entry(f"{subject}/{pose}", class_name(folder.name, pose), pose, path)
-        for pose, path in poses
-    ]
+    entries = []
+    for path in files:
+        pose = printable(mesh_stem(path))
+        entries.append(Entry(f"{subject}/{pose}", class_name(folder.name, pose), pose, path))
+    return entries
 
 
 def class_list(folders: Sequence[Path], lists: re.Pattern[str] = _CLA) -> Path | None:
-    """Return the list of classes in some folders, or None; raises ``DatasetError`` if there are several."""
-    files = [
-        path
-        for folder in folders
-        for path in _listed(folder, lambda path: bool(lists.fullmatch(path.name)))
-    ]
+    """Return the list of classes in some folders, or None.
+
+    Raises
+    ------
+    DatasetError
+        If there are several.
+    """
+    files: list[Path] = []
+    for folder in folders:
+        files += _listed(folder, lambda path: lists.fullmatch(path.name) is not None)
     if len(files) > 1:
         names = " and ".join(path.relative_to(folders[0]).as_posix() for path in files[:2])
-        raise DatasetError(
-            f"{folders[0]} holds {names}", "keep the list that classifies these meshes"
-        )
+        problem = f"{folders[0]} holds {names}"
+        raise DatasetError(problem, "keep the list that classifies these meshes")
     return files[0] if files else None
 
 
@@ -255,27 +290,25 @@ def read_cla(path: Path) -> dict[int, str]:
     with named_errors(path, "classification", DatasetError, hint):
         words = decode(read_file(path, LARGEST_LIST)).split()
         if words[:2] != ["PSB", "1"]:
-            problem = "it does not start with 'PSB 1'"
-            raise DatasetError(
-                problem, "use the classification format of the Princeton Shape Benchmark"
-            )
-        n_classes, n_models = _whole(words[2]), _whole(words[3])
+            hint = "use the classification format of the Princeton Shape Benchmark"
+            raise DatasetError("it does not start with 'PSB 1'", hint)
+        n_classes = _whole(words[2])
+        n_models = _whole(words[3])
         position = 4
         while position < len(words):
-            name, count = words[position], _whole(words[position + 2])
+            name = words[position]
+            count = _whole(words[position + 2])
             if name in names:
-                raise DatasetError(
-                    f"class '{name}' stands there twice", "give each class a name of its own"
-                )
+                problem = f"class '{name}' stands there twice"
+                raise DatasetError(problem, "give each class a name of its own")
             numbers = [_whole(word) for word in words[position + 3 : position + 3 + count]]
             if len(numbers) != count:
                 problem = f"class '{name}' announces {count} models but lists {len(numbers)}"
                 raise DatasetError(problem, "complete the file")
             for number in numbers:
                 if number in subjects:
-                    raise DatasetError(
-                        f"model {number} stands in two classes", "list each model once"
-                    )
+                    problem = f"model {number} stands in two classes"
+                    raise DatasetError(problem, "list each model once")
                 subjects[number] = class_name(name, number)
             names.add(name)
             position += 3 + count
@@ -287,24 +320,27 @@ def read_cla(path: Path) -> dict[int, str]:
 
 
 def _whole(word: str) -> int:
+    """Return the whole number that a word of a classification means."""
     if not re.fullmatch("[0-9]{1,18}", word):
         raise ValueError(f"{word[:80]!r} is not a whole number")
     return int(word)
 
 
 def _from_cla(cla: Path, files: Iterable[Path]) -> Iterator[Entry]:
+    """Yield the shapes that a classification lists by the number at the end of their files."""
     by_number: dict[int, list[Path]] = {}
     for path in files:
-        if match := re.search(r"[0-9]+\Z", mesh_stem(path)):
+        match = re.search(r"[0-9]+\Z", mesh_stem(path))
+        if match:
             by_number.setdefault(int(match.group()), []).append(path)
     subjects = read_cla(cla)
-    if missing := sorted(set(subjects) - set(by_number)):
+    missing = sorted(subjects.keys() - by_number.keys())
+    if missing:
+        problem = f"{cla} lists model {missing[0]}, but {cla.parent} has no mesh with that number"
         hint = "add the mesh or correct the list"
         if {number - 1 for number in subjects} == set(by_number):
             hint = "the list counts from 1, the meshes from 0: subtract 1 from each number"
-        raise DatasetError(
-            f"{cla} lists model {missing[0]}, but {cla.parent} has no mesh with that number", hint
-        )
+        raise DatasetError(problem, hint)
     for number, subject in sorted(subjects.items()):
         path, *others = by_number[number]
         if others:

@@ -1,4 +1,4 @@
-"""Folders of depth images: intrinsics and masks next to the images, settings in ``dataset.toml``."""
+"""Folders of depth images, intrinsics and masks beside them, with a ``dataset.toml``."""
 
 from __future__ import annotations
 
@@ -17,14 +17,15 @@ _KEYS = ("canonical_pose", "depth_scale", "half_width", "intrinsics", "up")
 _WHERE = ", in a folder of depth images"
 
 
-def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSet:
-    """Return a set of depth images, one object each, whose mesh is the visible surface: right, up, towards the camera.
+def depth_frame_set(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSet:
+    """Return a set of depth images of one object each.
 
-    All keys of ``dataset.toml`` are optional: ``intrinsics``, a file or fx, fy, cx, cy, otherwise a
-    file is searched for each image; ``depth_scale``, the units per metre; ``up``, the up direction
-    in the camera's frame, [right, down, forward], used if no floor is detected; ``half_width``,
-    half the width of the frame of the objects, in metres; ``canonical_pose``, a pose or a table
-    from class to pose.
+    The mesh of a shape is its visible surface: right, up, towards the camera. All keys of
+    ``dataset.toml`` are optional: ``intrinsics``, a file or fx, fy, cx, cy, otherwise a file is
+    searched for each image; ``depth_scale``, the units per metre; ``up``, the up direction in the
+    camera's frame, [right, down, forward], used if no floor is detected; ``half_width``, half the
+    width of the frame of the objects, in metres; ``canonical_pose``, a pose or a table from class
+    to pose.
 
     Raises
     ------
@@ -43,11 +44,14 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
     def key(entry: Entry) -> str:
         frame = files[entry.identifier]
         try:
-            beside = {"mask": frame.mask_file, "intrinsics": frame.intrinsics_file}
-            digests = [f"{what}:{file_digest(path)}" for what, path in beside.items() if path]
-            return " ".join([file_digest(frame.image), *digests, repr(settings)])
+            parts = [file_digest(frame.image)]
+            if frame.mask_file:
+                parts.append(f"mask:{file_digest(frame.mask_file)}")
+            if frame.intrinsics_file:
+                parts.append(f"intrinsics:{file_digest(frame.intrinsics_file)}")
         except ShapeError as error:  # it is refused when it is prepared
             return f"{entry.identifier}: {error}"
+        return " ".join([*parts, repr(settings)])
 
     def files_of(entry: Entry) -> list[Path]:
         frame = files[entry.identifier]
@@ -74,25 +78,31 @@ def depth_frames(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSe
 
 
 def frame_settings(folder: Path) -> dict[str, Any]:
-    """Return the camera in a folder's ``dataset.toml`` as keywords of ``FrameFiles``; errors as in ``depth_frames``."""
+    """Return the camera in a folder's ``dataset.toml`` as keywords of ``FrameFiles``.
+
+    Errors are those of :func:`depth_frame_set`.
+    """
     path = folder / SETTINGS_FILE
     return _camera(read_settings(path, _KEYS, _WHERE), path)
 
 
 def _camera(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    scale = (
-        positive(values["depth_scale"], "depth_scale", path) if "depth_scale" in values else None
-    )
-    half_width = (
-        positive(values["half_width"], "half_width", path) if "half_width" in values else HALF_WIDTH
-    )
+    """Return what settings say about the camera, as keywords of ``FrameFiles``."""
+    camera: dict[str, Any] = {
+        "intrinsics": None,
+        "scale": None,
+        "up": None,
+        "half_width": HALF_WIDTH,
+    }
+    if "depth_scale" in values:
+        camera["scale"] = positive(values["depth_scale"], "depth_scale", path)
+    if "half_width" in values:
+        camera["half_width"] = positive(values["half_width"], "half_width", path)
     try:
-        intrinsics = (
-            intrinsics_of(str(values["intrinsics"]), path.parent)
-            if "intrinsics" in values
-            else None
-        )
-        up = tuple(checked_up(values["up"]).tolist()) if "up" in values else None
+        if "intrinsics" in values:
+            camera["intrinsics"] = intrinsics_of(str(values["intrinsics"]), path.parent)
+        if "up" in values:
+            camera["up"] = tuple(checked_up(values["up"]).tolist())
     except BenchmarkError as error:
         raise DatasetError(f"{path}: {error.located}", error.hint) from error
-    return {"intrinsics": intrinsics, "scale": scale, "up": up, "half_width": half_width}
+    return camera

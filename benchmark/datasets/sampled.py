@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.datasets.bodies import POSES, Subject, body_mesh, jittered, mirrored
+from benchmark.datasets.bodies import POSES, Subject, body_mesh, jittered, mirrored_pose
 from benchmark.datasets.people import JUDGES, TESTED, new_subject
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import camera_coordinates, render_depth
@@ -29,10 +29,12 @@ N_SHAPES = 1 + N_POSES
 AWAY_FROM = (*TESTED, JUDGES)
 """Sets from whose subjects the bodies keep the distance ``benchmark.datasets.people.CLEARANCE``."""
 
+#: Seed of all bodies and poses.
 _SEED = 0
 
+#: Standard deviation of the angles of a random pose from the mixture that it begins with, in
+#: degrees.
 _DEVIATION = 6.0
-"""Standard deviation of the angles of a random pose from the mixture that it begins with, in degrees."""
 
 
 def sampled_body(number: int, draw: int = 0) -> tuple[Subject, list[FloatArray]]:
@@ -54,12 +56,12 @@ def sampled_body(number: int, draw: int = 0) -> tuple[Subject, list[FloatArray]]
 
 
 def _random_pose(random: np.random.Generator) -> FloatArray:
-    """Return the angles of a pose between two authored ones, each mirrored at random, then perturbed."""
+    """Return the angles of a perturbed pose between two authored ones, each mirrored at random."""
     authored = list(POSES.values())
     ends = []
-    for place in random.integers(len(authored), size=2):
-        is_mirrored = random.random() < 0.5
-        ends.append(mirrored(authored[place]) if is_mirrored else authored[place])
+    for number in random.integers(len(authored), size=2):
+        pose = authored[number]
+        ends.append(mirrored_pose(pose) if random.random() < 0.5 else pose)
     first, second = ends
     return jittered(first + random.uniform() * (second - first), _DEVIATION, random)
 
@@ -84,9 +86,11 @@ def sampled_images(number: int, half_width: float) -> Iterator[NDArray[np.float3
 
 
 def _meshes(number: int, draw: int) -> list[Mesh]:
+    """Return the meshes of a body in all its poses."""
     body, poses = sampled_body(number, draw)
     return [body_mesh(body, pose) for pose in poses]
 
 
 def _leaves_frame(mesh: Mesh, half_width: float) -> bool:
+    """Return whether a body reaches beyond the frame of the camera."""
     return bool(np.abs(camera_coordinates(mesh, FRONT)).max() >= half_width)

@@ -1,4 +1,4 @@
-"""Simulation of a body scanner: asymmetry, fused contacts, an individual tessellation per scan, and noise."""
+"""Simulation of a body scanner: asymmetry, fused contacts, an own tessellation, and noise."""
 
 from __future__ import annotations
 
@@ -17,20 +17,28 @@ from benchmark.geometry.cleaning import largest_component
 from benchmark.geometry.mesh import FloatArray, Mesh, Points, sides_of, vertex_normals
 from benchmark.geometry.preparation import isotropic_remesh
 
-N_VERTICES = 15_000
+N_SCAN_VERTICES = 15_000
 """Approximate number of vertices of a scan."""
 
-_WAVES, _WAVELENGTHS, _ASYMMETRY = 8, (0.3, 0.8), 0.003
-"""Number, wavelengths in metres and root mean square height in metres of the waves that make a body asymmetric."""
+#: Number of the waves that make a body asymmetric.
+_WAVES = 8
 
+#: Shortest and longest wavelength of them, in metres.
+_WAVELENGTHS = (0.3, 0.8)
+
+#: Root mean square of their height, in metres.
+_ASYMMETRY = 0.003
+
+#: Bones of the parts whose narrow gaps are closed, with their side.
 _FUSED = (
-    *((("wrist", "metacarpal", "finger"), side) for side in (".L", ".R")),
-    *((("foot", "toe"), side) for side in (".L", ".R")),
+    (("wrist", "metacarpal", "finger"), ".L"),
+    (("wrist", "metacarpal", "finger"), ".R"),
+    (("foot", "toe"), ".L"),
+    (("foot", "toe"), ".R"),
 )
-"""Bones of the parts whose narrow gaps are closed, with their side."""
 
-CELL = 0.005
-"""Voxel size in metres."""
+#: Voxel size in metres.
+VOXEL = 0.005
 
 _MARGIN = 6
 """Empty voxels around the body."""
@@ -38,8 +46,11 @@ _MARGIN = 6
 _CLOSING = 0.012
 """Radius in metres of the ball that closes gaps between fingers, up to twice as wide."""
 
-_WHITE, _SMOOTH = 0.0002, 0.0003
-"""Standard deviations in metres of white noise and of smooth noise."""
+#: Standard deviation of white noise, in metres.
+_WHITE = 0.0002
+
+#: Standard deviation of smooth noise, in metres.
+_SMOOTH = 0.0003
 
 _CORNERS = np.array(
     [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)],
@@ -49,12 +60,12 @@ _CORNERS = np.array(
 
 
 def scanned(body: Mesh, subject: str, name: str) -> Mesh:
-    """Return the scan of a posed body: about 15 000 vertices, one closed component, in metres, in its place.
+    """Return the scan of a posed body: a closed component in metres, in its place.
 
-    The solid is sampled on a grid in a random position, gaps between fingers are closed, the
-    boundary is extracted by marching cubes [Lorensen and Cline 1987] and re-meshed isotropically
-    [Botsch and Kobbelt 2004], and every vertex is displaced along its normal by noise of a third of
-    a millimetre.
+    It has about 15 000 vertices. The solid is sampled on a grid in a random position, gaps between
+    fingers are closed, the boundary is extracted by marching cubes [Lorensen and Cline 1987] and
+    re-meshed isotropically [Botsch and Kobbelt 2004], and every vertex is displaced along its
+    normal by noise of a third of a millimetre.
 
     Parameters
     ----------
@@ -70,31 +81,51 @@ def scanned(body: Mesh, subject: str, name: str) -> Mesh:
     heights = _asymmetry(named_random(subject, "asymmetry"))
     uneven = closed.vertices + heights[:, np.newaxis] * vertex_normals(closed)
     random = named_random(name, "scan")
-    angle = random.uniform(0, 2 * np.pi)
-    turn = np.array(
+    turn = _turn_about_z(random.uniform(0, 2 * np.pi))
+    turned = uneven @ turn.T / VOXEL
+    origin = turned.min(axis=0) - _MARGIN - random.uniform(0, 1, 3)
+    solid = _solid(turned - origin, body)
+    boundary = _boundary(solid)
+    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the resulting edges
+    # are slightly longer.
+    side = 0.97 * math.sqrt(boundary.area / N_SCAN_VERTICES * 2 / math.sqrt(3))
+    skin = isotropic_remesh(boundary, side, iterations=3, feature_degrees=180)
+    return _noisy(skin.with_vertices(((skin.vertices + origin) * VOXEL) @ turn), random)
+
+
+def _turn_about_z(angle: float) -> FloatArray:
+    """Return the matrix of a rotation about the vertical by an angle in radians."""
+    return np.array(
         [[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]]
     )
-    turned = uneven @ turn.T / CELL
-    origin = turned.min(axis=0) - _MARGIN - random.uniform(0, 1, 3)
-    points = turned - origin
+
+
+def _solid(points: Points, body: Mesh) -> NDArray[np.bool_]:
+    """Return which voxels are inside a body whose gaps between fingers are closed.
+
+    Parameters
+    ----------
+    points
+        Vertices in voxels from the corner of the grid.
+    body
+        The body with these vertices.
+    """
     size = np.ceil(points.max(axis=0)).astype(np.int64) + _MARGIN
     crossings = np.zeros(tuple(size), dtype=np.int8)
     _count_crossings(points, body.faces, crossings)
     # Sum of signed crossings below a point: its winding number, which is 2 if two parts overlap.
     solid = np.cumsum(crossings, axis=2, dtype=np.int8) > 0
-    for part in _FUSED:
-        _close_gaps(solid, points[vertices_of(*part)])
-    boundary = _boundary(solid)
-    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the resulting edges
-    # are slightly longer.
-    side = 0.97 * math.sqrt(boundary.area / N_VERTICES * 2 / math.sqrt(3))
-    skin = isotropic_remesh(boundary, side, iterations=3, feature_degrees=180)
-    return _noisy(skin.with_vertices(((skin.vertices + origin) * CELL) @ turn), random)
+    for bones, side in _FUSED:
+        _close_gaps(solid, points[vertices_of(bones, side)])
+    return np.asarray(solid)
 
 
 @functools.cache
 def _cavities() -> NDArray[np.bool_]:
-    """Return the mask of the vertices of the head that fewer than 12 % of 128 views around the template see."""
+    """Return the mask of the vertices of the head that few of 128 views around the template see.
+
+    Fewer than 12 % of the views see them.
+    """
     runs = np.loadtxt(CAVITIES, dtype=np.int64, delimiter=",", skiprows=1)
     sheltered = np.zeros(reference_mesh().n_vertices, dtype=bool)
     for first, last in runs:
@@ -103,7 +134,7 @@ def _cavities() -> NDArray[np.bool_]:
 
 
 def _asymmetry(random: np.random.Generator) -> FloatArray:
-    """Return the displacements of the vertices of a body along their normals, in metres, for all its poses."""
+    """Return the shifts of a body's vertices along their normals, in metres, in all poses."""
     directions = random.normal(size=(_WAVES, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     frequencies = 2 * np.pi / random.uniform(*_WAVELENGTHS, _WAVES)
@@ -113,7 +144,7 @@ def _asymmetry(random: np.random.Generator) -> FloatArray:
 
 
 def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
-    """Replace the free part of a surface by a membrane: each free vertex becomes the mean of its neighbours.
+    """Return a surface whose free part is a membrane: a free vertex is the mean of its neighbours.
 
     Parameters
     ----------
@@ -123,9 +154,8 @@ def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
         Mask of the free vertices, shape (n,).
     """
     tails, heads = sides_of(mesh.faces)
-    links = csr_array(
-        (np.ones(len(tails)), (tails, heads)), shape=(mesh.n_vertices, mesh.n_vertices)
-    )[free]
+    ones = np.ones(len(tails))
+    links = csr_array((ones, (tails, heads)), shape=(mesh.n_vertices, mesh.n_vertices))[free]
     degrees = np.asarray(links.sum(axis=1)).ravel()
     system = (diags_array(degrees) - links[:, free]).tocsc()
     vertices = mesh.vertices.copy()
@@ -135,17 +165,21 @@ def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
 
 @njit(cache=True, nogil=True)
 def _count_crossings(points, faces, crossings):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Add to ``crossings[x, y, z]`` the orientation of each triangle that the line along z crosses just below node z.
+    """Add the orientation of each triangle at the voxels where a line along z crosses it.
 
-    Rows and spans are half-open, and each edge is always evaluated from its lower end, so that no
-    line misses or hits both of two adjacent triangles.
+    It is added to ``crossings[x, y, z]`` if the line crosses just below node z. Rows and spans are
+    half-open, and each edge is always evaluated from its lower end, so that no line misses or hits
+    both of two adjacent triangles.
     """
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        ax, ay = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
-        bx, by = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1]
+        ax = points[j, 0] - points[i, 0]
+        ay = points[j, 1] - points[i, 1]
+        bx = points[k, 0] - points[i, 0]
+        by = points[k, 1] - points[i, 1]
         # An upward line enters the solid through a triangle with a downward normal.
         sign = 1 if ax * by - ay * bx < 0 else -1
+        # Corners in the order of their rows.
         if points[j, 1] < points[i, 1]:
             i, j = j, i
         if points[k, 1] < points[j, 1]:
@@ -169,6 +203,7 @@ def _count_crossings(points, faces, crossings):  # type: ignore[no-untyped-def] 
 
 @njit(cache=True, nogil=True, inline="always")
 def _at_row(points, low, high, row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return x and z where the edge between two points crosses a row of the grid."""
     share = (row - points[low, 1]) / (points[high, 1] - points[low, 1])
     x = points[low, 0] + share * (points[high, 0] - points[low, 0])
     return x, points[low, 2] + share * (points[high, 2] - points[low, 2])
@@ -176,7 +211,7 @@ def _at_row(points, low, high, row):  # type: ignore[no-untyped-def]  # noqa: AN
 
 def _close_gaps(solid: NDArray[np.bool_], part: Points) -> None:
     """Apply a morphological closing by a ball in the box around a part, in place."""
-    radius = _CLOSING / CELL
+    radius = _CLOSING / VOXEL
     low = np.maximum(np.floor(part.min(axis=0)).astype(int) - math.ceil(radius), 0)
     high = np.ceil(part.max(axis=0)).astype(int) + math.ceil(radius) + 1
     box = tuple(slice(start, stop) for start, stop in zip(low, high, strict=True))
@@ -185,7 +220,7 @@ def _close_gaps(solid: NDArray[np.bool_], part: Points) -> None:
 
 
 def _boundary(solid: NDArray[np.bool_]) -> Mesh:
-    """Return the surface of the solid in voxel units, by marching cubes on the cubes that it intersects."""
+    """Return the surface of the solid in voxel units, by marching cubes where it has one."""
     import igl
 
     density = gaussian_filter(solid.astype(np.float32), 1.0)
@@ -207,15 +242,16 @@ def _boundary(solid: NDArray[np.bool_]) -> Mesh:
 
 
 def _noisy(mesh: Mesh, random: np.random.Generator) -> Mesh:
+    """Return a scan with white and smooth noise along its normals."""
     white, smooth = random.normal(0, 1, (2, mesh.n_vertices))
     smooth = _neighbour_mean(mesh, _neighbour_mean(mesh, smooth))
     amount = _WHITE * white + _SMOOTH * smooth / smooth.std()
-    return mesh.with_vertices(
-        np.round(mesh.vertices + amount[:, np.newaxis] * vertex_normals(mesh), 6)
-    )
+    vertices = mesh.vertices + amount[:, np.newaxis] * vertex_normals(mesh)
+    return mesh.with_vertices(np.round(vertices, 6))
 
 
 def _neighbour_mean(mesh: Mesh, values: FloatArray) -> FloatArray:
+    """Return the mean of the value of each vertex and those of its neighbours."""
     tails, heads = sides_of(mesh.faces)
     sums = np.bincount(tails, values[heads], mesh.n_vertices) + values
     return np.asarray(sums / (np.bincount(tails, minlength=mesh.n_vertices) + 1))

@@ -10,7 +10,7 @@ from pathlib import Path, PurePath
 import msgspec
 
 from benchmark.datasets.catalogue import is_known, is_path
-from benchmark.datasets.changes import split_name
+from benchmark.datasets.changes import split_changes
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Data, Record
 from benchmark.text import printable
@@ -18,7 +18,7 @@ from benchmark.text import printable
 
 def path_of(source: str) -> str:
     """Return a source with the absolute path of its folder; "" for a set of the suite."""
-    base, _ = split_name(source)
+    base, _ = split_changes(source)
     is_folder = is_path(base) and not is_known(base)
     return printable(f"{os.path.realpath(base)}{source[len(base) :]}") if is_folder else ""
 
@@ -41,7 +41,7 @@ def records_of(records: Sequence[Record], words: Iterable[str]) -> list[Record]:
     """
     chosen = set[int]()
     for word in words:
-        base, _ = split_name(word)
+        base, _ = split_changes(word)
         path = path_of(word) if Path(base).exists() else ""
         here = [record for record in records if path and record.data.path == path]
         is_name = not (here and "/" in word)

@@ -19,7 +19,7 @@ from benchmark.datasets.catalogue import (
     require_known,
     table_name,
 )
-from benchmark.datasets.changes import CHANGES, LEVELS, changed_name, split_name
+from benchmark.datasets.changes import CHANGES, STRENGTHS, changed_name, split_changes
 from benchmark.errors import ConfigurationError, DatasetError, check_known
 from benchmark.protocols.models import (
     MissingModel,
@@ -171,7 +171,7 @@ class Gallery:
             return method.learns or not self.table.is_ablation
         name = method.base_name
         is_default = self.table.includes(name) and name not in self.table.omits
-        if self.table.changes and not self.table.names and split_name(self.source)[1]:
+        if self.table.changes and not self.table.names and split_changes(self.source)[1]:
             is_default &= name in QUICK_ROWS or method.learns
         return is_default and (not self.quick or name in QUICK_ROWS)
 
@@ -442,7 +442,9 @@ def _galleries(
 def _known(table: Table, source: str, part: str, data_root: Path | None, *, quick: bool) -> Gallery:
     """Return the gallery of queries: complete surfaces where there are any, of their own data set by default."""
     name = table.gallery or source
-    while "mesh" not in (dataset := open_dataset(name, data_root)).inputs and split_name(name)[1]:
+    while (
+        "mesh" not in (dataset := open_dataset(name, data_root)).inputs and split_changes(name)[1]
+    ):
         name = name.rpartition("[")[0]  # what changes views alone
     entries = thinned(dataset.shapes, QUICK_POSES) if quick else dataset.shapes
     cameras = CAMERAS.get(part, table.cameras)
@@ -457,5 +459,5 @@ def _conditions(name: str) -> list[str]:
     shown = [change for change, what in CHANGES.items() if what.of_mesh and change != "jitter"]
     return [
         name,
-        *(changed_name(name, change, level) for change in shown for level in list(LEVELS)[::2]),
+        *(changed_name(name, change, level) for change in shown for level in list(STRENGTHS)[::2]),
     ]

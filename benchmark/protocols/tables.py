@@ -9,7 +9,7 @@ from typing import Literal
 
 from benchmark.api.contracts import Input
 from benchmark.api.learning import FROZEN_AT
-from benchmark.datasets.changes import split_name
+from benchmark.datasets.changes import split_changes
 from benchmark.datasets.official import EXTENDED
 from benchmark.protocols.trainings import HELD_OUT, SUBJECT_FOLDS
 from benchmark.reference import paper
@@ -229,7 +229,7 @@ class Table:
     def shows(self, dataset: str) -> bool:
         """Return whether it can be made for a data set; one of queries and another gallery, also for changed views."""
         return dataset in self.datasets or (
-            self.is_cross and split_name(dataset)[0] in self.datasets
+            self.is_cross and split_changes(dataset)[0] in self.datasets
         )
 
     def includes(self, base_name: str) -> bool:

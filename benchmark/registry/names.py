@@ -16,12 +16,12 @@ _SPECIAL = frozenset("|,()'\" ")
 _NAME = re.compile(r"([^\[\]]+)(?:\[([^\[\]]*)\])?")
 
 
-def split_name(name: str) -> tuple[str, str]:
+def split_parameters(name: str) -> tuple[str, str]:
     """Split a name from the text in its brackets, "" if there are none; unbalanced ones are part of the name.
 
     Examples
     --------
-    >>> split_name("least-squares-mds[rtol=0.01]")
+    >>> split_parameters("least-squares-mds[rtol=0.01]")
     ('least-squares-mds', 'rtol=0.01')
     """
     match = _NAME.fullmatch(name.strip())

@@ -10,7 +10,7 @@ from benchmark.defaults import ALL_METHODS
 from benchmark.errors import ConfigurationError
 from benchmark.registry.components import Component, Kind, component_of
 from benchmark.registry.known import by_name, in_file
-from benchmark.registry.names import combinations, split_name
+from benchmark.registry.names import combinations, split_parameters
 
 
 def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Component]:
@@ -86,7 +86,7 @@ def select_one(name: str, plugins: Iterable[Path] = (), kind: Kind = "method") -
 
 def variants(name: str, known: Mapping[str, Component]) -> list[Component]:
     """Return the components for a name with parameters, one for each combination of their values, each once."""
-    base, inside = split_name(name)
+    base, inside = split_parameters(name)
     component = known[base]
     chosen = [
         component.with_parameters(given) if given else component for given in combinations(inside)
@@ -113,7 +113,7 @@ def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
     ConfigurationError
         If there is nothing of this name, or a parameter is unknown or invalid.
     """
-    base, inside = split_name(name)
+    base, inside = split_parameters(name)
     if base.endswith(".py"):
         components = in_file(Path(base))
         own = {component.name: component for component in components if component.kind == "method"}

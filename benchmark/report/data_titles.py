@@ -9,7 +9,7 @@ holds it.
 from __future__ import annotations
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.datasets.changes import CHANGES, changed, split_name
+from benchmark.datasets.changes import CHANGES, split_changes, with_change
 from benchmark.datasets.copies import KnownCopy
 from benchmark.datasets.official import SETS, OfficialSet
 from benchmark.datasets.sizes import key_with_area
@@ -79,7 +79,7 @@ def _ranks(record: Record, copy: KnownCopy) -> bool:
 def _digest(ranked: RankedShapes, copy: KnownCopy) -> str:
     """Return the digest that ranked shapes have if they are those of a copy, with the changes of their set."""
     try:
-        _, changes = split_name(ranked.data.name)
+        _, changes = split_changes(ranked.data.name)
     except ConfigurationError:  # a change that this version does not know
         return ""
     shapes = ShapeSet(
@@ -93,7 +93,7 @@ def _digest(ranked: RankedShapes, copy: KnownCopy) -> str:
     )
     for change, level in changes:
         if CHANGES[change].of_set is None:  # views of a shape have its key
-            shapes = changed(shapes, change, level)
+            shapes = with_change(shapes, change, level)
     return digest_of_shapes(
         (entry.identifier, entry.subject, shapes.key(entry)) for entry in shapes.shapes
     )

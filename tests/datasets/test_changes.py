@@ -9,7 +9,7 @@ from trimesh import Trimesh
 
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.changes import split_name
+from benchmark.datasets.changes import split_changes
 from benchmark.datasets.surface_changes import holes, seen_from_near, shortcuts
 from benchmark.errors import ConfigurationError, UnsupportedShape
 from benchmark.geometry.camera import FRONT, SIDE
@@ -42,16 +42,16 @@ def test_a_shortcut_joins_the_ends_of_a_horseshoe_and_adds_a_handle_each():
 
 
 def test_names_are_split_once_and_levels_are_checked(tmp_path, monkeypatch):
-    assert split_name("a set[noise=3][jitter=9]") == ("a set", [("noise", 3), ("jitter", 9)])
-    assert split_name("people[draw=1][view-angle=2]") == ("people[draw=1]", [("view-angle", 2)])
+    assert split_changes("a set[noise=3][jitter=9]") == ("a set", [("noise", 3), ("jitter", 9)])
+    assert split_changes("people[draw=1][view-angle=2]") == ("people[draw=1]", [("view-angle", 2)])
     for name in ("people[noise=6]", "people[noise=0]", "people[noise=x]", "people[jitter=10]"):
         with pytest.raises(
             ConfigurationError, match="has no level '.*'; choose a whole number from 1 to [59]"
         ):
-            split_name(name)
+            split_changes(name)
     monkeypatch.chdir(tmp_path)
     write_rods(tmp_path / "scans[jitter=1]")
-    assert split_name("scans[jitter=1][noise=2]") == ("scans[jitter=1]", [("noise", 2)])
+    assert split_changes("scans[jitter=1][noise=2]") == ("scans[jitter=1]", [("noise", 2)])
     assert open_dataset("scans[jitter=1]").name == "scans[jitter=1]"
 
 

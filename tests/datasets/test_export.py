@@ -5,7 +5,7 @@ import pytest
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.changes import changed, split_name
+from benchmark.datasets.changes import split_changes, with_change
 from benchmark.datasets.export import export
 from benchmark.datasets.folder import folder_set
 from benchmark.errors import ConfigurationError, DatasetError
@@ -34,8 +34,8 @@ def beasts(**changes):
 @pytest.mark.parametrize("changes", ["", "[noise=1][view-angle=4]"])
 def test_shapes_cameras_and_canonical_poses_come_back(tmp_path, changes):
     source = beasts(canonical_poses={"cat": "sit"})
-    for change, level in split_name(f"beasts{changes}")[1]:
-        source = changed(source, change, level)
+    for change, level in split_changes(f"beasts{changes}")[1]:
+        source = with_change(source, change, level)
     written, problems = export(source, tmp_path / "out")
     back = folder_set(tmp_path / "out")
     names = [str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")]
@@ -58,7 +58,7 @@ def test_depth_noise_is_no_part_of_a_mesh(tmp_path):
     with pytest.raises(
         ConfigurationError, match="meshes have no depth noise; export the set without it"
     ):
-        export(changed(beasts(), "depth-noise", 5), tmp_path / "out")
+        export(with_change(beasts(), "depth-noise", 5), tmp_path / "out")
 
 
 def test_a_set_without_a_readable_mesh_leaves_no_folder(tmp_path):

@@ -7,7 +7,7 @@ from dataclasses import astuple
 import numpy as np
 import pytest
 
-from benchmark.datasets.bodies import POSES, Subject, bone_rotations, jittered, mirrored
+from benchmark.datasets.bodies import POSES, Subject, bone_rotations, jittered, mirrored_pose
 from benchmark.datasets.bodies import SUBJECTS as SETS
 from benchmark.datasets.catalogue import is_known, open_dataset
 from benchmark.datasets.official import SETS as OFFICIAL
@@ -91,8 +91,11 @@ def test_a_mirrored_pose_turns_the_bones_of_the_other_side_and_a_jittered_one_st
     None
 ):
     for pose in POSES.values():
-        np.testing.assert_array_equal(mirrored(mirrored(pose)), pose)
-    bones, other = bone_rotations(POSES["throwing"]), bone_rotations(mirrored(POSES["throwing"]))
+        np.testing.assert_array_equal(mirrored_pose(mirrored_pose(pose)), pose)
+    bones, other = (
+        bone_rotations(POSES["throwing"]),
+        bone_rotations(mirrored_pose(POSES["throwing"])),
+    )
     sign = np.diag([-1.0, 1.0, 1.0])
     for bone, rotation in bones.items():
         twin = (
@@ -101,7 +104,7 @@ def test_a_mirrored_pose_turns_the_bones_of_the_other_side_and_a_jittered_one_st
             else bone
         )
         np.testing.assert_allclose(sign @ rotation @ sign, other[twin], atol=1e-12)
-    ends = np.array([end for pose in POSES.values() for end in (pose, mirrored(pose))])
+    ends = np.array([end for pose in POSES.values() for end in (pose, mirrored_pose(pose))])
     moved = np.array([jittered(pose, 30.0, np.random.default_rng(0)) for pose in POSES.values()])
     assert (moved >= ends.min(axis=0)).all() and (moved <= ends.max(axis=0)).all()
     assert np.abs(moved - [*POSES.values()]).max() > 10

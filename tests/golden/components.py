@@ -7,7 +7,7 @@ from functools import cache, partial
 from typing import Any, NamedTuple
 
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
-from benchmark.datasets.changes import CHANGES, LEVELS
+from benchmark.datasets.changes import CHANGES, STRENGTHS
 from benchmark.geometry.camera import DepthSensor
 from benchmark.registry import BUILT_IN as METHODS
 from benchmark.registry import SCORERS, select_one
@@ -144,7 +144,7 @@ def _generated(name: str) -> Iterator[Part]:
 
 def _changed(name: str) -> Iterator[Part]:
     on_mesh = CHANGES[name].of_mesh if name != "jitter" else None
-    for strength in LEVELS[: 2 if name == "jitter" else None]:
+    for strength in STRENGTHS[: 2 if name == "jitter" else None]:
         yield Part(f"{strength}", stages.changed, (name, strength, 0))
     if on_mesh:
         yield Part("scan", stages.changed, (name, 3, 1))

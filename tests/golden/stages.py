@@ -15,7 +15,7 @@ from benchmark.api.contracts import Shape
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.code_digest import digest
 from benchmark.datasets.bodies import POSES, SUBJECTS, body_mesh
-from benchmark.datasets.changes import changed as changed_set
+from benchmark.datasets.changes import with_change
 from benchmark.datasets.people import _SCANNED_POSES
 from benchmark.depth import frame, intrinsics, reading
 from benchmark.geometry.camera import SIDE, DepthSensor
@@ -197,7 +197,7 @@ def bodies() -> Arrays:
 
 def changed(change: str, value: Any, place: int) -> Arrays:
     """Return a committed mesh after a change of its data set, and its camera."""
-    dataset = changed_set(inputs.committed_meshes(), change, value)
+    dataset = with_change(inputs.committed_meshes(), change, value)
     entry = dataset.shapes[place]
     camera, sensor = dataset.camera(entry), dataset.sensor(entry)
     image = {"image": sensor.perturbed(np.linspace(0, 1, 60).reshape(6, 10))} if sensor else {}
