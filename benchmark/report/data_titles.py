@@ -8,6 +8,8 @@ holds it.
 
 from __future__ import annotations
 
+import re
+
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.changes import CHANGES, split_changes, with_change
 from benchmark.datasets.copies import KnownCopy
@@ -36,6 +38,16 @@ def data_title(record: Record) -> str:
     name = copy.title if copy else f"files named like {official.title}, unverified"
     _, is_official, change = data.title.partition(official.title)
     return brief(name + change if is_official else name)
+
+
+def short_data_title(record: Record) -> str:
+    """Return a short title of the data of a record, as headings and menus show it."""
+    title = data_title(record) if official_set(record) else record.data.title
+    title = re.sub(r", draw \d+", "", title)
+    title = re.sub(r" \((stand-in|generated)[^)]*\)", " (generated)", title)
+    return re.sub(
+        r"view angle: largest angle in degrees (\d+)$", r"cameras turned up to \1°", title
+    )
 
 
 def official_set(record: RankedShapes) -> OfficialSet | None:

@@ -22,19 +22,23 @@ from benchmark.pipeline.records import RankedShapes, Record, read_distances
 from benchmark.protocols.tables import AGAINST, SURFACES, GalleryGroup, Kind
 from benchmark.report import figures
 from benchmark.report.columns import PRINTED_OF_ROW, score_groups
-from benchmark.report.data_titles import data_title, official_set
+from benchmark.report.data_titles import short_data_title
 from benchmark.report.drawing import OBLIQUE, PALETTE, shaded, webp
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import BLOCKS, blocks
 from benchmark.report.forms import Drawn, StoredForms, thumbnail
 from benchmark.report.frames import changed, file_name, hundredths
 from benchmark.report.notes import block_lead, leads, table_notes
+from benchmark.report.play import play_galleries, play_page
 from benchmark.report.statistics import INTERVALS
 from benchmark.report.tables import Row, Scored, TableView
 from benchmark.text import clean_text, listed, say
 
 #: Pages of a table by the end of their name.
 KINDS = {"": "Scores", "-forms": "Forms", "-queries": "Queries"}
+
+#: The page to play with.
+PLAY = "play.html"
 
 #: Groups of the columns of the overview.
 GROUPS = ("Complete surfaces", "One depth view", "View against surfaces")
@@ -96,6 +100,7 @@ class Pages:
                     "own" if own else view.table.identifier
                 )
         content |= {"groups": groups, "has_overview": len(self.views) > 1}
+        content["play"] = PLAY if PLAY in self.files else ""
         self.files[name] = _TEMPLATES.get_template(template).render(
             title=title, here=name, **content
         )
@@ -134,6 +139,8 @@ def report_files(
     """
     pages = Pages(StoredForms(results, data_root), views)
     pages.files |= {name: fixed_file(name) for name in ("style.css", "table.css", "report.js")}
+    if galleries := play_galleries(pages.forms, _records_of(views)):
+        pages.files[PLAY] = play_page(galleries, back="index.html")
     listed = [_add_table(pages, view) for view in views if pages.main(view) is view]
     pages.add(
         "index.html",
@@ -147,6 +154,17 @@ def report_files(
     if any("Forms" in kinds.values() for kinds in listed):
         pages.files["plotly.min.js"] = get_plotlyjs()
     return pages.files
+
+
+def _records_of(views: Iterable[TableView]) -> list[Record]:
+    """Return the records that tables show, each once."""
+    found: dict[str, Record] = {}
+    for view in views:
+        for row in view.printed_rows:
+            for scored in row.scored.values():
+                for record in scored.all_records:
+                    found.setdefault(record.key, record)
+    return [*found.values()]
 
 
 def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
@@ -516,11 +534,4 @@ def _label(view: TableView) -> str:
 
 def _data_title(view: TableView) -> str:
     """Return a short name of the data of a table."""
-    sample = next(iter(view.samples.values()))[0]
-    title = data_title(sample) if official_set(sample) else sample.data.title
-    title = re.sub(
-        r" \((stand-in|generated)[^)]*\)", " (generated)", re.sub(r", draw \d+", "", title)
-    )
-    return clean_text(
-        re.sub(r"view angle: largest angle in degrees (\d+)$", r"cameras turned up to \1°", title)
-    )
+    return clean_text(short_data_title(next(iter(view.samples.values()))[0]))

