@@ -224,7 +224,7 @@ def table_name(source: str) -> str:
 
 
 def check_ranked(dataset: ShapeSet) -> None:
-    """Raise ``DatasetError`` for an official set with a single subject, which has another purpose."""
+    """Raise ``DatasetError`` for an official set of one subject, which has another purpose."""
     source = CATALOGUE.get(dataset.name)
     if source and source.other_use:
         problem = f"data set '{dataset.name}' shows one subject, so nothing can be retrieved"

@@ -509,9 +509,9 @@ def _problems_of_units(shapes: Sequence[CheckedShape]) -> Iterator[Anomaly]:
         small = [shape for shape in shapes if _is_near(1 / ratios[shape.file], unit)]
         odd, others = sorted((large, small), key=rank)
         if odd:
-            how_large = f"{unit:g} times as {'large' if odd is large else 'small'}"
+            word = "large" if odd is large else "small"
             rest = others or [shape for shape in shapes if shape not in odd]
-            yield _other_unit(odd, how_large, [shape.file for shape in rest])
+            yield _other_unit(odd, f"{unit:g} times as {word}", [shape.file for shape in rest])
 
 
 def _is_near(factor: float, unit: float) -> bool:

@@ -1,4 +1,4 @@
-"""Labels: one axis of plain values that say which class each shape is of, and lists of them in text."""
+"""Labels: one axis of plain values that say the class of each shape, and lists of them in text."""
 
 from __future__ import annotations
 
@@ -73,36 +73,31 @@ def scalars_of(values: Any, what: str) -> list[Scalar]:
     """
     array = _as_array(values, what)
     if array.dtype.names is not None:
-        fields = ", ".join(array.dtype.names)
-        raise ConfigurationError(
-            f"the {what}s are records with the fields {fields}", "pass one of the fields"
-        )
+        problem = f"the {what}s are records with the fields {', '.join(array.dtype.names)}"
+        raise ConfigurationError(problem, "pass one of the fields")
     if array.ndim == 2 and 1 in array.shape:
         array = array.reshape(-1)
-    if array.ndim != 1:
-        shape = (
-            f"an array of shape {array.shape}"
-            if array.ndim
-            else f"one value of type {_type_name(values)}"
-        )
-        raise ConfigurationError(f"the {what}s are {shape}, not one axis", _ONE_AXIS)
+    if array.ndim == 0:
+        problem = f"the {what}s are one value of type {_type_name(values)}, not one axis"
+        raise ConfigurationError(problem, _ONE_AXIS)
+    if array.ndim > 1:
+        problem = f"the {what}s are an array of shape {array.shape}, not one axis"
+        raise ConfigurationError(problem, _ONE_AXIS)
     if array.dtype.kind in "mM":
         raise ConfigurationError(f"the {what}s are times ({array.dtype})", _ONE_AXIS)
     plain = [_scalar(value, row, what) for row, value in enumerate(array.tolist(), 1)]
-    known = [value for value in plain if value is not None]
-    if len({isinstance(value, bool) for value in known}) > 1:
-        raise ConfigurationError(
-            f"truth values stand beside other {what}s", "write all as text or as whole numbers"
-        )
+    types = {isinstance(value, bool) for value in plain if value is not None}
+    if len(types) > 1:
+        problem = f"truth values stand beside other {what}s"
+        raise ConfigurationError(problem, "write all as text or as whole numbers")
     return plain
 
 
 def _as_array(values: Any, what: str) -> Any:
-    """Return values as an array; what has no order, or is a single text, is none."""
+    """Return values as an array; raise ``ConfigurationError`` for one text, or without order."""
     if isinstance(values, Set | str | bytes | Mapping):
-        raise ConfigurationError(
-            f"the {what}s are one value of type {_type_name(values)}", _ONE_AXIS
-        )
+        problem = f"the {what}s are one value of type {_type_name(values)}"
+        raise ConfigurationError(problem, _ONE_AXIS)
     if isinstance(values, Iterator | ValuesView):
         values = list(values)
     if isinstance(values, np.ma.MaskedArray):
@@ -120,7 +115,7 @@ def _scalar(value: Any, row: int, what: str) -> Scalar:
     """Return a plain value of Python; None if it says that there is none."""
     if hasattr(value, "__array__") or isinstance(value, np.generic):
         value = _only_item(value, row, what)
-    if value is None or _is_missing(value):
+    if value is None or _is_nan(value):
         return None
     if isinstance(value, bytes):
         try:
@@ -154,7 +149,7 @@ def _only_item(value: Any, row: int, what: str) -> Any:
     return array.reshape(-1).tolist()[0]
 
 
-def _is_missing(value: Any) -> bool:
+def _is_nan(value: Any) -> bool:
     """Return whether a value is NaN, NaT or NA: it is not equal to itself."""
     if type(value).__name__ in ("NAType", "NaTType"):  # pandas, which need not be imported
         return True
@@ -162,6 +157,7 @@ def _is_missing(value: Any) -> bool:
 
 
 def _type_name(value: Any) -> str:
+    """Return the name of the type of a value."""
     return type(value).__name__
 
 
@@ -186,14 +182,19 @@ def names_of(values: Any) -> list[str]:
     ConfigurationError
         If a name is missing, or no plain value.
     """
-    names = ["" if name is None else nfc(text_of(name)) for name in scalars_of(values, "name")]
-    if "" in names:
-        raise ConfigurationError(f"name {names.index('') + 1} is missing", "name each shape")
+    names = []
+    for number, name in enumerate(scalars_of(values, "name"), 1):
+        if name is None or name == "":
+            raise ConfigurationError(f"name {number} is missing", "name each shape")
+        names.append(nfc(text_of(name)))
     return names
 
 
 def class_name(label: bool | int | float | str, shape: object) -> str:
-    """Return the class that a label means: 1 and 1.0 are one, and each shape of class -1 is its own."""
+    """Return the class that a label means: 1 and 1.0 are one.
+
+    Each shape of class -1 is a class of its own.
+    """
     text = printable(text_of(label))
     if _FLOAT.fullmatch(text) and float(text).is_integer():
         text = str(int(float(text)))
@@ -241,17 +242,16 @@ def check_names(names: Sequence[str], hint: str = "name each shape once") -> Non
 
 def _classes(labels: Sequence[Scalar], names: Sequence[str]) -> list[str]:
     """Return the classes that labels mean; raise ``ConfigurationError`` if shapes have none."""
-    missing = [
-        name for label, name in zip(labels, names, strict=True) if label is None or _is_none(label)
-    ]
+    classes = []
+    missing = []
+    for label, name in zip(labels, names, strict=True):
+        if label is None or _says_none(label):
+            missing.append(name)
+        else:
+            classes.append(class_name(label, name))
     if missing:
         problem = f"shapes without a label: {len(missing)}, the first is '{missing[0]}'"
         raise ConfigurationError(problem, "label them, or with -1 if they are of no class")
-    classes = [
-        class_name(label, name)
-        for label, name in zip(labels, names, strict=True)
-        if label is not None
-    ]
     _check_spellings(classes)
     return classes
 
@@ -267,7 +267,7 @@ def _check_spellings(classes: Iterable[str]) -> None:
                 raise ConfigurationError(problem, "write one number in one way")
 
 
-def _is_none(label: bool | int | float | str) -> bool:
+def _says_none(label: bool | int | float | str) -> bool:
     """Return whether a text says that there is no label."""
     text = text_of(label)
     return text.lower() in _MISSING or not any(character.isalnum() for character in text)
@@ -305,7 +305,7 @@ def _rows_of(lines: Sequence[str]) -> TextRows:
     different = {str(rows): separator for separator, rows in splits.items()}
     if len(different) > 1:
         raise ambiguous(list(different.values()))
-    for rows in splits.values():
+    for rows in splits.values():  # all of them are equal
         if len(rows[0]) <= 2:
             return rows
         hint = _ON_EACH_LINE
@@ -315,8 +315,8 @@ def _rows_of(lines: Sequence[str]) -> TextRows:
     if not any(map(holds_separator, lines)):
         return cells_of(lines, ";")
     widths = {len(row) for row in cells_of(lines, usual_separator(lines))}
-    shown = " and ".join(map(str, sorted(widths)))
-    raise ConfigurationError(f"it has lines of {shown} words", f"{_ON_EACH_LINE}, and {_QUOTES}")
+    problem = f"it has lines of {' and '.join(map(str, sorted(widths)))} words"
+    raise ConfigurationError(problem, f"{_ON_EACH_LINE}, and {_QUOTES}")
 
 
 def _check_title(line: str) -> None:

@@ -16,10 +16,10 @@ from benchmark import formats
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnreadableMesh
 from benchmark.files import file_digest, named_errors, write_atomically
-from benchmark.formats import unread
 from benchmark.formats.ascii import ends_within_line
 from benchmark.formats.base import Format, mesh_stem, mesh_suffix
 from benchmark.formats.reading import load, read_with
+from benchmark.formats.unread import UNREAD_MESHES, UNREAD_POINTS
 from benchmark.geometry.copies import check_copies
 from benchmark.geometry.mesh import Mesh
 
@@ -48,11 +48,24 @@ __all__ = [
 
 def find_formats() -> dict[str, Format]:
     """Return the formats of the package by extension, preferred ones first."""
-    names = [found.name for found in pkgutil.iter_modules(formats.__path__)]
-    modules = [import_module(f"{formats.__name__}.{name}") for name in names]
-    every: list[Format] = [module.FORMAT for module in modules if hasattr(module, "FORMAT")]
-    every.sort(key=lambda format: (format.preference, format.module))
-    return {extension: format for format in every for extension in format.extensions}
+    known: list[Format] = []
+    for module_info in pkgutil.iter_modules(formats.__path__):
+        module = import_module(f"{formats.__name__}.{module_info.name}")
+        if hasattr(module, "FORMAT"):
+            known.append(module.FORMAT)
+    known.sort(key=lambda format: (format.preference, format.module))
+    by_extension: dict[str, Format] = {}
+    for format in known:
+        by_extension |= dict.fromkeys(format.extensions, format)
+    return by_extension
+
+
+def _formats_beside() -> dict[str, Format]:
+    """Return the formats by the extensions of files that belong to a mesh file and are none."""
+    by_extension: dict[str, Format] = {}
+    for format in FORMATS.values():
+        by_extension |= dict.fromkeys(format.extensions_beside, format)
+    return by_extension
 
 
 FORMATS = find_formats()
@@ -61,15 +74,13 @@ FORMATS = find_formats()
 READABLE: tuple[str, ...] = tuple(FORMATS)
 WRITABLE: tuple[str, ...] = tuple(name for name, format in FORMATS.items() if format.write)
 
-MESHES: tuple[str, ...] = tuple(dict.fromkeys([*READABLE, *unread.MESHES]))
+MESHES: tuple[str, ...] = tuple(dict.fromkeys([*READABLE, *UNREAD_MESHES]))
 """Extensions of meshes, preferred first; a file that cannot be read is a shape that counts as 0."""
 
-POINTS: tuple[str, ...] = tuple(name for name in unread.POINTS if name not in FORMATS)
+POINTS: tuple[str, ...] = tuple(name for name in UNREAD_POINTS if name not in FORMATS)
 """Extensions of point clouds, which are skipped."""
 
-_FORMATS_BESIDE: dict[str, Format] = {
-    extension: format for format in FORMATS.values() for extension in format.extensions_beside
-}
+_FORMATS_BESIDE = _formats_beside()
 
 BESIDE: tuple[str, ...] = tuple(_FORMATS_BESIDE)
 """Extensions of files that belong to a mesh file and are none themselves."""
@@ -139,7 +150,9 @@ def read_surface(path: Path) -> Mesh:
 
 
 def write_mesh(path: Path | str, mesh: Mesh) -> None:
-    """Write a mesh by extension, with coordinates in full precision; on a full disk, the old file remains.
+    """Write a mesh by extension, with coordinates in full precision.
+
+    On a full disk, the old file remains.
 
     Raises
     ------
@@ -150,15 +163,15 @@ def write_mesh(path: Path | str, mesh: Mesh) -> None:
     suffix = path.suffix.lower()
     write = FORMATS[suffix].write if suffix in WRITABLE else None
     if write is None:
-        raise ConfigurationError(
-            f"{path}: cannot write '{suffix}' files", f"choose one of {', '.join(WRITABLE)}"
-        )
+        problem = f"{path}: cannot write '{suffix}' files"
+        raise ConfigurationError(problem, f"choose one of {', '.join(WRITABLE)}")
     data = write(mesh)
     try:
         write_atomically(path.resolve(), lambda file: file.write(data))
     except OSError as error:
+        problem = f"{path}: {error.strerror}"
         raise ConfigurationError(
-            f"{path}: {error.strerror}", "choose a file in a folder that can be written"
+            problem, "choose a file in a folder that can be written"
         ) from error
 
 
@@ -167,7 +180,10 @@ def write_mesh(path: Path | str, mesh: Mesh) -> None:
 
 
 def mesh_file_set(**facts: Any) -> ShapeSet:
-    """Return a data set whose shapes are read from mesh files; the arguments are those of :class:`ShapeSet`."""
+    """Return a data set whose shapes are read from mesh files.
+
+    The arguments are those of :class:`ShapeSet`.
+    """
     return ShapeSet(
         load=read_entry,
         key=digest_of_entry,
@@ -178,16 +194,24 @@ def mesh_file_set(**facts: Any) -> ShapeSet:
 
 
 def read_entry(entry: Entry) -> Mesh:
-    """Read the mesh file of a shape; raise a ``ShapeError`` if it has none, is damaged, or holds a copy."""
+    """Read the mesh file of a shape.
+
+    Raises
+    ------
+    ShapeError
+        If it has none, it is damaged, or it holds a copy.
+    """
     if entry.path is None:
-        raise UnreadableMesh(
-            f"shape '{entry.identifier}' has no file", "give it a path, or the data set a 'load'"
-        )
+        problem = f"shape '{entry.identifier}' has no file"
+        raise UnreadableMesh(problem, "give it a path, or the data set a 'load'")
     return read_surface(entry.path)
 
 
 def readers_of(entry: Entry) -> tuple[str, ...]:
-    """Return the modules that read the mesh file of a shape: the format of the file, and what all formats share."""
+    """Return the modules that read the mesh file of a shape.
+
+    They are that of its format, and what all formats share.
+    """
     format = FORMATS.get(mesh_suffix(entry.path)) if entry.path else None
     return (read_with.__module__, format.module) if format else ()
 

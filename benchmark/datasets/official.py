@@ -9,8 +9,7 @@ from __future__ import annotations
 import hashlib
 import re
 import tomllib
-from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -26,12 +25,18 @@ from benchmark.datasets.sizes import key_with_area, scaled_to_area
 from benchmark.errors import DatasetError
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.mesh import Mesh
+from benchmark.text import counted
 
 #: File names of class lists in the format of the Princeton Shape Benchmark.
 LISTS = re.compile(r".*\.cla|categories\.txt", re.IGNORECASE)
 
+#: Levels of sub-folders below that of a set in which its files may lie.
+
 _DEPTH = 3
-_UNPACK = "unpack the official archive there, or name the folder, -d FOLDER, where no official set is meant"
+_UNPACK = (
+    "unpack the official archive there, or name the folder, -d FOLDER, "
+    "where no official set is meant"
+)
 _Y_UP = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 
 
@@ -65,12 +70,11 @@ class OfficialSet:
     @cached_property
     def subjects(self) -> list[str]:
         """Classes in the order of the set."""
-        named = (
-            self.classes
-            if isinstance(self.classes, list)
-            else [str(k) for k in range(self.classes)]
-        )
-        return list(self.sizes) or named
+        if self.sizes:
+            return list(self.sizes)
+        if isinstance(self.classes, list):
+            return self.classes
+        return [str(number) for number in range(self.classes)]
 
     @property
     def n_classes(self) -> int:
@@ -81,7 +85,7 @@ class OfficialSet:
     def summary(self) -> str:
         """One line for ``list datasets``."""
         shapes = f"{self.n_shapes} shapes in" if self.n_shapes else "shapes in"
-        return f"{self.title}, {shapes} {self.n_classes} {'class' if self.n_classes == 1 else 'classes'}"
+        return f"{self.title}, {shapes} {counted(self.n_classes, 'class', 'classes')}"
 
     @property
     def n_shapes(self) -> int | None:
@@ -93,18 +97,23 @@ class OfficialSet:
     @cached_property
     def shapes(self) -> dict[str, tuple[str, str]]:
         """Subject and pose by file name, if the names determine them."""
-        found = {}
+        shapes = {}
         for place, subject in enumerate(self.subjects):
-            for pose in (pose for pose in range(self.poses) if pose not in self.without):
+            for pose in range(self.poses):
+                if pose in self.without:
+                    continue
                 number = self.first + place * self.poses + pose
-                form = self.null if self.null and not pose else self.names
-                stem = form.format_map({"class": subject, "pose": pose, "number": number})
-                found[stem] = (subject, str(pose))
-        return found
+                is_null = self.null and pose == 0
+                name = self.null if is_null else self.names
+                stem = name.format_map({"class": subject, "pose": pose, "number": number})
+                shapes[stem] = (subject, str(pose))
+        return shapes
 
     def camera(self, entry: Entry) -> Camera:
         """Return the depth camera of a shape."""
-        return _Y_UP if self.up == "y" else SIDE if entry.subject in self.side else FRONT
+        if self.up == "y":
+            return _Y_UP
+        return SIDE if entry.subject in self.side else FRONT
 
     def open(self, name: str, folder: Path) -> ShapeSet:
         """Read the list of shapes; a ``dataset.toml`` may set canonical poses and cameras.
@@ -117,11 +126,10 @@ class OfficialSet:
         ConfigurationError
             If ``dataset.toml`` has an unknown key, class or pose.
         """
-        read = self._listed if self.listed else self._named if self.poses else self._classed
         shapes = mesh_file_set(
             name=name,
             title=self.title,
-            shapes=tuple(read(folder)),
+            shapes=tuple(self._entries(folder)),
             camera=self.camera,
             half_width=self.half_width,
             folder=folder,
@@ -129,10 +137,21 @@ class OfficialSet:
         )
         return with_settings(self._with_sizes(shapes))
 
+    def _entries(self, folder: Path) -> Iterable[Entry]:
+        """Return the shapes by what says their class: a list, whole names, or a part of them."""
+        if self.listed:
+            return self._listed(folder)
+        if self.poses:
+            return self._named(folder)
+        return self._classed(folder)
+
     def copy_of(self, entry: Entry) -> KnownCopy | None:
         """Return the known copy to which the file of a shape belongs by its content."""
         digest = digest_of_entry(entry)
-        return next((copy for copy in self.copies if copy.has(entry.identifier, digest)), None)
+        for copy in self.copies:
+            if copy.has(entry.identifier, digest):
+                return copy
+        return None
 
     def _with_sizes(self, shapes: ShapeSet) -> ShapeSet:
         """Give the surfaces of copies whose files hold no size the area that their list states."""
@@ -144,15 +163,16 @@ class OfficialSet:
             return copy.area if copy else 0.0
 
         def load(entry: Entry) -> Mesh:
-            mesh, area = shapes.load(entry), area_of(entry)
+            mesh = shapes.load(entry)
+            area = area_of(entry)
             return scaled_to_area(mesh, area) if area else mesh
 
         def key(entry: Entry) -> str:
             return key_with_area(shapes.key(entry), area_of(entry))
 
-        def code(entry: Entry) -> tuple[str, ...]:
-            of_size = (scaled_to_area.__module__,) if area_of(entry) else ()
-            return (*shapes.code(entry), *of_size)
+        def code(entry: Entry) -> Sequence[str]:
+            modules = shapes.code(entry)
+            return (*modules, scaled_to_area.__module__) if area_of(entry) else modules
 
         return replace(shapes, load=load, key=key, code=code)
 
@@ -160,68 +180,81 @@ class OfficialSet:
         """Read shapes whose names are known."""
         stems = {_key(stem): stem for stem in self.shapes}
         files = _files(folder, {_form(stem) for stem in self.shapes})
-        missing = [stem for key, stem in stems.items() if key not in files]
-        surplus = [path for key, path in files.items() if key not in stems]
+        missing = [f"shape '{stem}' is missing" for key, stem in stems.items() if key not in files]
+        surplus = [
+            f"{path.name} is one too many" for key, path in files.items() if key not in stems
+        ]
         if missing or surplus:
-            what = [f"shape '{stem}' is missing" for stem in missing[:1]]
-            what += [f"{path.name} is one too many" for path in surplus[:1]]
-            problem = f"{folder} holds {len(files)} shapes, not the official {len(stems)}: {', '.join(what)}"
+            problem = (
+                f"{folder} holds {len(files)} shapes, not the official {len(stems)}: "
+                f"{', '.join([*missing[:1], *surplus[:1]])}"
+            )
             raise DatasetError(problem, _UNPACK)
         return [Entry(stem, *self.shapes[stem], files[key]) for key, stem in stems.items()]
 
     def _listed(self, folder: Path) -> Iterator[Entry]:
         """Yield numbered shapes, with classes from a list or from sub-folders."""
-        files = {
-            _number(key): path
-            for key, path in _files(folder, {_form(self.names.format(number=0))}).items()
-        }
+        by_key = _files(folder, {_form(self.names.format(number=0))})
+        files = {_number(key): path for key, path in by_key.items()}
         source = class_list(list(folders_of_set(folder)), LISTS)
-        classes = read_cla(source) if source else _folder_classes(files)
-        missing, surplus = (
-            sorted(classes.keys() - files.keys()),
-            sorted(files.keys() - classes.keys()),
-        )
-        if source and (missing or surplus):
-            first = self.names.format(number=missing[0]).upper() if missing else ""
-            what = f"there is no {first}" if missing else f"{files[surplus[0]].name} is extra"
-            raise DatasetError(
-                f"{source} lists {len(classes)} models for {len(files)} meshes: {what}", _UNPACK
-            )
+        if source:
+            classes = read_cla(source)
+            self._check_list(source, classes, files)
+        else:
+            classes = _folder_classes(files)
         if len(files) != self.n_shapes:
-            raise DatasetError(
-                f"{folder} holds {len(files)} shapes, not the official {self.n_shapes}", _UNPACK
-            )
+            problem = f"{folder} holds {len(files)} shapes, not the official {self.n_shapes}"
+            raise DatasetError(problem, _UNPACK)
         if not source and len(set(classes.values())) == 1:
-            raise DatasetError(
-                f"{folder} holds no list of classes", "put the official .cla file there"
-            )
+            problem = f"{folder} holds no list of classes"
+            raise DatasetError(problem, "put the official .cla file there")
         official = self._official_names(classes, source or folder)
         for number in sorted(files):
             stem = mesh_stem(files[number])
             yield Entry(stem, official[classes[number]], stem, files[number])
 
+    def _check_list(
+        self, source: Path, classes: Mapping[int, str], files: Mapping[int, Path]
+    ) -> None:
+        """Raise ``DatasetError`` unless a list names the shapes whose files are there."""
+        missing = classes.keys() - files.keys()
+        surplus = files.keys() - classes.keys()
+        if missing:
+            what = f"there is no {self.names.format(number=min(missing)).upper()}"
+        elif surplus:
+            what = f"{files[min(surplus)].name} is extra"
+        else:
+            return
+        problem = f"{source} lists {len(classes)} models for {len(files)} meshes: {what}"
+        raise DatasetError(problem, _UNPACK)
+
     def _official_names(self, classes: Mapping[int, str], source: Path) -> dict[str, str]:
-        """Return the official name of each listed class; raises ``DatasetError`` if its members are not official."""
-        sizes = Counter(classes.values())
-        if len(sizes) != self.classes:
-            raise DatasetError(
-                f"{source} has {len(sizes)} classes, not the official {self.classes}", _UNPACK
-            )
-        for name, size in sizes.items():
-            if size != self.poses:
+        """Return the official name of each listed class.
+
+        Raises
+        ------
+        DatasetError
+            If there are more or fewer classes, or one has others than its official models.
+        """
+        models: dict[str, list[int]] = {}
+        for number, name in classes.items():
+            models.setdefault(name, []).append(number)
+        if len(models) != self.classes:
+            problem = f"{source} has {len(models)} classes, not the official {self.classes}"
+            raise DatasetError(problem, _UNPACK)
+        for name, numbers in models.items():
+            if len(numbers) != self.poses:
                 problem = (
-                    f"class '{name}' of {source} has {size} models, not the official {self.poses}"
+                    f"class '{name}' of {source} has {len(numbers)} models, "
+                    f"not the official {self.poses}"
                 )
-                raise DatasetError(
-                    problem, "fetch the official list: a model stands in another class"
-                )
+                hint = "fetch the official list: a model stands in another class"
+                raise DatasetError(problem, hint)
         if not self.members:
-            return {name: name for name in sizes}
-        digests = {
-            name: members_digest(n for n, other in classes.items() if other == name)
-            for name in sizes
-        }
-        if wrong := [f"'{name}'" for name, digest in digests.items() if digest not in self.members]:
+            return {name: name for name in models}
+        digests = {name: members_digest(numbers) for name, numbers in models.items()}
+        wrong = [f"'{name}'" for name, digest in digests.items() if digest not in self.members]
+        if wrong:
             problem = f"classes {', '.join(wrong)} of {source} do not hold their official models"
             raise DatasetError(problem, "fetch the official list: some stand in another class")
         return {name: self.members[digest] for name, digest in digests.items()}
@@ -234,15 +267,13 @@ class OfficialSet:
         }
         files = _files(folder, {_form(stem) for stem in stems.values()})
         if not files:
-            raise DatasetError(
-                f"no {self.title} meshes in {folder}", f"expected files such as {stems['cat']}.off"
-            )
+            problem = f"no {self.title} meshes in {folder}"
+            raise DatasetError(problem, f"expected files such as {stems['cat']}.off")
         for subject, stem in stems.items():
             keys = [key for key in files if _form(key) == _form(stem)]
             if not keys and not self.sizes:
-                raise DatasetError(
-                    f"{folder} holds no shape of class '{subject}', {stem[:-1]}1", _UNPACK
-                )
+                problem = f"{folder} holds no shape of class '{subject}', {stem[:-1]}1"
+                raise DatasetError(problem, _UNPACK)
             for key in sorted(keys, key=natural_key):
                 yield Entry(mesh_stem(files[key]), subject, str(_number(key)), files[key])
 
@@ -251,6 +282,7 @@ _FACTS = tomllib.loads((Path(__file__).parent / "official.toml").read_text(encod
 
 
 def _official_set(facts: dict[str, Any]) -> OfficialSet:
+    """Return the set that a table of ``official.toml`` describes."""
     copies = tuple(KnownCopy(**copy) for copy in facts.get("copies", ()))
     return OfficialSet(**{**facts, "copies": copies})
 
@@ -260,8 +292,8 @@ SETS: Mapping[str, OfficialSet] = {name: _official_set(facts) for name, facts in
 #: Sets that can be ranked, but have no table in the paper.
 EXTENDED = tuple(
     name
-    for name, known in SETS.items()
-    if not known.other_use and name != "tosca" and not name.startswith("shrec14")
+    for name, official in SETS.items()
+    if not official.other_use and name != "tosca" and not name.startswith("shrec14")
 )
 
 
@@ -271,14 +303,17 @@ def members_digest(numbers: Iterable[int]) -> str:
 
 
 def _key(stem: str) -> str:
+    """Return a name in lower case with numbers without leading zeros."""
     return re.sub(r"[0-9]+", lambda match: str(int(match[0])), stem.lower())
 
 
 def _form(stem: str) -> str:
+    """Return a name in lower case with ``#`` for each number."""
     return re.sub(r"[0-9]+", "#", stem.lower())
 
 
 def _number(stem: str) -> int:
+    """Return the last number in a name."""
     return int(re.findall(r"[0-9]+", stem)[-1])
 
 
@@ -291,22 +326,33 @@ def folders_of_set(folder: Path, depth: int = _DEPTH) -> Iterator[Path]:
 
 
 def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
-    """Return the meshes with file names of the given forms, by key."""
+    """Return the meshes with file names of the given forms, by key.
+
+    Raises
+    ------
+    DatasetError
+        If there are two of a key.
+    """
     path_of: dict[str, Path] = {}
     for place in folders_of_set(folder):
         for path in mesh_files(place):
             key = _key(mesh_stem(path))
-            if _form(key) in forms and path_of.setdefault(key, path) != path:
-                one, other = path_of[key].relative_to(folder), path.relative_to(folder)
-                raise DatasetError(
-                    f"{folder} holds one shape as {one} and {other}", "keep one of them"
-                )
+            if _form(key) not in forms:
+                continue
+            first = path_of.setdefault(key, path)
+            if first != path:
+                names = f"{first.relative_to(folder)} and {path.relative_to(folder)}"
+                problem = f"{folder} holds one shape as {names}"
+                raise DatasetError(problem, "keep one of them")
     return path_of
 
 
 def _folder_classes(files: Mapping[int, Path]) -> dict[int, str]:
     """Return the class of each number from its folder, or the parent of ``train`` and ``test``."""
-    return {
-        number: path.parents[path.parent.name in ("train", "test")].name
-        for number, path in files.items()
-    }
+    classes = {}
+    for number, path in files.items():
+        folder = path.parent
+        if folder.name in ("train", "test"):
+            folder = folder.parent
+        classes[number] = folder.name
+    return classes

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import by_subject
-from benchmark.datasets.units import in_metres, of_unit_area
+from benchmark.datasets.units import mesh_in_metres, of_unit_area
 from benchmark.errors import ConfigurationError, DatasetError, check_known
 from benchmark.files import LARGEST_LIST, decode, named_errors, read_file
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from benchmark.geometry.mesh import Mesh
 
-T = TypeVar("T")
+Value = TypeVar("Value")
 
 SETTINGS_FILE = "dataset.toml"
 
@@ -62,34 +62,17 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
     if up not in ("y", "z"):
         raise DatasetError(f"{path}: up is {up!r}", 'write up = "z" or up = "y"')
     chosen = canonical_poses(values.get("canonical_pose", {}), shapes.shapes, path)
-    changes: dict[str, Any] = {"canonical_poses": {**shapes.canonical_poses, **chosen}}
+    changes: dict[str, Any] = {
+        "canonical_poses": {**shapes.canonical_poses, **chosen},
+        "stand_in_for": str(values.get("stand_in_for", shapes.stand_in_for)),
+    }
     if "half_width" in values:
         changes["half_width"] = positive(values["half_width"], "half_width", path)
-    changes["stand_in_for"] = str(values.get("stand_in_for", shapes.stand_in_for))
     if values.get("normalise", "area") != "area":
-        raise DatasetError(
-            f"{path}: normalise is {values['normalise']!r}",
-            'write normalise = "area", or remove it',
-        )
+        problem = f"{path}: normalise is {values['normalise']!r}"
+        raise DatasetError(problem, 'write normalise = "area", or remove it')
     if "unit" in values or "normalise" in values:
-        units = _by_name(
-            values.get("unit", 1), "unit", lambda value: _metres(value, path), shapes, path
-        )
-
-        def factor(entry: Entry) -> float:
-            return units(entry) or 1.0
-
-        def load(entry: Entry) -> Mesh:
-            mesh = shapes.load(entry)
-            if "normalise" in values and mesh.area:
-                return of_unit_area(mesh)
-            return in_metres(mesh, factor(entry))
-
-        changes["load"] = load
-        changes["code"] = lambda entry: (*shapes.code(entry), of_unit_area.__module__)
-        changes["key"] = lambda entry: (
-            f"{shapes.key(entry)} {values.get('normalise') or factor(entry)}"
-        )
+        changes |= _size_changes(shapes, values, path)
     if "camera" in values:
         cameras = _by_name(
             values["camera"], "camera", lambda value: _camera(value, up, path), shapes, path
@@ -98,6 +81,32 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
     elif up == "y":
         changes["camera"] = lambda entry: _y_up(shapes.camera(entry))
     return replace(shapes, **changes)
+
+
+def _size_changes(shapes: ShapeSet, values: Mapping[str, Any], path: Path) -> dict[str, Any]:
+    """Return what replaces functions of a set whose shapes are in other units or normalised."""
+    is_normalised = "normalise" in values
+    units = _by_name(
+        values.get("unit", 1), "unit", lambda value: _metres(value, path), shapes, path
+    )
+
+    def unit_of(entry: Entry) -> float:
+        return units(entry) or 1.0
+
+    def load(entry: Entry) -> Mesh:
+        mesh = shapes.load(entry)
+        if is_normalised and mesh.area:
+            return of_unit_area(mesh)
+        return mesh_in_metres(mesh, unit_of(entry))
+
+    def key(entry: Entry) -> str:
+        size = "area" if is_normalised else unit_of(entry)
+        return f"{shapes.key(entry)} {size}"
+
+    def code(entry: Entry) -> Sequence[str]:
+        return (*shapes.code(entry), of_unit_area.__module__)
+
+    return {"load": load, "key": key, "code": code}
 
 
 def read_settings(path: Path, keys: Iterable[str], where: str = "") -> dict[str, Any]:
@@ -129,46 +138,69 @@ def positive(value: Any, key: str, path: Path) -> float:
 
 
 def canonical_poses(value: Any, entries: Iterable[Entry], path: Path) -> dict[str, str]:
-    """Return the canonical pose of each class that a settings file names, one for all or a table."""
-    poses = {
-        subject: [entry.pose for entry in members]
-        for subject, members in by_subject(entries).items()
-    }
+    """Return the canonical pose of each class that a settings file names.
+
+    Parameters
+    ----------
+    value
+        What the file says: one pose for all classes, or a table by class.
+    entries
+        Shapes of the data set.
+    path
+        The file.
+    """
+    poses = {}
+    for subject, members in by_subject(entries).items():
+        poses[subject] = [entry.pose for entry in members]
     chosen = {}
-    for subject, pose in (
-        value if isinstance(value, dict) else dict.fromkeys(poses, value)
-    ).items():
+    table = value if isinstance(value, dict) else dict.fromkeys(poses, value)
+    for subject, pose in table.items():
         check_known(f"class under canonical_pose in {path}", [subject], poses)
         if isinstance(pose, bool) or not isinstance(pose, int | str):
-            raise DatasetError(
-                f"{path}: the canonical pose of '{subject}' is {pose!r}", "write a pose in quotes"
-            )
+            problem = f"{path}: the canonical pose of '{subject}' is {pose!r}"
+            raise DatasetError(problem, "write a pose in quotes")
         check_known(f"pose of class '{subject}' in {path}", [str(pose)], poses[subject])
         chosen[subject] = str(pose)
     return chosen
 
 
 def _by_name(
-    value: Any, key: str, read: Callable[[Any], T], shapes: ShapeSet, path: Path
-) -> Callable[[Entry], T | None]:
-    """Return what a settings file says for a shape: one value for all, or a table from class or shape to values."""
+    value: Any, key: str, read: Callable[[Any], Value], shapes: ShapeSet, path: Path
+) -> Callable[[Entry], Value | None]:
+    """Return a function from a shape to what a settings file says for it; None for nothing.
+
+    Parameters
+    ----------
+    value
+        What the file says: one value for all shapes, or a table from class or shape to values.
+    key
+        Its name in the file.
+    read
+        What makes a value of it, or raises an error.
+    shapes
+        The data set.
+    path
+        The file.
+    """
     if not isinstance(value, dict) or "direction" in value:
-        of_all = read(value)
-        return lambda _: of_all
+        value_of_all = read(value)
+        return lambda _: value_of_all
     subjects = by_subject(shapes.shapes)
     known = {*subjects, *(entry.identifier for entry in shapes.shapes)}
     check_known(f"class under {key} in {path}", sorted(value.keys() - known), subjects)
-    found = {name: read(each) for name, each in value.items()}
-    return lambda entry: found.get(entry.identifier) or found.get(entry.subject)
+    values = {name: read(text) for name, text in value.items()}
+    return lambda entry: values.get(entry.identifier) or values.get(entry.subject)
 
 
 def _metres(value: Any, path: Path) -> float:
+    """Return the metres of a unit in a settings file."""
     if isinstance(value, str) and value in METRES:
         return METRES[value]
     return positive(value, f"unit (one of {', '.join(METRES)}, or metres)", path)
 
 
 def _camera(value: Any, up: str, path: Path) -> Camera:
+    """Return a camera of a settings file: the name of a view, or a table."""
     if isinstance(value, str):
         check_known(f"camera in {path}", [value], VIEWS)
         return _y_up(VIEWS[value]) if up == "y" else VIEWS[value]
@@ -178,15 +210,17 @@ def _camera(value: Any, up: str, path: Path) -> Camera:
     check_known(f"key of a camera in {path}", value, ("direction", "up"))
     default = (0.0, 1.0, 0.0) if up == "y" else (0.0, 0.0, 1.0)
     try:
-        (x, y, z), (a, b, c) = value["direction"], value.get("up", default)
+        x, y, z = value["direction"]
+        a, b, c = value.get("up", default)
         return Camera((float(x), float(y), float(z)), (float(a), float(b), float(c)))
     except (TypeError, ValueError, OverflowError, ConfigurationError) as error:
         raise DatasetError(f"{path}: {error}", hint) from error
 
 
 def _y_up(camera: Camera) -> Camera:
-    """Convert a camera to shapes with y up that face +z; cameras with y up are returned unchanged."""
+    """Convert a camera to shapes with y up that face +z; one with y up is returned unchanged."""
     if camera.up == (0.0, 1.0, 0.0):
         return camera
-    (x, y, z), (a, b, c) = camera.direction, camera.up
+    x, y, z = camera.direction
+    a, b, c = camera.up
     return Camera((x, z, -y), (a, c, -b))

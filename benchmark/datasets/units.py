@@ -7,7 +7,7 @@ import math
 from benchmark.geometry.mesh import Mesh
 
 
-def in_metres(mesh: Mesh, unit: float) -> Mesh:
+def mesh_in_metres(mesh: Mesh, unit: float) -> Mesh:
     """Return a mesh in metres, whose file has a unit of so many metres."""
     return mesh.with_vertices(unit * mesh.vertices)
 

@@ -1,7 +1,7 @@
-"""Extensions of surfaces and points that are known, so that their files are named, and have no format here."""
+"""Extensions of surfaces and points that have no format here, but whose files are named."""
 
 #: Meshes: a file of one is a shape that is refused, and counts as 0.
-MESHES = (".3ds", ".3mf", ".dae", ".fbx", ".vtk", ".vtp", ".wrl")
+UNREAD_MESHES = (".3ds", ".3mf", ".dae", ".fbx", ".vtk", ".vtp", ".wrl")
 
 #: Point clouds, which are skipped.
-POINTS = (".pcd", ".pts", ".xyz")
+UNREAD_POINTS = (".pcd", ".pts", ".xyz")
