@@ -28,7 +28,10 @@ class AcceleratedMDS(CheckedParameters):
         title="Accelerated MDS",
         cite="shamai2015accelerated",
         family="extended",
-        summary="classic scaling from interpolated geodesic distances of a few samples",
+        summary=(
+            "Does what Classic MDS does with the distances of a few points, between which it "
+            "interpolates."
+        ),
         departs="Signs of the axes, and with them the mirror image, follow our rule.",
         needs=("connected",),
     )

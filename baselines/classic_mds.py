@@ -30,7 +30,10 @@ class ClassicMDS(CheckedParameters):
         title="Classic MDS",
         cite="elad2003bending",
         family="paper",
-        summary="top three eigenvectors of the doubly centred squared geodesic distances",
+        summary=(
+            "Places all points so that straight distances come near those along the surface, in "
+            "one step."
+        ),
         departs=(
             "Geodesic distances are shortest paths in a graph of edges and unfolded triangles; the "
             "source uses fast marching. Signs of the axes, and with them the mirror image, follow "

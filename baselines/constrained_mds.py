@@ -55,7 +55,10 @@ class ConstrainedMDS(CheckedParameters):
         title="Constrained MDS",
         cite="sahillioglu2015constrained",
         family="paper",
-        summary="the surface deformed towards its least-squares MDS pose, details kept",
+        summary=(
+            "Bends the shape towards its least-squares form, and keeps details such as ears and "
+            "hands."
+        ),
         departs=(
             "An as-rigid-as-possible energy of the surface replaces the source's deformation of a "
             "solid; the weights are ours. Of the two mirror images, the one with lower energy is "

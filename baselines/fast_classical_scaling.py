@@ -44,8 +44,8 @@ class FastClassicalScaling(CheckedParameters):
         cite="shamai2018fast",
         family="extended",
         summary=(
-            "classic scaling from few rows of geodesic distances, continued smoothly both ways "
-            "(FMDS)"
+            "Does what Classic MDS does with the distances of a few points, which it continues "
+            "smoothly (FMDS)."
         ),
         departs=(
             "The weight of smoothness assumes a mean vertex area of 1; in the released code it "

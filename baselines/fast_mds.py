@@ -47,8 +47,8 @@ class FastMDS(CheckedParameters):
         cite="faloutsos1995fastmap",
         family="paper",
         summary=(
-            "FastMap: three axes through pairs of far vertices, from a few rows of geodesic "
-            "distances"
+            "Takes pairs of far points as axes, and reads the place of each point from its "
+            "distances to them."
         ),
         departs=(
             "The search for pivots starts at the vertex farthest from the geodesic centre, not at "

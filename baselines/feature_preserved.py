@@ -65,7 +65,10 @@ class FeaturePreserved(CheckedParameters):
         title="Feature-preserved",
         cite="lian2013feature",
         family="extended",
-        summary="near-rigid parts moved rigidly onto the least-squares form, seams smoothed",
+        summary=(
+            "Moves nearly rigid parts onto the least-squares form as they are, and smooths "
+            "their seams."
+        ),
         departs=(
             "Parts grow around evenly spread seeds; the source cuts a closed surface at its "
             "protrusions. Of the two mirror images, the one that the parts fit better is kept. The "

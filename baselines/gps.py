@@ -34,7 +34,10 @@ class GPS(CheckedParameters):
         title="GPS",
         cite="rustamov2007gps",
         family="paper",
-        summary="first three Laplacian eigenfunctions over the square roots of their eigenvalues",
+        summary=(
+            "Takes the three slowest vibrations of the surface as coordinates: bending hardly "
+            "changes them."
+        ),
         departs=(
             "Uses the first three of Rustamov's infinitely many coordinates as a surface; his "
             "descriptor is histograms of distances in the whole embedding. Signs of the axes, and "

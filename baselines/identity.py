@@ -21,7 +21,7 @@ class Identity:
         name="identity",
         title="Identity (no canonical form)",
         family="control",
-        summary="the input itself, pose included",
+        summary="Keeps the shape as it is: two poses of one body stay as different as they are.",
     )
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:

@@ -67,7 +67,10 @@ class MeshUnfolding(CheckedParameters):
         title="Mesh Unfolding",
         cite="sahillioglu2016unfolding",
         family="paper",
-        summary="vertices pushed apart under elastic regularisation, no geodesics",
+        summary=(
+            "Lets all points push each other apart while the surface resists stretching: limbs "
+            "spread."
+        ),
         departs=(
             "Vertices repel each other by distance, not by squared distance. An "
             "as-rigid-as-possible energy replaces finite elements. Stiffness and step sizes are "

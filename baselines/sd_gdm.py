@@ -40,7 +40,9 @@ class SDGDM(CheckedParameters):
         title="SD-GDM",
         cite="smeets2012sdgdm",
         family="control",
-        summary="largest singular values of the geodesic distance matrix",
+        summary=(
+            "Compares the largest singular values of the matrix of all distances along the surface."
+        ),
         departs="Uses the geodesic distances of Classic MDS.",
         scale="invariant",
         needs=("pairs",),

@@ -32,7 +32,7 @@ class ShapeDNA(CheckedParameters):
         title="ShapeDNA",
         cite="reuter2006shapedna",
         family="control",
-        summary="lowest Laplacian eigenvalues times the area",
+        summary="Compares the lowest frequencies at which the surface would vibrate.",
         departs="Linear elements with lumped masses; the source uses cubic elements.",
         scale="invariant",
         needs=("connected",),

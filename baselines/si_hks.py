@@ -47,7 +47,9 @@ class ScaleInvariantHKS(CheckedParameters):
         title="SI-HKS, bag of features",
         cite="bronstein2010sihks",
         family="control",
-        summary="bag of features of the scale-invariant heat kernel signature",
+        summary=(
+            "Compares how heat spreads from each point at any scale, as counts of typical patterns."
+        ),
         departs=(
             "The words come from the gallery itself. Diffusion times cover the spectrum of a "
             "surface of unit area; in the source they depend on the unit of the file. Sigma is "

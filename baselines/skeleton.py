@@ -60,7 +60,10 @@ class Skeleton(CheckedParameters):
         title="Skeleton-based",
         cite="pickup2016skeleton",
         family="paper",
-        summary="curve skeleton scaled by its path lengths, surface transferred",
+        summary=(
+            "Finds the curves in the middle of the limbs, spreads them, and lets the surface "
+            "follow."
+        ),
         departs=(
             "Differs from the released code in five points: quadrics are summed; joints are "
             "centred by displacement, then merged; pockets are absorbed; a triangle across a "

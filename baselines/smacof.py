@@ -70,7 +70,10 @@ class LeastSquaresMDS(CheckedParameters):
         title="Least Square MDS",
         cite="elad2003bending",
         family="paper",
-        summary="stress majorisation of the geodesic distances, from the mesh or from classic MDS",
+        summary=(
+            "Moves all points step by step until straight distances fit those along the surface "
+            "best."
+        ),
         departs=(
             "Uses the geodesic distances of Classic MDS. No source states when to stop on a "
             "surface: this row ends in a local minimum, where a step lowers the stress by at most "
@@ -133,7 +136,10 @@ class NonMetricMDS(CheckedParameters):
         title="Non-metric MDS",
         cite="kruskal1964nonmetric",
         family="paper",
-        summary="scaling of the rank order of the geodesic distances",
+        summary=(
+            "Places all points so that pairs farther apart along the surface are farther apart "
+            "straight, too."
+        ),
         departs=(
             "Minimises the stress by majorisation, from Classic MDS; the source follows the "
             "gradient of stress-1. Distances are rounded to 65 536 levels, whose ties follow "

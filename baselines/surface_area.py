@@ -28,7 +28,7 @@ class SurfaceArea:
         name="surface-area",
         title="Surface area",
         family="control",
-        summary="absolute difference of the areas in file units",
+        summary="Compares nothing but the surface area, in the units of the files.",
     )
 
     def describe(self, shape: Shape) -> FloatArray:

@@ -169,7 +169,10 @@ class Learned(TrainedNetwork):
         title="Depth network",
         cite="canonicalreconstruction",
         family="paper",
-        summary="canonical pose predicted from the depth image by the paper's network",
+        summary=(
+            "Sees one depth image, and predicts where its points lie in a pose that all shapes "
+            "share."
+        ),
         departs=(
             "The source counts the short-range blocks in three ways; here they are nine convolutions. Widths, output "
             "functions, range of depths, camera and canonical pose, which it leaves open, are ours. It is trained in "
@@ -367,7 +370,10 @@ class DeformationField(TrainedNetwork):
         title="Deformation Field, extra training data",
         cite="deng2021deformed",
         family="extended",
-        summary="canonical positions of all vertices by a network, trained on fresh bodies",
+        summary=(
+            "Predicts by a network where each point of a complete surface lies in a pose that "
+            "all people share."
+        ),
         departs=(
             "A network of our own: the source deforms a template's distance field, here a field moves the vertices of "
             "the input, and an energy that is as rigid as possible keeps their detail."

@@ -67,7 +67,10 @@ class CMBOF(CheckedParameters):
         name="cm-bof",
         title="CM-BOF",
         cite="lian2013cmbof",
-        summary="bags of SIFT features of 66 depth views, compared by clock matching",
+        summary=(
+            "Renders each form from 66 sides, and compares which typical features the pictures "
+            "have."
+        ),
         draws=3,  # the codebook is drawn at random
         invariant=False,
     )

@@ -16,7 +16,7 @@ import msgspec
 from benchmark.errors import BenchmarkError
 
 #: Major and minor version of the layout that this release writes.
-LAYOUT = (1, 0)
+LAYOUT = (1, 1)
 
 #: Field of the layout in a file. Records before layout 1.0 lack it.
 LAYOUT_FIELD = "layout"

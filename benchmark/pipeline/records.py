@@ -204,6 +204,8 @@ class Record(
         name.
     method, title, family, cite, parameters, defaults, seed
         What ran; ``parameters`` are those that differ from their defaults, ``defaults`` all others.
+    summary
+        What the method does, in a sentence, if it is a plugin; since layout 1.1.
     scorer, scorer_title
         What compared the forms; "" for a descriptor.
     scores, per_query
@@ -250,6 +252,7 @@ class Record(
     traceback: str = ""
     result_key: str = ""
     cite: str = ""
+    summary: str = ""
     parameters: dict[str, Any] = {}
     defaults: dict[str, Any] = {}
     seed: int = 0

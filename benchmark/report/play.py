@@ -249,11 +249,15 @@ def _method(record: Record, folder: Path, names: Sequence[str]) -> PlayMethod:
 
 
 def _sentence(record: Record) -> str:
-    """Return the sentence about the method of a record; "" if it is a plugin, which is not here."""
-    try:
-        return brief(select_one(record.method.partition("[")[0]).summary)
-    except ConfigurationError:
-        return ""
+    """Return the sentence about the method of a record; records of plugins hold it."""
+    sentence = record.summary
+    if not sentence:
+        try:
+            sentence = select_one(record.method.partition("[")[0]).summary
+        except ConfigurationError:  # a row of another program
+            return ""
+    sentence = brief(sentence)
+    return sentence[:1].upper() + sentence[1:].removesuffix(".") + "."
 
 
 def _ranked(record: Record, folder: Path, names: Sequence[str]) -> list[list[int]]:

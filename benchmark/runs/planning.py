@@ -347,6 +347,7 @@ class _Planning:
             "status": "unavailable",
             "method": method.name,
             "title": method.title,
+            "summary": "" if method.of_suite else method.summary,
             "family": method.info.family,
             "cite": method.info.cite,
             "parameters": _as_json(method.parameters),

@@ -4,6 +4,7 @@ import base64
 import json
 import re
 import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,6 +23,8 @@ from benchmark.report.play import (
     thinned,
     write_play_page,
 )
+from benchmark.report.results import open_results
+from tests.runs.toy import run_toy
 from tests.toy import rod
 
 
@@ -165,3 +168,14 @@ def test_without_shapes_there_is_no_page(results, stored):
 def test_the_page_needs_no_network(galleries):
     addresses = re.findall(r'(?:src|href)="([^"]*)"', play_page(galleries, back="index.html"))
     assert sorted(addresses) == ["data:,", "index.html"]
+
+
+def test_the_sentence_of_a_plugin_is_that_of_its_record(rods, tmp_path):
+    plugin = Path(__file__).parents[2] / "examples" / "ray_stretch.py"
+    run_toy(rods, tmp_path, "ray-stretch", plugins=(plugin,))
+    (gallery,) = play_galleries(StoredForms(tmp_path), open_results(tmp_path).records)
+    (method,) = gallery.methods
+    assert method.sentence == "Vertices at their geodesic distance from the centre."
+    assert [shape.forms[0].body for shape in gallery.shapes] == [
+        shape.body for shape in gallery.shapes
+    ]
