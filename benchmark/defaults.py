@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+#: Results folder of commands that name none.
+RESULTS = Path("results")
+
 #: Environment variable with the folder of the official data sets, for commands without --data-root.
 DATA_VARIABLE = "CANONICAL_FORMS_DATA"
 

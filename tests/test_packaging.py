@@ -8,13 +8,17 @@ from pathlib import Path
 import pytest
 import setuptools
 
+from benchmark.api.learning import CARD, WEIGHTS
+from benchmark.files import file_digest
 from benchmark.protocols import models
 from benchmark.protocols.models import MissingModel, with_model
-from benchmark.registry import select_one
+from benchmark.protocols.published_models import published_files
+from benchmark.registry import by_name, select_one
+from learned.methods import Learned
 
 ROOT = Path(__file__).parents[1]
 
-#: Bytes of the models, and of all files, of a wheel, which compresses models by a twelfth.
+#: Bytes of the models, and of all files, before a wheel compresses them; the wheel has at most 25 MB.
 LARGEST_MODELS, LARGEST = 22e6, 30e6
 
 
@@ -45,7 +49,7 @@ def packed():
 
 
 def test_the_wheel_has_the_models_of_people_and_animals_and_stays_small(packed):
-    models = {name for name in packed if name.endswith(".safetensors")}
+    models = {name for name in packed if name.endswith("weights.safetensors")}
     assert {name.split("/")[2] for name in models} == {"humans-varied", "animals-sampled"}
     assert all(name.replace("weights.safetensors", "card.json") in packed for name in models)
     assert sum(packed[name].stat().st_size for name in models) < LARGEST_MODELS
@@ -66,13 +70,22 @@ def test_the_wheel_has_types_templates_and_examples_and_no_tests(packed):
     } <= packed.keys()
     records = [path for path in (ROOT / "results/records").rglob("*") if path.is_file()]
     assert {f"benchmark/{path.relative_to(ROOT)}" for path in records} <= packed.keys()
+    pictures = [path.relative_to(ROOT) for path in (ROOT / "results/figures/rows").iterdir()]
+    assert {f"benchmark/{path}" for path in pictures} <= packed.keys()
+    assert "benchmark/results/figures/two-scorers.csv" in packed
     assert not any(name.startswith(("tests/", "tools/", "results/")) for name in packed)
+
+
+def test_the_wheel_has_each_file_that_is_a_part_of_the_code_of_a_method(packed):
+    for method in by_name("method").values():
+        folder = method.target.partition(":")[0].rpartition(".")[0].replace(".", "/")
+        assert {f"{folder}/{file}" for file in method.info.files} <= packed.keys(), method.name
 
 
 def test_a_model_that_is_left_out_is_named_with_two_ways_to_get_it(monkeypatch, tmp_path):
     spec = select_one("learned[training_seed=7]")
-    remedies = "run `python -m benchmark train [^`]*`, or name the folder learned/models .* in CANONICAL_FORMS_MODELS"
-    with pytest.raises(MissingModel, match=f"needs the model people-fold-0; {remedies}"):
+    remedy = "run `python -m benchmark train [^`]*`$"
+    with pytest.raises(MissingModel, match=f"needs the model people-fold-0; {remedy}"):
         with_model(spec)
     (tmp_path / "people-fold-0").mkdir()
     made = ROOT / "learned" / "models" / "people-fold-0" / "literal-seed0"
@@ -85,3 +98,22 @@ def test_one_version_stands_everywhere():
     version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
     assert re.search(r"^## \[?(\d[\d.]*)", (ROOT / "CHANGELOG.md").read_text(), re.M)[1] == version
+
+
+def test_a_published_model_that_is_left_out_can_be_fetched(monkeypatch, tmp_path):
+    monkeypatch.setattr(Learned, "shipped_models", tmp_path)
+    fetch = "`python -m benchmark models fetch people-fold-0 --from CHECKOUT/learned/models`"
+    with pytest.raises(MissingModel, match=f"train [^`]*`, or {fetch}$"):
+        with_model(select_one("learned"))
+
+
+def test_the_list_of_published_models_is_that_of_the_committed_ones():
+    every = [
+        path
+        for name in (WEIGHTS, CARD)
+        for path in (ROOT / "learned" / "models").glob(f"*/*/{name}")
+    ]
+    files = {path.relative_to(ROOT / "learned" / "models").as_posix(): path for path in every}
+    assert published_files().keys() == files.keys()
+    for name, digest in published_files().items():
+        assert file_digest(files[name]) == digest, name

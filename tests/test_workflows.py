@@ -50,3 +50,8 @@ def test_all_groups_of_tests_run():
     text = (ROOT / ".github" / "workflows" / "tests.yml").read_text(encoding="utf-8")
     groups = {"test", "test-slow", "golden", "processors", "check-tables", "bench", "coverage"}
     assert groups <= called_targets(yaml.safe_load(text))
+
+
+def test_nothing_is_published_with_made_up_addresses():
+    text = (ROOT / ".github" / "workflows" / "release.yml").read_text(encoding="utf-8")
+    assert ".example pyproject.toml" in text

@@ -25,6 +25,8 @@ _application = partial(
 cli = _application(context_settings={"help_option_names": ["-h", "--help"]})
 data = _application(help="Check or export data sets.")
 cli.add_typer(data, name="data")
+models = _application(help="Fetch trained models.")
+cli.add_typer(models, name="models")
 
 _UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
 

@@ -11,10 +11,10 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
-from typer import Argument, Option
+from typer import Argument, Exit, Option
 
 from benchmark.cli import options as shared
-from benchmark.cli.options import Selection, cli, data, verb
+from benchmark.cli.options import Selection, cli, data, models, verb
 from benchmark.errors import ConfigurationError
 from benchmark.text import say, say_lines, say_table
 
@@ -544,3 +544,30 @@ def export(
         say(f"not written: {problem}", err=True)
     say(f"wrote {len(written)} files to {output}; use them with -d {output}")
     return not problems
+
+
+@models.command(name="fetch", cls=shared.Verb)
+def fetch_models(
+    source: Annotated[
+        str,
+        Option("--from", metavar="FOLDER|URL", help="learned/models of a checkout, or a copy."),
+    ],
+    names: Annotated[
+        list[str] | None,
+        Argument(metavar="[TRAINING|TRAINING/MODEL]...", help="[all published models]"),
+    ] = None,
+) -> None:
+    """Bring published models, which an installed suite lacks.
+
+    Only files with the published SHA-256 are kept. The exit code is 1 if a model cannot be had.
+    """
+    from benchmark.cli.progress import counting
+    from benchmark.commands.models import fetch_models, in_words
+
+    watched = partial(counting, f"fetching models from {source}")
+    fetched = fetch_models(source, names or [], watched=watched)
+    for model, problem in fetched.problems.items():
+        say(f"{model}: {problem}", err=True)
+    say(in_words(fetched))
+    if fetched.problems:
+        raise Exit(1)

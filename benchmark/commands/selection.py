@@ -10,19 +10,16 @@ from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.catalogue import is_known, is_path, split_changes
-from benchmark.defaults import DATA_VARIABLE, DEFAULT_SCORER
+from benchmark.defaults import DATA_VARIABLE, DEFAULT_SCORER, RESULTS
 from benchmark.errors import ConfigurationError, check_known
 from benchmark.pipeline.data_names import label_data_sets, records_of
-from benchmark.pipeline.records import SUITE_RESULTS, Record, read_records
+from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.registry import are_named
 from benchmark.report.columns import MEASURED, PRINTED_SCORES
 from benchmark.report.frames import chosen_records, row_of
 from benchmark.report.tables import TableView, table_views
 from benchmark.text import brief, counted
-
-#: The results folder of commands that name none.
-RESULTS = Path("results")
 
 
 def as_list(values: Any) -> list[Any]:
@@ -127,7 +124,7 @@ class RecordSelection:
         ConfigurationError
             If there is none, or no record knows a table or data set.
         """
-        every = label_data_sets(read_records(self._folder(), local=not self.published))
+        every = label_data_sets(read_records(self.results, local=not self.published))
         known = {table.identifier for table in TABLES} | {record.data.name for record in every}
         check_known("table", self.tables, known | {"extended"})
         of_data = records_of(every, self.data) if self.data else every
@@ -138,7 +135,7 @@ class RecordSelection:
         notes = [*self._of_other_scorers(of_input), *self._of_quick_runs(full, quick)]
         if not records:
             what = "published record" if self.published else "finished job"
-            first = "pass --results CHECKOUT/results" if self.published else "run it first"
+            first = "omit --results" if self.published else "run it first"
             problem = f"no {what} under {self.results} fits the selection"
             raise ConfigurationError(problem, "; ".join([f"{first}, or select less", *notes]))
         scored = {row_of(record) for record in every if failed or record.status == "ok"}
@@ -171,11 +168,6 @@ class RecordSelection:
             problem = f"no finished job under {self.results} belongs to {what}"
             raise ConfigurationError(problem, "run it first, or select less")
         return views
-
-    def _folder(self) -> Path:
-        """Return the folder whose records are read: that of the suite where none is named, and none is here."""
-        has_published = self.results != RESULTS or (self.results / "records").is_dir()
-        return self.results if has_published or not self.published else SUITE_RESULTS
 
     def _of_other_scorers(self, records: Iterable[Record]) -> list[str]:
         """Say how many records of other scorers or seeds there are."""

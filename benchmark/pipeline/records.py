@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import Input
 from benchmark.api.datasets import name_view
 from benchmark.code_digest import ROOT, digest, digest_of_bytes
-from benchmark.defaults import DEFAULT_SCORER
+from benchmark.defaults import DEFAULT_SCORER, RESULTS
 from benchmark.files import read_file, write_atomically
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import RUNS, Cache, Stage, StorageError, storing
@@ -466,6 +466,17 @@ def _fault_of_scores(record: Record, are_queries: Sequence[bool]) -> str:
 # ------------------------------------------------------------------------------------------------
 
 
+def published_folder(results: Path) -> Path:
+    """Return the folder with what was published beside a results folder.
+
+    A results folder has its own published records, as in a checkout. Elsewhere, the one of commands
+    that name none has those of the suite.
+    """
+    has_own = (results / "records").is_dir()
+    is_named = results.absolute() != RESULTS.absolute()
+    return results if has_own or is_named else SUITE_RESULTS
+
+
 def read_records(results: Path, *, local: bool = True, published: bool = True) -> list[Record]:
     """Read the records of a results folder, one for each row, oldest first.
 
@@ -474,7 +485,8 @@ def read_records(results: Path, *, local: bool = True, published: bool = True) -
     over.
     """
     here = sorted(read_files(local_files(results)), key=age_of) if local else []
-    elsewhere = read_files((results / "records").glob("*.jsonl")) if published else []
+    folder = published_folder(results) / "records"
+    elsewhere = read_files(folder.glob("*.jsonl")) if published else []
     digests = {record.gallery: record.gallery_digest for record in here}
     fitting = [
         msgspec.structs.replace(record, published=True)
@@ -777,7 +789,7 @@ def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
 
 def published_distances(results: Path, digest: str) -> Path:
     """Return the file of published distances: those above the diagonal, by row, as numbers of four bytes."""
-    return results / "records" / "distances" / f"{digest}.f4"
+    return published_folder(results) / "records" / "distances" / f"{digest}.f4"
 
 
 def read_prepared(results: Path, record: RankedShapes, shape: str) -> Mesh | None:

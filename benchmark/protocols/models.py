@@ -16,6 +16,7 @@ from benchmark.datasets.catalogue import catalogued, is_known, is_present, open_
 from benchmark.datasets.people import CLEARANCE, TESTED
 from benchmark.errors import ConfigurationError
 from benchmark.files import file_digest
+from benchmark.protocols.published_models import published_models
 from benchmark.protocols.trainings import (
     TRAININGS,
     find_training,
@@ -235,10 +236,10 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
         words += ["--table", names[0]]
     if spec.plugin:
         words += ["--plugin", str(spec.plugin)]
-    folder = "/".join(learner.shipped_models.parts[-2:])
-    hint = (
-        f"run `{shlex.join(words)}`, or name the folder {folder} of a checkout in {MODELS_VARIABLE}"
-    )
+    hint = f"run `{shlex.join(words)}`"
+    if all(f"{name}/{learner.model_name}" in published_models() for name in names):
+        fetch = shlex.join(["python", "-m", "benchmark", "models", "fetch", *names])
+        hint = f"{hint}, or `{fetch} --from CHECKOUT/learned/models`"
     return MissingModel(f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}", hint)
 
 

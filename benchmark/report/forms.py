@@ -17,7 +17,13 @@ from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.pipeline.records import RankedShapes, Record, read_form, read_prepared
+from benchmark.pipeline.records import (
+    RankedShapes,
+    Record,
+    published_folder,
+    read_form,
+    read_prepared,
+)
 from benchmark.report.drawing import outwardness
 from benchmark.report.frames import file_name
 from retrieval.views import CUBE_SYMMETRIES
@@ -119,7 +125,7 @@ class StoredForms:
 def thumbnail(results: Path, dataset: str, row: str) -> Path:
     """Return the file of the published picture of a form of a row of a table on a data set, or on a change of it."""
     name = f"{dataset.partition('[')[0]}-{row}"
-    return results / "figures" / "rows" / f"{file_name(name)}.webp"
+    return published_folder(results) / "figures" / "rows" / f"{file_name(name)}.webp"
 
 
 def upright(form: Mesh, shape: Drawn) -> Drawn:

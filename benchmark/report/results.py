@@ -23,6 +23,7 @@ from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import (
     Record,
+    published_folder,
     read_distances,
     read_form,
     read_records,
@@ -213,8 +214,11 @@ class Results:
 
 
 def open_results(path: str | Path = "results") -> Results:
-    """Open a results folder; raise ``ConfigurationError`` if there is none."""
+    """Open a results folder; raise ``ConfigurationError`` if there is none.
+
+    Where the default folder has no published records, those of the suite take their place.
+    """
     folder = Path(path)
-    if not folder.is_dir():
+    if not (folder.is_dir() or published_folder(folder).is_dir()):
         raise ConfigurationError(f"{folder} is no folder", "name a results folder")
     return Results(folder, tuple(label_data_sets(read_records(folder))))
