@@ -147,7 +147,8 @@ def form_of_object(
     pieces = float(view.report["pieces"])
     joined = {"joined_pieces": pieces} if pieces > 1 else {}
     form = form_with_notes(maker, shape, {**observed.notes, **joined})
-    doubts = [
+    doubts = [f"{what}; {hint}" for what, hint in observed.doubts]
+    doubts += [
         str(doubt) for doubt in (small_for_person(shape, maker), form.notes.get("doubt")) if doubt
     ]
     return replace(form, notes={**form.notes, "doubt": "; ".join(doubts)}) if doubts else form

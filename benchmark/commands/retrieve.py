@@ -5,7 +5,7 @@ from __future__ import annotations
 import shlex
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -232,7 +232,8 @@ def retrieve(
     found = search(Path(results), gallery, shape, maker, scoring, without)
     of_person = small_for_person(shape, maker) if path and is_depth_file(path) else ""
     fit = {**found.notes, **measured_fit(maker, shape)}
-    doubts = [str(doubt) for doubt in (of_person, fit.get("doubt")) if doubt]
+    doubts = [*prepared.doubts]
+    doubts += [str(doubt) for doubt in (of_person, fit.get("doubt")) if doubt]
     view = UPRIGHT if input_ == "view" else shapes.camera(known) if known else FRONT
     return Matches(
         shape,
@@ -250,11 +251,12 @@ def retrieve(
 
 @dataclass(frozen=True)
 class _Prepared:
-    """Prepares queries as the shapes of a gallery."""
+    """Prepares queries as the shapes of a gallery, and keeps why the form of a depth image may be wrong."""
 
     results: Path
     shapes: PreparedShapes
     camera: CameraSettings
+    doubts: list[str] = field(default_factory=list)
 
     def of_entry(self, entry: Entry, path: Path) -> Arrays:
         """Return a shape of the gallery; nothing is written, as this process runs the code of plugins."""
@@ -281,7 +283,9 @@ class _Prepared:
         settings: dict[str, Any] = frame_settings(folder) if of_gallery and folder else {}
         frame = self.camera.of(FrameFiles(path, **settings))
         frame = replace(frame, half_width=self.shapes.shapes.half_width or HALF_WIDTH)
-        return prepare_view(frame.observe().surface, UPRIGHT, frame.half_width)
+        observed = frame.observe()
+        self.doubts.extend(f"{what}; {hint}" for what, hint in observed.doubts)
+        return prepare_view(observed.surface, UPRIGHT, frame.half_width)
 
     def _half_width(self) -> float:
         """Return half the width of the frame that the run fitted; fit it if its file is gone."""

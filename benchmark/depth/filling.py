@@ -17,9 +17,9 @@ from benchmark.geometry.mesh import IntArray
 WIDEST = 0.1
 """Widest gap in metres that is filled within a mask, which says that the object is there."""
 
-_ACROSS = 3
+_ACROSS = 8
 """Distance in pixels within which a reading behind the object, along the other axis, keeps a pixel open: it may be one
-of a gap between two legs."""
+of a gap between two legs, most of whose pixels have no reading."""
 
 _ROUNDS = 3
 """Number of rounds: pixels may lie between filled ones, as where every other row and column has readings."""
@@ -50,7 +50,7 @@ class _Ends(NamedTuple):
 
 
 def filled(
-    depths: Depths, kept: Mask, dropped: Mask, mask: Mask | None, allowed: Mask, widest: int
+    depths: Depths, kept: Mask, averaged: Mask, mask: Mask | None, allowed: Mask, widest: int
 ) -> Depths:
     """Return the depths of an object, with those between its pixels; 0 elsewhere.
 
@@ -64,9 +64,8 @@ def filled(
         Shape (h, w), metres; 0 for missing depth.
     kept
         Pixels of the object on its surface, shape (h, w).
-    dropped
-        Readings that are on no surface. They count as missing if they are averages with missing
-        pixels.
+    averaged
+        Readings that count as missing, see :func:`averages`, shape (h, w).
     mask
         The object as a user passes it, shape (h, w), or None. If its outline follows the surface,
         missing pixels within it are those of the object.
@@ -76,7 +75,7 @@ def filled(
         Maximum number of pixels between two of the object within the mask and ``allowed``;
         elsewhere, :data:`REACH`.
     """
-    others = (depths > 0) & ~kept & ~_is_average(depths, kept, dropped)
+    others = (depths > 0) & ~kept & ~averaged
     surface = np.where(kept, depths, 0)
     if mask is not None:
         # Within the mask, only what was measured there speaks against it.
@@ -101,11 +100,20 @@ def _fits(mask: Mask, is_surface: Mask) -> bool:
     return bool(np.quantile(distances, _FOLLOWS) <= REACH + 1)
 
 
-def _is_average(depths: Depths, kept: Mask, dropped: Mask) -> Mask:
-    """Return which dropped readings are averages of the surface and missing pixels.
+def averages(depths: Depths, kept: Mask, dropped: Mask) -> Mask:
+    """Return which dropped readings are averages of the surface and missing pixels, shape (h, w).
 
     Averages with zeros lie before the surface. Those with a large number for missing pixels lie
     behind it, but scattered, while the background shows in lines beside the object.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres; 0 for missing depth.
+    kept
+        Pixels of the object on its surface, shape (h, w).
+    dropped
+        Readings that are on no surface, shape (h, w).
     """
     nearest = distance_transform_edt(~kept, return_distances=False, return_indices=True)
     is_before = depths < depths[tuple(nearest)]

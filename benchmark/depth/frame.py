@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.depth import reading
-from benchmark.depth.filling import WIDEST, filled, in_gaps_of_mask
+from benchmark.depth.filling import WIDEST, averages, filled, in_gaps_of_mask
 from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_intrinsics
 from benchmark.depth.neighbours import (
     AVERAGED,
@@ -46,6 +46,16 @@ FLOOR = np.cos(np.radians(50))
 MOST_TILTED = np.cos(np.radians(75))
 """Minimum cosine of the angle between a given up direction and the image plane."""
 
+FEWEST_SURE = 3000
+"""Number of readings of an object below which its form depends on where its pixels lie.
+
+Chosen on eight frames (results/experiments/README.md): with fewer, classical forms of the same body
+in two samplings differ by more than twice as much as those of two measurements."""
+
+MOST_AVERAGED = 0.05
+"""Readings that are averages with missing pixels, per reading of the object, above which the image was averaged; a
+camera measures less than .02."""
+
 _PLANE_STEP = 2
 """Pixel stride of the subsampled image in which planes are detected."""
 
@@ -70,12 +80,15 @@ class ObservedObject:
         "sidecar" or "image"), ``planes``, ``object_pixels``, ``flying_pixels`` (dropped),
         ``filled_pixels`` (which had no reading), ``distance`` (median depth) and ``size`` (longest
         side), in metres; of files also ``unit`` and ``camera``.
+    doubts
+        Why its form may be wrong, each with what to do.
     """
 
     depths: Depths
     mask: Mask
     surface: Mesh
     notes: dict[str, float | str]
+    doubts: tuple[tuple[str, str], ...] = ()
 
 
 def observe(
@@ -142,7 +155,8 @@ def observe(
     dead = dead_rows[:, None] | dead_columns
     if dead.mean() > MOST_DEAD:  # of a registered image, what lies between readings may be anything
         dead[:] = False
-    completed = filled(depths, kept, dropped & ~kept, whole, dead, widest)
+    averaged = averages(depths, kept, dropped & ~kept)
+    completed = filled(depths, kept, averaged, whole, dead, widest)
     direction, up_source = _up(planes, up)
     surface = object_surface(completed, rays, completed > 0, upright(direction), half_width)
     notes: dict[str, float | str] = {
@@ -155,7 +169,23 @@ def observe(
         "distance": round(distance, 4),
         "size": round(float(np.ptp(surface.vertices, axis=0).max()), 4),
     }
-    return ObservedObject(np.where(completed > 0, completed, depths), completed > 0, surface, notes)
+    n_averaged = np.count_nonzero(averaged & (chosen | (completed > 0)))
+    doubts = _doubts(np.count_nonzero(kept), n_averaged)
+    return ObservedObject(
+        np.where(completed > 0, completed, depths), completed > 0, surface, notes, doubts
+    )
+
+
+def _doubts(n_pixels: int, n_averaged: int) -> tuple[tuple[str, str], ...]:
+    """Return why the form of an object may be wrong, from the numbers of its readings and of averages among them."""
+    doubts = []
+    if n_pixels < FEWEST_SURE:
+        what = f"the object shows {n_pixels} pixels, so its form depends on where they lie"
+        doubts.append((what, f"go nearer, until it shows {FEWEST_SURE}"))
+    if n_averaged > MOST_AVERAGED * n_pixels:
+        what = f"{n_averaged} depths of the object were averaged with missing ones, so its edges were averaged, too"
+        doubts.append((what, AVERAGED))
+    return tuple(doubts)
 
 
 def _check_count(mask: Mask) -> None:

@@ -40,7 +40,11 @@ def count_from_0(corners: IntArray, n_vertices: int, first: int) -> IntArray:
 
 
 def split_polygons(vertices: Points, corners: IntArray, sizes: IntArray) -> IntArray:
-    """Split polygons, one after the other, into fans around the first corner that sees all others."""
+    """Split polygons, one after the other, into fans around the first corner that sees all others.
+
+    A face without corners, as some exporters write, is none.
+    """
+    sizes = sizes[sizes != 0]
     if (too_few := np.flatnonzero(sizes < 3)).size:
         size = counted(int(sizes[too_few[0]]), "corner")
         problem = f"face {too_few[0] + 1} of {len(sizes)} has {size}"

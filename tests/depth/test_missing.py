@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, ObservedObject, observe
-from benchmark.depth.intrinsics import Intrinsics
+from benchmark.depth import reading
+from benchmark.depth.intrinsics import Intrinsics, read_intrinsics
 from benchmark.depth.reading import Depths, Mask
 from benchmark.errors import DepthError
 from benchmark.geometry.depth import View, depth_surface
@@ -130,6 +131,19 @@ def test_two_legs_with_background_between_them_stay_apart(
         assert view(observed).report["pieces"] == 2
 
 
+@pytest.mark.parametrize("every", [3, 7, 15])
+@pytest.mark.parametrize("gap", [1, 2])
+def test_two_legs_stay_apart_where_few_pixels_between_them_have_a_reading(
+    every: int, gap: int
+) -> None:
+    depths, mask = legs(gap, 3.5)
+    between = np.zeros_like(mask)
+    between[40:200, 160 : 160 + gap] = True
+    observed = observe(np.where(between & (ROWS % every > 0), 0, depths), CAMERA, mask)
+    assert not (observed.mask & between).any()
+    assert view(observed).report["pieces"] == 2
+
+
 def test_a_dead_line_does_not_join_legs() -> None:
     depths, mask = legs(1, 3.5)
     depths[120] = 0
@@ -189,6 +203,31 @@ def test_frames_of_an_ellipsoid_with_missing_pixels(
 def test_an_image_that_averages_most_depths_with_missing_pixels_is_refused() -> None:
     with pytest.raises(DepthError, match="depth jumps between most of .*; resize depth images by"):
         FrameFiles(INPUTS / "area-30-percent.npz").observe()
+
+
+def test_a_frame_that_shows_its_object_well_has_no_doubts() -> None:
+    assert not observe(BODY, CAMERA, OBJECT).doubts
+    assert not observe(DAMAGES["30 % at random"](BODY, OBJECT)[0], CAMERA, OBJECT).doubts
+
+
+@pytest.mark.parametrize("is_found", [True, False])
+def test_an_image_that_was_averaged_says_so(is_found: bool) -> None:
+    """Its edges were averaged, too, which no reading tells."""
+    frame = FrameFiles(INPUTS / "area-5-percent.npz")
+    depths, intrinsics = reading.read_values(frame.image), read_intrinsics(INPUTS / "camera.json")
+    mask = None if is_found else reading.read_mask(frame.mask_file)
+    whats = [what for what, _ in observe(depths, intrinsics, mask).doubts]
+    assert any("were averaged with missing ones" in what for what in whats)
+
+
+@pytest.mark.parametrize(("axes", "is_sure"), [((0.25, 0.3, 0.1), True), ((0.2, 0.25, 0.1), False)])
+def test_a_frame_of_few_pixels_says_that_its_form_depends_on_them(
+    axes: tuple[float, float, float], is_sure: bool
+) -> None:
+    depths, mask = before_a_wall(ellipsoid((0, 0, 2), axes))
+    observed = observe(depths, CAMERA, mask)
+    assert is_sure == (observed.notes["object_pixels"] >= 3000)
+    assert is_sure == (not observed.doubts)
 
 
 @pytest.mark.parametrize("every", [4, 5, 7])
