@@ -21,7 +21,13 @@ from benchmark.datasets.anomalies import Anomaly, by_kind
 from benchmark.datasets.base import Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
 from benchmark.datasets.folder import all_mesh_files, is_hidden, skipped_files, sub_folders
-from benchmark.datasets.mesh_files import POINTS, lacks_last_break, mesh_file_set, mesh_stem
+from benchmark.datasets.mesh_files import (
+    POINTS,
+    faces_without_corners,
+    lacks_last_break,
+    mesh_file_set,
+    mesh_stem,
+)
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError, surface_command
@@ -32,7 +38,9 @@ from benchmark.geometry.depth import (
     SIZE,
     camera_coordinates,
     common_half_width,
+    depth_surface,
 )
+from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import Prepared, prepare
 from benchmark.text import counted, listed
 
@@ -445,21 +453,24 @@ def changes_of(prepared: Prepared) -> list[tuple[str, str]]:
 
 def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> CheckedShape:
     """Return what a shape is like; raise a ``ShapeError`` if it cannot be used."""
-    mesh = dataset.load(entry)
-    surface = compact(mesh.vertices, mesh.faces)
-    changes: list[tuple[str, str]] = []
     capture: dict[str, Any] = {}
     if dataset.observe is None:
+        mesh = dataset.load(entry)
+        surface = compact(mesh.vertices, mesh.faces)
         prepared = prepare(mesh, mesh.n_vertices)
         counts = prepared.report
-        changes = changes_of(prepared)
+        changes = [*changes_of(prepared), *_dropped_faces(dataset, entry)]
     else:  # views are open and possibly disconnected
+        observed = dataset.observe(entry)
+        mesh = observed.surface
+        surface = compact(mesh.vertices, mesh.faces)
         counts = {
             "vertices_before": mesh.n_vertices,
             "faces_before": mesh.n_faces,
             **topology(surface),
         }
-        capture = _capture(dataset.observe(entry), entry)
+        changes = [*observed.doubts, *_joined_pieces(dataset, entry, mesh)]
+        capture = _capture(observed, entry)
     return CheckedShape(
         file=file,
         subject=entry.subject,
@@ -470,6 +481,24 @@ def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> CheckedShape:
         digest=hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest(),
         capture=capture,
     )
+
+
+def _dropped_faces(dataset: ShapeSet, entry: Entry) -> Iterator[tuple[str, str]]:
+    """Yield how many faces of the mesh file of a shape have no corners, and what happens to them."""
+    if entry.path is None or entry.path not in dataset.files(entry):
+        return
+    count = faces_without_corners(entry.path)
+    if count:
+        yield counted(count, "face without corners", "faces without corners"), "reading drops them"
+
+
+def _joined_pieces(dataset: ShapeSet, entry: Entry, surface: Mesh) -> Iterator[tuple[str, str]]:
+    """Yield how many pieces of the surface in a frame of a camera a run joins, and what to do."""
+    half_width = dataset.half_width or common_half_width([float(np.abs(surface.vertices).max())])
+    pieces = int(depth_surface(surface, dataset.camera(entry), half_width).report["pieces"])
+    if pieces > 1:
+        what = f"joined_pieces {pieces}: depth jumps part the object, or pixels have no depth"
+        yield what, "a run bridges them where they are closest; check the mask"
 
 
 def _capture(observed: Any, entry: Entry) -> dict[str, Any]:

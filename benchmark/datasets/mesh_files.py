@@ -12,13 +12,15 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from benchmark import formats
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, UnreadableMesh
 from benchmark.files import file_digest, named_errors, write_atomically
 from benchmark.formats.ascii import ends_within_line
 from benchmark.formats.base import Format, mesh_stem, mesh_suffix
-from benchmark.formats.reading import load, read_with
+from benchmark.formats.reading import load, read_arrays, read_with
 from benchmark.formats.unread import UNREAD_MESHES, UNREAD_POINTS
 from benchmark.geometry.copies import check_copies
 from benchmark.geometry.mesh import Mesh
@@ -31,6 +33,7 @@ __all__ = [
     "READABLE",
     "WRITABLE",
     "digest_of_entry",
+    "faces_without_corners",
     "files_beside",
     "files_of",
     "find_formats",
@@ -133,6 +136,12 @@ def lacks_last_break(path: Path) -> bool:
         return False
     is_binary = b"\0" in content or b"\nformat binary" in content[:1000]
     return not is_binary and ends_within_line(content)
+
+
+def faces_without_corners(path: Path) -> int:
+    """Return how many faces of a readable mesh file have no corners, which is how some exporters write none."""
+    _, _, *sizes = read_arrays(FORMATS[mesh_suffix(path)], path)
+    return int(np.count_nonzero(sizes[0] == 0)) if sizes else 0
 
 
 def read_surface(path: Path) -> Mesh:

@@ -88,7 +88,7 @@ def _counted_polygons(lines: Sequence[bytes]) -> tuple[IntArray, IntArray]:
     sizes = whole_numbers(parse_numbers(b" ".join(row[0] for row in rows)))
     corners: list[bytes] = []
     for number, (row, size) in enumerate(zip(rows, sizes, strict=True), 1):
-        if len(row) <= size:
+        if len(row) <= size or (size == 0 and len(row) > 1):
             found = counted(len(row) - 1, "corner")
             raise ValueError(f"face {number} of {len(rows)} has {found}, not {size}")
         corners += row[1 : 1 + size]

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from benchmark.errors import InvalidMesh, UnreadableMesh, surface_command
 from benchmark.files import LARGEST_FILE, named_errors, read_file
-from benchmark.formats.base import Format, mesh_suffix
+from benchmark.formats.base import Arrays, Format, mesh_suffix
 from benchmark.formats.polygons import count_from_0, split_polygons
 from benchmark.geometry.mesh import Mesh
 
@@ -26,11 +26,7 @@ def read_with(format: Format, path: Path) -> Mesh:
     """
     kind = f"{mesh_suffix(path)[1:]} file"
     with named_errors(path, kind, UnreadableMesh, "fetch or export the file again"):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of readers, about damaged files
-            # numpy below 2.3 does not raise.
-            warnings.filterwarnings("error", "string or file could not be read")
-            vertices, corners, *sizes = format.read(load(path), path)
+        vertices, corners, *sizes = read_arrays(format, path)
         if not len(corners):
             raise InvalidMesh(
                 "there are no faces", f"make a surface of the points: {surface_command(path.name)}"
@@ -38,6 +34,15 @@ def read_with(format: Format, path: Path) -> Mesh:
         corners = count_from_0(corners, len(vertices), format.first_vertex)
         faces = split_polygons(vertices, corners, sizes[0]) if sizes else corners
         return Mesh(vertices, faces)  # type: ignore[arg-type]
+
+
+def read_arrays(format: Format, path: Path) -> Arrays:
+    """Return the vertices and the corners of faces in a file, as its format reads them."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of readers, about damaged files
+        # numpy below 2.3 does not raise.
+        warnings.filterwarnings("error", "string or file could not be read")
+        return format.read(load(path), path)
 
 
 def load(path: Path) -> bytes:

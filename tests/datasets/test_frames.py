@@ -65,6 +65,21 @@ def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
     assert all(re.search(r"[1-4]\.\d+ to [1-4]\.\d+ m$", line) for line in taken[3:])
 
 
+def test_data_check_says_how_many_pieces_a_run_joins_and_why_forms_may_be_wrong(tmp_path):
+    folder = write_frames(tmp_path / "frames", count=1)
+    mask = np.array(Image.open(folder / "one" / "0_mask.png"))
+    middle = int(np.median(np.nonzero(mask)[0]))
+    mask[middle - 10 : middle + 10] = 0
+    Image.fromarray(mask).save(folder / "one" / "0_mask.png")
+    depths = np.array(Image.open(folder / "two" / "0.png"))
+    sparse = np.zeros_like(depths)
+    sparse[::3, ::3] = depths[::3, ::3]
+    Image.fromarray(sparse).save(folder / "two" / "0.png")
+    said = "\n".join(map(str, check(open_dataset(str(folder), None)).anomalies))
+    assert re.search(r"one/0.png.*  joined_pieces [2-9].*: .*; a run bridges them", said)
+    assert re.search(r"warning  two/0.png  the object shows \d+ pixels, so its form depends", said)
+
+
 def test_a_method_gets_a_depth_image_in_the_frame_of_the_humans_and_the_surface_behind_it(
     frames, tmp_path
 ):

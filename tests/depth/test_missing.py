@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, ObservedObject, observe
 from benchmark.depth import reading
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, ObservedObject, observe
 from benchmark.depth.intrinsics import Intrinsics, read_intrinsics
 from benchmark.depth.reading import Depths, Mask
 from benchmark.errors import DepthError

@@ -84,6 +84,19 @@ def test_data_check_and_a_run_name_text_without_a_last_line_break(rods):
     assert "0 errors, 2 warnings" in checked
 
 
+def test_data_check_says_how_many_faces_without_corners_are_dropped(rods):
+    for name, count in (("thin0.off", 1), ("thick1.off", 3)):
+        content = (rods / name).read_text().split("\n")
+        vertices, faces, edges = content[1].split()
+        content[1] = f"{vertices} {int(faces) + count} {edges}"
+        before = read_mesh(rods / name)
+        (rods / name).write_text("\n".join([*content[:-1], *["0"] * count, ""]))
+        np.testing.assert_array_equal(read_mesh(rods / name).faces, before.faces)
+    said = call("data", "check", rods)
+    assert "1 to 3 faces without corners; reading drops them" in said
+    assert "0 errors, 2 warnings" in said
+
+
 def test_data_check_says_the_range_of_counts_of_several_files(rods):
     for name, turned in (("thin0.off", 1), ("thin1.off", 5), ("thick0.off", 3)):
         mesh = read_mesh(rods / name)
@@ -101,7 +114,6 @@ PACKED = "".join(f"{line} 16711680\n" for line in POINTS.splitlines())
 NORMALS = "".join(f"{line} 0.1 0.2 0.3\n" for line in POINTS.splitlines())
 ROWS = "its rows are not those that its header announces"
 FACES = "element face 2\nproperty list uchar int vertex_indices\n"
-ZERO = "face 2 of 2 has 0 corners; drop faces of fewer"
 NORMAL = "\nproperty float nx"  # and neither ny nor nz
 HINTS = {
     "one line.stl": (LINES, "its line breaks are missing; write each facet"),
@@ -112,8 +124,10 @@ HINTS = {
     "packed.off": (f"OFF\n4 1 0\n{PACKED}3 0 1 2\n", "packed colour; export it without colours"),
     "points.ply": (PLY.replace(FACES, "") + POINTS, "there are no faces; make a surface of"),
     "rows.ply": (f"{PLY.replace('z', 'z' + NORMAL)}{NORMALS}3 0 1 2\n3 0 2 3\n", ROWS),
-    "no corner.ply": (f"{PLY}{POINTS}3 0 1 2\n0\n", ZERO),
-    "no corner.off": (f"OFF\n4 2 0\n{POINTS}3 0 1 2\n0\n", ZERO),
+    "no corner.ply": (f"{PLY}{POINTS}0\n0\n", "there are no faces; make a surface of"),
+    "no corner.off": (f"OFF\n4 2 0\n{POINTS}0\n0\n", "there are no faces; make a surface of"),
+    "zeroed.off": (f"OFF\n4 2 0\n{POINTS}0 0 1 2\n3 0 2 3\n", "face 1 of 2 has 3 corners, not 0"),
+    "one corner.ply": (f"{PLY}{POINTS}3 0 1 2\n1 0\n", "face 2 of 2 has 1 corner; drop faces"),
 }  # fmt: skip
 
 
