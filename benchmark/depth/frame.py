@@ -169,8 +169,8 @@ def observe(
         "distance": round(distance, 4),
         "size": round(float(np.ptp(surface.vertices, axis=0).max()), 4),
     }
-    n_averaged = np.count_nonzero(averaged & (chosen | (completed > 0)))
-    doubts = _doubts(np.count_nonzero(kept), n_averaged)
+    n_averaged = int(np.count_nonzero(averaged & (chosen | (completed > 0))))
+    doubts = _doubts(int(np.count_nonzero(kept)), n_averaged)
     return ObservedObject(
         np.where(completed > 0, completed, depths), completed > 0, surface, notes, doubts
     )

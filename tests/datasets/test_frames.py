@@ -75,7 +75,7 @@ def test_data_check_says_how_many_pieces_a_run_joins_and_why_forms_may_be_wrong(
     sparse = np.zeros_like(depths)
     sparse[::3, ::3] = depths[::3, ::3]
     Image.fromarray(sparse).save(folder / "two" / "0.png")
-    said = "\n".join(map(str, check(open_dataset(str(folder), None)).anomalies))
+    said = "\n".join(map(str, check_dataset(open_dataset(str(folder), None)).anomalies))
     assert re.search(r"one/0.png.*  joined_pieces [2-9].*: .*; a run bridges them", said)
     assert re.search(r"warning  two/0.png  the object shows \d+ pixels, so its form depends", said)
 
