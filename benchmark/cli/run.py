@@ -24,11 +24,12 @@ from benchmark.text import brief, counted, listed, say, say_lines, say_table
 _LISTED = 24
 
 
-def plan(selection: Selection, *, traceback: bool = False, every: bool = False) -> None:
-    """Print the jobs, the reasons to run them, and an estimate of the time."""
+def plan(selection: Selection, *, traceback: bool = False, every: bool = False) -> bool:
+    """Print the jobs, the reasons to run them, and an estimate of the time; return whether all data can be used."""
     planned = planning.plan(**selection.of_jobs())
     for note in planned.notes:
         say(note, err=True)
+    _say_refused(planned)
     is_short = every or len(planned.jobs) <= _LISTED
     if is_short:
         names = planned.names
@@ -38,9 +39,22 @@ def plan(selection: Selection, *, traceback: bool = False, every: bool = False) 
     hint = "" if is_short else "; --jobs lists each"
     say(f"{len(planned.pending)} of {len(planned.jobs)} jobs to run{hint}")
     _say_time(planned.estimate)
-    _say_lacking(planning.lacking(**selection.of_models()))
+    _say_lacking(_lacking(selection, planned))
     if traceback:
         _say_tracebacks(planned.known_records())
+    return not planned.refused
+
+
+def _lacking(selection: Selection, planned: Plan) -> list[LackingModel]:
+    """Return the models that the networks of a selection lack on the data sets that can be used."""
+    usable = [name for name in selection.datasets if name not in planned.refused]
+    return planning.lacking(**{**selection.of_models(), "data": usable})
+
+
+def _say_refused(planned: Plan) -> None:
+    """Print why data sets have no jobs."""
+    for name, error in planned.refused.items():
+        say(f"refused: {name}: {error}", err=True)
 
 
 def _say_time(expected: Estimate) -> None:
@@ -78,7 +92,7 @@ def run(
     if not selection.is_something:
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
     if train:
-        lacking = planning.lacking(**selection.of_models())
+        lacking = _lacking(selection, planning.plan(**selection.of_jobs()))
         _say_lacking(lacking)
         train_lacking(lacking, selection.results, selection.data_root, say)
     in_this_process = size == 0 and not dask
@@ -90,6 +104,7 @@ def run(
     )
     for note in [*planned.notes, *planned.announcements()]:
         say(note, err=True)
+    _say_refused(planned)
     n_finished = sum(job.state == "finished" for job in planned.jobs)
     say(f"{len(planned.pending)} of {len(planned.jobs)} jobs to run, {n_finished} finished before")
     for job in planned.missed:
@@ -114,7 +129,8 @@ def run(
             say(f"{planned.names[record.key]}  {outcome(record)}")
     else:
         _print_tables(planned, records, selection)
-    return not planned.missed and all(record.status == "ok" for record in ended)
+    is_complete = not (planned.missed or planned.refused)
+    return is_complete and all(record.status == "ok" for record in ended)
 
 
 def _run(planned: Plan, size: int, dask: str, timeout: float) -> list[Record]:

@@ -88,11 +88,11 @@ def plan(
     selection: Selection,
     traceback: shared.Traceback = False,
     every: Annotated[bool, Option("--jobs", help="List each job, also of many.")] = False,
-) -> None:
+) -> bool:
     """Show what would run, why, and how long it would take."""
     from benchmark.cli.run import plan
 
-    plan(selection, traceback=traceback, every=every)
+    return plan(selection, traceback=traceback, every=every)
 
 
 @verb(*_RECORDS)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,7 +23,7 @@ from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
 from benchmark.datasets.changes import split_changes
 from benchmark.datasets.checking import unfinished_files, unread_files
 from benchmark.defaults import DEFAULT_SCORER
-from benchmark.errors import ConfigurationError
+from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record, read_records
 from benchmark.registry import Component, are_named
@@ -57,6 +57,9 @@ class Plan:
         Whether plugins run in this process, and nothing of them is kept.
     notes
         Names that mean other data than a folder of the same name.
+    refused
+        Errors of data sets that cannot be used, by the names that were passed. Those of the others
+        have jobs.
     """
 
     results: Path
@@ -67,6 +70,7 @@ class Plan:
     is_narrow: bool = False
     in_this_process: bool = False
     notes: tuple[str, ...] = ()
+    refused: Mapping[str, BenchmarkError] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"Plan({len(self.pending)} of {len(self.jobs)} jobs to run)"
@@ -223,6 +227,9 @@ def plan(
     ------
     ConfigurationError
         If a name is unknown, or nothing is selected.
+    DatasetError
+        If a data set cannot be used. Of several, those that can are planned, and the errors of the
+        others are those of :attr:`Plan.refused`.
     """
     sets = [str(name) for name in as_list(data)]
     root = data_folder(data_root)
@@ -231,7 +238,8 @@ def plan(
     folder = Path(results)
     records = read_records(folder)
     wanted = subjects.split(",") if isinstance(subjects, str) else subjects
-    jobs = plan_selection(
+    jobs_of = partial(
+        plan_selection,
         folder,
         methods=chosen,
         scorer=scorer,
@@ -241,7 +249,6 @@ def plan(
         plugins=[Path(path) for path in plugins],
         in_this_process=in_this_process,
         tables=as_list(tables),
-        datasets=sets,
         input=input,
         quick=quick,
         data_root=root,
@@ -250,6 +257,15 @@ def plan(
         same_names=same_names,
         subjects=[nfc(name) for name in wanted if name],
     )
+    refused: dict[str, BenchmarkError] = {}
+    try:
+        jobs = jobs_of(datasets=sets)
+    except BenchmarkError:
+        refused = _refused(sets, jobs_of)
+        usable = [name for name in sets if name not in refused]
+        if not (refused and usable):
+            raise
+        jobs = jobs_of(datasets=usable)
     if of_programs:
         for job in jobs:
             check_forms(job.record, job.before, job.sides[0].method.given)
@@ -262,7 +278,19 @@ def plan(
         is_narrow=are_named(as_list(methods)),
         in_this_process=in_this_process,
         notes=tuple(shadowed_folders([*sets, *filter(None, [str(gallery)])], root)),
+        refused=refused,
     )
+
+
+def _refused(sets: Iterable[str], jobs_of: Callable[..., object]) -> dict[str, BenchmarkError]:
+    """Return the data sets that have no jobs each alone, with their errors."""
+    refused = {}
+    for name in sets:
+        try:
+            jobs_of(datasets=[name])
+        except BenchmarkError as error:
+            refused[name] = error
+    return refused
 
 
 def lacking(

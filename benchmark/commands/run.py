@@ -8,6 +8,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -94,6 +95,8 @@ def run(
     ------
     ConfigurationError
         If a name is unknown, or a value is invalid.
+    DatasetError
+        If none of the data sets can be used; if some can, it warns of the others.
     """
     planned = plan(
         data,
@@ -110,6 +113,8 @@ def run(
         seed=seed,
         rerun=["failed", "finished"] if again else ["failed"],
     )
+    for name, error in planned.refused.items():
+        warnings.warn(f"{name} is refused: {error}", stacklevel=2)
     return jobs_of(planned, [*run_plan(planned, watch=watch)]).jobs
 
 

@@ -132,3 +132,49 @@ def test_a_learner_that_measures_its_fit_apart_is_asked_and_told_what_to_do_inst
     with pytest.warns(DeprecationWarning, match="return its notes with the form"):
         form = form_with_notes(method, SimpleNamespace(mesh=mesh, identifier="rod"), {})
     assert form.notes["doubt"] == "it may not fit"
+
+
+@pytest.fixture
+def folders(tmp_path):
+    """A folder that can be used, one of a single class, and one whose settings have an unknown key."""
+    write_rods(tmp_path / "good", bends=(0.0, 1.0))
+    write_rods(tmp_path / "one class", radii={"thin": 0.05})
+    write_rods(tmp_path / "settings")
+    (tmp_path / "settings" / "dataset.toml").write_text("unknown = 1")
+    return tmp_path
+
+
+def selected(folders, *names):
+    data = [word for name in names for word in ("-d", folders / name)]
+    return (*data, "-m", "surface-area", "--input", "mesh", "--results", folders / "results")
+
+
+def test_a_data_set_that_is_refused_ends_the_run_of_no_other_and_the_exit_code_says_so(folders):
+    words = selected(folders, "settings", "good", "one class")
+    for verb in (["run", "-j", 0], ["plan"]):
+        said = call(*verb, *words, code=1).replace("\n", " ")
+        assert f"refused: {folders / 'one class'}: " in said
+        assert f"refused: {folders / 'settings'}: " in said
+        assert "unknown" in said
+        assert "of 1 jobs to run" in said
+    assert "Retrieval on good" in call("tables", "--results", folders / "results")
+
+
+def test_data_sets_of_which_none_can_be_used_are_an_error(folders):
+    assert "class" in refusal("run", *selected(folders, "one class", "settings"), "-j", 0)
+    assert "class" in refusal("plan", *selected(folders, "one class"))
+
+
+def test_a_name_that_is_no_data_set_or_no_method(folders):
+    said = call("run", "-j", 0, *selected(folders, "good", "nowhere"), code=1)
+    assert "nowhere: " in said.replace("\n", " ")
+    assert "unknown method 'nothing'" in refusal(
+        "run", "-j", 0, *selected(folders, "good", "settings"), "-m", "nothing"
+    )
+
+
+def test_python_warns_of_a_data_set_that_is_refused(folders):
+    data = [folders / "one class", folders / "good"]
+    with pytest.warns(UserWarning, match="one class is refused: "):
+        jobs = benchmark.run(data, "surface-area", results=folders / "results")
+    assert jobs.status.tolist() == ["ok"]
