@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from inspect import signature
 from pathlib import Path
 from typing import get_args
 
@@ -14,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.api.contracts import FloatArray, Mesh, Shape
 from benchmark.api.learning import CARD, Learner, Split, checked_weights, read_card
+from benchmark.api.parameters import declared_parameters
 from benchmark.check.case import Case, Failed, Skipped, explained
 from benchmark.check.shapes import BENDS, TRAINING, awkward, figure, training_data, view
 from benchmark.errors import ShapeError, UnsupportedShape
@@ -166,6 +168,22 @@ def _training(case: Case) -> str:
     return "trains a model on three images, keeps a finished one, and loads it"
 
 
+def _arguments_that_are_no_parameters(component: Component) -> list[str]:
+    """Return the arguments of a class that are no fields of a dataclass, so that no name can choose them."""
+    cls = component.load()
+    return [name for name in signature(cls).parameters if name not in declared_parameters(cls)]
+
+
+def _parameters(case: Case) -> str:
+    names = _arguments_that_are_no_parameters(case.component)
+    listed = ", ".join(names)
+    raise Failed(
+        f"{listed} of __init__ cannot be chosen, and no record says the value: parameters are the"
+        f" fields of a dataclass; drop __init__, decorate the class with @dataclass(frozen=True) and"
+        f" write '{names[0]}: float = 0.02' in it"
+    )
+
+
 def _citation(case: Case) -> str:
     key, _ = entry_of(case.component.info.cite)
     if not key:
@@ -257,7 +275,8 @@ def _scale(case: Case) -> str:
     declared = case.component.info.scale
     is_equivariant = declared == "equivariant"
     other = "invariant" if is_equivariant else "equivariant"
-    hint = f"breaks info.scale = '{declared}'; measure relative to the shape's size, or declare '{other}'"
+    remedy = f"multiply lengths by np.sqrt(shape.mesh.area), or declare '{other}'"
+    hint = f"breaks info.scale = '{declared}'; {remedy}"
     scaled = [
         case.shape(bend, figure(bend).with_vertices(_SCALE * figure(bend).vertices))
         for bend in BENDS
@@ -335,7 +354,9 @@ NECESSARY = frozenset({_training, _answer, _repeatable})
 def checks_of(component: Component) -> dict[str, Callable[[Case], str]]:
     """Return the checks of a component by name, in their order."""
     cited = {"citation": _citation} if component.info.cite else {}
-    answers = cited | {"answer": _answer, "repeatable": _repeatable}
+    undeclared = _arguments_that_are_no_parameters(component)
+    parameters = {"parameters": _parameters} if undeclared else {}
+    answers = parameters | cited | {"answer": _answer, "repeatable": _repeatable}
     surfaces = {"relabelling": _relabelling, "rigid motion": _motion}
     if component.kind == "scorer":
         return {

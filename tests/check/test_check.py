@@ -120,6 +120,42 @@ def test_a_method_of_depth_images_gets_one_and_may_have_vertices_of_its_own(tmp_
     )
 
 
+PLAIN = """
+from benchmark.api import MethodInfo
+
+class Plain:
+    info = MethodInfo(name="plain", title="Plain")
+
+    def __init__(self, time=0.02, *, name=""):
+        self.time = time
+
+    def canonicalise(self, shape):
+        return shape.form(shape.mesh.vertices)
+"""
+
+
+def test_arguments_of_a_plain_class_are_no_parameters_and_it_says_how_to_make_them_some(tmp_path):
+    (tmp_path / "plain.py").write_text(PLAIN)
+    (component,) = in_file(tmp_path / "plain.py")
+    found = findings(component)
+    assert found["parameters"].outcome == "failed"
+    assert found["answer"].outcome == "ok"
+    said = found["parameters"].explanation
+    assert said.startswith("time, name of __init__ cannot be chosen")
+    assert "@dataclass(frozen=True) and write 'time: float = 0.02'" in said
+
+
+def test_a_length_that_follows_the_size_of_the_shape_as_on_the_page_of_plugins(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "plugins.md").read_text()
+    line = "step = 0.05 * np.sqrt(shape.mesh.area)"
+    assert line in page
+    moved = "return shape.form(x + step * np.sign(x - x.mean(axis=0)))"
+    followed = written(tmp_path / "tried.py", f"{FORM}{line}\n        {moved}")
+    assert findings(followed, "scale")["scale"].outcome == "ok"
+    fixed = findings(written(tmp_path / "fixed.py", f"{FORM}step = 0.05\n        {moved}"), "scale")
+    assert "multiply lengths by np.sqrt(shape.mesh.area)" in fixed["scale"].explanation
+
+
 def test_a_missing_package_is_no_fault(tmp_path):
     found = findings(written(tmp_path / "tried.py", info="requires=('no_such_package',)"))
     assert [str(f) for f in found.values()] == [
