@@ -43,7 +43,10 @@ class SDGDM(CheckedParameters):
         summary=(
             "Compares the largest singular values of the matrix of all distances along the surface."
         ),
-        departs="Uses the geodesic distances of Classic MDS.",
+        departs=(
+            "Uses the geodesic distances of Classic MDS, of all vertices, not weighted by their "
+            "areas. Keeping 20 singular values, and dividing them by their sum, is ours."
+        ),
         scale="invariant",
         needs=("pairs",),
     )

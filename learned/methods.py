@@ -174,10 +174,11 @@ class Learned(TrainedNetwork):
             "share."
         ),
         departs=(
-            "The source counts the short-range blocks in three ways; here they are nine convolutions. Widths, output "
-            "functions, range of depths, camera and canonical pose, which it leaves open, are ours. It is trained in "
-            "bfloat16, for Table II on ten instead of fifteen subjects, and, unless 'as_printed' is chosen, with fewer "
-            "pixels and, on people, fewer epochs."
+            "The source counts the short-range blocks in three ways; here they are nine convolutions. Widths, "
+            "the slope of LeakyReLU (.2), initial weights (He et al. 2015), output functions, range of depths, camera "
+            "and canonical pose, which it leaves open, are ours. It is trained in bfloat16, for Table II on ten "
+            "instead of fifteen subjects, and, unless 'as_printed' is chosen, with fewer pixels and, on people, fewer "
+            "epochs."
         ),
         requires=("torch", "safetensors"),
         inputs=("view",),

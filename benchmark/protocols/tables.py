@@ -85,6 +85,9 @@ TITLES: Mapping[str, str] = {
     "learned-flat": "flat in the predicted mask",
 }
 
+#: What methods do on views that is another method than on complete surfaces.
+ON_VIEWS: Mapping[str, str] = {"skeleton": "level sets"}
+
 #: Rows of the ablation: those of the paper, one about which it makes a claim without figures, and
 #: without any depth.
 CONTROLS = ("learned-average", "learned-flat")

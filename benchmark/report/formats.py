@@ -139,19 +139,31 @@ def blocks(view: TableView) -> Iterator[tuple[str, list[Line]]]:
     for kind, name in BLOCKS.items():
         rows = [row for row in view.printed_rows if row.kind == kind]
         if rows:
-            seen = _input_in_words(kind, rows) if is_as_printed else ""
-            yield name + seen, [_line(view, groups, row) for row in rows]
+            seen = [_input_in_words(kind, rows)] if is_as_printed else []
+            words = "; ".join(filter(None, [*seen, *_draws_in_words(view, rows)]))
+            heading = f"{name} ({words})" if words else name
+            yield heading, [_line(view, groups, row) for row in rows]
     yield "", [_chance_line(view, groups)]
 
 
 def _input_in_words(kind: Kind, rows: Iterable[Row]) -> str:
-    """Return what the rows of a block see, in brackets."""
+    """Return what the rows of a block see."""
     if kind == "external":
         return ""
     if kind != "network":
-        return " (complete surfaces)"
+        return "complete surfaces"
     has_surfaces = any(record.input == "mesh" for row in rows for record in row.records)
-    return " (one depth view unless named)" if has_surfaces else " (one depth view)"
+    return "one depth view unless named" if has_surfaces else "one depth view"
+
+
+def _draws_in_words(view: TableView, rows: Sequence[Row]) -> Iterator[str]:
+    """Say in which columns the rows of a block rank fewer draws of the data than other rows do."""
+    for column in view.columns:
+        if column.over_draws:
+            most = max(row.n_galleries(column.title) for row in view.printed_rows)
+            fewer = max(row.n_galleries(column.title) for row in rows)
+            if 0 < fewer < most:
+                yield f"{column.title}: {fewer} of {most} draws"
 
 
 def _line(view: TableView, groups: Iterable[Group], row: Row) -> Line:

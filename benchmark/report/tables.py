@@ -19,6 +19,7 @@ from benchmark.defaults import DEFAULT_SCORER
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import (
     AVERAGED,
+    ON_VIEWS,
     TABLES,
     TITLES,
     GalleryGroup,
@@ -166,6 +167,10 @@ class Row:
     failed: Mapping[str, Sequence[Record]] = field(default_factory=dict)
     parameters: Mapping[str, Any] = field(default_factory=dict)
     defaults: Mapping[str, Any] = field(default_factory=dict)
+
+    def n_galleries(self, group: str) -> int:
+        """Return how many galleries its scores in a column are means over."""
+        return len(self.scored[group].records) if group in self.scored else 0
 
     @property
     def base(self) -> str:
@@ -594,7 +599,6 @@ def _row(
         kind_of(records[0]) if records else "network" if method.startswith("learned") else "form"
     )
     first = min(records, key=lambda record: len(record.method), default=None)
-    title = TITLES.get(method) or (brief(first.title) if first else method)
     scored, failed = {}, {}
     for column, every in galleries.items():
         names = every[:1] if kind == "network" and column.over_draws else every
@@ -615,7 +619,21 @@ def _row(
         if first
         else {}
     )
+    inputs = {record.input for one in scored.values() for record in one.all_records}
+    title = _title(method, brief(first.title) if first else method, inputs)
     return Row(method, title, kind, scored, failed, chosen, first.defaults if first else {})
+
+
+def _title(method: str, own: str, inputs: Container[str]) -> str:
+    """Return the title of a row, which says where views are treated by another method."""
+    title = TITLES.get(method, own)
+    words = ON_VIEWS.get(method.partition("[")[0])
+    if words is None or "view" not in inputs:
+        return title
+    if "mesh" in inputs:
+        words = f"views: {words}"
+    has_parameters = title.endswith(")")
+    return f"{title.removesuffix(')')}, {words})" if has_parameters else f"{title} ({words})"
 
 
 def _excuse(rows: Sequence[Row]) -> list[Row]:

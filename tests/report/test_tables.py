@@ -11,7 +11,7 @@ from benchmark.pipeline.records import write_record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PRINTED
 from benchmark.report.columns import PRINTED_OF_ROW
-from benchmark.report.formats import as_json, markdown, robustness_markdown
+from benchmark.report.formats import as_json, blocks, markdown, robustness_markdown
 from benchmark.report.frames import chosen_records
 from benchmark.report.notes import table_notes
 from benchmark.report.output import table_files
@@ -75,6 +75,22 @@ def test_a_row_is_the_mean_of_all_draws_of_people_and_networks_see_the_first():
     apart = f"at most .{len(draws) - 1}0 apart (NN of GPS); networks: one draw."
     apart = f"15 subjects: mean of {len(draws)} draws, {apart}"
     assert any(apart in note for note in table_notes(table)) == (len(draws) > 1)
+    headings = [heading for heading, _ in blocks(table)]
+    assert headings == [
+        "Canonical forms (complete surfaces)",
+        f"Networks (one depth view; 15 subjects: 1 of {len(draws)} draws)",
+        "",
+    ]
+
+
+def test_skeletons_of_views_say_that_they_are_level_sets():
+    surface, view_ = (record("skeleton", 0.5, input_=name) for name in ("mesh", "view"))
+    swept = record("skeleton[bands=12]", 0.5, input_="view", parameters={"bands": 12})
+    assert [row.title for row in view(surface).rows] == ["Skeleton-based"]
+    assert [row.title for row in view(view_).rows] == ["Skeleton-based (level sets)"]
+    both = [row.title for row in view(surface, view_).rows]
+    assert both == ["Skeleton-based (views: level sets)"]
+    assert any("level sets" in row.title for row in view(view_, swept).rows[1:])
 
 
 def test_rows_of_one_title_show_their_names():
