@@ -19,7 +19,6 @@ from benchmark.commands.canonicalise import (
     trained_on_people,
 )
 from benchmark.commands.form import check_writable
-from benchmark.commands.retrieve import retrieve as matches_of
 from benchmark.datasets.mesh_files import read_mesh
 from benchmark.depth.frame import FrameFiles
 from benchmark.errors import ConfigurationError
@@ -76,11 +75,11 @@ def _check_targets(path: Path, picture: Path | None) -> None:
 
 def _draw_mesh(source: Path, form: CanonicalForm, picture: Path) -> None:
     """Draw a mesh and its form; the form may have the vertices of the prepared mesh."""
-    from benchmark.report import figures, sheets  # matplotlib takes half a second
+    from benchmark.report import grids, sheets  # matplotlib takes half a second
 
     mesh = read_mesh(source)
     drawn = mesh if mesh.n_vertices == len(form.vertices) else prepare(mesh, N_VERTICES).mesh
-    figures.save(sheets.mesh_picture(drawn, form.mesh), picture)
+    grids.save(sheets.mesh_picture(drawn, form.mesh), picture)
 
 
 # Depth images
@@ -140,12 +139,12 @@ def _outputs(
 
 def _draw_frame(of_frame: FormOfFrame, picture: Path) -> None:
     """Draw a depth image, its object and its form."""
-    from benchmark.report import figures, sheets
+    from benchmark.report import grids, sheets
 
     seen, form = of_frame.observed, of_frame.form
     if seen and form:
         sheet = sheets.frame_picture(seen.depths, seen.mask, seen.surface, form.mesh)
-        figures.save(sheet, picture)
+        grids.save(sheet, picture)
 
 
 # Retrieval
@@ -156,6 +155,8 @@ def retrieve(
     query: Path, name: str, method: str, options: Selection, k: int, wanted: Input | None = None
 ) -> None:
     """Print the shapes of a gallery, complete surfaces or views, that are nearest to a query."""
+    from benchmark.commands.retrieve import retrieve as matches_of  # a form needs no galleries
+
     check_ending(options.picture)
     matches = matches_of(
         query,
@@ -179,7 +180,7 @@ def retrieve(
     texts = frame.assign(distance=frame["distance"].map("{:.4g}".format)).astype(str)
     say_table([list(frame.columns), *texts.to_numpy().tolist()])
     if options.picture:
-        from benchmark.report import figures
+        from benchmark.report import grids
 
-        figures.save(matches.picture(), options.picture)
+        grids.save(matches.picture(), options.picture)
     say(f"{matches.decision}; {matches.seconds:.1f} s")

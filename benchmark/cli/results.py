@@ -12,7 +12,7 @@ from benchmark.text import say
 
 def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, force: bool) -> None:
     """Draw a figure."""
-    from benchmark.report import figures  # matplotlib takes half a second
+    from benchmark.report import figures, grids  # matplotlib takes half a second
     from benchmark.report.drawing import check_ending
     from benchmark.report.forms import StoredForms
 
@@ -34,5 +34,5 @@ def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, fo
         if what == "map"
         else figures.forms_figure(view, forms, shapes)
     )
-    figures.save(figure, path)
+    grids.save(figure, path)
     say(f"wrote {path}")

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 from statistics import mode
 from textwrap import fill
-from typing import Any, TypeVar
+from typing import TypeVar
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
@@ -24,26 +21,20 @@ from sklearn.manifold import MDS
 
 from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError, check_known
-from benchmark.files import write_atomically
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Points
 from benchmark.pipeline.records import Record, read_distances
 from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.frames import file_name
+from benchmark.report.grids import DPI, TITLE_SIZE, WIDTH, grid
 from benchmark.report.tables import Row, Scored, TableView
 from benchmark.text import clean_text
 
 T = TypeVar("T")
 
-#: Width in inches of the text of a two-column paper.
-WIDTH = 7.16
-
-#: Pixels per inch that papers ask for.
-DPI = 300
-
-#: Side in inches of a picture in a figure of forms, at most, and height of the titles above them.
-_TALLEST, _HEAD = 0.85, 0.44
+#: Side in inches of a picture in a figure of forms, at most.
+_TALLEST = 0.85
 
 #: Measure of pages and figures that show one.
 MEASURE = "DCG"
@@ -66,15 +57,6 @@ GREY = "#737373"
 
 #: Colour of a shape whose nearest match is wrong.
 MISSED = "#8c2318"
-
-_SIZE = 7
-
-#: Metadata by file extension, without the date and the version of matplotlib.
-_UNDATED: dict[str, dict[str, str | None]] = {
-    ".png": {"Software": None},
-    ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
-    ".svg": {"Date": None, "Creator": None},
-}
 
 
 def shown_rows(view: TableView) -> list[tuple[Row, Scored]]:
@@ -150,7 +132,7 @@ def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
             np.searchsorted(np.unique(record.labels), labels)
         ]
         place.scatter(points[:, 0], points[:, 1], 9, colours, urls=addresses)
-        place.set_title(fill(row.title, 30), fontsize=_SIZE, parse_math=False)
+        place.set_title(fill(row.title, 30), fontsize=TITLE_SIZE, parse_math=False)
     return figure
 
 
@@ -168,7 +150,7 @@ def _annotate(
         place.annotate(
             name,
             (x, y),
-            fontsize=_SIZE,
+            fontsize=TITLE_SIZE,
             ha="center",
             va="center",
             parse_math=False,
@@ -250,22 +232,6 @@ def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera)
     return figure
 
 
-def grid(columns: Sequence[tuple[str, Sequence[Any]]], side: float = 1.0) -> Figure:
-    """Return a figure of columns of pictures, each below its title and of a side in inches; None is no picture."""
-    n_rows = max(len(pictures) for _, pictures in columns)
-    figure = Figure((side * len(columns), _HEAD + n_rows * side))
-    axes = figure.subplots(n_rows, len(columns), squeeze=False)
-    figure.subplots_adjust(0, 0, 1, n_rows * side / (_HEAD + n_rows * side), 0, 0)
-    for place in figure.axes:
-        place.axis("off")
-    for places, (title, pictures) in zip(axes.T, columns, strict=True):
-        places[0].set_title(title, fontsize=_SIZE, parse_math=False)
-        for place, picture in zip(places, pictures, strict=False):
-            if picture is not None:
-                place.imshow(np.asarray(picture), cmap="gray")
-    return figure
-
-
 def first_records(view: TableView) -> dict[Row, Record]:
     """Return a record of each row that is shown, all of one gallery, that of most rows."""
     every = {row: one.all_records[0] for row, one in shown_rows(view)}
@@ -289,15 +255,3 @@ def some_shapes(record: Record, n_classes: int = 1, n_shapes: int = 3) -> list[s
         for of_class in _some([*classes.values()], n_classes)
         for shape in _some(of_class, n_shapes)
     ]
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure as PDF, PNG or SVG by its extension."""
-    write_atomically(path, lambda file: file.write(encode(figure, path.suffix.lower())))
-
-
-def encode(figure: Figure, ending: str) -> bytes:
-    """Return a figure as PDF, PNG or SVG, without dates; publishers take the fonts (Type 42)."""
-    with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42}):
-        figure.savefig(file := io.BytesIO(), format=ending[1:], metadata=_UNDATED[ending], dpi=DPI)
-    return file.getvalue()

@@ -20,7 +20,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.preparation import decimate
 from benchmark.pipeline.records import RankedShapes, Record, read_distances
 from benchmark.protocols.tables import AGAINST, SURFACES, GalleryGroup, Kind
-from benchmark.report import figures
+from benchmark.report import figures, grids
 from benchmark.report.columns import PRINTED_OF_ROW, score_groups
 from benchmark.report.data_titles import short_data_title
 from benchmark.report.drawing import OBLIQUE, PALETTE, shaded, webp
@@ -514,7 +514,7 @@ def _map(pages: Pages, view: TableView) -> str:
     )
     try:
         page = f"{view.stem}-queries.html#{file_name(title)}"
-        svg = figures.encode(figures.map_figure(view, pages.forms, page), ".svg")
+        svg = grids.encode(figures.map_figure(view, pages.forms, page), ".svg")
     except ConfigurationError:
         return ""
     pages.files[name] = svg.replace(b'target="_blank"', b'target="_top"')

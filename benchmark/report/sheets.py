@@ -13,8 +13,8 @@ from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import fit_half_width, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.report.drawing import OBLIQUE, shaded
-from benchmark.report.figures import DPI, grid
 from benchmark.report.forms import Drawn, seen, upright
+from benchmark.report.grids import DPI, grid
 
 _OBJECT = np.array([0.95, 0.55, 0.2])
 

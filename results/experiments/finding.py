@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from benchmark.pipeline.records import read_records
 from benchmark.protocols.tables import TITLES
 from benchmark.reference.paper import CLASSICAL, PRINTED
-from benchmark.report.figures import WIDTH, save
+from benchmark.report.grids import WIDTH, save
 from benchmark.report.tables import TableView, table_views
 
 RESULTS = Path(__file__).parents[1]

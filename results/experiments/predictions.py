@@ -24,7 +24,7 @@ from benchmark.geometry.camera import Camera
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.prepared import frame_of
-from benchmark.report.figures import WIDTH, save
+from benchmark.report.grids import WIDTH, save
 from learned.images import COVERED, resampled
 from learned.methods import Learned
 

@@ -26,10 +26,10 @@ from benchmark.report.figures import (
     first_records,
     forms_figure,
     map_figure,
-    save,
     some_shapes,
 )
 from benchmark.report.forms import StoredForms
+from benchmark.report.grids import save
 from benchmark.report.output import write_files
 from benchmark.report.pages import _kept_pose, _nearest, report_files
 from benchmark.report.sheets import frame_picture, mesh_picture

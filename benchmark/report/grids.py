@@ -1,0 +1,61 @@
+"""Pictures in a grid, and figures as files; a command that draws a single form needs nothing else."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmark.files import write_atomically
+
+#: Width in inches of the text of a two-column paper.
+WIDTH = 7.16
+
+#: Pixels per inch that papers ask for.
+DPI = 300
+
+#: Size in points of titles and names in figures.
+TITLE_SIZE = 7
+
+#: Height in inches of the titles above pictures.
+_HEAD = 0.44
+
+#: Metadata by file extension, without the date and the version of matplotlib.
+_UNDATED: dict[str, dict[str, str | None]] = {
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None, "Producer": None, "Creator": None},
+    ".svg": {"Date": None, "Creator": None},
+}
+
+
+def grid(columns: Sequence[tuple[str, Sequence[Any]]], side: float = 1.0) -> Figure:
+    """Return a figure of columns of pictures, each below its title and of a side in inches; None is no picture."""
+    n_rows = max(len(pictures) for _, pictures in columns)
+    figure = Figure((side * len(columns), _HEAD + n_rows * side))
+    axes = figure.subplots(n_rows, len(columns), squeeze=False)
+    figure.subplots_adjust(0, 0, 1, n_rows * side / (_HEAD + n_rows * side), 0, 0)
+    for place in figure.axes:
+        place.axis("off")
+    for places, (title, pictures) in zip(axes.T, columns, strict=True):
+        places[0].set_title(title, fontsize=TITLE_SIZE, parse_math=False)
+        for place, picture in zip(places, pictures, strict=False):
+            if picture is not None:
+                place.imshow(np.asarray(picture), cmap="gray")
+    return figure
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PDF, PNG or SVG by its extension."""
+    write_atomically(path, lambda file: file.write(encode(figure, path.suffix.lower())))
+
+
+def encode(figure: Figure, ending: str) -> bytes:
+    """Return a figure as PDF, PNG or SVG, without dates; publishers take the fonts (Type 42)."""
+    with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42}):
+        figure.savefig(file := io.BytesIO(), format=ending[1:], metadata=_UNDATED[ending], dpi=DPI)
+    return file.getvalue()
