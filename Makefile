@@ -132,6 +132,7 @@ figures: setup
 	$(BIN)/python -m benchmark run $(OF_SCANS) $(call methods,$(FIELD))
 	$(DRAW)/field-humans.png $(OF_SCANS) $(call methods,$(FIELD))
 	$(BIN)/python results/experiments/predictions.py
+	$(BIN)/python results/experiments/canonical_depths.py
 	$(BIN)/python results/experiments/finding.py
 	$(DRAW)/effect.png -t III -d tosca $(call methods,$(SHOWN)) $(BODIES)
 	$(DRAW)/david.png -t III -d tosca -m mesh-unfolding $(MEN)
