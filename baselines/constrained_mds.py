@@ -61,10 +61,10 @@ class ConstrainedMDS(CheckedParameters):
         ),
         departs=(
             "An as-rigid-as-possible energy of the surface replaces the source's deformation of a "
-            "solid. The weights of the targets, from 1 to 10 in five cascades of 20 iterations, "
-            "are ours. Of the two mirror images, the one with lower energy is "
-            "kept. The MDS pose is the form of Least Square MDS, a local minimum of the stress; "
-            "the abstract of the source does not say which MDS it uses."
+            "solid. The weights of the targets and the numbers of cascades and iterations are "
+            "ours. Of the two mirror images, the one with lower energy is kept. The MDS pose is "
+            "the form of Least Square MDS, a local minimum of the stress; the abstract of the "
+            "source does not say which MDS it uses."
         ),
         needs=("pairs",),
     )

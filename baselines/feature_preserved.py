@@ -71,9 +71,9 @@ class FeaturePreserved(CheckedParameters):
         ),
         departs=(
             "Parts grow around evenly spread seeds; the source cuts a closed surface at its "
-            "protrusions. The number of parts, 16, and the width of smoothed seams, .03 of the "
-            "root of the area, are ours. Of the two mirror images, the one that the parts fit better is kept. The "
-            "MDS form is that of Least Square MDS, a local minimum of the stress."
+            "protrusions. The number of parts and the width of smoothed seams are ours. Of the "
+            "two mirror images, the one that the parts fit better is kept. The MDS form is that "
+            "of Least Square MDS, a local minimum of the stress."
         ),
         needs=("pairs",),
     )

@@ -73,8 +73,8 @@ class MeshUnfolding(CheckedParameters):
         ),
         departs=(
             "Vertices repel each other by distance, not by squared distance. An "
-            "as-rigid-as-possible energy replaces finite elements. The first stiffness, .25, "
-            "the bound of the mean strain, 5 %, and the numbers of steps are ours."
+            "as-rigid-as-possible energy replaces finite elements. The first stiffness, the bound "
+            "of the mean strain and the numbers of steps are ours."
         ),
         needs=("connected",),
     )

@@ -45,7 +45,7 @@ class SDGDM(CheckedParameters):
         ),
         departs=(
             "Uses the geodesic distances of Classic MDS, of all vertices, not weighted by their "
-            "areas. Keeping 20 singular values, and dividing them by their sum, is ours."
+            "areas. The number of singular values, and the division by their sum, are ours."
         ),
         scale="invariant",
         needs=("pairs",),

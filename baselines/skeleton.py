@@ -68,7 +68,8 @@ class Skeleton(CheckedParameters):
             "Differs from the released code in five points: quadrics are summed; joints are "
             "centred by displacement, then merged; pockets are absorbed; a triangle across a "
             "border belongs to the bone between; contraction does not stop early. On open views, "
-            "joints are level sets of the geodesic distance, which is another method."
+            "joints are level sets of the geodesic distance, which is another method; their "
+            "number, and what counts as open, are ours."
         ),
         needs=("pairs",),
     )

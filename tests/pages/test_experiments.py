@@ -88,3 +88,21 @@ def test_the_computation_of_the_networks_is_that_of_the_page(monkeypatch):
     ]
     for low, high in millions:
         assert f"| {low:.1f} to {high:.0f} million |" in page
+
+
+def test_weights_of_ours_are_parameters_that_their_methods_declare(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    import sensitivity
+
+    from benchmark.registry import select_one
+
+    for method, weights in sensitivity.WEIGHTS.items():
+        component = select_one(method)
+        assert "ours" in component.info.departs
+        halved, doubled = sensitivity.FACTORS
+        names = [name for name, _, _ in sensitivity.variants(method)]
+        assert len(names) == 2 * len(weights)
+        for name, weight, factor in sensitivity.variants(method):
+            value = select_one(name).parameters[weight]
+            assert value == factor * component.defaults[weight], name
+            assert factor in (halved, doubled)
