@@ -26,6 +26,7 @@ from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import write_mesh
 from benchmark.pipeline.records import read_records
 from benchmark.reference.paper import MEASURES
+from benchmark.report.frames import hundredths
 
 #: The animals: of people, classes of one person each are all alike.
 CLASSES = ("cat", "dog", "gorilla", "horse", "wolf")
@@ -122,17 +123,28 @@ def judge(folder: Path) -> None:
         for measure, value in of.scores.items()
         if measure in MEASURES
     ]
-    scores = pd.DataFrame(rows)
-    scores.to_csv(TABLE, index=False, float_format="%.6f")
-    groups = scores.groupby(["method", "measure"], sort=False)
-    spread = groups.agg(
-        copy=("value", "first"),
-        least=("value", "min"),
-        most=("value", "max"),
-        meshes=("value", "std"),
-        codebooks=("codebooks", "mean"),
-    )
-    print(spread.round(3).to_string())
+    scores = pd.DataFrame(rows).sort_values(["method", "measure", "mesh"])
+    scores.to_csv(TABLE, index=False, float_format="%.6f", lineterminator="\n")
+    print("\n".join(lines(scores)))
+
+
+def lines(scores: pd.DataFrame) -> list[str]:
+    """Return the scatter over meshes beside that over codebooks, and the range, as a table in Markdown."""
+    heads = ["over meshes: NN FT ST DCG", "over codebooks", "least to most DCG"]
+    said = [f"| method | {' | '.join(heads)} |", "|---|---|---|---|"]
+    for method, group in scores.groupby("method", sort=False):
+        of = group.groupby("measure").agg({"value": ["std", "min", "max"], "codebooks": "mean"})
+        of = of.reindex(MEASURES)
+        meshes = " ".join(map(thousandths, of["value", "std"]))
+        books = " ".join(map(thousandths, of["codebooks", "mean"]))
+        ends = " to ".join(hundredths(of.loc["DCG", ("value", end)]) for end in ("min", "max"))
+        said.append(f"| {method} | {meshes} | {'' if 'nan' in books else books} | {ends} |")
+    return said
+
+
+def thousandths(value: float) -> str:
+    """Return a standard deviation with three decimals."""
+    return f"{value:.3f}".removeprefix("0")
 
 
 if __name__ == "__main__":

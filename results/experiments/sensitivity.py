@@ -13,6 +13,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -119,9 +120,22 @@ def judge(results: Path) -> None:
                     found.append(table.assign(**place))
     table = pd.concat(found)[["data", "method", "weight", "factor", *found[0].columns[:5]]]
     table.to_csv(TABLE, index=False, float_format="%.6f", lineterminator="\n")
-    shown = table.pivot(index=["method", "weight", "factor"], columns=["data", "measure"])
-    print(shown["change"].round(3).to_string())
-    print(table[(table.p < ALPHA) & table.above_scatter].to_string(index=False))
+    print("\n".join(lines(table)))
+
+
+def lines(table: pd.DataFrame) -> list[str]:
+    """Return the changes as lines of a table in Markdown; bold where a weight matters."""
+    said = ["| data | method, weight | half: NN FT ST DCG | double |", "|---|---|---|---|"]
+    for (data, method, weight), group in table.groupby(["data", "method", "weight"], sort=False):
+        cells = [" ".join(map(text, of.itertuples())) for _, of in group.groupby("factor")]
+        said.append(f"| {data} | {method}, {weight} | {' | '.join(cells)} |")
+    return said
+
+
+def text(change: Any) -> str:
+    """Return a change with its sign; bold if it is significant and above the scatter."""
+    signed = f"{round(change.change, 2) + 0.0:+.2f}".replace("0.", ".", 1)
+    return f"**{signed}**" if change.p < ALPHA and change.above_scatter else signed
 
 
 if __name__ == "__main__":
