@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.ndimage import binary_erosion, distance_transform_edt
 
-from benchmark.depth.neighbours import REACH, error_at, jump
+from benchmark.depth.neighbours import NEIGHBOUR_GAP, error_at, jump
 from benchmark.depth.reading import Depths, Mask
 from benchmark.geometry.mesh import IntArray
 
@@ -25,7 +25,7 @@ _ROUNDS = 3
 """Number of rounds: pixels may lie between filled ones, as where every other row and column has readings."""
 
 _FOLLOWS = 0.75
-"""Share of the outline of a mask within :data:`REACH` pixels of the surface if the mask fits the object."""
+"""Share of the outline of a mask within :data:`NEIGHBOUR_GAP` pixels of the surface if the mask fits the object."""
 
 _UNEVEN = 0.01
 """Unevenness in metres of a surface between the pixels beside a gap of its mask."""
@@ -73,16 +73,16 @@ def filled(
         Other pixels that are certainly missing, shape (h, w).
     widest
         Maximum number of pixels between two of the object within the mask and ``allowed``;
-        elsewhere, :data:`REACH`.
+        elsewhere, :data:`NEIGHBOUR_GAP`.
     """
     others = (depths > 0) & ~kept & ~averaged
     surface = np.where(kept, depths, 0)
     if mask is not None:
         # Within the mask, only what was measured there speaks against it.
-        surface = _in_rounds(depths, surface, others & mask, others | ~mask, REACH)
+        surface = _in_rounds(depths, surface, others & mask, others | ~mask, NEIGHBOUR_GAP)
         if _fits(mask, surface > 0):
             allowed = allowed | mask
-    surface = _in_rounds(depths, surface, others, others, REACH)
+    surface = _in_rounds(depths, surface, others, others, NEIGHBOUR_GAP)
     return _in_rounds(depths, surface, others, others | ~allowed, widest)
 
 
@@ -97,7 +97,7 @@ def _fits(mask: Mask, is_surface: Mask) -> bool:
     """Return whether the outline of a mask follows the pixels of a surface; that of a box or a hull does not."""
     outline = mask & ~binary_erosion(mask)
     distances = distance_transform_edt(~is_surface)[outline]
-    return bool(np.quantile(distances, _FOLLOWS) <= REACH + 1)
+    return bool(np.quantile(distances, _FOLLOWS) <= NEIGHBOUR_GAP + 1)
 
 
 def averages(depths: Depths, kept: Mask, dropped: Mask) -> Mask:
@@ -117,7 +117,7 @@ def averages(depths: Depths, kept: Mask, dropped: Mask) -> Mask:
     """
     nearest = distance_transform_edt(~kept, return_distances=False, return_indices=True)
     is_before = depths < depths[tuple(nearest)]
-    is_scattered = (_width(kept) <= REACH) & (_width(kept.T).T <= REACH)
+    is_scattered = (_width(kept) <= NEIGHBOUR_GAP) & (_width(kept.T).T <= NEIGHBOUR_GAP)
     return np.asarray(dropped & (is_before | is_scattered))
 
 
@@ -130,7 +130,7 @@ def _width(is_end: Mask) -> IntArray:
 def in_gaps_of_mask(depths: Depths, kept: Mask) -> Mask:
     """Return readings outside a mask that lie on the surface between two pixels of the object, shape (h, w).
 
-    The gap is at most :data:`REACH` pixels wide. If the background was measured in it, it is an
+    The gap is at most :data:`NEIGHBOUR_GAP` pixels wide. If the background was measured in it, it is an
     edge.
 
     Parameters
@@ -144,7 +144,7 @@ def in_gaps_of_mask(depths: Depths, kept: Mask) -> Mask:
     nearest = distance_transform_edt(~kept, return_distances=False, return_indices=True)
     before = depths[tuple(nearest)]
     others = (depths > before + jump(before)) & ~kept
-    between = _in_rounds(depths, surface, others, others, REACH)
+    between = _in_rounds(depths, surface, others, others, NEIGHBOUR_GAP)
     is_alike = np.abs(depths - between) <= _UNEVEN + error_at(between)
     return np.asarray((depths > 0) & ~kept & (between > 0) & is_alike)
 

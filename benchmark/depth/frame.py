@@ -7,16 +7,15 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.depth import reading
 from benchmark.depth.filling import WIDEST, averages, filled, in_gaps_of_mask
 from benchmark.depth.intrinsics import Intrinsics, Rays, find_intrinsics, read_intrinsics
 from benchmark.depth.neighbours import (
-    AVERAGED,
+    HOW_TO_RESIZE,
     MOST_DEAD,
     MOST_FLYING,
     dead_lines,
@@ -24,7 +23,17 @@ from benchmark.depth.neighbours import (
     on_surface,
     without_flying_pixels,
 )
-from benchmark.depth.reading import Depths, Mask
+from benchmark.depth.reading import (
+    FEWEST_SEEN,
+    Depths,
+    Mask,
+    checked_mask,
+    find_mask,
+    in_metres,
+    read_mask,
+    read_values,
+    usual_scale,
+)
 from benchmark.depth.segmentation import Plane, background_planes, find_object
 from benchmark.errors import DepthError
 from benchmark.files import named_errors
@@ -60,6 +69,9 @@ _PLANE_STEP = 2
 """Pixel stride of the subsampled image in which planes are detected."""
 
 Up = Sequence[float]
+
+Pixels = tuple[NDArray[Any], ...]
+"""Places in an image, as :func:`numpy.ix_` gives them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,57 +135,102 @@ def observe(
     """
     height, width = depths.shape
     intrinsics.check_size(width, height)
-    seen, rays = depths > 0, intrinsics.rays(width, height)
+    rays = intrinsics.rays(width, height)
     points = unprojected(depths, rays)
-    dead_rows, dead_columns = dead_lines(seen)
+    dead_rows, dead_columns = dead_lines(depths > 0)
     live = np.ix_(~dead_rows, ~dead_columns)
     if mask is None:
-        whole = None
-        planes = _planes(points[live], seen[live])
-        chosen = np.zeros_like(seen)
-        chosen[live] = find_object(points[live], seen[live], planes)
-        _check_count(chosen)
-        kept = on_surface(depths, chosen)
-        dropped = seen & ~without_flying_pixels(depths, seen)
-        if np.count_nonzero(dropped) > MOST_FLYING * np.count_nonzero(seen):
-            raise DepthError("the depth jumps between too many pixels of the image", AVERAGED)
-        beside = np.zeros_like(seen)
+        pixels = _find_pixels(depths, points, live)
     else:
-        whole = reading.checked_mask(mask, seen)
-        chosen = dropped = whole & seen
-        _check_count(chosen)
-        kept = on_surface(depths, chosen)
-        beside = in_gaps_of_mask(depths, kept)
-        # The scene only has to provide the floor.
-        planes = _planes(points[live], (seen & ~whole & ~beside)[live])
-        beside &= ~_on_planes(points, planes)
-    flying = np.count_nonzero(chosen & ~kept)
-    kept = kept | beside
-    _check_count(kept)
-    distance = float(np.median(depths[kept]))
+        pixels = _pixels_of_mask(depths, points, live, checked_mask(mask, depths > 0))
+    _check_count(pixels.kept)
+
+    distance = float(np.median(depths[pixels.kept]))
     widest = int(WIDEST * max(intrinsics.fx, intrinsics.fy) / distance)
     dead = dead_rows[:, None] | dead_columns
     if dead.mean() > MOST_DEAD:  # of a registered image, what lies between readings may be anything
         dead[:] = False
-    averaged = averages(depths, kept, dropped & ~kept)
-    completed = filled(depths, kept, averaged, whole, dead, widest)
-    direction, up_source = _up(planes, up)
-    surface = object_surface(completed, rays, completed > 0, upright(direction), half_width)
+    averaged = averages(depths, pixels.kept, pixels.dropped & ~pixels.kept)
+    completed = filled(depths, pixels.kept, averaged, pixels.mask, dead, widest)
+    is_object = completed > 0
+
+    direction, up_source = _up_direction(pixels.planes, up)
+    surface = object_surface(completed, rays, is_object, upright_rotation(direction), half_width)
+    n_pixels = int(np.count_nonzero(pixels.kept))
     notes: dict[str, float | str] = {
         "mask": "found" if mask is None else "given",
         "up": up_source,
-        "planes": float(len(planes)),
-        "object_pixels": float(np.count_nonzero(kept)),
-        "flying_pixels": float(flying),
-        "filled_pixels": float(np.count_nonzero(completed) - np.count_nonzero(kept)),
+        "planes": float(len(pixels.planes)),
+        "object_pixels": float(n_pixels),
+        "flying_pixels": float(pixels.n_flying),
+        "filled_pixels": float(np.count_nonzero(is_object) - n_pixels),
         "distance": round(distance, 4),
         "size": round(float(np.ptp(surface.vertices, axis=0).max()), 4),
     }
-    n_averaged = int(np.count_nonzero(averaged & (chosen | (completed > 0))))
-    doubts = _doubts(int(np.count_nonzero(kept)), n_averaged)
+    n_averaged = int(np.count_nonzero(averaged & (pixels.chosen | is_object)))
     return ObservedObject(
-        np.where(completed > 0, completed, depths), completed > 0, surface, notes, doubts
+        depths=np.where(is_object, completed, depths),
+        mask=is_object,
+        surface=surface,
+        notes=notes,
+        doubts=_doubts(n_pixels, n_averaged),
     )
+
+
+class _Pixels(NamedTuple):
+    """The pixels of an object, and the planes around it.
+
+    Parameters
+    ----------
+    mask
+        The object as a user passes it, with pixels without a reading; None if it was found.
+    chosen
+        Readings in the mask, or in the piece that was found.
+    kept
+        Readings on the surface of the object, also in gaps of the mask.
+    dropped
+        Readings that may be on no surface.
+    n_flying
+        Number of chosen readings on no surface.
+    planes
+        Planes of the background.
+    """
+
+    mask: Mask | None
+    chosen: Mask
+    kept: Mask
+    dropped: Mask
+    n_flying: int
+    planes: list[Plane]
+
+
+def _find_pixels(depths: Depths, points: Points, live: Pixels) -> _Pixels:
+    """Return the pixels of the object, which is searched in the rows and columns with readings."""
+    seen = depths > 0
+    planes = _planes(points[live], seen[live])
+    chosen = np.zeros_like(seen)
+    chosen[live] = find_object(points[live], seen[live], planes)
+    _check_count(chosen)
+    kept = on_surface(depths, chosen)
+    dropped = seen & ~without_flying_pixels(depths, seen)
+    if np.count_nonzero(dropped) > MOST_FLYING * np.count_nonzero(seen):
+        raise DepthError("the depth jumps between too many pixels of the image", HOW_TO_RESIZE)
+    n_flying = int(np.count_nonzero(chosen & ~kept))
+    return _Pixels(None, chosen, kept, dropped, n_flying, planes)
+
+
+def _pixels_of_mask(depths: Depths, points: Points, live: Pixels, mask: Mask) -> _Pixels:
+    """Return the pixels of the object in a mask, and of its gaps in which the surface goes on."""
+    seen = depths > 0
+    chosen = mask & seen
+    _check_count(chosen)
+    kept = on_surface(depths, chosen)
+    n_flying = int(np.count_nonzero(chosen & ~kept))
+    in_gaps = in_gaps_of_mask(depths, kept)
+    # The scene only has to provide the floor.
+    planes = _planes(points[live], (seen & ~mask & ~in_gaps)[live])
+    in_gaps &= ~_on_planes(points, planes)
+    return _Pixels(mask, chosen, kept | in_gaps, chosen, n_flying, planes)
 
 
 def _doubts(n_pixels: int, n_averaged: int) -> tuple[tuple[str, str], ...]:
@@ -184,14 +241,14 @@ def _doubts(n_pixels: int, n_averaged: int) -> tuple[tuple[str, str], ...]:
         doubts.append((what, f"go nearer, until it shows {FEWEST_SURE}"))
     if n_averaged > MOST_AVERAGED * n_pixels:
         what = f"{n_averaged} depths of the object were averaged with missing ones, so its edges were averaged, too"
-        doubts.append((what, AVERAGED))
+        doubts.append((what, HOW_TO_RESIZE))
     return tuple(doubts)
 
 
 def _check_count(mask: Mask) -> None:
     """Raise ``DepthError`` if an object shows too few pixels for a surface."""
-    if (count := np.count_nonzero(mask)) < reading.FEWEST_SEEN:
-        problem = f"the object shows {count} pixels, fewer than {reading.FEWEST_SEEN}"
+    if (count := np.count_nonzero(mask)) < FEWEST_SEEN:
+        problem = f"the object shows {count} pixels, fewer than {FEWEST_SEEN}"
         raise DepthError(problem, "go nearer, or check the mask")
 
 
@@ -229,20 +286,25 @@ def scale_of(
         If the file's is neither a unit nor, in any of its readings, the usual scale of the image's
         type.
     """
-    stated = intrinsics.scales if scale is None else (scale,)
-    if len(stated) > 1 and not np.isclose(stated, reading.usual_scale(values)).any():
-        readings = " or ".join(f"{unit:g}" for unit in dict.fromkeys(stated))
-        problem = f"the depth scale of the camera file may mean {readings} units per metre"
+    if scale is not None:
+        return scale
+    readings = intrinsics.scales
+    if len(readings) > 1 and not np.isclose(readings, usual_scale(values)).any():
+        listed = " or ".join(f"{unit:g}" for unit in dict.fromkeys(readings))
+        problem = f"the depth scale of the camera file may mean {listed} units per metre"
         raise DepthError(problem, "pass --depth-scale with the units per metre")
-    return stated[0] if len(stated) == 1 else None
+    return readings[0] if len(readings) == 1 else None
 
 
-def _up(planes: Sequence[Plane], recorded: Up | None) -> tuple[FloatArray, str]:
-    """Return the up direction in the camera's frame and its source."""
+def _up_direction(planes: Sequence[Plane], recorded: Up | None) -> tuple[FloatArray, str]:
+    """Return the up direction in the camera's frame, and its source: the lowest floor, a file, or the image."""
     floors = [plane for plane in planes if -plane.normal[1] >= FLOOR]
     if floors:
-        return min(floors, key=lambda plane: plane.offset).normal, "floor"
-    return (IMAGE_UP, "image") if recorded is None else (checked_up(recorded), "sidecar")
+        lowest = min(floors, key=lambda plane: plane.offset)
+        return lowest.normal, "floor"
+    if recorded is not None:
+        return checked_up(recorded), "sidecar"
+    return IMAGE_UP, "image"
 
 
 def checked_up(direction: Up) -> FloatArray:
@@ -251,14 +313,23 @@ def checked_up(direction: Up) -> FloatArray:
         up = np.asarray(direction, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):  # the direction may come from a settings file
         up = np.empty(0)
-    length = float(np.linalg.norm(up)) if up.shape == (3,) else 0.0
-    if not (np.isfinite(length) and length > 0 and np.hypot(up[0], up[1]) / length >= MOST_TILTED):
+    if not _is_usable_up(up):
         hint = "write [right, down, forward] of the camera, such as [0, -1, 0]; none if it looks straight down"
         raise DepthError(f"not a usable up direction: {direction}", hint)
-    return up / length
+    return up / float(np.linalg.norm(up))
 
 
-def upright(up: FloatArray) -> Points:
+def _is_usable_up(up: FloatArray) -> bool:
+    """Return whether a vector is a finite direction, and not near the optical axis."""
+    if up.shape != (3,):
+        return False
+    length = float(np.linalg.norm(up))
+    if not np.isfinite(length) or length == 0:
+        return False
+    return bool(np.hypot(up[0], up[1]) / length >= MOST_TILTED)
+
+
+def upright_rotation(up: FloatArray) -> Points:
     """Return the rotation from the camera's frame to an upright frame in which the camera looks level.
 
     Its rows are right, up, and back towards the camera; ``up`` has unit length and is not along the
@@ -272,16 +343,6 @@ def upright(up: FloatArray) -> Points:
 def unprojected(depths: Depths, rays: Rays) -> Points:
     """Return the 3D points of pixels, shape (h, w, 3), metres: right, down, forward."""
     return np.concatenate([rays * depths[..., None], depths[..., None]], axis=-1)
-
-
-def _windows(shape: tuple[int, ...], count: int) -> list[tuple[slice, slice]]:
-    """Return the shifted windows into an image padded by one, row by row, whose last one ends at its corner."""
-    height, width = shape[0] + 3 - count, shape[1] + 3 - count
-    return [
-        np.s_[down : down + height, right : right + width]
-        for down in range(count)
-        for right in range(count)
-    ]
 
 
 def object_surface(
@@ -302,7 +363,7 @@ def object_surface(
     mask
         Pixels of the object, shape (h, w).
     rotation
-        From :func:`upright`.
+        From :func:`upright_rotation`.
     half_width
         Half the side of the frame, in metres.
 
@@ -324,34 +385,63 @@ def object_surface(
 
 def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, Faces]:
     """Return pixel corners in the camera's frame, shape (n, 3), and two camera-facing triangles per pixel."""
-    # The pixels around each corner: above left, above right, below left, below right.
-    windows = _windows(depths.shape, 2)
-    around: Depths = np.stack([np.pad(depths, 1)[window] for window in windows])
-    held: Mask = np.stack([np.pad(mask, 1)[window] for window in windows])
-    nearest = np.where(held, around, np.inf).min(axis=0)
-    farthest = np.where(held, around, 0).max(axis=0)
-    used = held.any(axis=0)
-    whole = used & (farthest - nearest <= jump(np.where(used, nearest, 0)))
-    torn = held & (used & ~whole)
+    around = _around_corners(depths)
+    held = _around_corners(mask)
+    is_whole = _are_within_a_jump(around, held)
+    is_torn = held & ~is_whole
+    n_whole = np.count_nonzero(is_whole)
+
+    # Vertices: first the corners on one surface, then one for each pixel around a torn corner.
     numbers = np.zeros(around.shape, dtype=np.int32)
-    numbers[:, whole] = np.arange(np.count_nonzero(whole))
-    numbers[torn] = np.count_nonzero(whole) + np.arange(np.count_nonzero(torn))
-    means = (around * held).sum(axis=0)[whole] / held.sum(axis=0)[whole]
-    _, row, column = np.nonzero(torn)
-    members, own = around[:, row, column], around[torn]
-    side = held[:, row, column] & (np.abs(members - own) <= jump(own))
-    z = np.concatenate([means, (members * side).sum(axis=0) / side.sum(axis=0)])
-    outer = np.pad(rays, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
-    of_corners = (outer[:-1, :-1] + outer[:-1, 1:] + outer[1:, :-1] + outer[1:, 1:]) / 4
-    xy = np.concatenate([of_corners[whole], of_corners[row, column]]) * z[:, None]
-    corners = _windows(
-        (mask.shape[0] - 1, mask.shape[1] - 1), 2
-    )  # of the pixels, of which each is on four sides
-    a, d, b, c = (
-        of_side[corner][mask] for of_side, corner in zip(numbers[::-1], corners, strict=True)
-    )
+    numbers[:, is_whole] = np.arange(n_whole)
+    numbers[is_torn] = n_whole + np.arange(np.count_nonzero(is_torn))
+
+    means = (around * held).sum(axis=0)[is_whole] / held.sum(axis=0)[is_whole]
+    z = np.concatenate([means, _depths_of_torn_corners(around, held, is_torn)])
+    _, row, column = np.nonzero(is_torn)
+    rays_of_corners = _rays_of_corners(rays)
+    xy = np.concatenate([rays_of_corners[is_whole], rays_of_corners[row, column]]) * z[:, None]
+
+    # Of a pixel's corners, the upper left one has it as the lower right of the pixels around it.
+    below_right, below_left, above_right, above_left = numbers[::-1]
+    a = below_right[:-1, :-1][mask]
+    b = above_right[1:, :-1][mask]
+    c = above_left[1:, 1:][mask]
+    d = below_left[:-1, 1:][mask]
     faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
     return np.column_stack([xy, z]), faces
+
+
+def _around_corners(image: NDArray[Any]) -> NDArray[Any]:
+    """Return the values above left, above right, below left and below right of each pixel corner; 0 outside."""
+    padded = np.pad(image, 1)
+    above, below = padded[:-1], padded[1:]
+    return np.stack([above[:, :-1], above[:, 1:], below[:, :-1], below[:, 1:]])
+
+
+def _are_within_a_jump(around: Depths, held: Mask) -> Mask:
+    """Return which corners have pixels of the object around them, all of one surface."""
+    nearest = np.where(held, around, np.inf).min(axis=0)
+    farthest = np.where(held, around, 0).max(axis=0)
+    is_used = held.any(axis=0)
+    limit = jump(np.where(is_used, nearest, 0))
+    return np.asarray(is_used & (farthest - nearest <= limit))
+
+
+def _depths_of_torn_corners(around: Depths, held: Mask, is_torn: Mask) -> Depths:
+    """Return the depth of a torn corner for each pixel around it: the mean over those on its side of the jump."""
+    _, row, column = np.nonzero(is_torn)
+    own = around[is_torn]
+    depths = around[:, row, column]
+    is_beside = held[:, row, column] & (np.abs(depths - own) <= jump(own))
+    return np.asarray((depths * is_beside).sum(axis=0) / is_beside.sum(axis=0))
+
+
+def _rays_of_corners(rays: Rays) -> Rays:
+    """Return the rays of pixel corners, shape (h + 1, w + 1, 2), from those of pixels, which go on beyond the image."""
+    outer = np.pad(rays, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
+    total = outer[:-1, :-1] + outer[:-1, 1:] + outer[1:, :-1] + outer[1:, 1:]
+    return np.asarray(total / 4)
 
 
 @dataclass(frozen=True)
@@ -385,7 +475,7 @@ class FrameFiles:
     @property
     def mask_file(self) -> Path | None:
         """Path of the mask; None if there is none."""
-        return self.mask or reading.find_mask(self.image)
+        return self.mask or find_mask(self.image)
 
     @property
     def intrinsics_file(self) -> Path | None:
@@ -394,32 +484,45 @@ class FrameFiles:
 
     def observe(self) -> ObservedObject:
         """Read the frame and return its object; raises ``DepthError``, which names the faulty file."""
-        values, mask_file, camera = reading.read_values(self.image), self.mask_file, self._camera()
-        mask = reading.read_mask(mask_file) if mask_file else None
+        values = read_values(self.image)
+        mask_file = self.mask_file
+        camera = self._camera()
+        mask = read_mask(mask_file) if mask_file else None
         with named_errors(self.image, "depth image", DepthError, "export the image again"):
             scale = scale_of(values, camera, self.scale)
-            observed = observe(
-                reading.in_metres(values, scale), camera, mask, self.up, self.half_width
-            )
-        observed.notes["unit"] = (
-            f"1 / {scale:g} m" if scale else f"assumed 1 / {reading.usual_scale(values):g} m"
-        )
-        observed.notes["camera"] = (
-            "given"
-            if self.intrinsics
-            else os.path.relpath(self.intrinsics_file or "", self.image.parent)
-        )
+            depths = in_metres(values, scale)
+            observed = observe(depths, camera, mask, self.up, self.half_width)
+        notes = observed.notes | {
+            "unit": self._unit_in_words(values, scale),
+            "camera": self._camera_in_words(),
+        }
         if mask_file:
-            observed.notes["mask"] = mask_file.name
-        return observed
+            notes["mask"] = mask_file.name
+        return replace(observed, notes=notes)
+
+    @staticmethod
+    def _unit_in_words(values: NDArray[Any], scale: float | None) -> str:
+        """Return the unit of an image."""
+        if scale:
+            return f"1 / {scale:g} m"
+        return f"assumed 1 / {usual_scale(values):g} m"
+
+    def _camera_in_words(self) -> str:
+        """Return the file of the camera as seen from the image."""
+        if self.intrinsics:
+            return "given"
+        return os.path.relpath(self.intrinsics_file or "", self.image.parent)
 
     def _camera(self) -> Intrinsics:
+        """Return the camera: what is passed, completed by the depth scale of its file."""
         file = self.intrinsics_file
-        if self.intrinsics is None and file is None:
-            hint = "put camera.json beside it, or pass --intrinsics fx,fy,cx,cy; for a folder, write dataset.toml"
-            raise DepthError("there are no intrinsics", hint, self.image)
-        if self.intrinsics is None or self.intrinsics.scales or file is None:
-            return self.intrinsics or read_intrinsics(file or self.image)
+        if self.intrinsics is None:
+            if file is None:
+                hint = "put camera.json beside it, or pass --intrinsics fx,fy,cx,cy; for a folder, write dataset.toml"
+                raise DepthError("there are no intrinsics", hint, self.image)
+            return read_intrinsics(file)
+        if self.intrinsics.scales or file is None:
+            return self.intrinsics
         with suppress(DepthError):  # a file that is not used for its intrinsics may hold anything
             return replace(self.intrinsics, scales=read_intrinsics(file).scales)
         return self.intrinsics

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -28,9 +28,12 @@ CAMERA_FILES = re.compile(
 CENTRAL = (0.4, 0.6)
 """Bounds of the principal point as fractions of width and height, if the intrinsics do not give the image size."""
 
-#: Coefficients of Brown's model with its rational extension, and its names in files; an empty name
-#: means this model.
+#: Coefficients of Brown's model with its rational extension, in the order of OpenCV.
 _BROWN = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+#: Names of the focal lengths and of the principal point.
+_FOCAL = ("fx", "fy", "cx", "cy")
+
+#: Names of Brown's model in files; an empty name means this model.
 _BROWN_NAMES = (
     "",
     "plumb_bob",
@@ -54,7 +57,10 @@ _KEYS = {
     "projection": "p projectionmatrix",  # ROS
     "width": "width imagewidth w cols",
     "height": "height imageheight h rows",
-    **{"fx": "fx flx", "fy": "fy fly", "cx": "cx ppx", "cy": "cy ppy"},
+    "fx": "fx flx",
+    "fy": "fy fly",
+    "cx": "cx ppx",
+    "cy": "cy ppy",
     "coefficients": "distortioncoefficients distortioncoeffs distortion distcoeffs coeffs d",
     "model": "distortionmodel model cameramodel cameratype lensmodel lenstype projection",
     **{name: name for name in _BROWN},
@@ -63,7 +69,11 @@ _KEYS = {
     "scale": "depthscale pngdepthscale integerdepthscale depthunits depthunit depthfactor"
     " depthscalefactor depthunitscalefactor depthscalingfactor",
 }
-_MEANINGS = {key: meaning for meaning, keys in _KEYS.items() for key in keys.split()}
+
+#: The meaning of each key.
+_MEANINGS: dict[str, str] = {}
+for _meaning_of_keys, _keys in _KEYS.items():
+    _MEANINGS.update(dict.fromkeys(_keys.split(), _meaning_of_keys))
 
 #: Keys of the cameras in a camchain of Kalibr.
 _CHAINED = re.compile(r"cam\d+")
@@ -103,8 +113,13 @@ _UNITS = {
 #: Largest skew of a camera matrix that is rounding, in pixels.
 _LARGEST_SKEW = 1e-6
 
-#: Largest file in bytes, and most levels of YAML.
-_LARGEST_FILE, _DEEPEST = 100_000, 20
+#: Largest file in bytes.
+_LARGEST_FILE = 100_000
+
+#: Most levels of YAML.
+_DEEPEST = 20
+
+#: What to write instead of a file or numbers that are not understood.
 _HINT = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, or fx,fy,cx,cy"
 
 #: Iterations to find the ray of a distorted pixel; lenses of depth cameras need five.
@@ -140,6 +155,7 @@ class Intrinsics:
     scales: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
+        """Raise ``DepthError`` unless all numbers are finite and the focal lengths positive."""
         values = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
         if not (all(map(math.isfinite, values)) and self.fx > 0 and self.fy > 0):
             problem = f"invalid focal lengths {self.fx:g}, {self.fy:g} with centre {self.cx:g}, {self.cy:g}"
@@ -148,23 +164,18 @@ class Intrinsics:
     def check_size(self, width: int, height: int) -> None:
         """Raise ``DepthError`` if the intrinsics belong to an image of another size."""
         if self.size is not None and self.size != (width, height):
-            own, hint = (
-                " x ".join(map(str, self.size)),
+            own = " x ".join(map(str, self.size))
+            raise DepthError(
+                f"the intrinsics are those of {own} pixels, the image has {width} x {height}",
                 "pass those of the depth image at this resolution",
             )
-            raise DepthError(
-                f"the intrinsics are those of {own} pixels, the image has {width} x {height}", hint
-            )
-        if not all(
-            0.1 < length / side < 20 for length, side in ((self.fx, width), (self.fy, height))
-        ):
+        if not (0.1 < self.fx / width < 20 and 0.1 < self.fy / height < 20):
             problem = f"the focal lengths {self.fx:g}, {self.fy:g} are implausible for {width} x {height} pixels"
             raise DepthError(problem, "pass them in pixels of this image")
         low, high = (0.0, 1.0) if self.size else CENTRAL
-        if not (
-            low * width <= self.cx + 0.5 <= high * width
-            and low * height <= self.cy + 0.5 <= high * height
-        ):
+        is_within_width = low * width <= self.cx + 0.5 <= high * width
+        is_within_height = low * height <= self.cy + 0.5 <= high * height
+        if not (is_within_width and is_within_height):
             problem = f"the principal point {self.cx:g}, {self.cy:g} is far from the middle of {width} x {height}"
             hint = "pass the intrinsics of this image, not of one turned; for a part of one, add its width and height"
             raise DepthError(problem, hint)
@@ -172,7 +183,8 @@ class Intrinsics:
     @functools.lru_cache(maxsize=4)  # noqa: B019
     def rays(self, width: int, height: int) -> Rays:
         """Return the intersection of each pixel's ray with depth 1, shape (height, width, 2): right, down."""
-        x, y = (np.arange(width) - self.cx) / self.fx, (np.arange(height) - self.cy) / self.fy
+        x = (np.arange(width) - self.cx) / self.fx
+        y = (np.arange(height) - self.cy) / self.fy
         rays = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
         if any(self.distortion):
             rays = _undistorted(rays, self.distortion)
@@ -182,18 +194,18 @@ class Intrinsics:
 
 def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
     """Invert the distortion by fixed-point iteration, as OpenCV does [Brown 1971]."""
-    k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *(0.0,) * (8 - len(coefficients)))
+    padding = [0.0] * (len(_BROWN) - len(coefficients))
+    k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *padding)
     rays = seen
     with np.errstate(all="ignore"):
         for _ in range(_STEPS):
-            x, y = rays[..., 0], rays[..., 1]
+            x = rays[..., 0]
+            y = rays[..., 1]
             r = x * x + y * y
             radial = (1 + r * (k4 + r * (k5 + r * k6))) / (1 + r * (k1 + r * (k2 + r * k3)))
-            shift = np.stack(
-                [2 * p1 * x * y + p2 * (r + 2 * x * x), p1 * (r + 2 * y * y) + 2 * p2 * x * y],
-                axis=-1,
-            )
-            rays = (seen - shift) * radial[..., None]
+            shift_x = 2 * p1 * x * y + p2 * (r + 2 * x * x)
+            shift_y = p1 * (r + 2 * y * y) + 2 * p2 * x * y
+            rays = (seen - np.stack([shift_x, shift_y], axis=-1)) * radial[..., None]
     if not (np.isfinite(rays).all() and np.abs(rays).max() < 100):
         raise DepthError(
             f"distortion {coefficients} cannot be inverted on this image", "check its coefficients"
@@ -242,12 +254,12 @@ def read_intrinsics(path: Path) -> Intrinsics:
         Brown's distortion, or something else that may change where pixels look or what depths mean.
     """
     with named_errors(path, "file of intrinsics", DepthError, _HINT):
-        contents = _parsed(text := decode(read_file(path, _LARGEST_FILE)))
-        cameras = {
-            _of_mapping(each) if isinstance(each, Mapping) else parse_intrinsics(text)
-            for content in contents
-            for each in _cameras_of(content)
-        }
+        text = decode(read_file(path, _LARGEST_FILE))
+        cameras: set[Intrinsics] = set()
+        for content in _parsed(text):
+            for camera in _cameras_of(content):
+                is_mapping = isinstance(camera, Mapping)
+                cameras.add(_of_mapping(camera) if is_mapping else parse_intrinsics(text))
         if len(cameras) > 1:
             raise DepthError(
                 f"it holds {len(cameras)} different cameras", "keep that of the depth image"
@@ -261,7 +273,18 @@ def _parsed(text: str) -> Sequence[Any]:
         return [parse_json(text)]
     if ":" not in text:
         return [None]
-    from yaml import AliasEvent, MappingNode, Node, SafeLoader, ScalarNode, load_all  # lazy
+    from yaml import load_all  # lazy
+
+    plain = re.sub(r"(?m)^%.*$|!!opencv-\w+", "", text)
+    documents = [content for content in load_all(plain, _yaml_loader()) if content is not None]
+    # The last one may be cut off.
+    like_first = [content for content in documents if [*content] == [*documents[0]]]
+    return like_first or [None]
+
+
+def _yaml_loader() -> type[Any]:
+    """Return a loader of YAML that reads plain decimal numbers, and refuses aliases, deep levels and repeated keys."""
+    from yaml import AliasEvent, MappingNode, Node, SafeLoader, ScalarNode  # lazy
 
     class Loader(SafeLoader):  # type: ignore[misc]
         depth = 0
@@ -281,11 +304,7 @@ def _parsed(text: str) -> Sequence[Any]:
                 check_different([str(key.value) for key, _ in node.value])
             return node
 
-    plain = re.sub(r"(?m)^%.*$|!!opencv-\w+", "", text)
-    documents = [content for content in load_all(plain, Loader) if content is not None]
-    return [each for each in documents if [*each] == [*documents[0]]] or [
-        None
-    ]  # the last may be cut off
+    return Loader
 
 
 def _cameras_of(content: Any) -> Sequence[Any]:
@@ -326,14 +345,16 @@ def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
         fx, fy, cx, cy = numbers
         return Intrinsics(fx, fy, cx, cy, *facts)
     if len(numbers) not in (9, 16):
-        shown = " ".join(f"{number:g}" for number in numbers)
+        shown = _in_one_line(numbers)
         raise DepthError(f"expected 4, 9 or 16 numbers, found {len(numbers)}: '{shown:.60}'", _HINT)
     matrix = np.array(numbers).reshape(math.isqrt(len(numbers)), -1)
-    fx, fy, cx, cy = (float(matrix[place]) for place in ((0, 0), (1, 1), (0, 2), (1, 2)))
+    fx, fy = float(matrix[0, 0]), float(matrix[1, 1])
+    cx, cy = float(matrix[0, 2]), float(matrix[1, 2])
     expected = np.eye(len(matrix))
-    expected[:2, :3], expected[3:, 3:] = ((fx, 0, cx), (0, fy, cy)), matrix[3:, 3:]
+    expected[:2, :3] = ((fx, 0, cx), (0, fy, cy))
+    expected[3:, 3:] = matrix[3:, 3:]
     if not np.allclose(matrix, expected, rtol=0, atol=_LARGEST_SKEW):
-        rows = " / ".join(" ".join(f"{value:g}" for value in row) for row in matrix)
+        rows = " / ".join(map(_in_one_line, matrix))
         raise DepthError(
             f"{rows} is not a camera matrix without skew", "write fx 0 cx / 0 fy cy / 0 0 1"
         )
@@ -343,34 +364,56 @@ def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
 def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
     """Read parsed JSON or YAML: ``camera.json`` of Open3D, ``camera_info`` of ROS, or named focal lengths."""
     values = _by_meaning(content)
-    width, height = (int(_number(values.get(side, 0))) for side in ("width", "height"))
-    facts = (
-        (width, height) if width > 0 and height > 0 else None,
-        tuple(_distortion(values)),
-        _scales(values),
-    )
-    numbers = [_flat(values["matrix"])] if "matrix" in values else []
-    if "columns" in values:
-        numbers.append(np.array(_flat(values["columns"])).reshape(3, 3).T.ravel().tolist())
-    missing = [name for name in ("fx", "fy", "cx", "cy") if name not in values]
-    if not missing:
-        numbers.append([_number(values[name]) for name in ("fx", "fy", "cx", "cy")])
-    cameras = {camera_of(row, *facts) for row in numbers}
-    if any(projection := _flat(values.get("projection", []))):
-        if len(projection) not in (12, 16):
-            problem = f"a projection of {len(projection)} numbers"
-            raise DepthError(problem, "write the 3 x 4 matrix of the projection, or leave it out")
-        rectified = camera_of([projection[place] for place in (0, 5, 2, 6)], *facts)
-        if (cameras and rectified not in cameras) or (rectified.distortion and not cameras):
-            hint = "leave that of the depth image; without the distortion, if it is rectified"
-            raise DepthError(
-                "K and distortion are those of raw images, P is that of rectified ones", hint
-            )
-        cameras.add(rectified)
-    if len(cameras) != 1:
-        problem = f"name no {' and no '.join(missing)}" if not cameras else "contradict each other"
-        raise DepthError(f"keys {', '.join(map(str, content)):.200} {problem}", _HINT)
+    width = int(_number(values.get("width", 0)))
+    height = int(_number(values.get("height", 0)))
+    size = (width, height) if width > 0 and height > 0 else None
+    facts = (size, tuple(_distortion(values)), _scales(values))
+
+    cameras = {camera_of(numbers, *facts) for numbers in _numbers_of_cameras(values)}
+    projection = _flat(values.get("projection", []))
+    if any(projection):
+        cameras.add(_rectified(projection, facts, cameras))
+    if len(cameras) > 1:
+        raise DepthError(f"keys {', '.join(map(str, content)):.200} contradict each other", _HINT)
+    if not cameras:
+        missing = [name for name in _FOCAL if name not in values]
+        names = " and no ".join(missing)
+        raise DepthError(f"keys {', '.join(map(str, content)):.200} name no {names}", _HINT)
     return cameras.pop()
+
+
+def _in_one_line(numbers: Iterable[float]) -> str:
+    """Return numbers as text."""
+    return " ".join(f"{number:g}" for number in numbers)
+
+
+def _numbers_of_cameras(values: Mapping[str, Any]) -> list[list[float]]:
+    """Return the numbers of a camera in each way in which a file says them."""
+    found = []
+    if "matrix" in values:
+        found.append(_flat(values["matrix"]))
+    if "columns" in values:
+        columns = np.array(_flat(values["columns"])).reshape(3, 3)
+        found.append(columns.T.ravel().tolist())
+    if all(name in values for name in _FOCAL):
+        found.append([_number(values[name]) for name in _FOCAL])
+    return found
+
+
+def _rectified(
+    projection: Sequence[float], facts: Sequence[Any], cameras: Collection[Intrinsics]
+) -> Intrinsics:
+    """Return the camera of a projection matrix; raise ``DepthError`` if the others of the file are another one."""
+    if len(projection) not in (12, 16):
+        problem = f"a projection of {len(projection)} numbers"
+        raise DepthError(problem, "write the 3 x 4 matrix of the projection, or leave it out")
+    rectified = camera_of([projection[place] for place in (0, 5, 2, 6)], *facts)
+    if (cameras and rectified not in cameras) or (rectified.distortion and not cameras):
+        raise DepthError(
+            "K and distortion are those of raw images, P is that of rectified ones",
+            "leave that of the depth image; without the distortion, if it is rectified",
+        )
+    return rectified
 
 
 def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -378,25 +421,31 @@ def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for key, value in content.items():
         meaning = _meaning(str(key))
-        if meaning == "model" and isinstance(value, (Mapping, list)):
-            meaning = "projection"  # iai_kinect2
-        if meaning == "size":
-            found = _sides(value)
-        elif meaning == "matrix" and isinstance(value, Mapping) and "data" not in value:
-            found = _by_meaning(value)
-        elif meaning == "model" or (meaning == "coefficients" and isinstance(value, str)):
-            found = {f"model {key}": value}  # of lens and of distortion
-        else:
-            found = {meaning: value}
         if not meaning:
             _check_irrelevant(str(key), value)
-        elif other := [name for name, each in found.items() if values.get(name, each) != each]:
+            continue
+        found = _values_of_key(key, meaning, value)
+        others = [name for name, each in found.items() if values.get(name, each) != each]
+        if others:
             raise DepthError(
-                f"key '{key}' contradicts another one of {other[0]}", "keep the right one"
+                f"key '{key}' contradicts another one of {others[0]}", "keep the right one"
             )
-        else:
-            values.update((name, each) for name, each in found.items() if each is not None)
+        values.update((name, each) for name, each in found.items() if each is not None)
     return values
+
+
+def _values_of_key(key: str, meaning: str, value: Any) -> dict[str, Any]:
+    """Return what a key says, by meaning."""
+    is_nested = isinstance(value, Mapping)
+    if meaning == "model" and (is_nested or isinstance(value, list)):  # iai_kinect2
+        return {"projection": value}
+    if meaning == "size":
+        return dict(_sides(value))
+    if meaning == "matrix" and is_nested and "data" not in value:
+        return _by_meaning(value)
+    if meaning == "model" or (meaning == "coefficients" and isinstance(value, str)):
+        return {f"model {key}": value}  # of lens and of distortion
+    return {meaning: value}
 
 
 def _sides(value: Any) -> dict[str, float]:
@@ -410,20 +459,23 @@ def _sides(value: Any) -> dict[str, float]:
 def _meaning(key: str) -> str:
     """Return what a key means, with or without the section of the settings of ORB-SLAM; "" if it is unknown."""
     for name in (key, _SECTION.sub("", key, count=1)):
-        if meaning := _MEANINGS.get(re.sub(r"[\W_]+", "", name.lower())):
-            return meaning
+        letters = re.sub(r"[\W_]+", "", name.lower())
+        if letters in _MEANINGS:
+            return _MEANINGS[letters]
     return ""
 
 
 def _check_irrelevant(key: str, value: Any) -> None:
     """Raise ``DepthError`` if a key may change where a pixel looks or what its depth means, and is not neutral."""
-    neutral = (None, "", 0, 1) if re.search("binning|aspect", key) else (None, "", 0)
-    leaves = value.values() if isinstance(value, Mapping) else np.ravel(value).tolist()
-    words = re.sub("([a-z])([A-Z])", r"\1 \2", key).lower()
-    is_pose = len(leaves) > 2 and _POSE.search(words)
     if _OF_SLAM.fullmatch(key):
         return
-    if not (is_pose or _IRRELEVANT.search(words) or all(leaf in neutral for leaf in leaves)):
+    words = re.sub("([a-z])([A-Z])", r"\1 \2", key).lower()
+    leaves = [*value.values()] if isinstance(value, Mapping) else np.ravel(value).tolist()
+    is_pose = len(leaves) > 2 and _POSE.search(words)
+    if is_pose or _IRRELEVANT.search(words):
+        return
+    neutral = (None, "", 0, 1) if re.search("binning|aspect", key) else (None, "", 0)
+    if any(leaf not in neutral for leaf in leaves):
         hint = "remove it if it changes neither where pixels look nor what depths mean, or apply it to the image"
         raise DepthError(f"key '{key}' is not understood: {value!s:.40}", hint)
 
@@ -437,9 +489,11 @@ def _scales(values: Mapping[str, Any]) -> tuple[float, ...]:
             given = f"{units:g}" if value is None else f"{units:g} and {value!r:.40}"
             raise DepthError(f"invalid depth scale {given}", "write units per metre, once")
         return (units,)
+    if value is None:
+        return ()
     unit = str(value).strip().lower().replace("metre", "meter").removesuffix("s")
-    if value is None or unit in _UNITS:
-        return () if value is None else (_UNITS[unit],)
+    if unit in _UNITS:
+        return (_UNITS[unit],)
     try:
         number = _number(value)
     except (TypeError, ValueError):
@@ -451,10 +505,8 @@ def _scales(values: Mapping[str, Any]) -> tuple[float, ...]:
 
 def _flat(values: Any) -> list[float]:
     """Return the numbers of a list, a nested list, or the ``data`` of an OpenCV or ROS matrix."""
-    return [
-        _number(value)
-        for value in np.ravel(values["data"] if isinstance(values, Mapping) else values)
-    ]
+    numbers = values["data"] if isinstance(values, Mapping) else values
+    return [_number(value) for value in np.ravel(numbers)]
 
 
 def _distortion(values: Mapping[str, Any]) -> list[float]:
@@ -466,24 +518,30 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
         If the distortion model is another one, or the number of coefficients does not match Brown's
         model.
     """
-    lists = [_flat(values["coefficients"])] if "coefficients" in values else []
-    given = [row for row in (*lists, [_number(values.get(name, 0)) for name in _BROWN]) if any(row)]
-    for named in (str(value) for key, value in values.items() if key.startswith("model")):
-        model = re.sub(r"[\W_]+", "_", named.lower()).removeprefix("distortion_")
-        if re.search(_BEYOND_PINHOLE, model) or (model not in _BROWN_NAMES and given):
-            problem = f"the distortion model is '{named:.60}'"
-            raise DepthError(
-                problem, "rectify the image, and pass plumb_bob or rational_polynomial"
-            )
+    lists = [[_number(values.get(name, 0)) for name in _BROWN]]
+    if "coefficients" in values:
+        lists.insert(0, _flat(values["coefficients"]))
+    given = [coefficients for coefficients in lists if any(coefficients)]
+    _check_models(values, has_distortion=bool(given))
     if not given:
         return []
-    if (
-        len(given) > 1
-        or len(given[0]) not in (4, 5, 8)
-        or (values.get("k4") and "k6" not in values)
-    ):
-        counts = " and ".join(str(len(row)) for row in given)
+    has_k4_alone = values.get("k4") and "k6" not in values
+    if len(given) > 1 or len(given[0]) not in (4, 5, 8) or has_k4_alone:
+        counts = " and ".join(str(len(coefficients)) for coefficients in given)
         raise DepthError(
             f"{counts} coefficients of distortion", "pass 4, 5 or 8 of Brown's model, once"
         )
     return given[0]
+
+
+def _check_models(values: Mapping[str, Any], *, has_distortion: bool) -> None:
+    """Raise ``DepthError`` if a model of lens or distortion is not that of a pinhole camera, or Brown's."""
+    named = [str(value) for key, value in values.items() if key.startswith("model")]
+    for name in named:
+        model = re.sub(r"[\W_]+", "_", name.lower()).removeprefix("distortion_")
+        is_unknown = model not in _BROWN_NAMES and has_distortion
+        if is_unknown or re.search(_BEYOND_PINHOLE, model):
+            problem = f"the distortion model is '{name:.60}'"
+            raise DepthError(
+                problem, "rectify the image, and pass plumb_bob or rational_polynomial"
+            )

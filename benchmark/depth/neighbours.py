@@ -2,7 +2,7 @@
 
 A camera has no reading at many pixels: dead lines, dark or shiny places, pixels between those of a
 smaller image that was registered to this one. The absence of a reading is no edge of a body, so a
-pixel's neighbour in a direction is the next pixel with a reading, beyond up to :data:`REACH` without
+pixel's neighbour in a direction is the next pixel with a reading, beyond up to :data:`NEIGHBOUR_GAP` without
 one.
 """
 
@@ -16,7 +16,7 @@ from benchmark.errors import DepthError
 from benchmark.geometry.cleaning import component_labels
 from benchmark.geometry.mesh import IntArray
 
-REACH = 2
+NEIGHBOUR_GAP = 2
 """Maximum number of pixels without a reading between neighbours, as where every third pixel has one."""
 
 LARGEST_ERROR = 0.1
@@ -40,19 +40,20 @@ LEAST_OBJECT = 0.5
 MOST_FLYING = 0.25
 """Maximum share of the readings of an image on no surface if the object is to be found in it."""
 
-AVERAGED = (
+HOW_TO_RESIZE = (
     "resize depth images by the nearest neighbour, not by averages, which mix depths with pixels"
     " without one"
 )
 """Hint of the errors of an image whose depths were averaged."""
 
-MEASURED = 0.5
+LEAST_MEASURED = 0.5
 """Minimum share of pixels with a reading in an image whose background is not cut away."""
 
 MOST_DEAD = 0.25
 """Maximum share of an image in dead lines, which a camera fails to read."""
 
-RIGHT, DOWN = (0, 1), (1, 0)
+RIGHT = (0, 1)
+DOWN = (1, 0)
 DIRECTIONS = (RIGHT, DOWN, (1, 1), (1, -1))
 """Directions in which each pair of the eight neighbours is met once: steps in rows and columns."""
 
@@ -84,10 +85,14 @@ def neighbours(seen: Mask, direction: tuple[int, int]) -> tuple[IntArray, IntArr
     height, width = seen.shape
     numbers = np.arange(seen.size).reshape(seen.shape)
     is_open = seen.copy()  # whose next reading is not found yet
-    first, second = [], []
-    for distance in range(1, REACH + 2):
-        down, right = distance * direction[0], distance * direction[1]
-        start, stop = max(0, -right), width - max(0, right)
+    first = []
+    second = []
+    for distance in range(1, NEIGHBOUR_GAP + 2):
+        down = distance * direction[0]
+        right = distance * direction[1]
+        # Columns whose neighbours at this distance lie in the image.
+        start = max(0, -right)
+        stop = width - max(0, right)
         if down >= height or start >= stop:
             break
         here = np.s_[: height - down, start:stop]
@@ -100,14 +105,15 @@ def neighbours(seen: Mask, direction: tuple[int, int]) -> tuple[IntArray, IntArr
 
 
 def dead_lines(seen: Mask) -> tuple[Mask, Mask]:
-    """Return the rows and columns without a reading between others, if most other pixels have one; shapes (h,), (w,).
+    """Return which rows and columns have no reading and lie between others that have, shapes (h,) and (w,).
 
-    Otherwise, the background may be cut away, and a line may lie between two objects.
+    There are none unless most other pixels have a reading: if the background is cut away, an empty
+    line may lie between two objects.
     """
     rows = _empty_between(np.asarray(seen.any(axis=1)))
     columns = _empty_between(np.asarray(seen.any(axis=0)))
-    others = np.count_nonzero(~rows) * np.count_nonzero(~columns)
-    if np.count_nonzero(seen) < MEASURED * others:
+    n_others = np.count_nonzero(~rows) * np.count_nonzero(~columns)
+    if np.count_nonzero(seen) < LEAST_MEASURED * n_others:
         return np.zeros_like(rows), np.zeros_like(columns)
     return rows, columns
 
@@ -129,10 +135,9 @@ def on_surface(depths: Depths, mask: Mask) -> Mask:
     """
     is_object = mask & (depths > 0)
     n_object = np.count_nonzero(is_object)
-    counts = np.bincount(
-        np.concatenate(_pairs(depths > 0, is_object), axis=None), minlength=mask.size
-    )
-    if np.median(counts[is_object.ravel()]) < LEAST_SUPPORT:
+    first, second = _pairs(depths > 0, is_object)
+    n_neighbours = np.bincount(np.concatenate([first, second]), minlength=mask.size)
+    if np.median(n_neighbours[is_object.ravel()]) < LEAST_SUPPORT:
         problem = "most pixels of the object have no neighbour with a depth"
         hint = (
             "if the image was registered to a larger one, pass depth and intrinsics at the resolution"
@@ -142,7 +147,7 @@ def on_surface(depths: Depths, mask: Mask) -> Mask:
     kept = without_flying_pixels(depths, is_object)
     if np.count_nonzero(kept) < LEAST_OBJECT * n_object:
         problem = f"the depth jumps between most of the {n_object} pixels of the object"
-        raise DepthError(problem, f"{AVERAGED}; or check the mask")
+        raise DepthError(problem, f"{HOW_TO_RESIZE}; or check the mask")
     return kept
 
 
@@ -164,27 +169,32 @@ def without_flying_pixels(depths: Depths, mask: Mask) -> Mask:
     depth = depths.ravel()
     first, second = _pairs(depths > 0, mask)
     difference = np.abs(depth[first] - depth[second])
-    around, alike = np.zeros((2, depth.size))
+
+    # Neighbours of each pixel, and those at a depth alike.
+    n_around = np.zeros(depth.size)
+    n_alike = np.zeros(depth.size)
     for one in (first, second):
         is_alike = difference <= jump(depth[one])
-        around += np.bincount(one, minlength=depth.size)
-        alike += np.bincount(one[is_alike], minlength=depth.size)
-    is_supported = mask.ravel() & (alike >= LEAST_SUPPORT)
+        n_around += np.bincount(one, minlength=depth.size)
+        n_alike += np.bincount(one[is_alike], minlength=depth.size)
+    is_supported = mask.ravel() & (n_alike >= LEAST_SUPPORT)
+
+    # Pieces, which small jumps connect.
     is_link = difference <= jump(np.minimum(depth[first], depth[second]))
     is_link &= is_supported[first] & is_supported[second]
     labels = component_labels(first[is_link], second[is_link], depth.size)
-    pixels = np.bincount(labels, weights=is_supported)
-    shares = np.divide(alike, around, out=np.zeros(depth.size), where=around > 0)
-    solidity = np.bincount(labels, weights=shares * is_supported) / np.maximum(pixels, 1)
-    is_kept = (pixels >= SMALLEST_PIECE * pixels.sum()) & (solidity >= SOLID)
-    is_kept[pixels.argmax()] = True
+    n_pixels = np.bincount(labels, weights=is_supported)
+    shares = np.divide(n_alike, n_around, out=np.zeros(depth.size), where=n_around > 0)
+    solidity = np.bincount(labels, weights=shares * is_supported) / np.maximum(n_pixels, 1)
+    is_kept = (n_pixels >= SMALLEST_PIECE * n_pixels.sum()) & (solidity >= SOLID)
+    is_kept[n_pixels.argmax()] = True
     return np.asarray((is_supported & is_kept[labels]).reshape(mask.shape))
 
 
 def _pairs(seen: Mask, mask: Mask) -> tuple[IntArray, IntArray]:
     """Return the pairs of neighbours in all directions, of which both are in a mask."""
-    inside = mask.ravel()
+    is_inside = mask.ravel()
     pairs = [neighbours(seen, direction) for direction in DIRECTIONS]
     first, second = np.concatenate(pairs, axis=1)
-    both = inside[first] & inside[second]
-    return first[both], second[both]
+    are_inside = is_inside[first] & is_inside[second]
+    return first[are_inside], second[are_inside]

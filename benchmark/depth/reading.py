@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -28,8 +29,11 @@ LARGEST_SIDE = 4096
 #: Largest file of an image in bytes: one of floats, with room for a header.
 _LARGEST_FILE = 8 * LARGEST_SIDE**2 + 2**16
 
-NEAREST, FARTHEST = 0.05, 200.0
-"""Bounds of a plausible median depth in metres; outside them, the scale is wrong."""
+NEAREST = 0.05
+"""Least plausible median depth in metres; below it, the scale is wrong."""
+
+FARTHEST = 200.0
+"""Largest plausible median depth in metres; readings beyond it count as missing."""
 
 #: Values that programs write for pixels without a reading, if nothing is farther; in floats also a
 #: thousandth of them.
@@ -46,10 +50,16 @@ _FEWEST_VALUES = 16
 
 #: Words in names of files, folders and arrays for what is no depth along the optical axis.
 _OTHER_THAN_DEPTH = {
-    "disparities or inverse depths": r"disp(arit(y|ies)|s)?(?![a-z])|inv(erse)?[-_ ]?depth|depth[-_ ]?inv|idepth|midas",
-    "distances along rays": r"(dist(ances?)?(?![-_ ]?to[-_ ]?(image[-_ ]?)?plane)|ranges?|radial|euclid(ean)?|"
-    r"ray(s|depths?|lengths?)?)(?![a-z])",
-    "values of a z-buffer, or scaled ones": r"(z[-_ ]?buf(fer)?|ndc|log[-_ ]?depth|normali[sz]ed)(?![a-z])",
+    "disparities or inverse depths": (
+        r"disp(arit(y|ies)|s)?(?![a-z])|inv(erse)?[-_ ]?depth|depth[-_ ]?inv|idepth|midas"
+    ),
+    "distances along rays": (
+        r"(dist(ances?)?(?![-_ ]?to[-_ ]?(image[-_ ]?)?plane)|ranges?|radial|euclid(ean)?"
+        r"|ray(s|depths?|lengths?)?)(?![a-z])"
+    ),
+    "values of a z-buffer, or scaled ones": (
+        r"(z[-_ ]?buf(fer)?|ndc|log[-_ ]?depth|normali[sz]ed)(?![a-z])"
+    ),
 }
 
 #: Names of arrays beside depths that say what these mean, or where they are.
@@ -61,9 +71,14 @@ _UNREAD = re.compile(
 #: Sample format of floats in a TIFF file.
 _FLOATS_OF_TIFF = 3
 
-#: Bits of the depth below the three bits of confidence in Android's DEPTH16; largest difference of
-#: neighbours in units of the image, and fewest neighbours of another confidence that show them.
-_BITS_BELOW_CONFIDENCE, _LARGEST_STEP, _FEWEST_STEPS = 13, 200, 20
+#: First value with a bit of confidence in Android's DEPTH16: 13 bits of depth lie below three of those.
+_CONFIDENCE = 2**13
+
+#: Largest difference of the depths of neighbours on one surface, in units of the image.
+_LARGEST_STEP = 200
+
+#: Least number of neighbours of another confidence that show its bits.
+_FEWEST_STEPS = 20
 
 _END_OF_PNG = b"IEND\xaeB`\x82"
 
@@ -73,9 +88,11 @@ FEWEST_SEEN = 200
 MASK_FOLDERS = ("mask", "masks")
 """Names of mask folders."""
 
-#: Least number of values of a mask that JPEG or smoothing blurred, and most grey pixels with eight
-#: equal neighbours in it, as a share of the bright ones.
-_FEWEST_GREYS, _MOST_FLAT = 7, 0.05
+#: Least number of values of a mask that JPEG or smoothing blurred.
+_FEWEST_GREYS = 7
+
+#: Most grey pixels with eight equal neighbours in such a mask, as a share of the bright ones.
+_MOST_FLAT = 0.05
 
 #: Tag of images that viewers turn.
 _ORIENTATION = 0x0112
@@ -164,21 +181,16 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
         )
     depth = readings(values)
     units = scale or usual_scale(values)
-    seen = depth[depth > 0]
-    far = FARTHEST * units
-    if (seen > far).any() and np.count_nonzero(seen == seen.max()) > _FAR_PLANE * depth.size:
-        seen = seen[seen < seen.max()]
+    seen = _nearer_than_a_far_plane(depth, FARTHEST * units)
     if len(seen) < FEWEST_SEEN:
-        hint = "check that it is the depth image, and that 0, NaN and infinity mean that nothing was seen"
         raise DepthError(
             f"too few pixels have a depth: {len(seen)} of {depth.size}, fewer than {FEWEST_SEEN}",
-            hint,
+            "check that it is the depth image, and that 0, NaN and infinity mean that nothing was seen",
         )
     median = float(np.median(seen)) / units
     if not NEAREST <= median <= FARTHEST:
-        problem = f"the median depth is {median:g} m with {units:g} units per metre"
         raise DepthError(
-            problem,
+            f"the median depth is {median:g} m with {units:g} units per metre",
             "pass the camera's --depth-scale: 1000 for millimetres, 5000 for TUM, 1 for metres",
         )
     if seen.min() == seen.max():
@@ -189,29 +201,37 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
     if scale is None:
         looks = _looks_like_confidence(depth, units) or _looks_unlike_depths(seen, units)
     if looks:
-        hint = (
-            f"export depths in millimetres or metres, or pass --depth-scale {units:g} if they are"
+        raise DepthError(
+            f"the values {looks}",
+            f"export depths in millimetres or metres, or pass --depth-scale {units:g} if they are",
         )
-        raise DepthError(f"the values {looks}", hint)
-    return np.asarray(np.where(depth > far, 0, depth / units))
+    return np.asarray(np.where(depth > FARTHEST * units, 0, depth / units))
+
+
+def _nearer_than_a_far_plane(depth: Depths, far: float) -> Depths:
+    """Return the readings, shape (n,), without those of a background that is one value beyond a distance."""
+    seen = depth[depth > 0]
+    if not (seen > far).any():
+        return seen
+    n_farthest = np.count_nonzero(seen == seen.max())
+    return seen[seen < seen.max()] if n_farthest > _FAR_PLANE * depth.size else seen
 
 
 def _looks_unlike_depths(seen: Depths, units: float) -> str:
     """Return how values betray that they were scaled, or are what a sensor sends; "" if they do not."""
-    top = int(seen.max())
     if units == 1:
-        return (
-            f"end at {seen.max():g}, as in a z-buffer or an image scaled to 1"
-            if seen.max() <= 1
-            else ""
-        )
+        if seen.max() <= 1:
+            return f"end at {seen.max():g}, as in a z-buffer or an image scaled to 1"
+        return ""
+    top = int(seen.max())
     if top >= 255 and top & (top + 1) == 0:
         bits = top.bit_length()
         return f"end at {top}, the largest of {bits} bits, as raw disparities of a Kinect (11) or scaled images do"
     whole = np.unique(seen.astype(np.int64))
-    lowest = np.unique(whole % 8)
-    if len(whole) >= _FEWEST_VALUES and len(lowest) <= 3:
-        return f"have no lowest three bits but {', '.join(map(str, lowest))}, as depths << 3 of the Kinect SDK"
+    lowest_bits = np.unique(whole % 8)
+    if len(whole) >= _FEWEST_VALUES and len(lowest_bits) <= 3:
+        listed = ", ".join(map(str, lowest_bits))
+        return f"have no lowest three bits but {listed}, as depths << 3 of the Kinect SDK"
     return ""
 
 
@@ -223,14 +243,15 @@ def _looks_like_confidence(depth: Depths, units: float) -> str:
     """
     if units == 1:
         return ""
-    high, low = np.divmod(depth, 2**_BITS_BELOW_CONFIDENCE)
-    differs = (high[:, :-1] != high[:, 1:]) & (low[:, :-1] > 0) & (low[:, 1:] > 0)
-    goes_on = np.abs(np.diff(low, axis=1))[differs] < _LARGEST_STEP
+    confidence, low = np.divmod(depth, _CONFIDENCE)
+    differs = confidence[:, :-1] != confidence[:, 1:]
+    have_depths = (low[:, :-1] > 0) & (low[:, 1:] > 0)
+    goes_on = np.abs(np.diff(low, axis=1))[differs & have_depths] < _LARGEST_STEP
     if len(goes_on) < _FEWEST_STEPS or goes_on.mean() < 0.5:
         return ""
     return (
-        f"above {2**_BITS_BELOW_CONFIDENCE - 1} repeat the depths below, as in Android's DEPTH16: 13"
-        " bits are the depth, 3 a confidence (keep value % 8192)"
+        f"above {_CONFIDENCE - 1} repeat the depths below, as in Android's DEPTH16: 13 bits are the"
+        f" depth, 3 a confidence (keep value % {_CONFIDENCE})"
     )
 
 
@@ -260,27 +281,34 @@ def readings(values: NDArray[Any]) -> Depths:
     largest = np.finfo(values.dtype).max if is_float else np.iinfo(values.dtype).max
     raw = values.astype(np.float64)
     with np.errstate(invalid="ignore"):
-        raw[~((raw > 0) & (raw < _NO_READING)) | (values == largest)] = 0
-    while (top := raw.max(initial=0)) in _BACKGROUND or (
-        is_float and round(1000 * top, 1) in _BACKGROUND
-    ):
-        raw[raw == top] = 0
+        is_reading = (raw > 0) & (raw < _NO_READING) & (values != largest)
+    raw[~is_reading] = 0
+    farthest = raw.max(initial=0)
+    while _is_background(farthest, is_float=is_float):
+        raw[raw == farthest] = 0
+        farthest = raw.max(initial=0)
     return raw
 
 
+def _is_background(farthest: float, *, is_float: bool) -> bool:
+    """Return whether the largest value of an image is one that programs write where nothing was seen."""
+    return farthest in _BACKGROUND or (is_float and round(1000 * farthest, 1) in _BACKGROUND)
+
+
 def _check_size(width: int, height: int) -> None:
+    """Raise ``DepthError`` if an image is too large."""
     if max(width, height) > LARGEST_SIDE:
         problem = f"{width} x {height} pixels are more than {LARGEST_SIDE} per side"
         raise DepthError(problem, "reduce it, and its intrinsics alike")
 
 
 def _pixels(content: bytes) -> NDArray[Any]:
+    """Return the values of an image file; raise ``DepthError`` if it holds no depth."""
     with _opened(content) as image:
         _check_size(*image.size)
-        if image.info.get("scale", 1) != 1:  # of a PFM
-            raise DepthError(
-                f"its scale factor is {image.info['scale']:g}, not 1", "multiply the depths by it"
-            )
+        scale = image.info.get("scale", 1)  # of a PFM
+        if scale != 1:
+            raise DepthError(f"its scale factor is {scale:g}, not 1", "multiply the depths by it")
         if image.mode != "F" and not image.mode.startswith("I"):
             kind = "8 bits" if image.mode in ("L", "1", "P") else f"colours ({image.mode})"
             raise DepthError(
@@ -288,21 +316,27 @@ def _pixels(content: bytes) -> NDArray[Any]:
                 "export depth with 16 bits per pixel and one channel",
             )
         values = np.array(image)
-        if image.mode == "I" and image.format in ("PNG", "PPM"):  # 16 bits in 32
-            head = _MAXIMUM.match(content[:1000])
-            values = np.round(values * (int(head[1]) / 65535 if head else 1)).astype(np.uint16)
-        return values
+        has_16_bits_in_32 = image.mode == "I" and image.format in ("PNG", "PPM")
+        if not has_16_bits_in_32:
+            return values
+        maximum = _MAXIMUM.match(content[:1000])
+        stretched = int(maximum[1]) / 65535 if maximum else 1
+        return np.asarray(np.round(values * stretched).astype(np.uint16))
 
 
 def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
     """Raise ``ValueError`` if numbers follow those of a PGM or PFM, of which Pillow reads the first ones."""
     body = content[image.tile[0].offset :]
-    if content[:2] == b"P2" and body[-1:].isdigit():
-        raise ValueError("its last line has no line break, so it may be cut off")
-    width = {b"P5": 1 if image.mode == "L" else 2, b"Pf": 4}.get(content[:2], np.inf)
-    count = (
-        len(re.sub(rb"#[^\n]*", b"", body).split()) if content[:2] == b"P2" else len(body) / width
-    )
+    kind = content[:2]
+    count: float = 0
+    if kind == b"P2":  # text
+        if body[-1:].isdigit():
+            raise ValueError("its last line has no line break, so it may be cut off")
+        count = len(re.sub(rb"#[^\n]*", b"", body).split())
+    elif kind == b"P5":
+        count = len(body) / (1 if image.mode == "L" else 2)
+    elif kind == b"Pf":
+        count = len(body) / 4
     if count > image.size[0] * image.size[1] + 1:
         raise ValueError("numbers follow the pixels that its header announces")
 
@@ -325,10 +359,9 @@ def _opened(content: bytes) -> ImageFile.ImageFile:
         if image.format == "PNG" and _END_OF_PNG not in content:
             raise DepthError("the file is truncated", "export the image again")
     image = Image.open(io.BytesIO(content))
-    if getattr(image, "n_frames", 1) != 1:
-        raise DepthError(
-            f"it holds {getattr(image, 'n_frames', 1)} images", "write one image per file"
-        )
+    n_images = getattr(image, "n_frames", 1)
+    if n_images != 1:
+        raise DepthError(f"it holds {n_images} images", "write one image per file")
     if image.getexif().get(_ORIENTATION, 1) != 1:
         raise DepthError(
             "its orientation tag turns it", "write the pixels as they are seen, without the tag"
@@ -360,9 +393,10 @@ def _array(content: bytes) -> NDArray[Any]:
         return loaded
     with loaded as archive:
         names = archive.files
-        name = "depth" if "depth" in names else names[0] if names else ""
+        name = "depth" if "depth" in names else next(iter(names), "")
         _check_name(name)
-        if unread := [other for other in names if _UNREAD.search(other)]:
+        unread = [other for other in names if _UNREAD.search(other)]
+        if unread:
             hint = "apply it to the depths, or write the camera or the mask beside the image, and leave it out"
             raise DepthError(f"'{unread[0]}' of the archive is not read", hint)
         if name != "depth" and len(names) != 1:
@@ -438,33 +472,38 @@ def _mask_array(content: bytes) -> NDArray[Any]:
 
 def _object(mask: NDArray[Any]) -> Mask:
     """Return the pixels of the only object of a mask, shape (h, w), or (h, w, 3 or 4) with colours."""
-    if mask.ndim == 3 and mask.shape[2] == 1:
-        mask = mask[..., 0]
-    elif mask.ndim == 3:
-        clear = mask[..., 3] == 0 if mask.shape[-1] == 4 else np.zeros(mask.shape[:2], dtype=bool)
-        colours = np.where(clear[..., None], 0, mask[..., :3]).astype(np.int64) @ (1, 2**16, 2**32)
-        has_one = len(np.unique(colours)) <= 2
-        is_grey = np.ptp(mask[..., :3], axis=-1).max(initial=0) == 0
-        mask = (
-            mask[..., 3]
-            if clear.any() and not has_one
-            else mask[..., 0]
-            if is_grey and not clear.any()
-            else colours
-        )
+    if mask.ndim == 3:
+        mask = mask[..., 0] if mask.shape[2] == 1 else _one_channel(mask)
     values = np.unique(mask)
     levels = values[values != 0]
     if len(levels) <= 1 and len(values) <= 2:
         return np.asarray(mask != 0)
     if not _is_blurred(mask, values):
-        held = (
-            "several colours"
-            if levels[-1] >= 2**16
-            else ", ".join(f"{value:g}" for value in levels[:4])
-        )
-        problem = f"the mask holds {held}{' ...' * (len(levels) > 4)}, not one object"
+        problem = f"the mask holds {_listed_levels(levels)}, not one object"
         raise DepthError(problem, "write the pixels of the object alone, as 255 on 0")
     return np.asarray(mask > values[-1] / 2)
+
+
+def _one_channel(mask: NDArray[Any]) -> NDArray[Any]:
+    """Return a mask of colours as one number a pixel: its opacity, its grey, or its colour; 0 where it is clear."""
+    has_opacity = mask.shape[-1] == 4
+    clear = mask[..., 3] == 0 if has_opacity else np.zeros(mask.shape[:2], dtype=bool)
+    colours = np.where(clear[..., None], 0, mask[..., :3]).astype(np.int64) @ (1, 2**16, 2**32)
+    is_clear_somewhere = bool(clear.any())
+    if is_clear_somewhere and len(np.unique(colours)) > 2:
+        return np.asarray(mask[..., 3])
+    is_grey = np.ptp(mask[..., :3], axis=-1).max(initial=0) == 0
+    if is_grey and not is_clear_somewhere:
+        return np.asarray(mask[..., 0])
+    return np.asarray(colours)
+
+
+def _listed_levels(levels: NDArray[Any]) -> str:
+    """Return the values of a mask in words, of many the first ones."""
+    listed = ", ".join(f"{value:g}" for value in levels[:4])
+    if levels[-1] >= 2**16:
+        listed = "several colours"
+    return f"{listed} ..." if len(levels) > 4 else listed
 
 
 def _is_blurred(mask: NDArray[Any], values: NDArray[Any]) -> bool:
@@ -474,9 +513,13 @@ def _is_blurred(mask: NDArray[Any], values: NDArray[Any]) -> bool:
     white = values[-1]
     if white not in (255, 65535) or len(values) < _FEWEST_GREYS:
         return False
-    is_flat = (maximum_filter(mask, 3) == minimum_filter(mask, 3)) & (mask > 0) & (mask < white)
-    bright, unclear = mask > 0.75 * white, (mask > 0.25 * white) & (mask <= 0.75 * white)
-    return bool(is_flat.sum() <= _MOST_FLAT * bright.sum() and unclear.sum() <= bright.sum())
+    is_grey = (mask > 0) & (mask < white)
+    is_flat = is_grey & (maximum_filter(mask, 3) == minimum_filter(mask, 3))
+    is_bright = mask > 0.75 * white
+    is_unclear = (mask > 0.25 * white) & ~is_bright
+    return bool(
+        is_flat.sum() <= _MOST_FLAT * is_bright.sum() and is_unclear.sum() <= is_bright.sum()
+    )
 
 
 def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
@@ -515,33 +558,35 @@ def find_mask(image: Path) -> Path | None:
     DepthError
         If there are several.
     """
-    stems = {image.stem, re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem) or image.stem}
-
-    def named(folder: Path, end: str) -> list[Path]:
-        """Return the pictures in a folder whose names continue that of the image."""
-        name = re.compile(f"({'|'.join(map(re.escape, stems))})(?i:{end}{_PICTURE})")
-        return sorted(path for path in folder.glob("*.*") if name.fullmatch(path.name))
-
     image = image.absolute()  # a relative one may lie in the folder above it
-    folders = [
-        path
-        for above in image.parents[:2]
-        for path in above.glob("[mM]*")
-        if path.name.lower() in MASK_FOLDERS
-    ]
-    whole = [path for folder in folders for path in named(folder, "(_mask)?")]
-    others = [
-        path
-        for folder in folders
-        for path in named(folder, "_.*")
-        if not image.with_name(path.name).exists()
-    ]
-    found = (
-        named(image.parent, "[._-]masks?([^a-z].*)?") + whole or others
-    )  # of which none is that of another image
+    stems = {image.stem, re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem) or image.stem}
+    beside = _pictures(image.parent, stems, "[._-]masks?([^a-z].*)?")
+    whole: list[Path] = []
+    longer: list[Path] = []
+    for folder in _mask_folders(image):
+        whole += _pictures(folder, stems, "(_mask)?")
+        longer += _pictures(folder, stems, "_.*")
+    found = beside + whole
+    if not found:  # a longer name may be that of another image
+        found = [path for path in longer if not image.with_name(path.name).exists()]
     if len(found) > 1:
-        listed = " and ".join(
-            path.relative_to(image.parent.parent).as_posix() for path in found[:2]
+        names = [path.relative_to(image.parent.parent).as_posix() for path in found[:2]]
+        raise DepthError(
+            f"it has the masks {' and '.join(names)}", "keep that of the object", image
         )
-        raise DepthError(f"it has the masks {listed}", "keep that of the object", image)
     return found[0] if found else None
+
+
+def _mask_folders(image: Path) -> list[Path]:
+    """Return the folders of masks beside an image, and beside its folder."""
+    folders: list[Path] = []
+    for above in image.parents[:2]:
+        folders += [path for path in above.glob("[mM]*") if path.name.lower() in MASK_FOLDERS]
+    return folders
+
+
+def _pictures(folder: Path, stems: Iterable[str], end: str) -> list[Path]:
+    """Return the pictures in a folder whose names are one of some stems and an end, which is a regular expression."""
+    known = "|".join(map(re.escape, stems))
+    name = re.compile(f"({known})(?i:{end}{_PICTURE})")
+    return sorted(path for path in folder.glob("*.*") if name.fullmatch(path.name))

@@ -28,12 +28,20 @@ MOST_PLANES = 5
 UNEVEN = 0.01
 """Unevenness of walls and floors, in metres."""
 
-_POINTS, _SCORED = 5000, 1000
-"""Approximate number of points for fitting planes, and of those used to score random samples."""
+_N_POINTS = 5000
+"""Approximate number of points to which planes are fitted."""
 
-_TRIALS, _REFINEMENTS, _REACH = 150, 4, 3
-"""Number of random samples, number of refits to the inliers of the best one, and ratio of the image side to the maximum
-offset between the points of a sample."""
+_N_SCORED = 1000
+"""Approximate number of points that score random samples."""
+
+_TRIALS = 150
+"""Number of random samples of three points."""
+
+_REFINEMENTS = 4
+"""Number of refits to the inliers of the best sample."""
+
+_SPREAD = 3
+"""Ratio of the side of the image to the maximum offset between the points of a sample."""
 
 LARGE = 0.25
 """Minimum surface area of a large piece relative to the largest piece; the nearest large piece is the object."""
@@ -106,63 +114,92 @@ def background_planes(points: Points, seen: Mask) -> list[Plane]:
         Planes in order of detection, largest first.
     """
     random = np.random.default_rng(0)
-    step = max(1, round((seen.size / _POINTS) ** 0.5))
-    points, seen = points[::step, ::step], seen[::step, ::step]
-    rows, columns = (max(1, round(EDGE / 2 * length)) for length in seen.shape)
-    edge = np.ones(seen.shape, dtype=bool)
-    edge[rows:-rows, columns:-columns] = False
+    step = max(1, round((seen.size / _N_POINTS) ** 0.5))
+    points = points[::step, ::step]
+    seen = seen[::step, ::step]
     n_seen = np.count_nonzero(seen)
-    left, spoiled = seen.copy(), np.zeros(seen.shape, dtype=bool)
+    fewest = max(SHARE * n_seen, 3)
+    at_edge = _edge(seen.shape)
+    left = seen.copy()
+    is_clutter = np.zeros(seen.shape, dtype=bool)
     planes: list[Plane] = []
     for _ in range(3 * MOST_PLANES):
-        candidates = left & ~spoiled
-        if len(planes) == MOST_PLANES or np.count_nonzero(candidates) < max(SHARE * n_seen, 3):
+        candidates = left & ~is_clutter
+        if len(planes) == MOST_PLANES or np.count_nonzero(candidates) < fewest:
             break
         plane = _best_plane(points, candidates, random)
-        held = candidates & plane.holds(points) if plane else candidates & False
-        if plane is None or np.count_nonzero(held) < max(SHARE * n_seen, 3):
+        if plane is None:
+            break
+        held = candidates & plane.holds(points)
+        n_held = np.count_nonzero(held)
+        if n_held < fewest:
             break
         behind = left & (plane.heights(points) < -2 * plane.slack(points))
-        bounds = np.count_nonzero(behind) <= BEHIND * n_seen
-        if bounds and np.count_nonzero(held & edge) >= EDGE * np.count_nonzero(held):
+        bounds_the_scene = np.count_nonzero(behind) <= BEHIND * n_seen
+        reaches_the_edge = np.count_nonzero(held & at_edge) >= EDGE * n_held
+        if bounds_the_scene and reaches_the_edge:
             planes.append(plane)
             left &= ~plane.holds(points)
-            spoiled[:] = False
+            is_clutter[:] = False
         else:
-            spoiled |= held  # part of the object or of other clutter
+            is_clutter |= held  # part of the object or of something else
     return planes
+
+
+def _edge(shape: tuple[int, ...]) -> Mask:
+    """Return the margins of an image."""
+    rows, columns = (max(1, round(EDGE / 2 * length)) for length in shape)
+    result = np.ones(shape, dtype=bool)
+    result[rows:-rows, columns:-columns] = False
+    return result
 
 
 def _best_plane(points: Points, candidates: Mask, random: np.random.Generator) -> Plane | None:
     """Return the plane with the most inliers among those through random neighbours, refined by least squares."""
+    normals, offsets = _random_planes(points, candidates, random)
+    if not len(normals):
+        return None
+    inside = points[candidates]
+    some = inside[:: max(1, len(inside) // _N_SCORED)]
+    slack = UNEVEN + np.abs(offsets[:, None]) * (error_at(some[:, 2]) / some[:, 2])
+    n_inliers = (np.abs(normals @ some.T - offsets[:, None]) <= slack).sum(axis=1)
+    best = int(n_inliers.argmax())
+    return _refined(Plane.facing(normals[best], float(offsets[best])), inside)
+
+
+def _random_planes(
+    points: Points, candidates: Mask, random: np.random.Generator
+) -> tuple[Points, FloatArray]:
+    """Return unit normals and offsets of planes through a random candidate and two of its neighbours each."""
     rows, columns = np.nonzero(candidates)
     first = random.integers(len(rows), size=_TRIALS)
-    corners = [(rows[first], columns[first])]
-    for _ in range(2):  # neighbours share a plane more often than arbitrary points
-        places = [
-            np.clip(
-                place[first] + random.integers(-length // _REACH, length // _REACH + 1, _TRIALS),
-                0,
-                length - 1,
-            )
-            for place, length in zip((rows, columns), candidates.shape, strict=True)
-        ]
-        corners.append((places[0], places[1]))
-    a, b, c = (points[place] for place in corners)
+    second = _near(rows[first], columns[first], candidates.shape, random)
+    third = _near(rows[first], columns[first], candidates.shape, random)
+    a = points[rows[first], columns[first]]
+    b = points[second]
+    c = points[third]
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)
-    proper = (lengths > 1e-6) & candidates[corners[1]] & candidates[corners[2]]
-    if not proper.any():
-        return None
-    normals = normals[proper] / lengths[proper, None]
-    offsets = (normals * a[proper]).sum(axis=1)
-    inside = points[candidates]
-    some = inside[:: max(1, len(inside) // _SCORED)]
-    slack = UNEVEN + np.abs(offsets[:, None]) * (error_at(some[:, 2]) / some[:, 2])
-    best = int((np.abs(normals @ some.T - offsets[:, None]) <= slack).sum(axis=1).argmax())
-    plane = Plane.facing(normals[best], float(offsets[best]))
+    is_plane = (lengths > 1e-6) & candidates[second] & candidates[third]
+    normals = normals[is_plane] / lengths[is_plane, None]
+    offsets = (normals * a[is_plane]).sum(axis=1)
+    return normals, offsets
+
+
+def _near(
+    rows: IntArray, columns: IntArray, shape: tuple[int, ...], random: np.random.Generator
+) -> tuple[IntArray, IntArray]:
+    """Return a random pixel near each given one: neighbours share a plane more often than others."""
+    height, width = shape
+    down = random.integers(-height // _SPREAD, height // _SPREAD + 1, _TRIALS)
+    right = random.integers(-width // _SPREAD, width // _SPREAD + 1, _TRIALS)
+    return np.clip(rows + down, 0, height - 1), np.clip(columns + right, 0, width - 1)
+
+
+def _refined(plane: Plane, points: Points) -> Plane | None:
+    """Return a plane fitted to its inliers again and again; None if it loses them."""
     for _ in range(_REFINEMENTS):
-        held = inside[plane.holds(inside)]
+        held = points[plane.holds(points)]
         if len(held) < 3:
             return None
         centre = held.mean(axis=0)
@@ -199,31 +236,36 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
         free &= plane.heights(points) > plane.slack(points)
     if not free.any():
         raise DepthError("nothing but planes is left of the scene", _HINT)
+
     # A piece ends where the depth jumps.
     labels = np.full(free.shape, -1, dtype=np.int64)
     labels[free] = np.arange(np.count_nonzero(free))
     labels[free] = _joined(labels, depths, jump(depths))
+
     # At twice the depth, a pixel covers four times the area.
     surfaces = np.bincount(labels[free], weights=depths[free] ** 2)
-    pixels = np.bincount(labels[free])
-    distances = np.bincount(labels[free], weights=depths[free]) / pixels
-    large = (surfaces >= LARGE * surfaces.max()) & (pixels >= FEWEST * seen.size)
-    if not large.any():
-        problem = f"no piece left of the scene holds {FEWEST:.1%} of the image, the largest {pixels.max()} pixels"
+    n_pixels = np.bincount(labels[free])
+    distances = np.bincount(labels[free], weights=depths[free]) / n_pixels
+    is_large = (surfaces >= LARGE * surfaces.max()) & (n_pixels >= FEWEST * seen.size)
+    if not is_large.any():
+        problem = f"no piece left of the scene holds {FEWEST:.1%} of the image, the largest {n_pixels.max()} pixels"
         raise DepthError(problem, _HINT)
-    chosen = int(np.flatnonzero(large)[distances[large].argmin()])
-    group = _joined(
-        labels, depths, np.full_like(depths, JOINED)
-    )  # an arm before a chest is a separate piece
-    return np.asarray(free & (group == group[chosen])[labels])
+    large = np.flatnonzero(is_large)
+    nearest = large[distances[large].argmin()]
+
+    # An arm before a chest is a piece of its own.
+    groups = _joined(labels, depths, np.full_like(depths, JOINED))
+    return np.asarray(free & (groups == groups[nearest])[labels])
 
 
 def _joined(labels: IntArray, depths: Depths, limits: Depths) -> IntArray:
     """Return the group of each label of an image: labels of neighbours at depths within the limit of the nearer one."""
-    label, depth, limit = labels.ravel(), depths.ravel(), limits.ravel()
+    label = labels.ravel()
+    depth = depths.ravel()
+    limit = limits.ravel()
     pairs = [neighbours(depths > 0, direction) for direction in (RIGHT, DOWN)]
     one, other = np.concatenate(pairs, axis=1)
-    nearer = np.where(depth[one] <= depth[other], limit[one], limit[other])
-    close = (label[one] >= 0) & (label[other] >= 0)
-    close &= np.abs(depth[one] - depth[other]) <= nearer
-    return component_labels(label[one[close]], label[other[close]], int(labels.max()) + 1)
+    limit_of_nearer = np.where(depth[one] <= depth[other], limit[one], limit[other])
+    is_close = (label[one] >= 0) & (label[other] >= 0)
+    is_close &= np.abs(depth[one] - depth[other]) <= limit_of_nearer
+    return component_labels(label[one[is_close]], label[other[is_close]], int(labels.max()) + 1)
