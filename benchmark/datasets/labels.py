@@ -41,6 +41,12 @@ _UNNAMED = ("0", "x", *_LABELS)
 #: A plain value; None where there is none.
 Scalar = bool | int | float | str | None
 
+#: First float whose neighbour is more than 1 away: it may stand for several whole numbers.
+_FIRST_INEXACT = 2.0**53
+
+#: Characters that no screen shows, by which labels would differ unseen.
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+
 _ONE_AXIS = "pass one axis of plain values: text, whole numbers, or both"
 _ON_EACH_LINE = "write 'label' or 'name label' on each line"
 _QUOTES = "put labels that hold a separator in quotes"
@@ -129,9 +135,20 @@ def _scalar(value: Any, row: int, what: str) -> Scalar:
     if isinstance(value, float):
         if not np.isfinite(value):
             raise ConfigurationError(f"{what} {row} is infinite", _ONE_AXIS)
+        if abs(value) >= _FIRST_INEXACT:
+            problem = (
+                f"{what} {row} is {value:.17g}, a float that may stand for several whole numbers"
+            )
+            raise ConfigurationError(problem, "pass whole numbers or text")
         return float(value)
     if isinstance(value, str):
-        return str.__str__(value).strip()  # of an enumeration, too
+        # An enumeration has its own text. Text of fixed width ends in NULs, as in numpy.
+        text = str.__str__(value).strip().rstrip("\0").strip()
+        if _CONTROL.search(text):
+            raise ConfigurationError(
+                f"{what} {row} holds a control character: {text!r:.40}", _ONE_AXIS
+            )
+        return text
     raise ConfigurationError(f"{what} {row} is of type {_type_name(value)}", _ONE_AXIS)
 
 

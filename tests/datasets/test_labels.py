@@ -104,6 +104,8 @@ OBJECTS = {
     "minus zero": [-0.0 if label == 0 else label for label in NUMBERS],
     "enumeration of numbers": [Kind(label) for label in NUMBERS],
     "enumeration of text": [Animal(word) for word in WORDS],
+    "text of fixed width": [f"{word}\0\0" for word in WORDS],
+    "bytes of fixed width": [f"{word}\0".encode() for word in WORDS],
 }
 
 
@@ -154,6 +156,9 @@ NO_OBJECTS = {
     "timestamps": (pd.Series([datetime(2024, 1, 1)] * 12), "label 1 is of type Timestamp"),
     "complex": (LABELS.astype(complex), "label 1 is of type complex"),
     "infinite": ([*NUMBERS[:11], np.inf], "label 12 is infinite"),
+    "large floats": ([2.0**53 + n for n in NUMBERS], "label 2 is .*, a float that may stand for"),
+    "control characters": ([*WORDS[:11], "cat\x07"], r"label 12 holds a control character"),
+    "a NUL within": ([*WORDS[:11], "c\0t"], r"label 12 holds a control character"),
     "decimals": ([Decimal(1)] * 12, "label 1 is of type Decimal"),
     "objects": ([object()] * 12, "label 1 is of type object"),
     "functions": ([print] * 12, "label 1 is of type builtin_function"),
