@@ -83,7 +83,7 @@ def views(every_view):
     return {
         view.table.identifier: view
         for view in every_view
-        if view.dataset in ("people[draw=0]", "humans-scanlike", "tosca")
+        if view.dataset in ("people[draw=0]", "humans-scanlike", "tosca", "faust")
     }
 
 
@@ -112,13 +112,19 @@ def scores(views, rows):
             {m: max((of[name][m] for name in CLASSICAL if name in of), default=0) for m in MEASURES}
         )
         found[table.replace("-", "_")] = of
-    for table, name in (("I", "I_all"), ("I-view", "I_all_view")):
+    others = (
+        ("I", "15 subjects", "I_all"),
+        ("I-view", "15 subjects", "I_all_view"),
+        ("faust", "mesh", "faust"),
+        ("faust", "view", "faust_view"),
+    )
+    for table, column, name in others:
         found[name] = {
-            row.method: Scores(row.scored["15 subjects"].means)
+            row.method: Scores(row.scored[column].means)
             for row in views[table].rows
-            if "15 subjects" in row.scored
+            if column in row.scored
         }
-        found[name]["random"] = Scores(views[table].chance["15 subjects"])
+        found[name]["random"] = Scores(views[table].chance[column])
     return found
 
 
