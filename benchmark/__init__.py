@@ -10,6 +10,7 @@ _OFFERED = {
     "canonical_form_of_depth": "benchmark.commands.forms",
     "canonicalise": "benchmark.commands.canonicalise",
     "compare": "benchmark.commands.compare",
+    "demo": "benchmark.commands.demo",
     "merge": "benchmark.commands.merge",
     "open_results": "benchmark.report.results",
     "plan": "benchmark.commands.plan",

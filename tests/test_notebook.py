@@ -44,6 +44,7 @@ def test_dir_lists_what_there_is():
         "canonical_form_of_depth",
         "canonicalise",
         "compare",
+        "demo",
         "merge",
         "open_results",
         "plan",

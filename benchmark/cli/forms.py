@@ -24,6 +24,7 @@ from benchmark.depth.frame import FrameFiles
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
 from benchmark.geometry.preparation import prepare
+from benchmark.kernel_cache.announcing import announce_compilation
 from benchmark.pipeline.surfaces import N_VERTICES
 from benchmark.registry import select_one
 from benchmark.report.drawing import check_ending
@@ -32,6 +33,7 @@ from benchmark.text import say, say_table
 
 def canonicalise(paths: Sequence[Path], method: str, options: Selection, output: Path) -> bool:
     """Write the form of a mesh, or the forms of depth images; return whether all could be made."""
+    announce_compilation()
     source, *others = paths
     absent = [path for path in paths if not path.name or not (others or path.exists())]
     if absent:  # of several, one may be missing

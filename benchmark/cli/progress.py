@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from datetime import timedelta
 from typing import TypeVar
 
 from rich.console import Console
-from rich.markup import escape
-from rich.progress import BarColumn, Progress, TextColumn, track
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Column
 
 from benchmark.runs.runner import Progress as State
@@ -97,11 +96,35 @@ class Bar:
             say(line, err=True)
 
 
-def counting(what: str, items: Iterable[T]) -> Iterator[T]:
-    """Yield items, such as the shapes of ``"checking people"``, and show how many are done, and the time left."""
+def counting(what: str, items: Iterable[T], name: Callable[[T], str] | None = None) -> Iterator[T]:
+    """Yield items, such as the shapes of ``"checking people"``, and show how many are done, and the time left.
+
+    Parameters
+    ----------
+    what
+        What is done with them.
+    items
+        The items.
+    name
+        Returns what an item is called.
+    """
+    every = [*items]
     console = Console(file=sys.stderr)
-    if not console.is_terminal:
-        say(what, err=True)
-    yield from track(
-        [*items], escape(clean_text(what)), console=console, disable=not console.is_terminal
+    columns = (
+        TextColumn("{task.description}", markup=False),
+        BarColumn(16),
+        TimeRemainingColumn(),
     )
+    shown = -INTERVAL
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
+        task = bar.add_task(clean_text(what), total=len(every))
+        for number, item in enumerate(every, 1):
+            named = f", {name(item)}" if name else ""
+            line = f"{what}: {number} of {len(every)}{named}"
+            now = time.monotonic()
+            if bar.disable and now - shown >= INTERVAL:
+                shown = now
+                say(line, err=True)
+            bar.update(task, description=clean_text(line))
+            yield item
+            bar.advance(task)

@@ -243,6 +243,23 @@ def canonicalise(
     return canonicalise(paths, method, selection, output)
 
 
+@verb("methods", "plugins", "seed")
+def demo(
+    selection: Selection,
+    meshes: Annotated[
+        list[Path] | None, Argument(metavar="[MESH]...", help="[a generated cat in two poses]")
+    ] = None,
+    output: Annotated[Path, Option("-o", "--output", metavar="FILE", help="The page.")] = Path(
+        "demo.html"
+    ),
+    is_closed: Annotated[bool, Option("--no-open", help="Open no browser.")] = False,
+) -> bool:
+    """Make a page on which shapes unfold into their canonical forms, and open it."""
+    from benchmark.cli.demo import demo
+
+    return demo(meshes or [], output, selection, is_opened=not is_closed)
+
+
 @verb("scorer", "plugins", "results", "data_root", "seed", "gallery_views", *_CAMERA)
 def retrieve(
     selection: Selection,

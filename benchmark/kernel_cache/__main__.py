@@ -8,10 +8,10 @@ they fit the types of its arrays.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
-from typing import TYPE_CHECKING
+from functools import cache, partial
+from typing import TYPE_CHECKING, NamedTuple
 
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import BenchmarkError
@@ -24,22 +24,26 @@ if TYPE_CHECKING:  # numerical libraries are imported once threads are pinned
     from benchmark.registry import Component
 
 
-def steps() -> Iterator[Callable[[], object]]:
-    """Yield steps of a run that use kernels: those of methods, generated data sets and the scorer."""
-    from benchmark.datasets.catalogue import CATALOGUE, open_dataset
+class Step(NamedTuple):
+    """A step of a run that uses kernels, and what it is called."""
+
+    name: str
+    compute: Callable[[], object]
+
+
+def steps() -> list[Step]:
+    """Return steps of a run that use kernels: those of methods, generated data sets and the scorer."""
+    from benchmark.datasets.catalogue import CATALOGUE
     from benchmark.registry import by_name
 
-    shapes = _figure_as_input()
-    for method in by_name("method").values():
-        yield partial(_apply, method, shapes)
+    found = [Step(name, partial(_apply, method)) for name, method in by_name("method").items()]
     for name, known_set in CATALOGUE.items():
         if not known_set.folder:
-            dataset = open_dataset(name, None)
-            # The second shape of each set is bent, so that its pose is computed, too.
-            yield partial(dataset.load, dataset.shapes[1])
-    yield _compare_figures
+            found.append(Step(name, partial(_load_bent_shape, name)))
+    return [*found, Step(DEFAULT_SCORER, _compare_figures)]
 
 
+@cache
 def _figure_as_input() -> dict[str, Shape]:
     """Return a small figure as methods get it, for each input."""
     from benchmark.check.shapes import figure
@@ -56,7 +60,15 @@ def _figure_as_input() -> dict[str, Shape]:
     }
 
 
-def _apply(component: Component, shapes: Mapping[str, Shape]) -> None:
+def _load_bent_shape(name: str) -> None:
+    """Load the second shape of a generated set, which is bent, so that its pose is computed, too."""
+    from benchmark.datasets.catalogue import open_dataset
+
+    dataset = open_dataset(name, None)
+    dataset.load(dataset.shapes[1])
+
+
+def _apply(component: Component) -> None:
     """Apply a method or descriptor to the inputs that it takes."""
     from benchmark.protocols.models import with_model
 
@@ -64,7 +76,7 @@ def _apply(component: Component, shapes: Mapping[str, Shape]) -> None:
     compute = method.describe if component.describes else method.canonicalise
     for input_ in component.info.inputs:
         with suppress(BenchmarkError):  # a method may refuse the figure
-            compute(shapes[input_])
+            compute(_figure_as_input()[input_])
 
 
 def _compare_figures() -> None:
@@ -84,9 +96,9 @@ def main() -> None:
 
     drop_stale_kernels()
     start = time.monotonic()
-    for compile_step in counting("compiling kernels", steps()):
+    for step in counting("compiling kernels", steps(), name=lambda step: step.name):
         with suppress(BenchmarkError):  # missing packages and models are left for the run to report
-            compile_step()
+            step.compute()
     say(f"kernels compiled after {time.monotonic() - start:.0f} s", err=True)
 
 

@@ -55,6 +55,21 @@ def test_without_a_terminal_a_line_now_and_then(monkeypatch, capsys):
     ]
 
 
-def test_items_are_yielded_and_named_without_a_terminal(capsys):
+def test_items_are_yielded_and_counted_without_a_terminal(capsys, monkeypatch):
     assert list(counting("checking people[draw=0]", ["a", "b"])) == ["a", "b"]
-    assert capsys.readouterr() == ("", "checking people[draw=0]\n")
+    assert capsys.readouterr() == ("", "checking people[draw=0]: 1 of 2\n")
+    monkeypatch.setattr("benchmark.cli.progress.INTERVAL", 0.0)
+    assert list(counting("compiling kernels", ["gps", "mds"], name=str)) == ["gps", "mds"]
+    assert capsys.readouterr().err.splitlines() == [
+        "compiling kernels: 1 of 2, gps",
+        "compiling kernels: 2 of 2, mds",
+    ]
+
+
+def test_a_bar_counts_and_names_items_in_a_terminal(capsys, monkeypatch):
+    screen = io.StringIO()
+    terminal = Console(file=screen, force_terminal=True, width=100, color_system=None)
+    monkeypatch.setattr("benchmark.cli.progress.Console", lambda **_: terminal)
+    assert list(counting("compiling kernels", ["gps", "mds[x=1]"], name=str)) == ["gps", "mds[x=1]"]
+    assert "compiling kernels: 2 of 2, mds[x=1]" in screen.getvalue()
+    assert capsys.readouterr() == ("", "")

@@ -1,0 +1,43 @@
+"""``demo``: write a page to play with, and open it."""
+
+from __future__ import annotations
+
+import os
+import sys
+import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
+
+from benchmark.cli.options import Selection
+from benchmark.cli.progress import counting
+from benchmark.commands.demo import demo as make_demo
+from benchmark.kernel_cache.announcing import announce_compilation
+from benchmark.text import say
+
+
+def demo(
+    meshes: Sequence[Path], output: Path, selection: Selection, *, is_opened: bool = True
+) -> bool:
+    """Write the page, and open it where there is a screen; return whether it has all forms."""
+    announce_compilation()
+    made = make_demo(
+        meshes,
+        output,
+        methods=selection.methods,
+        plugins=selection.plugins,
+        seed=selection.seed,
+        watched=lambda forms: counting("computing forms", forms, name=str),
+    )
+    for problem in made.problems:
+        say(problem, err=True)
+    say(f"wrote {made.path}: open it in a browser, and drag the slider")
+    if is_opened and has_screen():
+        webbrowser.open(made.path.absolute().as_uri())
+    return not made.problems
+
+
+def has_screen() -> bool:
+    """Return whether a browser can show a page: not in a container, or in a shell on another machine."""
+    if sys.platform == "darwin":
+        return "SSH_CONNECTION" not in os.environ
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
