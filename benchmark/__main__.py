@@ -3,7 +3,8 @@
 import os
 import sys
 
-if sys.path[0] in ("", os.getcwd()):  # noqa: PTH109  # a file there, such as queue.py, replaces no module of Python
+# A file in the working folder, such as queue.py, replaces no module of Python.
+if sys.path[0] in ("", os.getcwd()):  # noqa: PTH109
     sys.path.append(sys.path.pop(0))
 
 from benchmark.cli.main import program

@@ -1,8 +1,9 @@
-"""Digests of the code that makes a result: sources, compiled extensions and versions of packages; nothing is imported.
+"""Digests of the code that makes a result: sources, compiled extensions, versions of packages.
 
-The code of a module is its source and that of everything that it imports, directly or not, except
-installed packages, whose versions count. Imports inside functions count. Of a user's file, all bytes
-count. Of the suite, what computes counts, and nothing that checks or speaks:
+Nothing is imported to compute them. The code of a module is its source and that of everything that
+it imports, directly or not, except installed packages, whose versions count. Imports inside
+functions count. Of a user's file, all bytes count. Of the suite, what computes counts, and nothing
+that checks or speaks:
 
 - neither the modules in :data:`IN_NO_KEY`, nor the ``__init__`` of a package that only passes on a
   name;
@@ -24,8 +25,7 @@ import importlib.util
 import json
 import sys
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, partial
 from importlib.machinery import EXTENSION_SUFFIXES
 from itertools import chain
@@ -34,6 +34,7 @@ from typing import Any, NamedTuple, TypeGuard
 
 from benchmark.errors import ConfigurationError
 
+#: Packages of the suite.
 FIRST_PARTY = ("benchmark", "baselines", "learned", "retrieval")
 
 #: Folder that holds the packages of the suite.
@@ -61,10 +62,12 @@ _TEXTS = ("title", "summary", "departs", "cite")
 
 def code_digest(target: str, files: Iterable[str] = ()) -> str:
     """Return the digest of :func:`code_of`; the name of a plugin file does not count."""
-    path = plugin_file(target)
-    parts = code_of(target, files).items()
-    content = sorted(("" if path and name == path.name else name, part) for name, part in parts)
-    return digest_of_bytes(json.dumps(content).encode())
+    plugin = plugin_file(target)
+    content = []
+    for name, part in code_of(target, files).items():
+        is_plugin = plugin is not None and name == plugin.name
+        content.append(("" if is_plugin else name, part))
+    return digest_of_bytes(json.dumps(sorted(content)).encode())
 
 
 def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
@@ -89,18 +92,19 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
         If there is no such module, or one of the files is missing or is a folder.
     """
     sources, packages = _closure(target)
-    parts = {
-        _relative(path, base).as_posix(): _parsed(path).digest for path, base in sources.items()
-    }
-    for top in sorted(packages):
-        parts |= _versions(top)
-    start = next(iter(sources))
+    parts = {}
+    for path, base in sources.items():
+        parts[_relative(path, base).as_posix()] = _parsed(path).digest
+    for package in sorted(packages):
+        parts |= _versions(package)
+    module = next(iter(sources))
     for name in files:
-        path = start.parent / name
+        path = module.parent / name
         if not path.is_file():
-            problem = f"{start.name} depends on '{name}', which is {'a folder' if path.is_dir() else 'missing'}"
+            fault = "a folder" if path.is_dir() else "missing"
             raise ConfigurationError(
-                problem, f"correct 'files': paths of files, relative to {start.parent}"
+                f"{module.name} depends on '{name}', which is {fault}",
+                f"correct 'files': paths of files, relative to {module.parent}",
             )
         parts[name] = digest_of_bytes(_content_of(path))
     return parts
@@ -108,11 +112,16 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
 
 def code_of_modules(modules: Iterable[str]) -> dict[str, str]:
     """Return what the code of modules consists of."""
-    return {name: part for module in modules for name, part in code_of(module).items()}
+    parts: dict[str, str] = {}
+    for module in modules:
+        parts |= code_of(module)
+    return parts
 
 
 def definitions_of(code: Iterable[tuple[str, str]]) -> dict[str, dict[str, str]]:
-    """Return the digests of functions, methods, classes and constants of the suite, by the digests of their files.
+    """Return the digests of the definitions in files of the suite, by the digests of the files.
+
+    Definitions are functions, methods, classes and constants.
 
     Parameters
     ----------
@@ -120,42 +129,48 @@ def definitions_of(code: Iterable[tuple[str, str]]) -> dict[str, dict[str, str]]
         Paths and digests, as :func:`code_of` returns them; a file that has another digest now is
         left out.
     """
-    found: dict[str, dict[str, str]] = {}
+    definitions: dict[str, dict[str, str]] = {}
     for name, part in code:
         path = ROOT / name
         is_of_suite = name.partition("/")[0] in FIRST_PARTY and path.suffix == ".py"
         if is_of_suite and path.is_file() and _parsed(path).digest == part:
-            found[part] = dict(_parsed(path).definitions)
-    return found
+            definitions[part] = dict(_parsed(path).definitions)
+    return definitions
 
 
 def plugin_file(target: str) -> Path | None:
-    """Return the path of the plugin file in a target such as ``"/path/smooth.py:Smooth"``; None for another module."""
+    """Return the plugin file in a target such as ``"/path/smooth.py:Smooth"``.
+
+    None stands for another module.
+    """
     path = target if target.endswith(".py") else target.rpartition(":")[0]
     return Path(path) if path.endswith(".py") else None
 
 
 def sources_of(target: str) -> list[Path]:
-    """Return the source files in the code of a module."""
-    return list(_closure(target)[0])
+    """Return the source files in the code of a module, its own first."""
+    sources, _ = _closure(target)
+    return list(sources)
 
 
 def is_installed(module: str) -> bool:
-    """Return whether a module is of the suite, of Python, or of an installed package: no code that a user edits."""
+    """Return whether a module is of the suite, of Python, or of an installed package.
+
+    No user edits such code.
+    """
     top = module.partition(".")[0]
     return top in FIRST_PARTY or top in sys.stdlib_module_names or bool(_versions(top))
 
 
 def modules_beside(path: Path) -> dict[str, Path]:
-    """Return the modules and packages beside a plugin file that it imports, directly or not, by name."""
+    """Return the modules beside a plugin file that it imports, directly or not, by name."""
     folder = path.resolve().parent
-    helpers = (
-        source.relative_to(base)
-        for source, base in _closure(str(path))[0].items()
-        if base == folder
-    )
-    names = {helper.parts[0].partition(".")[0] for helper in helpers} - {path.stem}
-    return {name: found for name in sorted(names) if (found := _locate(path.parent, (name,)))}
+    sources, _ = _closure(str(path))
+    helpers = [source.relative_to(base) for source, base in sources.items() if base == folder]
+    names = {helper.parts[0].partition(".")[0] for helper in helpers}
+    names.discard(path.stem)
+    files = {name: _locate(path.parent, (name,)) for name in sorted(names)}
+    return {name: file for name, file in files.items() if file}
 
 
 def digest_of_bytes(content: bytes) -> str:
@@ -164,12 +179,18 @@ def digest_of_bytes(content: bytes) -> str:
 
 
 def digest(content: Any) -> str:
-    """Return the digest of a content, 32 digits: dicts, lists, texts and numbers, or type and text of anything else."""
+    """Return the digest of a content: 32 hexadecimal digits.
+
+    Parameters
+    ----------
+    content
+        Dicts, lists, texts and numbers; of anything else, its type and its text count.
+    """
     text = json.dumps(
         content,
         sort_keys=True,
         separators=(",", ":"),
-        default=lambda it: [type(it).__name__, str(it)],
+        default=lambda value: [type(value).__name__, str(value)],
     )
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
@@ -179,43 +200,83 @@ def digest(content: Any) -> str:
 
 
 def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
-    """Return the sources of a module, itself first, each with the folder that holds its package; and other packages."""
-    path = plugin_file(target)
-    name = path.stem if path else target.partition(":")[0]
-    base = path.resolve().parent if path else _folder_of(name.partition(".")[0])
-    start = path.resolve() if path else base and _locate(base, tuple(name.split(".")))
-    if base is None or start is None or not start.is_file():
-        raise ConfigurationError(
-            f"there is no module {path or name}", "correct the name, or install its package"
-        )
+    """Return what a module imports, directly or not.
+
+    Returns
+    -------
+    dict
+        Sources, that of the module first, each with the folder that holds its package.
+    set
+        Names of installed packages.
+    """
+    plugin = plugin_file(target)
+    start, base = _start_of(target, plugin)
     is_beside = cache(partial(_is_beside, base))  # asked again for each import
     sources = {start: base}
-    packages = set[str]()
+    packages: set[str] = set()
     pending = [start]
     while pending:
         source = pending.pop()
         for parts in _imported(_parsed(source).imports, _relative(source, sources[source])):
             top = parts[0]
-            is_near = path is not None and top not in FIRST_PARTY and is_beside(top)
-            has_sources = is_near or top in FIRST_PARTY or not _versions(top)
-            where = base if is_near else _folder_of(top) if has_sources else None
-            if where is None:
+            if plugin and top not in FIRST_PARTY and is_beside(top):
+                folder: Path | None = base
+            else:
+                folder = _folder_of_sources(top)
+            if folder is None:
                 packages.add(top)
                 continue
-            found = _suite_files(parts) if top in FIRST_PARTY else _files_around(where, parts)
-            if where not in (ROOT, base):  # a package without a version, which imports in any way
-                found += sorted((where / top).rglob("*.py"))
-            for file in found:
+            for file in _files_of_import(parts, folder, base):
                 if file not in sources:
-                    sources[file] = where
+                    sources[file] = folder
                     pending.append(file)
     return sources, packages
 
 
-def _files_around(where: Path, parts: tuple[str, ...]) -> list[Path]:
+def _start_of(target: str, plugin: Path | None) -> tuple[Path, Path]:
+    """Return the file of a module, and the folder that holds its package."""
+    if plugin:
+        start: Path | None = plugin.resolve()
+        base: Path | None = plugin.resolve().parent
+        name = str(plugin)
+    else:
+        name = target.partition(":")[0]
+        base = _folder_of(name.partition(".")[0])
+        start = _locate(base, tuple(name.split("."))) if base else None
+    if base is None or start is None or not start.is_file():
+        problem = f"there is no module {name}"
+        raise ConfigurationError(problem, "correct the name, or install its package")
+    return start, base
+
+
+def _folder_of_sources(top: str) -> Path | None:
+    """Return the folder of a package whose sources count; None if its version does."""
+    if top not in FIRST_PARTY and _versions(top):
+        return None
+    return _folder_of(top)
+
+
+def _files_of_import(parts: tuple[str, ...], folder: Path, base: Path) -> list[Path]:
+    """Return the files of a name that is imported, from the folder that holds its package.
+
+    Parameters
+    ----------
+    parts
+        Full name.
+    folder, base
+        Folder that holds the package of the name, and that of the module whose code is asked for.
+    """
+    top = parts[0]
+    files = _suite_files(parts) if top in FIRST_PARTY else _files_around(folder, parts)
+    if folder not in (ROOT, base):  # a package without a version, which imports in any way
+        files += sorted((folder / top).rglob("*.py"))
+    return files
+
+
+def _files_around(folder: Path, parts: tuple[str, ...]) -> list[Path]:
     """Return the files of a module and of all packages around it."""
-    found = [_locate(where, parts[:count]) for count in range(1, len(parts) + 1)]
-    return [file for file in found if file]
+    files = [_locate(folder, parts[:count]) for count in range(1, len(parts) + 1)]
+    return [file for file in files if file]
 
 
 def _suite_files(parts: tuple[str, ...]) -> list[Path]:
@@ -225,53 +286,70 @@ def _suite_files(parts: tuple[str, ...]) -> list[Path]:
     """
     if ".".join(parts[:2]) in IN_NO_KEY or ".".join(parts[:3]) in IN_NO_KEY:
         return []
-    if module := _locate(ROOT, parts):
+    module = _locate(ROOT, parts)
+    if module:
         return [module]
     around = _locate(ROOT, parts[:-1])
     if around is None:  # a name of a class
         return []
-    passed_on = _parsed(around).passed_on.get(parts[-1]) if around.name == "__init__.py" else None
+    if around.name != "__init__.py":
+        return [around]
+    passed_on = _parsed(around).passed_on.get(parts[-1])
     if passed_on is None:
         return [around]
-    files = [_suite_files(name) for name in _imported((passed_on,), _relative(around, ROOT))]
-    return [*chain.from_iterable(files)]
+    names = _imported((passed_on,), _relative(around, ROOT))
+    return [*chain.from_iterable(map(_suite_files, names))]
 
 
 def _is_beside(base: Path, top: str) -> bool:
-    """Return whether a folder holds a module, a package, or a folder of modules that no installed package hides."""
-    return _locate(base, (top,)) is not None or ((base / top).is_dir() and not _versions(top))
+    """Return whether a folder holds a module, a package, or a folder of modules.
+
+    An installed package hides a folder of modules without ``__init__.py``.
+    """
+    if _locate(base, (top,)):
+        return True
+    return (base / top).is_dir() and not _versions(top)
 
 
 def _folder_of(top: str) -> Path | None:
     """Return the folder that holds a top-level package; None if there is none."""
     if top in FIRST_PARTY:
         return ROOT
-    with suppress(ImportError, ValueError):  # it is being imported, or is no module
+    try:
         spec = importlib.util.find_spec(top)
-        if (
-            spec is not None and spec.submodule_search_locations
-        ):  # a package, with or without __init__.py
-            return Path(next(iter(spec.submodule_search_locations))).parent
-        if spec is not None and spec.origin is not None:
-            return Path(spec.origin).parent
-    return None
+    except (ImportError, ValueError):  # it is being imported, or is no module
+        return None
+    if spec is None:
+        return None
+    if spec.submodule_search_locations:  # a package, with or without __init__.py
+        return Path(next(iter(spec.submodule_search_locations))).parent
+    return Path(spec.origin).parent if spec.origin is not None else None
 
 
 @cache
 def _imported(imports: tuple[Import, ...], source: Path) -> tuple[tuple[str, ...], ...]:
-    """Return the full names of what a source file imports: modules, or names in modules."""
+    """Return the full names of what a source file imports: modules, or names in modules.
+
+    Parameters
+    ----------
+    imports
+        Its imports.
+    source
+        Its path from the folder that holds its package.
+    """
     package = source.parts[:-1]
-    names = dict[tuple[str, ...], None]()
+    names: dict[tuple[str, ...], None] = {}
     for level, module, attribute in imports:
         around = package[: len(package) - level + 1] if level else ()
-        full = (*around, *filter(None, [*module.split("."), attribute]))
-        if full[0] not in sys.stdlib_module_names:
-            names[full] = None
+        name = (*around, *filter(None, [*module.split("."), attribute]))
+        if name[0] not in sys.stdlib_module_names:
+            names[name] = None
     return tuple(names)
 
 
 @cache
 def _relative(path: Path, base: Path) -> Path:
+    """Return a path relative to a folder; each is asked for often."""
     return path.relative_to(base)
 
 
@@ -282,21 +360,23 @@ def _locate(base: Path, parts: tuple[str, ...]) -> Path | None:
 
 @cache
 def _locate_once(parts: tuple[str, ...]) -> Path | None:
+    """Return the file of a module of the suite."""
     return _find(ROOT, parts)
 
 
 def _find(base: Path, parts: tuple[str, ...]) -> Path | None:
-    """Return the file of a module: a source, a package or a compiled extension."""
+    """Return the file of a module: a package, a source or a compiled extension."""
     stem = base.joinpath(*parts)
-    candidates = (
-        stem / "__init__.py",
-        *(Path(f"{stem}{suffix}") for suffix in (".py", *EXTENSION_SUFFIXES)),
-    )
-    return next((path for path in candidates if path.is_file()), None)
+    candidates = [stem / "__init__.py"]
+    candidates += [Path(f"{stem}{suffix}") for suffix in (".py", *EXTENSION_SUFFIXES)]
+    for path in candidates:
+        if path.is_file():
+            return path
+    return None
 
 
+#: Level, module and attribute of an import.
 Import = tuple[int, str, str]
-"""Level, module and attribute of an import."""
 
 
 class _Module(NamedTuple):
@@ -321,6 +401,7 @@ class _Module(NamedTuple):
 
 
 def _parsed(path: Path) -> _Module:
+    """Return what counts in a source file as it is now."""
     status = path.stat()
     return _parsed_once(path, status.st_mtime_ns, status.st_ctime_ns, status.st_size)
 
@@ -333,40 +414,64 @@ def _content_of(path: Path) -> bytes:
 
 @cache
 def _parsed_once(path: Path, *_: int) -> _Module:
+    """Return what counts in a file; its times and its size tell versions of it apart."""
     content = _content_of(path)
-    try:
-        tree = ast.parse(content) if path.suffix == ".py" else None
-    except (SyntaxError, ValueError):  # named when it is imported
-        tree = None
+    tree = _parse(content) if path.suffix == ".py" else None
     if tree is None:
         return _Module(digest_of_bytes(content))
-    if not any(path.is_relative_to(ROOT / package) for package in FIRST_PARTY):
-        imports = chain.from_iterable(map(_imports, ast.walk(tree)))
-        return _Module(digest_of_bytes(content), tuple(imports))
-    return _parsed_suite(tree)
+    if any(path.is_relative_to(ROOT / package) for package in FIRST_PARTY):
+        return _parsed_suite(tree)
+    imports = chain.from_iterable(map(_imports, ast.walk(tree)))
+    return _Module(digest_of_bytes(content), tuple(imports))
+
+
+def _parse(content: bytes) -> ast.Module | None:
+    """Return the syntax tree of a source; None of a wrong one, which its import will name."""
+    try:
+        return ast.parse(content)
+    except (SyntaxError, ValueError):
+        return None
 
 
 def _parsed_suite(tree: ast.Module) -> _Module:
     """Return what counts in a file of the suite."""
     imports: dict[Import, None] = {}
     parts: list[Any] = []
-    by_name = defaultdict[str, list[Any]](list)
+    parts_by_name: defaultdict[str, list[Any]] = defaultdict(list)
     for name, node in _definitions(tree.body):
         of_definition = _significant(node, imports)
         parts += of_definition
-        by_name[name] += of_definition
-    definitions = {name: digest_of_bytes(repr(of).encode()) for name, of in by_name.items()}
-    passed_on = {
-        alias.asname or alias.name: (node.level, node.module or "", alias.name)
-        for node in tree.body
-        if isinstance(node, ast.ImportFrom)
-        for alias in node.names
-    }
-    return _Module(digest_of_bytes(repr(parts).encode()), tuple(imports), definitions, passed_on)
+        parts_by_name[name] += of_definition
+    definitions = {name: _digest_of_parts(of_name) for name, of_name in parts_by_name.items()}
+    return _Module(_digest_of_parts(parts), tuple(imports), definitions, _passed_on(tree))
+
+
+def _digest_of_parts(parts: Sequence[Any]) -> str:
+    """Return the digest of what counts in code."""
+    return digest_of_bytes(repr(parts).encode())
+
+
+def _passed_on(tree: ast.Module) -> dict[str, Import]:
+    """Return what a module imports outside of functions, by the names that it gives it."""
+    passed_on: dict[str, Import] = {}
+    for node in tree.body:
+        if isinstance(node, ast.ImportFrom):
+            for alias in node.names:
+                imported = node.level, node.module or "", alias.name
+                passed_on[alias.asname or alias.name] = imported
+    return passed_on
 
 
 def _definitions(body: Iterable[ast.stmt], within: str = "") -> Iterator[tuple[str, ast.AST]]:
-    """Yield the statements of a module with the names that they define; a class is taken apart."""
+    """Yield the statements of a module with the names that they define; a class is taken apart.
+
+    Parameters
+    ----------
+    body
+        Statements of a module, or of a class.
+    within
+        Name of the class, with a dot; "" for a module.
+    """
     for node in body:
         if isinstance(node, ast.ClassDef):
             yield from _definitions(node.body, f"{within}{node.name}.")
@@ -374,39 +479,42 @@ def _definitions(body: Iterable[ast.stmt], within: str = "") -> Iterator[tuple[s
             node.body = []
             yield f"{within}{node.name}", node
             node.body = members
-        elif isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-            yield f"{within}{node.name}", node
-        elif isinstance(node, ast.Assign | ast.AnnAssign):
-            target = node.targets[0] if isinstance(node, ast.Assign) else node.target
-            yield f"{within}{_name(target) or 'constants'}", node
-        elif isinstance(node, ast.Import | ast.ImportFrom):
-            yield f"{within}imports", node
         else:
-            yield f"{within}statements", node
+            yield f"{within}{_defined_name(node)}", node
+
+
+def _defined_name(node: ast.stmt) -> str:
+    """Return the name that a statement defines, or that of its kind."""
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        return node.name
+    if isinstance(node, ast.Assign):
+        return _name(node.targets[0]) or "constants"
+    if isinstance(node, ast.AnnAssign):
+        return _name(node.target) or "constants"
+    if isinstance(node, ast.Import | ast.ImportFrom):
+        return "imports"
+    return "statements"
 
 
 def _significant(statement: ast.AST, imports: dict[Import, None]) -> list[Any]:
-    """Return what counts in a statement of the suite, without texts that speak; adds what it imports."""
+    """Return what counts in a statement of the suite, without texts that speak.
+
+    What it imports is added to ``imports``. Nodes are taken from a list instead of by recursion,
+    which is faster than :func:`ast.dump` and :func:`ast.walk`.
+    """
     parts: list[Any] = []
     pending: list[Any] = [[statement]]
-    while pending:  # faster than ast.dump and ast.walk
+    while pending:
         node = pending.pop()
         if isinstance(node, ast.ImportFrom) and node.module in IN_NO_KEY:
             continue
-        if isinstance(node, ast.If) and _name(node.test) == "TYPE_CHECKING":
-            node = node.orelse
-        if isinstance(node, ast.Subscript) and _name(node.value) == "Annotated":
-            node = node.slice.elts[:1] if isinstance(node.slice, ast.Tuple) else node
+        node = _computing_part(node)
         if _speaks(node):
-            for part in ast.walk(node):
-                if _is_text(part):
-                    part.value = ""
+            _remove_texts(node)
         if isinstance(node, list):
-            node = [
-                part for part in node if not (isinstance(part, ast.Expr) and _is_text(part.value))
-            ]
-            pending += node
-            parts.append(len(node))
+            statements = [part for part in node if not _is_docstring(part)]
+            pending += statements
+            parts.append(len(statements))
         elif isinstance(node, ast.AST):
             imports |= dict.fromkeys(_imports(node))
             pending += [getattr(node, name, None) for name in node._fields]
@@ -416,23 +524,37 @@ def _significant(statement: ast.AST, imports: dict[Import, None]) -> list[Any]:
     return parts
 
 
+def _computing_part(node: Any) -> Any:
+    """Return a node without what only type checkers import, and without bounds of parameters."""
+    if isinstance(node, ast.If) and _name(node.test) == "TYPE_CHECKING":
+        return node.orelse
+    if isinstance(node, ast.Subscript) and _name(node.value) == "Annotated":
+        return node.slice.elts[:1] if isinstance(node.slice, ast.Tuple) else node
+    return node
+
+
+def _remove_texts(node: ast.AST) -> None:
+    """Empty all texts in a node."""
+    for part in ast.walk(node):
+        if _is_text(part):
+            part.value = ""
+
+
 def _imports(node: ast.AST) -> list[Import]:
     """Return level, module and attribute of each import of a statement or expression."""
     if isinstance(node, ast.Import):
         return [(0, alias.name, "") for alias in node.names]
     if isinstance(node, ast.ImportFrom):
         return [(node.level, node.module or "", alias.name) for alias in node.names]
-    if (
-        isinstance(node, ast.Call)
-        and _name(node.func) == "import_module"
-        and node.args
-        and _is_text(node.args[0])
-    ):
-        return [(0, ast.literal_eval(node.args[0]), "")]
-    return []
+    if not isinstance(node, ast.Call) or _name(node.func) != "import_module":
+        return []
+    if not node.args or not _is_text(node.args[0]):
+        return []
+    return [(0, ast.literal_eval(node.args[0]), "")]
 
 
 def _name(node: ast.AST) -> str:
+    """Return the name in a node, without what stands before its last dot; "" if it is none."""
     return str(getattr(node, "attr", getattr(node, "id", "")))
 
 
@@ -440,8 +562,16 @@ def _is_text(node: ast.AST) -> TypeGuard[ast.Constant]:
     return isinstance(node, ast.Constant) and isinstance(node.value, str)
 
 
+def _is_docstring(node: Any) -> bool:
+    """Return whether a node is a text that stands alone."""
+    return isinstance(node, ast.Expr) and _is_text(node.value)
+
+
 def _speaks(node: Any) -> bool:
-    """Return whether the texts in a node are for users: those of an error, a part of its message, or of a table."""
+    """Return whether the texts in a node are for users.
+
+    Such are those of an error, of a part of its message, and for tables.
+    """
     if isinstance(node, ast.Assign):
         names = [target.id.lower() for target in node.targets if isinstance(target, ast.Name)]
         return len(names) == len(node.targets) and all(name.endswith(_MESSAGES) for name in names)
@@ -454,31 +584,45 @@ def _speaks(node: Any) -> bool:
 
 @cache
 def _versions(top: str) -> dict[str, str]:
-    """Return the versions of the distributions whose package Python imports, without build tags; empty if none has it.
+    """Return the versions of the distributions whose package Python imports, by their names.
 
-    A package that is installed to be edited, or lies on the path, has sources instead.
+    They are without build tags, and empty if no distribution has the package. A package that is
+    installed to be edited, or lies on the path, has sources instead.
     """
-    with suppress(ImportError, ValueError):
-        spec = importlib.util.find_spec(top)
-        found = [*(spec.submodule_search_locations or [spec.origin or ""])] if spec else []
-        folders = {Path(place).resolve().parent for place in found}
+    try:
+        folders = _folders_of_package(top)
         own = [
             distribution
             for distribution, files in _distributions()
-            if any(f"\n{top}{end}" in files for end in ("/", ".", "\n"))
+            if _holds_package(files, top)
             and Path(str(distribution.locate_file(""))).resolve() in folders
         ]
-        return {
-            each.name.lower(): each.version.partition("+")[0] for each in reversed(own)
-        }  # Python takes the first
-    return {}
+        # Python takes the first one, which replaces the others here.
+        return {each.name.lower(): each.version.partition("+")[0] for each in reversed(own)}
+    except (ImportError, ValueError):
+        return {}
+
+
+def _folders_of_package(top: str) -> set[Path]:
+    """Return the folders from which Python imports a package."""
+    spec = importlib.util.find_spec(top)
+    if spec is None:
+        return set()
+    places = spec.submodule_search_locations or [spec.origin or ""]
+    return {Path(place).resolve().parent for place in places}
+
+
+def _holds_package(files: str, top: str) -> bool:
+    """Return whether a package is in the list of files of a distribution."""
+    return any(f"\n{top}{end}" in files for end in ("/", ".", "\n"))
 
 
 @cache
 def _distributions() -> list[tuple[importlib.metadata.Distribution, str]]:
     """Return the installed distributions with their lists of files."""
-    every = importlib.metadata.distributions()
-    return [
-        (found, f"\n{found.read_text('top_level.txt')}\n{found.read_text('RECORD')}")
-        for found in every
-    ]
+    distributions = []
+    for distribution in importlib.metadata.distributions():
+        packages = distribution.read_text("top_level.txt")
+        files = distribution.read_text("RECORD")
+        distributions.append((distribution, f"\n{packages}\n{files}"))
+    return distributions

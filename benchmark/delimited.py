@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from benchmark.errors import ConfigurationError
 from benchmark.files import decode
 
-#: What may separate cells, and how an error calls it.
+#: What may separate cells, and what an error calls it.
 SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", " ": "blanks"}
 
 #: A cell in quotes, in which separators are text.
@@ -21,6 +21,7 @@ _BESIDE_SEPARATOR = re.compile("[;,\t] | [;,\t]")
 #: A first line that tells Excel which separator follows.
 _FOR_EXCEL = re.compile(r'"?sep=.?"?', re.IGNORECASE)
 
+#: Rows of a table, each with its cells.
 TextRows = list[list[str]]
 
 
@@ -34,11 +35,11 @@ def lines_of(content: bytes) -> list[str]:
     UnicodeError
         If the content is no text.
     """
-    lines = [
-        line
-        for line in decode(content).splitlines()
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
+    lines = []
+    for line in decode(content).splitlines():
+        is_comment = line.lstrip().startswith("#")
+        if line.strip() and not is_comment:
+            lines.append(line)
     if not lines:
         raise ConfigurationError("it is empty", "name another file")
     first = lines[0].strip()
@@ -54,7 +55,9 @@ def lines_of(content: bytes) -> list[str]:
 
 
 def separators_of(lines: Sequence[str], *, has_short_first: bool = False) -> list[str]:
-    """Return what may separate the cells of lines: what occurs equally often in each, outside of quotes.
+    """Return what may separate the cells of lines.
+
+    That is what occurs equally often in each line, outside of quotes.
 
     Parameters
     ----------
@@ -68,18 +71,21 @@ def separators_of(lines: Sequence[str], *, has_short_first: bool = False) -> lis
 
 
 def _fits(mark: str, lines: Sequence[str], *, has_short_first: bool) -> bool:
-    """Return whether a separator occurs equally often in each line; blanks beside another separator are none."""
+    """Return whether a separator occurs equally often in each line.
+
+    Blanks separate nothing if they stand beside another separator.
+    """
     if mark == " ":
         if any(_BESIDE_SEPARATOR.search(line) for line in lines):
             return False
         counts = [len(re.findall(" +", line.strip())) for line in lines]
     else:
         counts = [line.count(mark) for line in lines]
-    first, *others = counts
-    usual = others[0] if others else first
-    if any(count != usual for count in others):
+    first = counts[0]
+    usual = counts[-1]
+    if usual == 0 or any(count != usual for count in counts[1:]):
         return False
-    return usual > 0 and (first == usual or (has_short_first and first == usual - 1))
+    return first == usual or (has_short_first and first == usual - 1)
 
 
 def holds_separator(line: str) -> bool:
@@ -89,13 +95,18 @@ def holds_separator(line: str) -> bool:
 
 
 def usual_separator(lines: Iterable[str]) -> str:
-    """Return the first separator that occurs in lines at all, where none occurs equally often in each."""
+    """Return the likeliest separator of lines in which none occurs equally often."""
     text = "\n".join(lines)
-    return next((mark for mark in ";\t," if mark in text), " ")
+    for mark in SEPARATORS:
+        if mark in text:
+            return mark
+    return " "
 
 
 def cells_of(lines: Sequence[str], separator: str) -> TextRows:
-    """Split lines at a separator; cells may be in quotes, and empty cells that end each line are left out.
+    """Split lines at a separator.
+
+    Cells may be in quotes. Empty cells that end each line are left out.
 
     Raises
     ------
@@ -104,11 +115,16 @@ def cells_of(lines: Sequence[str], separator: str) -> TextRows:
     """
     if separator == " ":
         lines = [line.strip() for line in lines]
-    read = csv.reader(lines, delimiter=separator, skipinitialspace=True, strict=True)
-    rows = [[cell.strip() for cell in row] for row in read]
+    reader = csv.reader(lines, delimiter=separator, skipinitialspace=True, strict=True)
+    rows = [_stripped(row) for row in reader]
     while all(len(row) > 1 and row[-1] == "" for row in rows):
         rows = [row[:-1] for row in rows]
     return rows
+
+
+def _stripped(cells: Iterable[str]) -> list[str]:
+    """Return cells without blanks around them."""
+    return [cell.strip() for cell in cells]
 
 
 def ambiguous(separators: Sequence[str]) -> ConfigurationError:

@@ -11,10 +11,19 @@ from benchmark.text import LONGEST_MESSAGE, brief, clean_text
 #: What a message calls the file that it is about, where it is kept.
 FILE = "<file>"
 
+#: The folders in an absolute path, up to the name of the file.
+_FOLDERS = re.compile(r"(?<![\w./])/(?:[^/\s]+/)+(?=[^/\s])")
+
+#: Similar names that a hint suggests at most, and how similar they must be (0 to 1).
+_MOST_SUGGESTED = 3
+_LEAST_SIMILARITY = 0.5
+
 
 def with_file(message: str, file: Path | None) -> str:
     """Return a message that names the file that it is about; without a file, the message."""
-    return clean_text(f"{file}: {message.replace(FILE, file.name)}") if file else message
+    if file is None:
+        return message
+    return clean_text(f"{file}: {message.replace(FILE, file.name)}")
 
 
 def without_file(message: str, file: Path) -> str:
@@ -25,9 +34,9 @@ def without_file(message: str, file: Path) -> str:
 
 
 def short_reason(message: str) -> str:
-    """Return what is wrong, for print: without remedies, and of paths the names of the files alone."""
+    """Return what is wrong, for print: without remedies, and without the folders of files."""
     problem = message.partition("; ")[0]
-    return re.sub(r"(?<![\w./])/(?:[^/\s]+/)+(?=[^/\s])", "", problem)
+    return _FOLDERS.sub("", problem)
 
 
 class BenchmarkError(Exception):
@@ -40,8 +49,8 @@ class BenchmarkError(Exception):
     hint
         What to do about it, as an imperative.
     file
-        The file that it is about, which ``problem`` and ``hint`` call :data:`FILE`: they may be kept
-        for its content, which other files have, too.
+        The file that it is about, which ``problem`` and ``hint`` call :data:`FILE`: they may be
+        kept for its content, which other files have, too.
     """
 
     def __init__(self, problem: str, hint: str = "", file: Path | None = None) -> None:
@@ -69,15 +78,18 @@ class DatasetError(BenchmarkError):
 
 
 class ShapeError(BenchmarkError):
-    """One shape cannot be used; it is counted below the table, and the other shapes are processed."""
+    """One shape cannot be used; it is counted below the table, and the others are processed."""
 
 
 class TrainingError(BenchmarkError):
-    """Training cannot continue: the loss is not finite, memory is exhausted, or a checkpoint does not fit."""
+    """Training cannot continue.
+
+    The loss is not finite, memory is exhausted, or a checkpoint does not fit.
+    """
 
 
 class DepthError(ShapeError):
-    """A depth image, its mask or its intrinsics are unreadable or invalid, or it shows no object."""
+    """A depth image, its mask or its intrinsics are unreadable or invalid, or it is empty."""
 
 
 class UnreadableMesh(ShapeError):
@@ -85,7 +97,10 @@ class UnreadableMesh(ShapeError):
 
 
 class InvalidMesh(ShapeError):
-    """The content of a mesh cannot be used: NaN, faces out of range, nothing left after cleaning."""
+    """The content of a mesh cannot be used.
+
+    It has NaN, or faces out of range, or nothing is left after cleaning.
+    """
 
 
 class InvalidForm(ShapeError):
@@ -101,15 +116,21 @@ class UnsupportedShape(ShapeError):
 
 
 def one_line(error: BaseException) -> str:
-    """Return class and message of an exception on one line; the message alone of an error that users can cause."""
-    text = brief(error.msg if isinstance(error, SyntaxError) else error, LONGEST_MESSAGE).strip()
+    """Return class and message of an exception on one line.
+
+    Of an error that users can cause, that is the message alone.
+    """
+    message: object = error.msg if isinstance(error, SyntaxError) else error
+    text = brief(message, LONGEST_MESSAGE).strip()
     if isinstance(error, BenchmarkError):
         return text
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def locate(error: BaseException) -> str:
-    """Return an exception on one line, with the file and line of the code of the user, or of the suite, that raised it.
+    """Return an exception on one line, with the file and line of the code that raised it.
+
+    Code of the user comes before that of the suite, and libraries are passed over.
 
     Examples
     --------
@@ -120,17 +141,21 @@ def locate(error: BaseException) -> str:
 
     if isinstance(error, SyntaxError) and error.filename:
         return clean_text(f"{Path(error.filename).name}:{error.lineno}: {one_line(error)}")
-    libraries = tuple(
-        {sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib", "scripts")}
-    )
-    frames = traceback.extract_tb(error.__traceback__)
-    ours = [frame for frame in frames if not frame.filename.startswith((*libraries, "<"))]
-    outside = [
-        frame for frame in ours if not Path(frame.filename).is_relative_to(Path(__file__).parent)
-    ]
-    for frame in (outside or ours)[-1:]:
-        return clean_text(f"{Path(frame.filename).name}:{frame.lineno}: {one_line(error)}")
-    return one_line(error)
+    libraries = {sysconfig.get_path(name) for name in ("stdlib", "purelib", "platlib", "scripts")}
+    suite = Path(__file__).parent
+    last_of_user = None
+    last_of_suite = None
+    for frame in traceback.extract_tb(error.__traceback__):
+        if frame.filename.startswith((*libraries, "<")):
+            continue
+        if Path(frame.filename).is_relative_to(suite):
+            last_of_suite = frame
+        else:
+            last_of_user = frame
+    raised_in = last_of_user or last_of_suite
+    if raised_in is None:
+        return one_line(error)
+    return clean_text(f"{Path(raised_in.filename).name}:{raised_in.lineno}: {one_line(error)}")
 
 
 def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
@@ -148,9 +173,13 @@ def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationErr
     import difflib
 
     names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=3, cutoff=0.5)
-    every = f"choose one of {', '.join(names)}" if names else "leave it out: there is none"
-    hint = f"did you mean {' or '.join(near)}?" if near else every
+    similar = difflib.get_close_matches(name, names, n=_MOST_SUGGESTED, cutoff=_LEAST_SIMILARITY)
+    if similar:
+        hint = f"did you mean {' or '.join(similar)}?"
+    elif names:
+        hint = f"choose one of {', '.join(names)}"
+    else:
+        hint = "leave it out: there is none"
     return ConfigurationError(f"unknown {kind} '{name}'", hint)
 
 
@@ -165,6 +194,7 @@ def surface_command(name: str) -> str:
     """Return a command for a hint: it makes a surface of the points in a file."""
     return (
         f"python -c \"import pymeshlab; m = pymeshlab.MeshSet(); m.load_new_mesh('{name}'); "
-        "m.compute_normal_for_point_clouds(); m.generate_surface_reconstruction_screened_poisson(); "
+        "m.compute_normal_for_point_clouds(); "
+        "m.generate_surface_reconstruction_screened_poisson(); "
         "m.save_current_mesh('surface.ply')\""
     )

@@ -1,4 +1,7 @@
-"""Reading of files of users within bounds, and writing atomically: to a temporary file that replaces the old one."""
+"""Read files of users within bounds, and write files atomically.
+
+A file is written under a temporary name, and then replaces the old one.
+"""
 
 from __future__ import annotations
 
@@ -26,15 +29,39 @@ import numpy as np
 from benchmark.errors import BenchmarkError, UnreadableMesh, without_file
 from benchmark.text import nfc
 
-#: Largest file of a user that is read, and largest list or settings file, in bytes.
-LARGEST_FILE, LARGEST_LIST = 2**30, 2**24
+#: Largest file of a user that is read, in bytes.
+LARGEST_FILE = 2**30
+
+#: Largest list or file of settings, in bytes.
+LARGEST_LIST = 2**24
+
+#: Bytes that are read at a time.
+_CHUNK = 2**20
+
+#: First bytes of a file in which :data:`_STAND_INS` are looked for.
+_BEGINNING = 200
+
+#: Digests of files that a process keeps.
+_KEPT_DIGESTS = 2**16
+
+#: Length of the header of a MATLAB file, where in it the order of bytes stands, and the mark of
+#: big-endian machines.
+_MAT_HEADER = 128
+_MAT_BYTE_ORDER = slice(126, 128)
+_MAT_BIG_ENDIAN = b"MI"
+
+#: Length of the tag before each element of a MATLAB file, and the type of compressed elements.
+_MAT_TAG = 8
+_MAT_COMPRESSED = 15
 
 #: First bytes of files that stand for others, and what these are.
 _STAND_INS = {
     b"version https://git-lfs": "it is a pointer of Git LFS, which 'git lfs pull' replaces",
     b"<!doctype html": "it is a web page, not the file that it links to",
     b"<html": "it is a web page, not the file that it links to",
-    b"\0\5\26\7": "it holds what macOS knows of a file (AppleDouble), which has the name without '._'",
+    b"\0\5\26\7": (
+        "it holds what macOS knows of a file (AppleDouble), which has the name without '._'"
+    ),
 }
 
 #: First bytes of formats that hold no text, and how they are called.
@@ -64,17 +91,28 @@ _IN_ZIP = {
     b".npy": "an archive of NumPy (.npz)",
 }
 
+#: Byte-order marks and their encodings. UTF-32 comes first: its mark begins with that of UTF-16.
+_BYTE_ORDER_MARKS = {
+    codecs.BOM_UTF32_LE: "utf-32",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+
+#: Ending of the names of temporary files.
 _SUFFIX = ".tmp"
 
 
 def open_file(path: Path, largest: int | None = None) -> BufferedReader:
-    """Open a regular file of at most so many bytes; raise ``OSError`` at once for others, such as pipes and devices."""
-    _check_regular(
-        path.stat(), largest
-    )  # opening a device may move it, and a socket cannot be opened
-    file = open(  # noqa: SIM115  # the caller closes it
-        path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK | os.O_NOCTTY)
-    )
+    """Open a regular file of at most so many bytes.
+
+    Raises
+    ------
+    OSError
+        If it is larger, or something else such as a pipe or a device; it is raised at once.
+    """
+    # Opening a device may move it, and a socket cannot be opened.
+    _check_regular(path.stat(), largest)
+    file = open(path, "rb", opener=_open_without_waiting)  # noqa: SIM115  # the caller closes it
     try:
         _check_regular(os.fstat(file.fileno()), largest)
     except OSError:
@@ -83,20 +121,26 @@ def open_file(path: Path, largest: int | None = None) -> BufferedReader:
     return file
 
 
-def _check_regular(facts: os.stat_result, largest: int | None) -> None:
+def _open_without_waiting(name: str, flags: int) -> int:
+    """Open a file; one that was replaced by a pipe or a terminal meanwhile keeps nobody waiting."""
+    return os.open(name, flags | os.O_NONBLOCK | os.O_NOCTTY)
+
+
+def _check_regular(status: os.stat_result, largest: int | None) -> None:
     """Raise ``OSError`` unless a path is a regular file of at most so many bytes."""
-    if stat.S_ISDIR(facts.st_mode):
+    if stat.S_ISDIR(status.st_mode):
         raise OSError(errno.EISDIR, "it is a folder, not a file")
-    if not stat.S_ISREG(facts.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise OSError(None, "it is a pipe or a device, not a file")
-    if largest is not None and facts.st_size > largest:
+    if largest is not None and status.st_size > largest:
         raise OSError(None, f"it holds more than {largest:,} bytes")
 
 
-def chunks_of(path: Path, largest: int | None = None, size: int = 2**20) -> Iterator[bytes]:
-    """Yield the content of a file of a user, in pieces: never more bytes than it announces, and one.
+def chunks_of(path: Path, largest: int | None = None, size: int = _CHUNK) -> Iterator[bytes]:
+    """Yield the content of a file of a user, in pieces.
 
-    All reading and all digests of files of users go through here.
+    Never more is read than one byte beyond the size that the file announces. All reading and all
+    digests of files of users go through here.
 
     Raises
     ------
@@ -132,32 +176,45 @@ def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
         it again would not help.
     """
     content = b"".join(chunks_of(path, largest, largest + 1))
+    beginning = content[:_BEGINNING].lstrip().lower()
     for mark, problem in _STAND_INS.items():
-        if content[:200].lstrip().lower().startswith(mark):
+        if beginning.startswith(mark):
             raise OSError(None, problem)
     return content
 
 
 def parse_json(text: str | bytes) -> Any:
-    """Parse JSON; raise ``ValueError`` if it is none or has a key twice, and ``RecursionError`` if it is deep."""
+    """Return the content of JSON.
+
+    Raises
+    ------
+    ValueError
+        If it is none, or has a key twice.
+    RecursionError
+        If it is nested too deeply.
+    """
     return json.loads(text, object_pairs_hook=_with_different_keys)
 
 
 def _with_different_keys(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object of JSON; raise ``ValueError`` if it has a key twice."""
     check_different([key for key, _ in pairs])
     return dict(pairs)
 
 
 def check_different(keys: Sequence[str]) -> None:
     """Raise ``ValueError`` if a key of a mapping stands there twice."""
-    if len({*keys}) < len(keys):
-        raise ValueError(
-            f"key '{next(key for key in keys if keys.count(key) > 1)}' stands there twice"
-        )
+    known: set[str] = set()
+    for key in keys:
+        if key in known:
+            raise ValueError(f"key '{key}' stands there twice")
+        known.add(key)
 
 
 def write_atomically(path: Path, write: Callable[[Any], object], *, durable: bool = False) -> None:
-    """Write a file so that it has the old or the new content at any moment, even if the process is killed.
+    """Write a file so that it has the old or the new content at any moment.
+
+    That holds even if the process is killed.
 
     Parameters
     ----------
@@ -199,22 +256,28 @@ def write_text(path: Path, text: str) -> None:
 
 
 def sweep(folder: Path) -> None:
-    """Remove the temporary files of killed writers in a folder, to which nobody else may be writing."""
+    """Remove the temporary files of killed writers in a folder, which nobody else writes to."""
     for path in folder.rglob(f".*-*{_SUFFIX}"):
         with contextlib.suppress(OSError):
             path.unlink()
 
 
 def decode(content: bytes) -> str:
-    """Return text in UTF-8 or the encoding of its byte-order mark, composed; raise ``UnicodeError`` if it is binary."""
-    marks = (
-        (codecs.BOM_UTF32_LE, "utf-32"),
-        (codecs.BOM_UTF16_LE, "utf-16"),
-        (codecs.BOM_UTF16_BE, "utf-16"),
-    )
-    if kind := binary_format(content):
+    """Return text in UTF-8 or in the encoding of its byte-order mark, with composed characters.
+
+    Raises
+    ------
+    UnicodeError
+        If the content is binary, or in another encoding.
+    """
+    kind = binary_format(content)
+    if kind:
         raise UnicodeError(f"it is {kind}, not text")
-    encoding = next((name for mark, name in marks if content.startswith(mark)), "utf-8-sig")
+    encoding = "utf-8-sig"
+    for mark, marked_encoding in _BYTE_ORDER_MARKS.items():
+        if content.startswith(mark):
+            encoding = marked_encoding
+            break
     try:
         text = content.decode(encoding)
     except UnicodeDecodeError as error:
@@ -230,9 +293,14 @@ def decode(content: bytes) -> str:
 def binary_format(content: bytes) -> str:
     """Return how a well-known format without text is called; "" for any other content."""
     if content.startswith(b"PK\3\4"):
-        names = (name for mark, name in _IN_ZIP.items() if mark in content)
-        return next(names, "a ZIP archive")
-    return next((name for mark, name in _BINARY.items() if content.startswith(mark)), "")
+        for mark, name in _IN_ZIP.items():
+            if mark in content:
+                return name
+        return "a ZIP archive"
+    for mark, name in _BINARY.items():
+        if content.startswith(mark):
+            return name
+    return ""
 
 
 def file_digest(path: Path, largest: int | None = LARGEST_FILE) -> str:
@@ -244,16 +312,15 @@ def file_digest(path: Path, largest: int | None = LARGEST_FILE) -> str:
         If the file is unreadable, or holds more than ``largest`` bytes.
     """
     try:
-        facts = path.stat()
-        return _digest(
-            path.absolute(), largest, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns
-        )
+        status = path.stat()
+        version = status.st_size, status.st_mtime_ns, status.st_ctime_ns
+        return _digest(path.absolute(), largest, *version)
     except OSError as error:
         problem = f"it cannot be read: {error.strerror}"
         raise UnreadableMesh(problem, "check the file and its rights", path) from error
 
 
-@functools.lru_cache(maxsize=65536)
+@functools.lru_cache(maxsize=_KEPT_DIGESTS)
 def _digest(path: Path, largest: int | None, *_: int) -> str:
     """Compute a file digest; size and times distinguish versions of a file in the cache."""
     digest = hashlib.sha256()
@@ -268,9 +335,10 @@ def _digest(path: Path, largest: int | None, *_: int) -> str:
 
 @contextmanager
 def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -> Iterator[None]:
-    """Let any failure to read a file say in one line what is wrong with it; it excludes this file only.
+    """Let any failure to read a file say in one line what is wrong with it.
 
-    The file itself is not in the text, which may be kept for its content: see ``BenchmarkError``.
+    It excludes this file only. The file itself is not in the text, which may be kept for its
+    content: see ``BenchmarkError``.
 
     Parameters
     ----------
@@ -286,25 +354,35 @@ def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -
     except BenchmarkError as error:
         if error.file:  # beside this one
             raise
-        problem, hint = (without_file(text, path) for text in (error.problem, error.hint))
-        raise type(error)(problem, hint, path) from error
+        problem = without_file(error.problem, path)
+        raise type(error)(problem, without_file(error.hint, path), path) from error
     except Exception as error:
         if isinstance(error, OSError) and error.strerror:
             advice = "check the path and its permissions" if error.errno else hint
             raise kind(error.strerror, advice, path) from error
-        name = "" if isinstance(error, ValueError | OSError) else f"{type(error).__name__} "
-        text = re.sub(r" <[^<>]* at 0x[0-9a-f]+>", "", str(error))  # an address differs in each run
-        reason = (
-            "nested too deeply"
-            if isinstance(error, RecursionError)
-            else name + " ".join(text.split())
-        )
-        problem = f"not a readable {what}: {without_file(reason, path):.300}"
+        problem = f"not a readable {what}: {without_file(_reason_of(error), path):.300}"
         raise kind(problem, hint, path) from error
 
 
+def _reason_of(error: Exception) -> str:
+    """Return what an error says, on one line, and its type unless that is a usual one."""
+    if isinstance(error, RecursionError):
+        return "nested too deeply"
+    text = re.sub(r" <[^<>]* at 0x[0-9a-f]+>", "", str(error))  # an address differs in each run
+    text = " ".join(text.split())
+    if isinstance(error, ValueError | OSError):
+        return text
+    return f"{type(error).__name__} {text}"
+
+
 def load_arrays(content: bytes) -> Any:
-    """Return the array of a ``.npy`` file, or the archive of an ``.npz`` file; raise ``ValueError`` if more follows."""
+    """Return the array of a ``.npy`` file, or the archive of an ``.npz`` file.
+
+    Raises
+    ------
+    ValueError
+        If it is neither, or bytes follow an array.
+    """
     stream = io.BytesIO(content)
     loaded = np.load(stream, allow_pickle=False)
     if isinstance(loaded, np.ndarray) and stream.read(1):
@@ -313,14 +391,20 @@ def load_arrays(content: bytes) -> Any:
 
 
 def check_expansion(data: bytes) -> None:
-    """Raise ``ValueError`` if compressed variables are too large: a few kilobytes can hold terabytes."""
-    order, at, left = ">" if data[126:128] == b"MI" else "<", 128, LARGEST_FILE
-    while at + 8 <= len(data):
-        kind, size = struct.unpack_from(f"{order}II", data, at)
-        if kind == 15:
-            left -= len(
-                zlib.decompressobj().decompress(data[at + 8 : at + 8 + size], max(left, 0) + 1)
-            )
-        if left < 0:
+    """Raise ``ValueError`` if compressed variables of a MATLAB file are too large.
+
+    A few kilobytes can hold terabytes.
+    """
+    is_big_endian = data[_MAT_BYTE_ORDER] == _MAT_BIG_ENDIAN
+    tag = ">II" if is_big_endian else "<II"
+    n_left = LARGEST_FILE
+    start = _MAT_HEADER
+    while start + _MAT_TAG <= len(data):
+        kind, size = struct.unpack_from(tag, data, start)
+        start += _MAT_TAG
+        if kind == _MAT_COMPRESSED:
+            content = data[start : start + size]
+            n_left -= len(zlib.decompressobj().decompress(content, n_left + 1))
+        if n_left < 0:
             raise ValueError(f"its variables expand to more than {LARGEST_FILE / 2**30:g} GiB")
-        at += 8 + size
+        start += size

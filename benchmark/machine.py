@@ -1,4 +1,7 @@
-"""Cores and memory of a process, and its limit of one thread: results must not depend on the number of threads."""
+"""Cores and memory of a process, and its limit of one thread.
+
+Results must not depend on the number of threads.
+"""
 
 from __future__ import annotations
 
@@ -21,11 +24,16 @@ VARIABLES = (
 #: Share of the memory of the machine or container that all processes together may use.
 MEMORY_SHARE = 0.85
 
-_MOUNTED, _GROUPS = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
+#: Where Linux shows limits of control groups, and says which groups a process is in.
+_CONTROL_GROUPS = Path("/sys/fs/cgroup")
+_GROUPS_OF_PROCESS = Path("/proc/self/cgroup")
 
 
 def pin_threads() -> None:
-    """Limit this process and its children to one thread; call this before importing a numerical library."""
+    """Limit this process and its children to one thread.
+
+    Numerical libraries must be imported after it.
+    """
     for name in VARIABLES:
         os.environ[name] = "1"
 
@@ -38,47 +46,68 @@ def available_cores() -> int:
 
 
 def memory_per_process(processes: int = 1) -> int:
-    """Return the memory limit of one of several processes in bytes; together they get most of the machine's memory."""
-    import psutil
+    """Return the memory limit of one of several processes in bytes.
 
-    return int(min(psutil.virtual_memory().total, memory_limit()) * MEMORY_SHARE / processes)
+    Together they get most of the memory of the machine.
+    """
+    return int(_memory() * MEMORY_SHARE / processes)
 
 
 @cache
 def describe_machine() -> str:
-    """Return processor, cores, memory and BLAS, on which seconds depend, and the GPU if this process uses one."""
+    """Return what seconds depend on: processor, cores, memory, BLAS, and the GPU if one is used."""
+    cores = available_cores()
+    parts = [
+        _processor(),
+        f"{cores} core" if cores == 1 else f"{cores} cores",
+        f"{round(_memory() / 2**30)} GiB",
+    ]
+    parts += _blas_of_numpy()
+    torch = sys.modules.get("torch")
+    if torch and torch.cuda.is_available():
+        parts.append(torch.cuda.get_device_name())
+    return ", ".join(parts)
+
+
+def _processor() -> str:
+    """Return the model of the processor."""
+    with suppress(OSError):
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+        for line in text.splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def _blas_of_numpy() -> list[str]:
+    """Return name and architecture of the BLAS of numpy; none if it is unknown.
+
+    Which others are loaded depends on what this process did before.
+    """
     import numpy  # noqa: F401  # loads its BLAS
-    import psutil
     from threadpoolctl import threadpool_info
 
-    models = [platform.processor() or platform.machine()]
-    with suppress(OSError):
-        described = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-        models = [
-            line.partition(":")[2].strip() for line in described if line.startswith("model name")
-        ] or models
-    libraries = [library for library in threadpool_info() if library["user_api"] == "blas"]
-    # That of numpy: which others are loaded depends on what this process did before.
-    blas = [
-        f"{of['internal_api']} {of.get('architecture', '')}"
-        for of in libraries
-        if "numpy" in of["filepath"]
-    ]
-    torch = sys.modules.get("torch")
-    gpu = [torch.cuda.get_device_name()] if torch and torch.cuda.is_available() else []
-    memory = round(min(psutil.virtual_memory().total, memory_limit()) / 2**30)
-    cores = available_cores()
-    return ", ".join(
-        [models[0], f"{cores} core{'s' * (cores > 1)}", f"{memory} GiB", *blas[:1], *gpu]
-    )
+    for library in threadpool_info():
+        if library["user_api"] == "blas" and "numpy" in library["filepath"]:
+            return [f"{library['internal_api']} {library.get('architecture', '')}"]
+    return []
+
+
+def _memory() -> float:
+    """Return the memory of the machine or container in bytes."""
+    import psutil
+
+    return float(min(psutil.virtual_memory().total, memory_limit()))
 
 
 def memory_limit() -> float:
-    """Return the memory limit of the control groups of this process, in bytes."""
-    limits = [float("inf")]
+    """Return the memory limit of the control groups of this process in bytes; infinite without."""
+    limit = float("inf")
     with suppress(OSError):
-        group = PurePosixPath(_GROUPS.read_text(encoding="utf-8").rpartition("::/")[2].strip())
-        for part in (group, *group.parents):
-            with suppress(OSError, ValueError):  # no limit is "max"
-                limits.append(float((_MOUNTED / part / "memory.max").read_text(encoding="ascii")))
-    return min(limits)
+        text = _GROUPS_OF_PROCESS.read_text(encoding="utf-8")
+        group = PurePosixPath(text.rpartition("::/")[2].strip())
+        for folder in (group, *group.parents):
+            file = _CONTROL_GROUPS / folder / "memory.max"
+            with suppress(OSError, ValueError):  # without a limit it says "max"
+                limit = min(limit, float(file.read_text(encoding="ascii")))
+    return limit

@@ -1,4 +1,4 @@
-"""What a plugin reads: a file of the user that it opens, imports or runs must be in its code or declared.
+"""What a plugin reads: a file of the user must be in its code, or declared.
 
 An audit hook sees what Python opens. It sees no environment variable, and no file that compiled
 code opens, so that ``files`` remains the contract.
@@ -19,22 +19,36 @@ from functools import cache
 from importlib.util import source_from_cache
 from multiprocessing import spawn
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmark.code_digest import FIRST_PARTY, ROOT, sources_of
 from benchmark.errors import ConfigurationError
 from benchmark.places import no_places_of_the_user
 
-#: Folders of Python and of the system, and models of the suite: no result depends on others.
+#: Folders of Python, of the suite and of the system: files in them determine no result.
 _EXEMPT = (
-    *(
-        sys.prefix,
-        sys.base_prefix,
-        *sysconfig.get_paths().values(),
-        *(str(ROOT / name) for name in FIRST_PARTY),
-    ),
-    *("/usr", "/lib", "/lib64", "/etc", "/proc", "/sys"),
+    sys.prefix,
+    sys.base_prefix,
+    *sysconfig.get_paths().values(),
+    *(str(ROOT / name) for name in FIRST_PARTY),
+    "/usr",
+    "/lib",
+    "/lib64",
+    "/etc",
+    "/proc",
+    "/sys",
 )
+
+#: Endings of files with compiled kernels, which go when the plugin is loaded.
+_KERNELS = (".nbi", ".nbc")
+
+#: Endings of folders that say what is installed, in which libraries search for entry points.
+_METADATA = (".dist-info", ".egg-info")
+
+#: Names of folders with installed packages.
+_PACKAGES = ("site-packages", "dist-packages")
+
+_NANOSECONDS_PER_SECOND = 1e9
 
 #: Seconds by which the clock of a file system may be late.
 _LATE = 0.02
@@ -42,13 +56,32 @@ _LATE = 0.02
 #: When this process began.
 _STARTED = time.time() - _LATE
 
-#: Takes a file that the plugin whose code runs opens; for each plugin, the first one that it should
-#: have declared.
-_take: Callable[[Path, int, bool], None] | None = None
+#: Takes each file that is opened while the code of a plugin runs; None between plugins.
+_take: Callable[[Path, _Opened], None] | None = None
+
+#: The first file that each plugin should have declared.
 _undeclared: dict[Path, Path] = {}
+
+#: Events of Python by which a process runs a program in the working folder.
+_RUNS_PROGRAM = ("os.posix_spawn", "os.exec", "os.system")
 
 #: A word within the text of a command.
 _WORD = re.compile(r"[^\s'\"`<>|&;=(),:]+")
+
+
+class _Opened(NamedTuple):
+    """How a file was opened.
+
+    Parameters
+    ----------
+    changed_ns
+        When it changed last, in nanoseconds.
+    is_program
+        Whether it is a program or a library, or the word of a command that may name one.
+    """
+
+    changed_ns: int
+    is_program: bool
 
 
 class UndeclaredFile(ConfigurationError):
@@ -57,30 +90,54 @@ class UndeclaredFile(ConfigurationError):
 
 @cache
 def watch_this_process() -> None:
-    """Let this process see what plugins read. It cannot be undone: for workers and the command line alone."""
+    """Let this process see what plugins read.
+
+    It cannot be undone, so that only workers and the command line call it.
+    """
     sys.addaudithook(_hook)
 
 
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:
+    """Note the files in an audit event of Python."""
     if _take is None:
         return
     if event == "open":
         path, _, flags = arguments
-        if flags & os.O_ACCMODE != os.O_WRONLY and not flags & os.O_TRUNC:
+        is_written_only = flags & os.O_ACCMODE == os.O_WRONLY or flags & os.O_TRUNC
+        if not is_written_only:
             _note(path)
-    elif event in ("import", "sqlite3.connect"):  # of a compiled extension, or None
-        _note(arguments[event == "import"])
+    elif event == "import":  # of a compiled extension, or None
+        _note(arguments[1])
+    elif event == "sqlite3.connect":
+        _note(arguments[0])
     elif event == "ctypes.dlopen":
         _note(arguments[0], is_program=True)
-    elif event in ("subprocess.Popen", "os.posix_spawn", "os.exec", "os.system"):
-        folder = arguments[2] if event == "subprocess.Popen" else None
-        for word in (arguments[0], *(arguments[1] if arguments[1:] else ())):
-            for name in (word, *_WORD.findall(os.fsdecode(word))):
-                _note(name, folder or "", is_program=True)
+    elif event == "subprocess.Popen":
+        program, words, folder, _ = arguments
+        _note_command([program, *words], folder or "")
+    elif event in _RUNS_PROGRAM:
+        program, *others = arguments
+        words = others[0] if others else ()
+        _note_command([program, *words])
+
+
+def _note_command(words: Iterable[Any], folder: Any = "") -> None:
+    """Note the files that words of a command, or parts of them, may name, from some folder."""
+    for word in words:
+        for name in (word, *_WORD.findall(os.fsdecode(word))):
+            _note(name, folder, is_program=True)
 
 
 def _note(path: Any, folder: Any = "", *, is_program: bool = False) -> None:
-    """Note when a regular file changed last, and whether it is a program or a library, or a word that may name one."""
+    """Note a regular file that is opened.
+
+    Parameters
+    ----------
+    path, folder
+        Its path, as it was given, and the folder from which it counts.
+    is_program
+        Whether it is a program or a library, or the word of a command that may name one.
+    """
     with suppress(OSError, ValueError, TypeError):
         file = os.path.realpath(Path(os.fsdecode(folder), os.fsdecode(path)))
         if file.endswith(".pyc"):
@@ -88,19 +145,21 @@ def _note(path: Any, folder: Any = "", *, is_program: bool = False) -> None:
                 file = os.path.realpath(source_from_cache(file))
         status = Path(file).stat()
         if _take is not None and stat.S_ISREG(status.st_mode):
-            _take(Path(file), status.st_ctime_ns, is_program)
+            _take(Path(file), _Opened(status.st_ctime_ns, is_program))
 
 
 @contextmanager
 def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
-    """Watch what a plugin file reads while its code runs, beside its sources and the files of the list that it gets.
+    """Watch what a plugin file reads while its code runs.
+
+    It may read its sources and the files and folders in the list that it gets.
 
     Parameters
     ----------
     target
         The plugin file.
     allowed
-        Folders and files that it may read.
+        Files and folders that the list begins with.
 
     Raises
     ------
@@ -109,47 +168,76 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
         process; in a process that it forked, at once.
     """
     global _take
-    declared, begun, process = [*allowed], time.time() - _LATE, os.getpid()
+    declared = [*allowed]
     if _take is not None:
         yield declared
         return
-    plugin = Path(target.rpartition(":")[0] or target)
-    opened: dict[Path, tuple[int, bool]] = {}
-
-    def is_undeclared(file: Path, changed: int, is_program: bool) -> bool:
-        is_temporary = _lies_in(
-            file, [tempfile.gettempdir()]
-        )  # which code may make in one step for the next
-        since = _STARTED if is_temporary else begun
-        is_made_meanwhile = since <= changed / 1e9 <= time.time() + _LATE  # clocks may be set back
-        is_of_user = _is_of_user(file, plugin.parent, declared, is_program=is_program)
-        return (
-            is_of_user
-            and not is_made_meanwhile
-            and file not in map(Path.resolve, sources_of(target))
-        )
-
-    def take(file: Path, changed: int, is_program: bool) -> None:
-        global _take
-        opened.setdefault(file, (changed, is_program))
-        if os.getpid() != process:  # whose notes are lost with it
-            _take = None  # while files of the code are read
-            if is_undeclared(file, changed, is_program):
-                raise _error(plugin, file)
-            _take = take
-
-    describing, spawn.get_preparation_data = spawn.get_preparation_data, _refuse_spawn
-    _take = take
+    watch = _Watch(target, declared)
+    get_preparation_data = spawn.get_preparation_data
+    spawn.get_preparation_data = _refuse_spawn
+    _take = watch.take
     try:
         with no_places_of_the_user():
             yield declared
     finally:
-        _take, spawn.get_preparation_data = None, describing
-        for file, facts in opened.items():
-            if is_undeclared(file, *facts):
-                _undeclared.setdefault(plugin, file)
-    if found := _undeclared.get(plugin):
-        raise _error(plugin, found)
+        _take = None
+        spawn.get_preparation_data = get_preparation_data
+        watch.end()
+    watch.check()
+
+
+class _Watch:
+    """What a plugin file opens while its code runs.
+
+    Parameters
+    ----------
+    target
+        The plugin file.
+    declared
+        Files and folders that it may read, which may grow meanwhile.
+    """
+
+    def __init__(self, target: str, declared: list[Path]) -> None:
+        self._target = target
+        self._declared = declared
+        self._plugin = Path(target.rpartition(":")[0] or target)
+        self._started = time.time() - _LATE
+        self._process = os.getpid()
+        self._opened: dict[Path, _Opened] = {}
+
+    def take(self, file: Path, opened: _Opened) -> None:
+        """Note a file; in a forked process, whose notes are lost with it, check it at once."""
+        global _take
+        self._opened.setdefault(file, opened)
+        if os.getpid() != self._process:
+            _take = None  # while files of the code are read
+            if self._is_undeclared(file, opened):
+                raise _undeclared_error(self._plugin, file)
+            _take = self.take
+
+    def end(self) -> None:
+        """Note the first file that should have been declared."""
+        for file, opened in self._opened.items():
+            if self._is_undeclared(file, opened):
+                _undeclared.setdefault(self._plugin, file)
+
+    def check(self) -> None:
+        """Raise ``UndeclaredFile`` if the plugin has ever read an undeclared file."""
+        if self._plugin in _undeclared:
+            raise _undeclared_error(self._plugin, _undeclared[self._plugin])
+
+    def _is_undeclared(self, file: Path, opened: _Opened) -> bool:
+        """Return whether a file was there before, and is neither code nor declared."""
+        if not _is_of_user(file, self._plugin.parent, self._declared, is_program=opened.is_program):
+            return False
+        # What code leaves in the folder for temporary files in one step, it may read in the next.
+        is_temporary = _lies_in(file, [tempfile.gettempdir()])
+        since = _STARTED if is_temporary else self._started
+        changed = opened.changed_ns / _NANOSECONDS_PER_SECOND
+        is_made_meanwhile = since <= changed <= time.time() + _LATE  # clocks may be set back
+        if is_made_meanwhile:
+            return False
+        return file not in {source.resolve() for source in sources_of(self._target)}
 
 
 def _refuse_spawn(name: str) -> dict[str, Any]:
@@ -159,47 +247,54 @@ def _refuse_spawn(name: str) -> dict[str, Any]:
     )
 
 
-def _error(plugin: Path, found: Path) -> UndeclaredFile:
-    does, hint = (
-        "reads",
-        f"declare it in info: files=({os.path.relpath(found, plugin.parent.resolve())!r},)",
-    )
-    if found.suffix == ".py":
-        does, hint = (
-            "imports",
-            f"write 'import NAME' or 'from NAME import ...', with the name as it is, or {hint}",
-        )
-    return UndeclaredFile(f"{plugin} {does} {found} in a way that its code does not show", hint)
+def _undeclared_error(plugin: Path, file: Path) -> UndeclaredFile:
+    """Return the error for a file that a plugin should have declared."""
+    name = os.path.relpath(file, plugin.parent.resolve())
+    verb = "reads"
+    hint = f"declare it in info: files=({name!r},)"
+    if file.suffix == ".py":
+        verb = "imports"
+        hint = f"write 'import NAME' or 'from NAME import ...', with the name as it is, or {hint}"
+    return UndeclaredFile(f"{plugin} {verb} {file} in a way that its code does not show", hint)
 
 
 def _is_of_user(file: Path, folder: Path, declared: Iterable[Path], *, is_program: bool) -> bool:
-    """Return whether results may depend on a file that a plugin in a folder has read; of programs, those near it."""
-    exempt: list[Path | str] = [*_EXEMPT, *declared, *_package_folders(tuple(sys.path))]
-    is_metadata = file.parent.suffix in (
-        ".dist-info",
-        ".egg-info",
-    )  # which libraries search for entry points
-    if (
-        is_metadata or file.suffix in (".nbi", ".nbc") or _lies_in(file, exempt)
-    ):  # kernels go when it is loaded
+    """Return whether results may depend on a file that a plugin has read.
+
+    Parameters
+    ----------
+    file
+        The file.
+    folder
+        Folder of the plugin.
+    declared
+        Files and folders that the plugin may read.
+    is_program
+        Whether it is a program; of these, only those near the plugin count.
+    """
+    if file.parent.suffix in _METADATA or file.suffix in _KERNELS:
         return False
+    if _lies_in(file, [*_EXEMPT, *declared, *_package_folders(tuple(sys.path))]):
+        return False
+    if not is_program:
+        return True
     temporary = Path(tempfile.gettempdir()).resolve()
     near = [path for path in (folder.resolve(), Path.cwd()) if path not in (Path("/"), temporary)]
-    return _lies_in(file, near) or not is_program
+    return _lies_in(file, near)
 
 
 def _lies_in(file: Path, folders: Iterable[Path | str]) -> bool:
-    return any(
-        file.is_relative_to(os.path.realpath(Path(folder).expanduser())) for folder in folders
-    )
+    """Return whether a file is one of some files, or lies in one of some folders."""
+    places = (os.path.realpath(Path(folder).expanduser()) for folder in folders)
+    return any(map(file.is_relative_to, places))
 
 
 @cache
 def _package_folders(places: tuple[str, ...]) -> list[Path]:
     """Return the folders on the path that hold installed packages, or lie in one."""
-    found = [Path(place) for place in places if place]
+    folders = [Path(place) for place in places if place]
     return [
-        of
-        for of in found
-        if {"site-packages", "dist-packages"} & {*of.parts} or any(of.glob("*.dist-info"))
+        folder
+        for folder in folders
+        if not {*folder.parts}.isdisjoint(_PACKAGES) or any(folder.glob("*.dist-info"))
     ]

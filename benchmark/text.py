@@ -11,25 +11,32 @@ import textwrap
 import unicodedata
 from collections.abc import Collection, Iterable, Sequence
 
-#: Longest reason in tables and lists of jobs, message in a record, and text that a plugin passes,
-#: in characters.
-LONGEST_REASON, LONGEST_MESSAGE, LONGEST_TEXT = 500, 1000, 20_000
+#: Longest reason in tables and lists of jobs, in characters.
+LONGEST_REASON = 500
+
+#: Longest message in a record, in characters.
+LONGEST_MESSAGE = 1000
+
+#: Longest text that a plugin passes, in characters.
+LONGEST_TEXT = 20_000
 
 #: Longest name, in characters: names become parts of file names.
 LONGEST_NAME = 60
 
-#: Names in a list before the rest is only counted.
-_NAMED = 3
+#: Number of names in a list before the rest is only counted.
+_MOST_NAMED = 3
 
 #: Pattern of names: lower-case words joined by hyphens.
 NAME = rf"(?=.{{1,{LONGEST_NAME}}}$)[a-z][a-z0-9]*(-[a-z0-9]+)*"
 
+#: Line breaks and tabs, with the blanks around them.
 _BREAKS = re.compile("[ \xa0]*[\t\n\v\f\r\x1c-\x1f\x85\u2028\u2029]\\s*")
 
 #: ANSI escape sequences for colours and cursor movements.
 _TERMINAL_CODES = re.compile(r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]")
 
-_CUT = " ..."
+#: What stands for the rest of a text that is cut.
+_ELLIPSIS = " ..."
 
 
 def is_name(name: object) -> bool:
@@ -38,20 +45,25 @@ def is_name(name: object) -> bool:
 
 
 def nfc(name: object) -> str:
-    """Return a name with composed characters (NFC), as which macOS and Linux write the same name alike."""
+    """Return a name with composed characters (NFC), which is the same from macOS and Linux."""
     return unicodedata.normalize("NFC", str(name))
 
 
 def printable(name: str) -> str:
-    r"""Return a name for records, of which no two are alike: in NFC, with escapes as in Python, such as ``\x00``."""
-    return "".join(_escaped(c) if c == "\\" else _printable(c) for c in nfc(name))
+    r"""Return a name for records: in NFC, with escapes as in Python, such as ``\x00``.
+
+    A backslash is escaped, too, so that no two names become one.
+    """
+    return "".join(map(_printable_in_name, nfc(name)))
 
 
 def listed(texts: Iterable[str], joint: str = ", ") -> str:
     """Join the first few of some texts, and count the others."""
-    every = list(texts)
-    more = [f"{len(every) - _NAMED} more"] if len(every) > _NAMED + 1 else []
-    return joint.join([*every[: _NAMED if more else None], *more])
+    named = list(texts)
+    n_more = len(named) - _MOST_NAMED
+    if n_more > 1:  # instead of "1 more", the last one is named
+        named = [*named[:_MOST_NAMED], f"{n_more} more"]
+    return joint.join(named)
 
 
 def clean_text(text: object) -> str:
@@ -66,35 +78,49 @@ def clean_text(text: object) -> str:
     text
         Anything; ``str`` is applied to it.
     """
-    words = _as_text(text)
-    if words.isprintable():
-        return words
-    words = _BREAKS.sub(" ", _TERMINAL_CODES.sub("", words))
-    return "".join(" " if character.isspace() else _printable(character) for character in words)
+    line = _as_text(text)
+    if line.isprintable():
+        return line
+    line = _TERMINAL_CODES.sub("", line)
+    line = _BREAKS.sub(" ", line)
+    return "".join(map(_printable_in_line, line))
 
 
-def counted(number: int, one: str, many: str = "") -> str:
-    """Return a number and what it counts: ``1 vertex``, ``2 vertices``."""
-    return f"{number} {one if number == 1 else many or one + 's'}"
+def counted(number: int, singular: str, plural: str = "") -> str:
+    """Return a number and what it counts: ``1 vertex``, ``2 vertices``.
+
+    The plural is that with an ``s`` unless it is given.
+    """
+    if number == 1:
+        return f"1 {singular}"
+    return f"{number} {plural or singular + 's'}"
 
 
 def brief(text: object, longest: int = LONGEST_REASON) -> str:
     """Return cleaned text, cut to a number of characters."""
-    words = clean_text(_as_text(text)[: 2 * longest])
-    return words if len(words) <= longest else words[: longest - len(_CUT)] + _CUT
+    line = clean_text(_as_text(text)[: 2 * longest])
+    if len(line) <= longest:
+        return line
+    return line[: longest - len(_ELLIPSIS)] + _ELLIPSIS
 
 
 def clean_lines(text: str) -> str:
     """Return text with cleaned lines, from which the middle is cut if it is very long."""
     if len(text) > LONGEST_TEXT:
-        text = f"{text[: LONGEST_TEXT // 2]}\n{_CUT.strip()}\n{text[-LONGEST_TEXT // 2 :]}"
-    return "\n".join(
-        line[: len(line) - len(line.lstrip(" "))] + clean_text(line.lstrip(" "))
-        for line in text.splitlines()
-    )
+        half = LONGEST_TEXT // 2
+        text = f"{text[:half]}\n{_ELLIPSIS.strip()}\n{text[-half:]}"
+    return "\n".join(map(_clean_after_indentation, text.splitlines()))
+
+
+def _clean_after_indentation(line: str) -> str:
+    """Return a cleaned line that begins with as many blanks as before."""
+    words = line.lstrip(" ")
+    indentation = line[: len(line) - len(words)]
+    return indentation + clean_text(words)
 
 
 def _as_text(text: object) -> str:
+    """Return anything as text, also what raises an error when it is asked for its text."""
     try:
         return str(text)
     except Exception as error:  # of an exception of a plugin, for example
@@ -102,27 +128,46 @@ def _as_text(text: object) -> str:
 
 
 def say(text: object = "", *, err: bool = False, indent: int = 2) -> None:
-    """Print one cleaned line to stdout or stderr; a terminal gets it wrapped between words, with more indentation."""
-    stream, line = sys.stderr if err else sys.stdout, clean_text(text)
+    """Print one cleaned line.
+
+    Parameters
+    ----------
+    text
+        The line. A terminal gets it wrapped between words.
+    err
+        Whether it goes to stderr instead of stdout.
+    indent
+        By how many blanks more than the first one all further lines are indented.
+    """
+    stream = sys.stderr if err else sys.stdout
+    line = clean_text(text)
     if stream.isatty():
-        blanks = " " * (len(line) - len(line.lstrip()) + indent)
-        width = shutil.get_terminal_size().columns
+        n_blanks = len(line) - len(line.lstrip()) + indent
         line = textwrap.fill(
-            line, width, subsequent_indent=blanks, break_long_words=False, break_on_hyphens=False
+            line,
+            shutil.get_terminal_size().columns,
+            subsequent_indent=" " * n_blanks,
+            break_long_words=False,
+            break_on_hyphens=False,
         )
     print(line, file=stream, flush=True)
 
 
 class Printed(io.TextIOBase):
-    """Standard output of a plugin: cleaned lines on stderr, which begin with the name of what prints, if it has one."""
+    """Standard output of a plugin, which is printed as cleaned lines on stderr."""
 
-    name = rest = ""
+    #: Name of what prints, with which lines begin; "" for none.
+    name = ""
+
+    #: Text behind the last line that has ended.
+    _rest = ""
 
     def write(self, text: str) -> int:
-        """Print the lines that end."""
-        *lines, self.rest = (self.rest + text).split("\n")
+        """Print the lines that have ended."""
+        *lines, self._rest = (self._rest + text).split("\n")
+        start = f"{self.name}: " if self.name else ""
         for line in lines:
-            say(f"{self.name}: {brief(line)}" if self.name else brief(line), err=True)
+            say(start + brief(line), err=True)
         return len(text)
 
 
@@ -133,21 +178,42 @@ def say_lines(text: str) -> None:
 
 
 def say_table(rows: Sequence[Sequence[str]], whole: Collection[int] = ()) -> None:
-    """Print rows in columns, wrapped between words at the width of the terminal but for those that stay ``whole``."""
+    """Print rows in columns, wrapped between words at the width of the terminal.
+
+    Parameters
+    ----------
+    rows
+        Cells of each row.
+    whole
+        Numbers of columns that are not wrapped.
+    """
     from rich.console import Console
     from rich.table import Column, Table
     from rich.text import Text
 
-    has_width = sys.stdout.isatty() or "COLUMNS" in os.environ  # other programs read a row a line
-    console = Console(highlight=False, width=None if has_width else LONGEST_TEXT)
-    grid = Table.grid(
-        *(Column(no_wrap=k in whole) for k in range(len(rows[0]))), padding=(0, 2, 0, 0)
-    )
+    # Other programs read one row per line.
+    has_width = sys.stdout.isatty() or "COLUMNS" in os.environ
+    width = None if has_width else LONGEST_TEXT
+    console = Console(highlight=False, width=width)
+    columns = [Column(no_wrap=number in whole) for number in range(len(rows[0]))]
+    grid = Table.grid(*columns, padding=(0, 2, 0, 0))
     for row in rows:
-        grid.add_row(*(Text(clean_text(cell), overflow="fold") for cell in row))
+        cells = [Text(clean_text(cell), overflow="fold") for cell in row]
+        grid.add_row(*cells)
     with console.capture() as captured:
         console.print(grid)
-    say_lines("\n".join(map(str.rstrip, captured.get().splitlines())))
+    lines = captured.get().splitlines()
+    say_lines("\n".join(line.rstrip() for line in lines))
+
+
+def _printable_in_line(character: str) -> str:
+    """Return a character of a line; any white space is a blank."""
+    return " " if character.isspace() else _printable(character)
+
+
+def _printable_in_name(character: str) -> str:
+    """Return a character of a name, in which a backslash begins an escape."""
+    return _escaped(character) if character == "\\" else _printable(character)
 
 
 def _printable(character: str) -> str:
@@ -155,4 +221,5 @@ def _printable(character: str) -> str:
 
 
 def _escaped(character: str) -> str:
+    """Return a character as Python writes it in a text."""
     return character.encode("unicode_escape").decode("ascii")

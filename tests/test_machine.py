@@ -18,6 +18,6 @@ def test_a_container_limits_memory(tmp_path, monkeypatch, groups, files, memory)
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
-    monkeypatch.setattr(machine, "_MOUNTED", tmp_path)
-    monkeypatch.setattr(machine, "_GROUPS", tmp_path / "groups")
+    monkeypatch.setattr(machine, "_CONTROL_GROUPS", tmp_path)
+    monkeypatch.setattr(machine, "_GROUPS_OF_PROCESS", tmp_path / "groups")
     assert machine.memory_limit() == memory
