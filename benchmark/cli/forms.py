@@ -25,7 +25,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
 from benchmark.geometry.preparation import prepare
 from benchmark.kernel_cache.announcing import announce_compilation
-from benchmark.pipeline.surfaces import N_VERTICES
+from benchmark.pipeline.surfaces import PREPARED_VERTICES
 from benchmark.registry import select_one
 from benchmark.report.drawing import check_ending
 from benchmark.text import say, say_table
@@ -80,7 +80,7 @@ def _draw_mesh(source: Path, form: CanonicalForm, picture: Path) -> None:
     from benchmark.report import grids, sheets  # matplotlib takes half a second
 
     mesh = read_mesh(source)
-    drawn = mesh if mesh.n_vertices == len(form.vertices) else prepare(mesh, N_VERTICES).mesh
+    drawn = mesh if mesh.n_vertices == len(form.vertices) else prepare(mesh, PREPARED_VERTICES).mesh
     grids.save(sheets.mesh_picture(drawn, form.mesh), picture)
 
 

@@ -22,7 +22,7 @@ from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.outputs import compute_form
-from benchmark.pipeline.surfaces import N_VERTICES
+from benchmark.pipeline.surfaces import PREPARED_VERTICES
 from benchmark.protocols.models import people_training, with_model
 from benchmark.registry import Component, select_one
 
@@ -164,7 +164,12 @@ def small_for_person(shape: Shape, model: object) -> str:
 
 
 def form_of_surface(
-    maker: Method, mesh: Mesh, name: str = "shape", *, n_vertices: int = N_VERTICES, seed: int = 0
+    maker: Method,
+    mesh: Mesh,
+    name: str = "shape",
+    *,
+    n_vertices: int = PREPARED_VERTICES,
+    seed: int = 0,
 ) -> Form:
     """Return the form of a surface, prepared as in a run.
 

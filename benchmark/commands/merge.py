@@ -8,14 +8,14 @@ from pathlib import Path
 from benchmark.commands.selection import RESULTS, as_list
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import writing
-from benchmark.pipeline.merging import Merged, Side, merge_records
+from benchmark.pipeline.merging import Choice, Merged, merge_records
 
 
 def merge(
     folders: str | Path | Iterable[str | Path],
     results: str | Path = RESULTS,
     *,
-    take: Side | None = None,
+    take: Choice | None = None,
     records: Collection[str] = (),
 ) -> Merged:
     """Add the records of other results folders to one; see :func:`benchmark.pipeline.merging.merge`.

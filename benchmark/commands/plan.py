@@ -268,7 +268,7 @@ def plan(
         jobs = jobs_of(datasets=usable)
     if of_programs:
         for job in jobs:
-            check_forms(job.record, job.before, job.sides[0].method.given)
+            check_forms(job.record, job.before, job.job.method.given)
     return Plan(
         folder,
         tuple(jobs),

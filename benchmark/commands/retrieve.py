@@ -326,9 +326,7 @@ def _finished(
 
 def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> Any:
     """Return a method with the model that made the forms of a gallery, or of a query that is one of its shapes."""
-    of_shape = dict(
-        zip(job.record.shapes, job.models, strict=False)
-    )  # those of another gallery follow
+    of_shape = dict(zip(job.record.shapes, job.models, strict=True))
     models = {of_shape[name] for name in itself} or set(of_shape.values())
     if len(models) > 1:
         problem = f"the forms of {job.record.gallery} are of {len(models)} models, and a query is in no fold"

@@ -1,1 +1,4 @@
-"""From a shape to the record of a row: prepared shapes, forms, distances and scores, and where they are kept."""
+"""From a shape to the record of a row: prepared shapes, forms, distances and scores.
+
+Also where they are kept: the cache of arrays, and records.
+"""

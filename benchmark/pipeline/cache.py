@@ -1,4 +1,7 @@
-"""Files of arrays under keys: digests of everything that determines them, known before they are computed."""
+"""Files of arrays under keys: digests of everything that determines them.
+
+A key is known before the arrays are computed.
+"""
 
 from __future__ import annotations
 
@@ -9,9 +12,9 @@ import zlib
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import IO, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +24,23 @@ from benchmark.files import sweep, write_atomically
 from benchmark.geometry.mesh import read_only
 from benchmark.pipeline.stages import Arrays
 
-Stage = Literal["prepared", "forms", "signatures", "records"]  # in the order in which they are made
+#: What the files of the cache hold, in the order in which they are made.
+Stage = Literal["prepared", "forms", "signatures", "records"]
+
+
+class CachedFile(NamedTuple):
+    """A file of the cache: what a stage makes, under its key."""
+
+    stage: Stage
+    key: str
+
+
+#: First bytes of a ``.npy`` file of format 1.0, and its length up to the header.
+_NPY_MAGIC = b"\x93NUMPY\x01\x00"
+_NPY_PREFIX = 10
+
+#: Headers of arrays that are kept parsed.
+_KEPT_HEADERS = 1024
 
 #: Folder of local results in a results folder.
 RUNS = "runs"
@@ -37,9 +56,9 @@ def storing(results: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        hint = "free some space, change its rights, or choose another --results DIR"
         raise StorageError(
-            f"cannot write to {results}: {error.strerror}",
-            "free some space, change its rights, or choose another --results DIR; finished jobs are kept",
+            f"cannot write to {results}: {error.strerror}", f"{hint}; finished jobs are kept"
         ) from error
 
 
@@ -88,13 +107,20 @@ class Cache:
     def read(
         self, stage: Stage, key: str, *, without: Collection[str] = (), only: Collection[str] = ()
     ) -> dict[str, NDArray[Any]] | None:
-        """Return read-only arrays under a key, by default all; None if there are none, or their file is damaged."""
+        """Return read-only arrays under a key; None if there are none, or their file is damaged.
+
+        Parameters
+        ----------
+        stage, key
+            The file.
+        without, only
+            Names of arrays that are left out, or alone read; by default all are.
+        """
         try:
             with zipfile.ZipFile(self._path(stage, key)) as archive:
                 names = {name.removesuffix(".npy") for name in archive.namelist()}
-                if (
-                    archive.comment != str(len(names)).encode()
-                ):  # the list, which has no checksum, is not complete
+                # The list of names has no checksum: its length stands in the comment.
+                if archive.comment != str(len(names)).encode():
                     return None
                 wanted = names.intersection(only or names).difference(without)
                 files = {name: archive.read(f"{name}.npy") for name in wanted}
@@ -105,10 +131,9 @@ class Cache:
     def write(self, stage: Stage, key: str, arrays: Arrays) -> None:
         """Write the arrays under a key; raise :class:`StorageError` if that fails."""
         with storing(self.results):
-            write_atomically(
-                self._path(stage, key),
-                lambda file: _write_arrays(file, arrays, stage != "signatures"),
-            )
+            # A search for repetitions takes twice as long for signatures, and makes them larger.
+            write_arrays = partial(_write_arrays, arrays, search=stage != "signatures")
+            write_atomically(self._path(stage, key), write_arrays)
 
     def get(self, stage: Stage, key: str, compute: Callable[[], Arrays]) -> Arrays:
         """Return the arrays under a key; compute and write them if they are missing."""
@@ -124,37 +149,57 @@ class Cache:
             self._path(stage, key).unlink(missing_ok=True)
 
     def _path(self, stage: Stage, key: str) -> Path:
+        """Return the path of a file."""
         return self.results / RUNS / stage / f"{key}.npz"
 
 
 def _array_of(file: bytes) -> NDArray[Any]:
-    """Return the array of an ``.npy`` file; many headers of small arrays are alike, and are parsed once."""
-    end = 10 + int.from_bytes(file[8:10], "little")
-    known = _header(file[:end]) if file.startswith(b"\x93NUMPY\x01\x00") else None
-    if known is None:
+    """Return the array of an ``.npy`` file.
+
+    Many headers of small arrays are alike, and are parsed once.
+    """
+    end = _NPY_PREFIX + int.from_bytes(file[len(_NPY_MAGIC) : _NPY_PREFIX], "little")
+    header = _parse_header(file[:end]) if file.startswith(_NPY_MAGIC) else None
+    if header is None:
         return np.asarray(np.lib.format.read_array(io.BytesIO(file), allow_pickle=False))
-    return np.frombuffer(file, known[1], offset=end).reshape(known[0])
+    shape, dtype = header
+    return np.frombuffer(file, dtype, offset=end).reshape(shape)
 
 
-@lru_cache(1024)
-def _header(header: bytes) -> tuple[tuple[int, ...], np.dtype[Any]] | None:
-    """Return shape and type of an array of numbers or text in the order of rows; None for others."""
+@lru_cache(_KEPT_HEADERS)
+def _parse_header(header: bytes) -> tuple[tuple[int, ...], np.dtype[Any]] | None:
+    """Return shape and type of an array of numbers or text, row by row; None for others."""
     file = io.BytesIO(header)
     np.lib.format.read_magic(file)
-    shape, by_columns, dtype = np.lib.format.read_array_header_1_0(file)
-    return None if by_columns or dtype.hasobject else (shape, dtype)
+    shape, is_by_columns, dtype = np.lib.format.read_array_header_1_0(file)
+    return None if is_by_columns or dtype.hasobject else (shape, dtype)
 
 
-def _write_arrays(file: IO[bytes], arrays: Arrays, repetitive: bool) -> None:
-    """Write arrays as an ``.npz`` file; unlike with ``numpy.savez``, any name will do."""
+def _write_arrays(arrays: Arrays, file: IO[bytes], *, search: bool) -> None:
+    """Write arrays as an ``.npz`` file; unlike with ``numpy.savez``, any name will do.
+
+    Parameters
+    ----------
+    arrays, file
+        The arrays, and the file to write to.
+    search
+        Whether to search for repetitions when compressing.
+    """
     with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.comment = str(len(arrays)).encode()
         for name, array in arrays.items():
             with archive.open(f"{name}.npy", "w", force_zip64=True) as part:
-                if (
-                    not repetitive
-                ):  # a search for repetitions would take twice as long, for larger files
-                    vars(part)["_compressor"] = zlib.compressobj(
-                        1, zlib.DEFLATED, -15, 8, zlib.Z_HUFFMAN_ONLY
-                    )
+                if not search:
+                    vars(part)["_compressor"] = _compressor_without_search()
                 np.lib.format.write_array(part, np.asanyarray(array), allow_pickle=False)
+
+
+def _compressor_without_search() -> Any:
+    """Return a compressor that codes bytes by their frequency alone."""
+    return zlib.compressobj(
+        level=1,
+        method=zlib.DEFLATED,
+        wbits=-zlib.MAX_WBITS,  # as in ZIP files, without a header
+        memLevel=zlib.DEF_MEM_LEVEL,
+        strategy=zlib.Z_HUFFMAN_ONLY,
+    )

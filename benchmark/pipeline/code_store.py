@@ -1,4 +1,4 @@
-"""What the code in records consisted of, by functions, so that a plan can name the one that changed.
+"""What the code in records consisted of, so that a plan can name the function that changed.
 
 A record says the digest of each file of code. The file ``runs/code.json`` of a results folder says,
 for such a digest, the digests of the functions, methods, classes and constants of the file. Without
@@ -16,8 +16,8 @@ from benchmark.code_digest import definitions_of
 from benchmark.files import LARGEST_LIST, read_file, write_atomically
 from benchmark.pipeline.cache import RUNS, storing
 
+#: Digests of definitions by name, by the digest of their file.
 Definitions = Mapping[str, Mapping[str, str]]
-"""Digests of definitions by name, by the digest of their file."""
 
 
 def read_definitions(results: Path) -> Definitions:
@@ -30,17 +30,28 @@ def read_definitions(results: Path) -> Definitions:
 
 
 def keep_definitions(results: Path, codes: Iterable[Mapping[str, str]]) -> None:
-    """Add the definitions of code to those of a results folder; see :func:`benchmark.code_digest.code_of`."""
+    """Add the definitions of code to those of a results folder.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    codes
+        Digests of each code by name; see :func:`benchmark.code_digest.code_of`.
+    """
     known = read_definitions(results)
-    code = {(name, part) for of_job in codes for name, part in of_job.items() if part not in known}
-    if new := definitions_of(sorted(code)):
+    unknown: set[tuple[str, str]] = set()
+    for code in codes:
+        unknown |= {(name, part) for name, part in code.items() if part not in known}
+    new = definitions_of(sorted(unknown))
+    if new:
         content = msgspec.json.encode({**known, **new})
         with storing(results):
             write_atomically(definitions_file(results), lambda file: file.write(content))
 
 
 def changed_definitions(before: str, now: str, known: Definitions) -> list[str]:
-    """Return the names of what differs between two digests of a file; empty if one of them is not known."""
+    """Return the names of what differs between two digests of a file; none if one is unknown."""
     if before not in known or now not in known:
         return []
     names = {**known[before], **known[now]}

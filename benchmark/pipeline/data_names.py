@@ -20,15 +20,21 @@ def path_of(source: str) -> str:
     """Return a source with the absolute path of its folder; "" for a set of the suite."""
     base, _ = split_changes(source)
     is_folder = is_path(base) and not is_known(base)
-    return printable(f"{os.path.realpath(base)}{source[len(base) :]}") if is_folder else ""
+    if not is_folder:
+        return ""
+    changes = source[len(base) :]
+    return printable(os.path.realpath(base) + changes)
 
 
 def label_data_sets(records: Sequence[Record]) -> list[Record]:
-    """Return records whose data sets, if they share a name, are called by as much of their paths as it takes."""
-    paths = defaultdict[str, set[str]](set)
+    """Return records whose data sets have different names.
+
+    Data sets that share a name are called by as much of their paths as tells them apart.
+    """
+    paths: defaultdict[str, set[str]] = defaultdict(set)
     for record in records:
         paths[record.data.name].add(record.data.path)
-    return [_called(record, _label(record.data, paths[record.data.name])) for record in records]
+    return [_renamed(record, _label(record.data, paths[record.data.name])) for record in records]
 
 
 def records_of(records: Sequence[Record], words: Iterable[str]) -> list[Record]:
@@ -39,50 +45,61 @@ def records_of(records: Sequence[Record], words: Iterable[str]) -> list[Record]:
     ConfigurationError
         If a word names several data sets: a folder here and one elsewhere, or two of one name.
     """
-    chosen = set[int]()
+    chosen: set[int] = set()
     for word in words:
-        base, _ = split_changes(word)
-        path = path_of(word) if Path(base).exists() else ""
-        here = [record for record in records if path and record.data.path == path]
-        is_name = not (here and "/" in word)
-        named = [
-            record
-            for record in records
-            if is_name and word in _words(record) and record not in here
-        ]
-        several = [*dict.fromkeys(filter(None, [path, *(record.data.path for record in named)]))]
-        if named and len(several) > 1:
-            problem = f"'{word}' names results of {' and of '.join(several)}"
-            raise ConfigurationError(problem, "pass the path that you mean")
-        chosen |= {id(record) for record in (*here, *named)}
+        chosen |= {id(record) for record in _records_of_word(records, word)}
     return [record for record in records if id(record) in chosen]
 
 
+def _records_of_word(records: Sequence[Record], word: str) -> list[Record]:
+    """Return the records of the data set that a word names; raise an error if it names several."""
+    base, _ = split_changes(word)
+    path = path_of(word) if Path(base).exists() else ""
+    of_folder = [record for record in records if path and record.data.path == path]
+    of_name: list[Record] = []
+    is_path_of_data = bool(of_folder) and "/" in word
+    if not is_path_of_data:
+        of_name = [
+            record for record in records if word in _words(record) and record not in of_folder
+        ]
+    paths = [path, *(record.data.path for record in of_name)]
+    different_paths = [*dict.fromkeys(filter(None, paths))]
+    if of_name and len(different_paths) > 1:
+        problem = f"'{word}' names results of {' and of '.join(different_paths)}"
+        raise ConfigurationError(problem, "pass the path that you mean")
+    return [*of_folder, *of_name]
+
+
 def _label(data: Data, paths: Set[str]) -> str:
+    """Return what a data set is called beside those of the same name at other paths."""
     others = paths - {data.path}
-    return _shortest(data.name, data.path, others) if data.path and others else data.name
+    if not data.path or not others:
+        return data.name
+    return _shortest(data.name, data.path, others)
 
 
 def _shortest(name: str, path: str, others: Iterable[str]) -> str:
-    """Return the shortest end of a path, in whole folders and with the name at its end, that no other path has."""
-    folders, ends = PurePath(path).parent.parts, [PurePath(other).parent.parts for other in others]
+    """Return the shortest end of a path that no other path has: whole folders, and the name."""
+    folders = PurePath(path).parent.parts
+    other_folders = [PurePath(other).parent.parts for other in others]
     for count in range(1, len(folders) + 1):
-        if all(end[-count:] != folders[-count:] for end in ends):
-            return "/".join([*(part.strip("/") for part in folders[-count:]), name])
+        end = folders[-count:]
+        if all(other[-count:] != end for other in other_folders):
+            return "/".join([*(folder.strip("/") for folder in end), name])
     return path
 
 
-def _called(record: Record, label: str) -> Record:
+def _renamed(record: Record, label: str) -> Record:
+    """Return a record whose data set and gallery have another name."""
     name = record.data.name
     if label == name:
         return record
     gallery = label + record.gallery.removeprefix(name)
-    return msgspec.structs.replace(
-        record, gallery=gallery, data=msgspec.structs.replace(record.data, name=label)
-    )
+    data = msgspec.structs.replace(record.data, name=label)
+    return msgspec.structs.replace(record, gallery=gallery, data=data)
 
 
 def _words(record: Record) -> tuple[str, ...]:
-    """Return what a data set is called: its name or label, also without folders, and its paths."""
+    """Return what a data set is called: its name or label, also without folders, and its path."""
     data = record.data
     return data.name, PurePath(data.name).name, data.path or data.source

@@ -30,9 +30,12 @@ def packages() -> dict[str, str]:
 
 @cache
 def commit() -> str:
-    """Return the first ten digits of the commit, with ``+`` if code was changed; "" outside a repository."""
-    digest = _git("rev-parse", "--short=10", "HEAD")
-    return digest + ("+" if has_edits() else "") if digest else ""
+    """Return the first ten digits of the commit; "" outside a repository.
+
+    A ``+`` behind them says that code was changed.
+    """
+    digits = _git("rev-parse", "--short=10", "HEAD")
+    return f"{digits}+" if digits and has_edits() else digits
 
 
 def has_edits() -> bool:

@@ -12,6 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.api.contracts import (
     AllPairs,
@@ -43,7 +44,7 @@ class NoGeodesics(Incomplete):
 
 
 class SharedResults:
-    """Geodesic distances of a shape, and forms that other methods deform, by method; each computed once.
+    """What methods share of a shape, each computed once: geodesics, and forms that others deform.
 
     Parameters
     ----------
@@ -57,13 +58,14 @@ class SharedResults:
         self._results: dict[Hashable, tuple[Any, FloatArray]] = {}
         #: Who asks now: the component with its parameters and its model.
         self.owner: Hashable = None
-        #: Seconds of the matrix that the current method used, and those that passed and are not its
-        #: own.
-        self.used = np.zeros(2)
-        self.waited = np.zeros(2)
+        #: Seconds of the geodesics that the current method used, by clock.
+        self.seconds_of_geodesics = np.zeros(2)
+        #: Seconds that passed while the method computed and are not its own, by clock. They are
+        #: negative for a form that was known, which is charged to each method that uses it.
+        self.seconds_of_others = np.zeros(2)
 
     def get_or_compute(self, key: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return the distances of a shape, or the form of a method; compute them if they are missing.
+        """Return the distances of a shape, or the form of a method; compute it if it is missing.
 
         Raises
         ------
@@ -73,25 +75,28 @@ class SharedResults:
         start = clock()
         is_geodesics = isinstance(key, AllPairs)
         identity = identify_result(key, self.owner)
-        known = identity in self._results
-        if not known:
-            try:
-                with self._uncharged("geodesics") if is_geodesics else nullcontext():
-                    result = compute()
-            except MemoryError as error:
-                if is_geodesics:
-                    raise NoGeodesics("has no geodesics: out of memory") from error
-                raise
+        is_known = identity in self._results
+        if not is_known:
+            result = self._compute_geodesics(compute) if is_geodesics else compute()
             self._results[identity] = _read_only(result), clock() - start
         result, seconds = self._results[identity]
         if is_geodesics:
-            self.used = seconds
-            self.waited = self.waited + (0.0 if known else seconds)
-        elif known:
-            self.waited = self.waited - seconds
+            self.seconds_of_geodesics = seconds
+            if not is_known:
+                self.seconds_of_others = self.seconds_of_others + seconds
+        elif is_known:
+            self.seconds_of_others = self.seconds_of_others - seconds
         if isinstance(result, CanonicalForm):
             return replace(result, notes=dict(result.notes))
         return result
+
+    def _compute_geodesics(self, compute: Callable[[], Any]) -> Any:
+        """Return distances; raise ``NoGeodesics`` if there is no memory for them."""
+        try:
+            with self._uncharged("geodesics"):
+                return compute()
+        except MemoryError as error:
+            raise NoGeodesics("has no geodesics: out of memory") from error
 
 
 def _read_only(result: Any) -> Any:
@@ -110,13 +115,14 @@ def shape_of(
     arrays: Arrays, identifier: str, seed: int = 0, shared: SharedResults | None = None
 ) -> Shape:
     """Return the shape passed to methods, from its prepared arrays."""
+    cache = shared.get_or_compute if shared else None
     return Shape(
         identifier=identifier,
         mesh=Mesh(arrays["vertices"], arrays["faces"]),
         depth=arrays.get("depth"),
         source_area=float(arrays["source_area"]),
         seed=seed,
-        cache=shared.get_or_compute if shared else None,
+        cache=cache,
     )
 
 
@@ -141,18 +147,32 @@ def output_arrays(
         output = compute()
         if not isinstance(output, CanonicalForm):
             return {"descriptor": np.asarray(output, dtype=np.float64)}
-        mesh = output.mesh
-        changed = {} if np.array_equal(mesh.faces, shape.mesh.faces) else {"faces": mesh.faces}
-        notes = {f"{NOTE}{name}": np.asarray(value) for name, value in output.notes.items()}
-        return {"vertices": mesh.vertices.astype(np.float32), **changed, **notes}
+        form: dict[str, NDArray[Any]] = {"vertices": output.mesh.vertices.astype(np.float32)}
+        if not np.array_equal(output.mesh.faces, shape.mesh.faces):
+            form["faces"] = output.mesh.faces
+        for name, value in output.notes.items():
+            form[f"{NOTE}{name}"] = np.asarray(value)
+        return form
 
-    shared.used = shared.waited = np.zeros(2)
-    arrays = timed(arrays_of)
-    geodesics = {SECONDS + GEODESICS: shared.used} if shared.used.any() else {}
-    seconds = {SECONDS: arrays[SECONDS] - shared.waited, MACHINE: np.asarray(describe_machine())}
-    return {**arrays, **geodesics, **seconds}
+    shared.seconds_of_geodesics = np.zeros(2)
+    shared.seconds_of_others = np.zeros(2)
+    arrays = {**timed(arrays_of)}
+    if shared.seconds_of_geodesics.any():
+        arrays[SECONDS + GEODESICS] = shared.seconds_of_geodesics
+    arrays[SECONDS] = arrays[SECONDS] - shared.seconds_of_others
+    arrays[MACHINE] = np.asarray(describe_machine())
+    return arrays
 
 
 def mesh_of(form: Arrays, prepared: Arrays) -> Mesh:
-    """Return the form of a shape, from the arrays of :func:`output_arrays` and of the prepared shape."""
-    return Mesh(form["vertices"], form["faces"] if "faces" in form else prepared["faces"])
+    """Return the form of a shape.
+
+    Parameters
+    ----------
+    form
+        Arrays of :func:`output_arrays`. They lack faces that are those of the shape.
+    prepared
+        Arrays of the prepared shape.
+    """
+    arrays = form if "faces" in form else prepared
+    return Mesh(form["vertices"], arrays["faces"])

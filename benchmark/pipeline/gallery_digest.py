@@ -41,4 +41,6 @@ def digest_of_both(
         The change of the data set by which its shapes are seen from around; "" for none.
     """
     both: list[object] = [queries, gallery, gallery_input, keeps_same_names]
-    return digest([*both, cameras] if cameras else both)
+    if cameras:
+        both.append(cameras)
+    return digest(both)

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeVar
 
@@ -31,8 +33,8 @@ from benchmark.text import printable
 
 RankedSide = TypeVar("RankedSide", bound=RankedShapes)
 
-#: Which of two results of a row that differ is kept.
-Side = Literal["ours", "theirs"]
+#: Whose result is kept of two results of a row that differ.
+Choice = Literal["ours", "theirs"]
 
 
 class Refused(NamedTuple):
@@ -67,12 +69,13 @@ class Merged(NamedTuple):
 
 
 def merge_records(
-    folders: Iterable[Path], results: Path, take: Side | None = None, rows: Collection[str] = ()
+    folders: Iterable[Path], results: Path, take: Choice | None = None, rows: Collection[str] = ()
 ) -> Merged:
-    """Add the records of other results folders; a result replaces a failure, and the later of two failures stays.
+    """Add the records of other results folders.
 
-    Records of a folder with the name, shapes and cameras of one here are of that one. No file is
-    written that is there already, except those of a row that is replaced.
+    A result replaces a failure, and the later of two failures stays. Records of a folder with the
+    name, shapes and cameras of one here are of that one. No file is written that is there already,
+    except those of a row that is replaced.
 
     Parameters
     ----------
@@ -111,30 +114,39 @@ def merge_records(
 
 
 class _Merging:
-    """What a merge will write, which is decided before anything is written."""
+    """What a merge will write, which is decided before anything is written.
 
-    def __init__(self, results: Path, take: Side | None, rows: Collection[str]) -> None:
-        self.results, self.take, self.rows = results, take, rows
+    Parameters
+    ----------
+    results, take, rows
+        As for :func:`merge_records`.
+    """
+
+    def __init__(self, results: Path, take: Choice | None, rows: Collection[str]) -> None:
+        self.results = results
+        self.take = take
+        self.rows = rows
         #: All records here by row; the last one counts.
-        self.here: dict[RowId, list[Record]] = {}
-        for record in sorted(read_files(local_files(results)), key=age_of):
-            self.here.setdefault(record.row, []).append(record)
-        self.known = {row: records[-1] for row, records in self.here.items()}
+        self.here: defaultdict[RowId, list[Record]] = defaultdict(list)
         #: Row of each file, by its key; None of a file that is not used as a record.
         self.owners: dict[str, RowId | None] = {path.stem: None for path in local_files(results)}
-        for row, records in self.here.items():
-            self.owners |= {record.key: row for record in records}
+        for record in sorted(read_files(local_files(results)), key=age_of):
+            self.here[record.row].append(record)
+            self.owners[record.key] = record.row
+        #: The record of each row that counts, here or added.
+        self.known = {row: records[-1] for row, records in self.here.items()}
         #: Shapes and classes of each gallery here, by its digest.
-        self.facts = {
+        self.facts_of_gallery = {
             record.gallery_digest: facts_of_shapes(record)
             for record in read_records(results, published=False)
         }
         self.added: dict[RowId, Record] = {}
-        self.n_known = self.n_skipped = 0
-        self.conflicts = list[tuple[Record, Record]]()
-        self.refused = list[Refused]()
+        self.n_known = 0
+        self.n_skipped = 0
+        self.conflicts: list[tuple[Record, Record]] = []
+        self.refused: list[Refused] = []
         #: Names and keys of each row in conflict, resolved or not.
-        self.names_of_conflicts: dict[RowId, set[str]] = {}
+        self.names_of_conflicts: defaultdict[RowId, set[str]] = defaultdict(set)
 
     def add_folder(self, folder: Path) -> None:
         """Decide on each record of a folder."""
@@ -143,35 +155,46 @@ class _Merging:
         self.n_skipped += len(files.skipped)
         records = sorted(files.records, key=age_of)
         theirs = last_of_rows(records)
-        self.n_skipped += len({record.row for record in records}) - len(theirs)
+        rows = {record.row for record in records}
+        self.n_skipped += len(rows) - len(theirs)
         for record in theirs:
-            self._add(_as_merged(_of_data_here(record, self.known.values()), folder))
+            moved = _with_data_here(record, self.known.values())
+            self._add(_as_merged(moved, folder))
 
     def _add(self, record: Record) -> None:
-        existing = self.known.get(record.row)
-        if existing is not None and not self._is_wanted(existing, record):
+        """Decide on a record of another folder."""
+        known = self.known.get(record.row)
+        if known is not None and not self._is_wanted(known, record):
             return
-        if reason := self._refusal(record):
+        reason = self._refusal(record)
+        if reason:
             self.refused.append(Refused(record, reason))
             return
-        self.known[record.row] = self.added[record.row] = record
+        self.known[record.row] = record
+        self.added[record.row] = record
         self.owners[record.key] = record.row
-        self.facts.setdefault(record.gallery_digest, facts_of_shapes(record))
+        self.facts_of_gallery.setdefault(record.gallery_digest, facts_of_shapes(record))
 
-    def _is_wanted(self, existing: Record, record: Record) -> bool:
-        """Return whether a record takes the place of the one here; note it if it is known or in conflict."""
-        is_result = record.status == "ok"
-        if existing.status != "ok" and (is_result or record.finished > existing.finished):
-            return True
-        if existing.status != "ok" or not is_result or _is_same(existing, record):
+    def _is_wanted(self, known: Record, record: Record) -> bool:
+        """Return whether a record takes the place of the known one; if not, note why."""
+        if known.status != "ok":
+            if record.status == "ok" or record.finished > known.finished:
+                return True
             self.n_known += 1
             return False
-        names = {str(record.row), existing.key, record.key}
-        self.names_of_conflicts.setdefault(record.row, set()).update(names)
-        is_chosen = not self.rows or bool(names & {*self.rows})
+        if record.status != "ok" or _is_same(known, record):
+            self.n_known += 1
+            return False
+        return self._is_taken(known, record)
+
+    def _is_taken(self, known: Record, record: Record) -> bool:
+        """Return whether a result takes the place of one that differs; if not, note why."""
+        names = {str(record.row), known.key, record.key}
+        self.names_of_conflicts[record.row] |= names
+        is_chosen = not self.rows or not names.isdisjoint(self.rows)
         is_between_folders = record.row in self.added
         if self.take is None or not is_chosen or is_between_folders:
-            self.conflicts.append((existing, record))
+            self.conflicts.append((known, record))
             return False
         if self.take == "ours":
             self.n_known += 1
@@ -185,38 +208,42 @@ class _Merging:
         if owner != record.row:
             return f"its key is that of another row here, {owner}"
         facts = facts_of_shapes(record)
-        if self.facts.get(record.gallery_digest, facts) != facts:
+        if self.facts_of_gallery.get(record.gallery_digest, facts) != facts:
             return "its shapes or classes are not those of its gallery here"
         return ""
 
     def check_rows(self) -> None:
         """Raise ``ConfigurationError`` unless each of the named rows is in one conflict."""
         for name in self.rows:
-            found = [row for row, names in self.names_of_conflicts.items() if name in names]
-            if not found:
+            rows = [row for row, names in self.names_of_conflicts.items() if name in names]
+            if not rows:
                 conflicts = ", ".join(f"'{row}'" for row in self.names_of_conflicts)
-                problem = f"no two results of row '{name}' differ"
-                raise ConfigurationError(problem, f"name one of {conflicts}" if conflicts else "")
-            if len(found) > 1:
-                paths = ", ".join(path for row in found for path in row.paths)
+                hint = f"name one of {conflicts}" if conflicts else ""
+                raise ConfigurationError(f"no two results of row '{name}' differ", hint)
+            if len(rows) > 1:
+                paths = ", ".join(chain.from_iterable(row.paths for row in rows))
                 problem = f"'{name}' names rows of several data sets: {paths}"
                 raise ConfigurationError(problem, "pass the key of a record instead")
 
     def write(self) -> None:
         """Write the new records, each in place of all files of its row."""
         for row, record in self.added.items():
-            before = {one.key for one in self.here.get(row, [])}
-            for key in before:
+            replaced = {known.key for known in self.here.get(row, [])}
+            for key in replaced:
                 Cache(self.results).remove("records", key)  # distances of the record that goes
             write_record(self.results, record)
             with storing(self.results):
-                for key in before - {record.key}:
+                for key in replaced - {record.key}:
                     (self.results / RUNS / "records" / f"{key}.json").unlink(missing_ok=True)
 
 
-def _is_same(one: Record, other: Record) -> bool:
+def _is_same(ours: Record, theirs: Record) -> bool:
     """Return whether two results of a row are the same."""
-    return (one.key, one.scores, one.per_query) == (other.key, other.scores, other.per_query)
+    return (
+        ours.key == theirs.key
+        and ours.scores == theirs.scores
+        and ours.per_query == theirs.per_query
+    )
 
 
 def _as_merged(record: Record, folder: Path) -> Record:
@@ -234,20 +261,34 @@ def _plugins_of(record: Record) -> dict[str, str]:
     }
 
 
-def _of_data_here(record: Record, known: Collection[Record]) -> Record:
-    """Return a record whose data lie where the same data lie here."""
-    here = [side for other in known for side in other.sides]
+def _with_data_here(record: Record, known: Iterable[Record]) -> Record:
+    """Return a record whose data lie where the same data lie here.
 
-    def moved(side: RankedSide) -> RankedSide:
-        same = [of.data.path for of in here if _facts(of) == _facts(side)]
-        path = side.data.path if side.data.path in same or not same else same[-1]
-        return msgspec.structs.replace(side, data=msgspec.structs.replace(side.data, path=path))
+    Of several places of the same data, the one that was last used counts.
+    """
+    paths: defaultdict[tuple[str, ...], list[str]] = defaultdict(list)
+    for other in known:
+        for side in other.sides:
+            paths[_identity_of_data(side)].append(side.data.path)
+    gallery = record.gallery_of_queries
+    if gallery:
+        gallery = _moved(gallery, paths[_identity_of_data(gallery)])
+    record = _moved(
+        msgspec.structs.replace(record, gallery_of_queries=gallery),
+        paths[_identity_of_data(record)],
+    )
+    if not record.result_key:
+        return record
+    return msgspec.structs.replace(record, key=key_at(record.result_key, record.row.paths))
 
-    gallery = record.gallery_of_queries and moved(record.gallery_of_queries)
-    record = moved(msgspec.structs.replace(record, gallery_of_queries=gallery))
-    key = key_at(record.result_key, record.row.paths) if record.result_key else record.key
-    return msgspec.structs.replace(record, key=key)
+
+def _moved(side: RankedSide, paths: Sequence[str]) -> RankedSide:
+    """Return shapes with the last of some paths of their data, unless theirs is among these."""
+    if not paths or side.data.path in paths:
+        return side
+    return msgspec.structs.replace(side, data=msgspec.structs.replace(side.data, path=paths[-1]))
 
 
-def _facts(side: RankedShapes) -> tuple[str, ...]:
+def _identity_of_data(side: RankedShapes) -> tuple[str, ...]:
+    """Return what the same data have in common at any path."""
     return side.gallery, side.gallery_digest, side.input, side.data.name

@@ -1,4 +1,6 @@
-"""What methods, descriptors and scorers return, checked: values are never cast if that changes them.
+"""What methods, descriptors and scorers return, checked.
+
+Values are never cast if that changes them.
 
 No key contains this code: an edit of a check computes nothing anew, and what was refused before
 stays refused until its own code changes.
@@ -31,6 +33,7 @@ from benchmark.pipeline.ranking import Check, distances_of_draw
 from benchmark.pipeline.stages import REFUSED, Arrays, timed
 from benchmark.text import LONGEST_NAME, brief
 
+#: What to do about outputs that are refused.
 _FORM_HINT = (
     "return shape.form(vertices) with finite numbers, or raise UnsupportedShape with the reason"
 )
@@ -44,13 +47,20 @@ FEWEST_FORM_VERTICES = 4
 #: Most vertices for distances of all pairs: their 3 GiB fit into an ordinary memory a few times.
 MOST_WITH_ALL_PAIRS = 20_000
 
-_LARGEST = float(np.finfo(np.float32).max)
+#: Largest coordinate of a form, which is stored in single precision.
+_LARGEST_COORDINATE = float(np.finfo(np.float32).max)
+
+#: Kinds of numpy's types that are numbers, real numbers, and numbers or texts.
+_NUMBERS = "biuf"
+_REAL_NUMBERS = "iuf"
+_NUMBERS_OR_TEXTS = "biufU"
 
 
 def compute_output(method: Method | Descriptor, shape: Shape, shared: SharedResults) -> Arrays:
-    """Return the arrays of a form or descriptor, or why the method refuses the shape; see :func:`output_arrays`.
+    """Return the arrays of a form or descriptor, or why the method refuses the shape.
 
-    The reason is kept for the content of the shape, so that it does not begin with the name.
+    See :func:`benchmark.pipeline.forms.output_arrays` for the arrays. The reason is kept for the
+    content of the shape, so that it does not begin with the name.
 
     Raises
     ------
@@ -76,18 +86,26 @@ def check_needs(info: MethodInfo, shape: Shape) -> None:
     """Raise ``UnsupportedShape`` unless a shape has what a method says that it needs."""
     if not info.needs:
         return
-    name, n_vertices, n_faces = shape.identifier, shape.mesh.n_vertices, shape.mesh.n_faces
+    name = shape.identifier
+    n_vertices = shape.mesh.n_vertices
+    n_faces = shape.mesh.n_faces
     if n_vertices < FEWEST_FORM_VERTICES or not n_faces:
-        problem = f"{n_vertices} vertices and {n_faces} faces, where at least {FEWEST_FORM_VERTICES} and one are needed"
-        raise UnsupportedShape(f"{name}: {problem}", "check how the shape was cut or decimated")
+        raise UnsupportedShape(
+            f"{name}: {n_vertices} vertices and {n_faces} faces, "
+            f"where at least {FEWEST_FORM_VERTICES} and one are needed",
+            "check how the shape was cut or decimated",
+        )
     n_pieces = int(connected_components(shape.mesh).max()) + 1
     if n_pieces > 1:
         hint = "keep the largest component or bridge the pieces first"
         raise UnsupportedShape(f"{name}: the surface is in {n_pieces} pieces", hint)
     if "pairs" in info.needs and n_vertices > MOST_WITH_ALL_PAIRS:
-        problem = f"{n_vertices} vertices, where distances of all pairs are kept of {MOST_WITH_ALL_PAIRS} at most"
-        hint = "decimate the surface, or choose a method that needs a few rows, such as accelerated-mds"
-        raise UnsupportedShape(f"{name}: {problem}", hint)
+        raise UnsupportedShape(
+            f"{name}: {n_vertices} vertices, "
+            f"where distances of all pairs are kept of {MOST_WITH_ALL_PAIRS} at most",
+            "decimate the surface, or choose a method that needs a few rows, "
+            "such as accelerated-mds",
+        )
 
 
 def compute_form(method: Method, shape: Shape) -> CanonicalForm:
@@ -107,32 +125,44 @@ def compute_form(method: Method, shape: Shape) -> CanonicalForm:
             raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm")
         mesh = form.mesh
     except InvalidMesh as error:  # the shape is valid, so the method made it invalid
-        raise InvalidForm(
-            f"{_name(method)} returned no canonical form: {error.problem}", _FORM_HINT
-        ) from error
-    if not len(mesh.faces) or np.abs(mesh.vertices).max() > _LARGEST:
-        what = (
-            "coordinates too large for single precision"
-            if len(mesh.faces)
-            else "a form without triangles"
-        )
-        raise InvalidForm(
-            f"{_name(method)} returned {what}", "keep the scale and the triangles of the shape"
-        )
+        problem = f"{_name(method)} returned no canonical form: {error.problem}"
+        raise InvalidForm(problem, _FORM_HINT) from error
+    _check_surface(method, mesh)
     for name, value in form.notes.items():
-        if name != brief(name, LONGEST_NAME):
-            raise InvalidForm(
-                f"{_name(method)} returned a note called {name!r:.80}",
-                "give it a short printable name",
-            )
-        if not np.isscalar(value) or np.asarray(value).dtype.kind not in "biufU":
-            problem = f"{_name(method)} returned {type(value).__name__} as note '{name}'"
-            raise InvalidForm(problem, "notes must be numbers or strings")
+        _check_note(method, name, value)
     return CanonicalForm(mesh.vertices, mesh.faces, form.notes)
 
 
+def _check_surface(method: Method, mesh: Mesh) -> None:
+    """Raise ``InvalidForm`` unless a form can be stored and scored."""
+    hint = "keep the scale and the triangles of the shape"
+    if not len(mesh.faces):
+        raise InvalidForm(f"{_name(method)} returned a form without triangles", hint)
+    if np.abs(mesh.vertices).max() > _LARGEST_COORDINATE:
+        problem = f"{_name(method)} returned coordinates too large for single precision"
+        raise InvalidForm(problem, hint)
+
+
+def _check_note(method: Method, name: str, value: object) -> None:
+    """Raise ``InvalidForm`` unless a note is a number or a text with a short name."""
+    if name != brief(name, LONGEST_NAME):
+        problem = f"{_name(method)} returned a note called {name!r:.80}"
+        raise InvalidForm(problem, "give it a short printable name")
+    if not np.isscalar(value) or np.asarray(value).dtype.kind not in _NUMBERS_OR_TEXTS:
+        problem = f"{_name(method)} returned {type(value).__name__} as note '{name}'"
+        raise InvalidForm(problem, "notes must be numbers or strings")
+
+
 def compute_descriptor(method: Descriptor, shape: Shape) -> FloatArray:
-    """Return the descriptor of a shape, shape (k,); raise ``ShapeError`` or ``InvalidForm`` if there is none."""
+    """Return the descriptor of a shape, shape (k,).
+
+    Raises
+    ------
+    ShapeError
+        If the descriptor refuses the shape.
+    InvalidForm
+        If it returns anything other than a vector of finite numbers.
+    """
     check_needs(method.info, shape)
     return _check_numbers(method.describe(shape), method, (), "return a vector of finite numbers")
 
@@ -147,25 +177,25 @@ def compute_signature(scorer: Scorer, form: Mesh) -> SignatureArrays:
     InvalidSignature
         If it returns anything but named arrays of finite numbers.
     """
-    signature, who = scorer.signature(form), _name(scorer)
+    signature = scorer.signature(form)
     if not isinstance(signature, Mapping) or not signature:
-        raise InvalidSignature(
-            f"{who} returned {type(signature).__name__}, not named arrays", _SIGNATURE_HINT
-        )
+        problem = f"{_name(scorer)} returned {type(signature).__name__}, not named arrays"
+        raise InvalidSignature(problem, _SIGNATURE_HINT)
     for name, value in signature.items():
-        if not (isinstance(name, str) and name.isidentifier()):
-            raise InvalidSignature(
-                f"{who} returned an array called {name!r:.80}", "name it like a variable"
-            )
-        if (
-            not isinstance(value, np.ndarray)
-            or value.dtype.kind not in "biuf"
-            or not np.isfinite(value).all()
-        ):
-            raise InvalidSignature(
-                f"{who} returned '{name}', not an array of finite numbers", _SIGNATURE_HINT
-            )
+        if not isinstance(name, str) or not name.isidentifier():
+            problem = f"{_name(scorer)} returned an array called {name!r:.80}"
+            raise InvalidSignature(problem, "name it like a variable")
+        if not _is_finite_array(value):
+            problem = f"{_name(scorer)} returned '{name}', not an array of finite numbers"
+            raise InvalidSignature(problem, _SIGNATURE_HINT)
     return dict(signature)
+
+
+def _is_finite_array(value: object) -> bool:
+    """Return whether a value is an array of finite numbers."""
+    if not isinstance(value, np.ndarray) or value.dtype.kind not in _NUMBERS:
+        return False
+    return bool(np.isfinite(value).all())
 
 
 def compute_distances(
@@ -194,14 +224,27 @@ def make_distance_check(comparing: Descriptor | Scorer) -> Check:
 def _check_numbers(
     output: object, component: object, shape: tuple[int, ...], hint: str
 ) -> FloatArray:
-    """Return an output as an array of finite real numbers of a shape; () stands for a vector that is not empty."""
+    """Return an output as an array of finite real numbers.
+
+    Parameters
+    ----------
+    output
+        What a method or scorer returned.
+    component
+        The method or scorer.
+    shape
+        The shape that the array must have; () stands for a vector that is not empty.
+    hint
+        What to do about anything else.
+    """
     who = f"{_name(component)} returned"
     try:
         array: NDArray[Any] = np.asarray(output)
     except (TypeError, ValueError, RuntimeError) as error:  # rows of different lengths
         raise InvalidForm(f"{who} no array ({one_line(error)})", hint) from error
-    fits = array.shape == shape if shape else array.ndim == 1 and array.size
-    if not fits or array.dtype.kind not in "iuf":
+    is_vector = array.ndim == 1 and array.size > 0
+    has_shape = array.shape == shape if shape else is_vector
+    if not has_shape or array.dtype.kind not in _REAL_NUMBERS:
         raise InvalidForm(f"{who} an array of shape {array.shape} and type {array.dtype}", hint)
     if not np.isfinite(array).all():
         raise InvalidForm(f"{who} an array with NaN or infinite numbers", hint)
@@ -210,10 +253,8 @@ def _check_numbers(
 
 def _name(component: Any) -> str:
     """Return file and name of a method or scorer, for messages."""
-    file = getattr(sys.modules.get(type(component).__module__), "__file__", None)
     kind = "scorer" if isinstance(component, Scorer) else "method"
-    return (
-        f"{Path(file).name}: {kind} '{component.info.name}'"
-        if file
-        else f"{kind} '{component.info.name}'"
-    )
+    name = f"{kind} '{component.info.name}'"
+    module = sys.modules.get(type(component).__module__)
+    file = getattr(module, "__file__", None)
+    return f"{Path(file).name}: {name}" if file else name

@@ -1,11 +1,12 @@
-"""Prepare the shapes of a data set: their keys, and how they are computed while their files do not change."""
+"""Prepare the shapes of a data set: their keys and arrays, while their files do not change."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
+from itertools import chain
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -46,8 +47,8 @@ class PreparedShapes:
     @cached_property
     def code(self) -> dict[str, str]:
         """Code that makes the meshes and prepares them."""
-        makers = dict.fromkeys(name for entry in self.shapes.shapes for name in self._makers(entry))
-        return code_of_modules(makers)
+        makers = chain.from_iterable(self._makers(entry) for entry in self.shapes.shapes)
+        return code_of_modules(dict.fromkeys(makers))
 
     def _makers(self, entry: Entry) -> tuple[str, ...]:
         """Return the modules that make the mesh of a shape and prepare it."""
@@ -55,40 +56,46 @@ class PreparedShapes:
 
     @cached_property
     def camera_key(self) -> str:
-        """Digest of the frame that all views share: a width, or all shapes that it is fitted to; "" for meshes."""
+        """Digest of what sets the frame that all views share; "" for meshes.
+
+        That is a width, or all shapes that the frame is fitted to.
+        """
         if self.input == "mesh":
             return ""
         if self.shapes.framed:
             return PreparedShapes(self.shapes.framed, self.input).camera_key
         shapes = self.shapes
-        fitted = shapes.half_width or [
-            (shapes.key(entry), repr(shapes.camera(entry))) for entry in shapes.shapes
-        ]
+        if shapes.half_width:
+            return digest([shapes.half_width, self._code_digest])
+        fitted = [(shapes.key(entry), repr(shapes.camera(entry))) for entry in shapes.shapes]
         return digest([fitted, self._code_digest])
 
     @property
     def frame_key(self) -> str:
-        """Key of the file with the frame that is fitted to all shapes; "" if there is nothing to fit."""
+        """Key of the file with the frame that is fitted to all shapes; "" if none is."""
         return "" if self.shapes.half_width else self.camera_key
 
     def key(self, entry: Entry) -> str:
         """Return the key of a prepared shape."""
-        shapes, view = self.shapes, []
+        shapes = self.shapes
+        view: list[str] = []
         if self.input == "view":
             view = [self.camera_key, repr(shapes.camera(entry)), repr(shapes.sensor(entry))]
-        return digest([self.input, shapes.key(entry), view, self._digest_of(self._makers(entry))])
+        code = self._digest_of(self._makers(entry))
+        return digest([self.input, shapes.key(entry), view, code])
 
     @cached_property
     def _code_digest(self) -> str:
+        """Digest of the code that makes the meshes and prepares them."""
         return digest(self.code)
 
     @cached_property
     def _digest_of(self) -> Callable[[tuple[str, ...]], str]:
-        """Return the digest of the code of modules, which many shapes share."""
+        """Function that returns the digest of the code of modules, which many shapes share."""
         return cache(lambda modules: digest(code_of_modules(modules)))
 
     def find(self, identifier: str, key: str) -> Entry:
-        """Return the shape with a name; raise :class:`Incomplete` unless its key is the planned one."""
+        """Return the shape with a name; raise ``Incomplete`` unless its key is the planned one."""
         with suppress(ShapeError):  # it can no longer be read
             for entry in self.shapes.shapes:
                 if entry.identifier == identifier and self.key(entry) == key:
@@ -96,7 +103,7 @@ class PreparedShapes:
         raise Incomplete(CHANGED)
 
     def frame(self) -> Arrays:
-        """Return ``half_width``: half the width of the camera's frame in file units, the same for all shapes.
+        """Return ``half_width``: half the width of the frame of all views, in file units.
 
         Raises
         ------
@@ -105,9 +112,11 @@ class PreparedShapes:
         """
         if self.shapes.framed:
             return PreparedShapes(self.shapes.framed, self.input).frame()
-        return self._while_unchanged(
-            self.shapes.shapes, lambda: {"half_width": np.asarray(frame_of(self.shapes))}
-        )
+
+        def compute() -> Arrays:
+            return {"half_width": np.asarray(frame_of(self.shapes))}
+
+        return self._while_unchanged(self.shapes.shapes, compute)
 
     def prepare(self, entry: Entry, half_width: float) -> Arrays:
         """Return the arrays of a prepared shape, or the reason why its content is refused.
@@ -120,43 +129,48 @@ class PreparedShapes:
         shapes = self.shapes
 
         def compute() -> Arrays:
+            mesh = shapes.load(entry)
             if self.input == "mesh":
-                return prepare_mesh(shapes.load(entry))
-            return prepare_view(
-                shapes.load(entry), shapes.camera(entry), half_width, shapes.sensor(entry)
-            )
+                return prepare_mesh(mesh)
+            return prepare_view(mesh, shapes.camera(entry), half_width, shapes.sensor(entry))
 
         return self._while_unchanged([entry], lambda: timed(compute))
 
     def _while_unchanged(self, entries: Sequence[Entry], compute: Callable[[], Arrays]) -> Arrays:
-        """Return what is computed from shapes; raise :class:`Incomplete` if one of them changes meanwhile."""
+        """Return what is computed from shapes; raise ``Incomplete`` if one changes meanwhile."""
+        planned_keys = [self.key(entry) for entry in entries]
         before = [last_change(self.shapes, entry) for entry in entries]
         arrays = compute()
         after = [last_change(self.shapes, entry) for entry in entries]
-        now = replace(self)  # which has no key yet
-        if after != before or [now.key(entry) for entry in entries] != [
-            self.key(entry) for entry in entries
-        ]:
+        without_known_keys = replace(self)
+        keys = [without_known_keys.key(entry) for entry in entries]
+        if after != before or keys != planned_keys:
             raise Incomplete(CHANGED)
         return arrays
 
 
 def frame_of(shapes: ShapeSet) -> float:
-    """Return half the width of the frame of all views of a data set, in file units; arbitrary without shapes."""
+    """Return half the width of the frame of all views of a data set, in file units.
 
-    def fitted(entry: Entry) -> Arrays:
-        return timed(
-            lambda: {"width": np.asarray(fit_frame(shapes.load(entry), shapes.camera(entry)))}
-        )
-
+    A shape without a surface has no part in it; without any shape, the result is arbitrary.
+    """
     if shapes.half_width is not None:
         return shapes.half_width
-    widths = [float(arrays["width"]) for arrays in map(fitted, shapes.shapes) if "width" in arrays]
+
+    def fit(entry: Entry) -> Arrays:
+        return {"width": np.asarray(fit_frame(shapes.load(entry), shapes.camera(entry)))}
+
+    widths = []
+    for entry in shapes.shapes:
+        fitted = timed(partial(fit, entry))  # a refused shape has no width
+        if "width" in fitted:
+            widths.append(float(fitted["width"]))
     return common_frame(widths)
 
 
 def last_change(shapes: ShapeSet, entry: Entry) -> int:
     """Return when a file of a shape, or its attributes, changed last; 0 without a file."""
-    with suppress(OSError):
+    try:
         return max((path.stat().st_ctime_ns for path in shapes.files(entry)), default=0)
-    return 0
+    except OSError:
+        return 0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import msgspec
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from benchmark.pipeline.cache import Cache, Stage
     from benchmark.pipeline.records import RankedShapes, Record
 
-#: Returns what a scorer or descriptor returned as a matrix of a shape, or raises an error that names
-#: it; see :func:`benchmark.pipeline.outputs.make_distance_check`.
+#: Returns what a scorer or descriptor returned as a matrix of a shape, or raises an error that
+#: names it; see :func:`benchmark.pipeline.outputs.make_distance_check`.
 Check = Callable[[object, tuple[int, int]], NDArray[np.float64]]
 
 #: Arrays of prepared shapes and forms that ranking does not read.
@@ -34,6 +34,14 @@ STAGES: Mapping[Stage, str] = {
     "signatures": "signature",
     "records": "ranking",
 }
+
+
+#: Decimals of seconds, and of notes, in a record.
+_DECIMALS_OF_SECONDS = 4
+_DECIMALS_OF_NOTES = 6
+
+#: Kinds of numpy's types that are numbers.
+_NUMBERS = "biuf"
 
 
 class DamagedFiles(Exception):
@@ -71,8 +79,8 @@ def rank(
     dict
         What the record says of the outcome.
     dict
-        ``distances`` of the answered queries to the answered shapes, means over the draws; empty if
-        there are none.
+        ``distances`` of the queries to the shapes of the gallery, those with a result alone, means
+        over the draws; empty if there are none.
 
     Raises
     ------
@@ -80,105 +88,167 @@ def rank(
         If files of a shape are missing or damaged.
     """
     start = clock()
-    sides = [_read(side, cache) for side in record.sides]
-    (answered, refused), (in_gallery, refused_there) = sides[0], sides[-1]
-    if not (answered and in_gallery):
-        return refused_there if answered else refused, {}
-    queries, gallery = (
-        [[*stages.values()][-1] for stages in of.values()] for of in (answered, in_gallery)
-    )
-    other = record.gallery_of_queries
-    matrices = distances(comparing, check, gallery, queries if other else None)
-    shown, first = np.unique(np.array([*in_gallery]) // record.sides[-1].views, return_index=True)
-    if len(shown) < len(gallery):
-        matrices = (np.minimum.reduceat(matrix, first, axis=1) for matrix in matrices)
-    total, draws = np.zeros((len(queries), len(shown))), 0
-
-    def summed() -> Iterator[NDArray[np.float64]]:
-        nonlocal draws
-        for matrix in matrices:
-            np.add(total, matrix, out=total)
-            draws += 1
-            yield matrix
-
-    targets = record.targets and replace(record.targets, answered=shown.tolist())
-    content = {
-        **score_draws(summed(), record.labels, [*answered], targets),
-        **refused,
-        **({"against": msgspec.to_builtins(other) | refused_there} if other else {}),
-        "notes": _summarise_notes(answered.values()),
-        "machines": sorted(
-            {str(of[MACHINE]) for stages in answered.values() if MACHINE in (of := stages["forms"])}
-        ),
-    }
-    spent = _median_seconds(list(answered.values())) | {
-        STAGES["records"]: (clock() - start) / len(record.shapes)
-    }
-    for place, name in enumerate(("seconds", "processor_seconds")):
-        content[name] = {stage: round(float(of[place]), 4) for stage, of in spent.items()}
-    return content, {"distances": total / draws}
+    queries = _read(record, cache)
+    gallery = queries
+    if record.gallery_of_queries:
+        gallery = _read(record.gallery_of_queries, cache)
+    for side in (queries, gallery):
+        if not side.stages:
+            return side.refusals, {}
+    outputs = queries.last_arrays if record.gallery_of_queries else None
+    matrices = distances(comparing, check, gallery.last_arrays, outputs)
+    shapes, first_views = np.unique(gallery.shape_indices, return_index=True)
+    if len(shapes) < len(gallery.stages):
+        matrices = _nearest_views(matrices, first_views)
+    mean = _MeanOfMatrices()
+    targets = record.targets
+    if targets:
+        targets = replace(targets, answered=shapes.tolist())
+    scores = score_draws(mean.watch(matrices), record.labels, [*queries.stages], targets)
+    content = {**scores, **queries.refusals}
+    if record.gallery_of_queries:
+        content["against"] = msgspec.to_builtins(record.gallery_of_queries) | gallery.refusals
+    stages = [*queries.stages.values()]
+    content["notes"] = _summarise_notes(stages)
+    content["machines"] = _machines(stages)
+    seconds = _median_seconds(stages)
+    seconds[STAGES["records"]] = (clock() - start) / len(record.shapes)
+    content["seconds"] = _rounded(seconds, 0)
+    content["processor_seconds"] = _rounded(seconds, 1)
+    return content, {"distances": mean.value}
 
 
-def _read(
-    side: RankedShapes, cache: Cache
-) -> tuple[dict[int, dict[Stage, Arrays]], dict[str, Any]]:
-    """Return the stages of the shapes with a result by index, and what a record says of the others."""
-    answered: dict[int, dict[Stage, Arrays]] = {}
+@dataclass
+class _SideArrays:
+    """The cached arrays of queries, or of their gallery.
+
+    Parameters
+    ----------
+    n_views
+        Number of views of each shape.
+    stages
+        Arrays of each view with a result, by the index of the view and by stage.
+    refusals
+        What a record says of shapes without a result.
+    """
+
+    n_views: int
+    stages: dict[int, dict[Stage, Arrays]] = field(default_factory=dict)
+    refusals: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def last_arrays(self) -> list[Arrays]:
+        """The descriptor or signature of each view with a result."""
+        return [[*stages.values()][-1] for stages in self.stages.values()]
+
+    @property
+    def shape_indices(self) -> NDArray[np.int64]:
+        """Index of the shape of each view with a result."""
+        return np.array([*self.stages]) // self.n_views
+
+
+def _read(side: RankedShapes, cache: Cache) -> _SideArrays:
+    """Return the cached arrays of shapes; raise ``DamagedFiles`` if a file is not whole."""
+    arrays_of_side = _SideArrays(side.views)
     reasons: dict[int, tuple[Stage, str]] = {}
     damaged: list[tuple[Stage, str]] = []
-    for index, keys in enumerate(side.keys):
+    for index, view in enumerate(side.views_of_shapes):
         stages: dict[Stage, Arrays] = {}
-        for stage, key in keys.items():  # up to the one that refuses the shape
-            arrays = cache.read(stage, key, without=() if stage == "signatures" else _SURFACES)
+        for stage, key in view.keys.items():
+            without = () if stage == "signatures" else _SURFACES
+            arrays = cache.read(stage, key, without=without)
             if arrays is None:
                 damaged.append((stage, key))
                 continue
-            stages[stage] = arrays
-            if REFUSED in arrays:
+            if REFUSED in arrays:  # no later stage has a file
                 reasons[index] = stage, "; ".join(filter(None, arrays[REFUSED].tolist()))
                 break
-        else:
-            answered[index] = stages
+            stages[stage] = arrays
+        if index not in reasons:
+            arrays_of_side.stages[index] = stages
     if damaged:
         raise DamagedFiles(damaged)
-    shown = {index // side.views for index in answered}
-    refused = [
-        (shape, *reasons[k * side.views]) for k, shape in enumerate(side.shapes) if k not in shown
-    ]
-    return answered, {
-        "unsupported": [(shape, reason) for shape, _, reason in refused],
-        "unprepared": [shape for shape, stage, _ in refused if stage == "prepared"],
-    }
+    with_result = {index // side.views for index in arrays_of_side.stages}
+    unsupported = []
+    unprepared = []
+    for number, shape in enumerate(side.shapes):
+        if number not in with_result:
+            stage, reason = reasons[number * side.views]
+            unsupported.append((shape, reason))
+            if stage == "prepared":
+                unprepared.append(shape)
+    arrays_of_side.refusals = {"unsupported": unsupported, "unprepared": unprepared}
+    return arrays_of_side
+
+
+def _nearest_views(
+    matrices: Iterable[NDArray[np.float64]], first_views: NDArray[np.int64]
+) -> Iterator[NDArray[np.float64]]:
+    """Yield distances of shapes: each the least of its views, whose first columns are given."""
+    for matrix in matrices:
+        yield np.minimum.reduceat(matrix, first_views, axis=1)
+
+
+class _MeanOfMatrices:
+    """The mean of matrices that pass by."""
+
+    def __init__(self) -> None:
+        self._total: NDArray[np.float64] = np.zeros(())
+        self._count = 0
+
+    def watch(self, matrices: Iterable[NDArray[np.float64]]) -> Iterator[NDArray[np.float64]]:
+        """Yield matrices as they are."""
+        for matrix in matrices:
+            self._total = self._total + matrix
+            self._count += 1
+            yield matrix
+
+    @property
+    def value(self) -> NDArray[np.float64]:
+        """The mean of the matrices that have passed."""
+        return self._total / self._count
 
 
 def distances(
     comparing: Descriptor | Scorer,
     check: Check,
-    answers: Sequence[Arrays],
+    outputs: Sequence[Arrays],
     queries: Sequence[Arrays] | None = None,
 ) -> Iterator[NDArray[np.float64]]:
-    """Yield the distances of signatures for each draw of their scorer; of a descriptor, those of its vectors.
+    """Yield the distances of signatures for each draw of their scorer, or those of descriptors.
 
-    Queries are compared with the answers; without queries, the answers are.
+    Parameters
+    ----------
+    comparing, check
+        The scorer or descriptor, and the check of each of its matrices.
+    outputs
+        Cached signatures, or vectors, of the gallery.
+    queries
+        Those of queries that are compared with the gallery; without them, the gallery is compared
+        with itself.
     """
-    is_scorer = isinstance(comparing, Scorer)
-
-    def compared(arrays: Arrays) -> Any:
-        return (
-            {name: of for name, of in arrays.items() if name != SECONDS}
-            if is_scorer
-            else arrays["descriptor"]
-        )
-
-    of_gallery, of_queries = (
-        [*map(compared, answers)],
-        None if queries is None else [*map(compared, queries)],
-    )
-    if of_queries is None and len(answers) == 1:
+    if queries is None and len(outputs) == 1:
         yield np.zeros((1, 1))
         return
-    for draw in range(comparing.info.draws if isinstance(comparing, Scorer) else 1):
+    extract: Callable[[Arrays], Any] = _descriptor
+    n_draws = 1
+    if isinstance(comparing, Scorer):
+        extract = _signature
+        n_draws = comparing.info.draws
+    of_gallery = [extract(arrays) for arrays in outputs]
+    of_queries = None if queries is None else [extract(arrays) for arrays in queries]
+    for draw in range(n_draws):
         yield distances_of_draw(comparing, check, of_gallery, draw, of_queries)
+
+
+def _signature(arrays: Arrays) -> dict[str, NDArray[Any]]:
+    """Return the signature in the arrays of a file: all but the seconds that it took."""
+    return {name: array for name, array in arrays.items() if name != SECONDS}
+
+
+def _descriptor(arrays: Arrays) -> NDArray[Any]:
+    """Return the descriptor in the arrays of a file."""
+    return arrays["descriptor"]
 
 
 def distances_of_draw(
@@ -188,52 +258,79 @@ def distances_of_draw(
     draw: int = 0,
     queries: Sequence[Any] | None = None,
 ) -> NDArray[np.float64]:
-    """Return the dissimilarities of all pairs of descriptors, or of signatures for one draw of their scorer.
+    """Return the dissimilarities of all pairs of descriptors, or of signatures for one draw.
 
     Those of queries to the outputs, shape (M, N), depend on no other query.
     """
-    given = _given(outputs)
+    of_gallery = _copies(outputs)
+    shape = len(of_gallery), len(of_gallery)
     if queries is None:
-        matrix = (
-            comparing.compare(given, draw)
-            if isinstance(comparing, Scorer)
-            else comparing.distances(given)
-        )
-        return check(matrix, (len(given), len(given)))
-    if compare_to := getattr(comparing, "compare_to", None):
-        return check(compare_to(_given(queries), given, draw), (len(queries), len(given)))
+        if isinstance(comparing, Scorer):
+            return check(comparing.compare(of_gallery, draw), shape)
+        return check(comparing.distances(of_gallery), shape)
+    compare_to = getattr(comparing, "compare_to", None)
+    if compare_to:
+        matrix = compare_to(_copies(queries), of_gallery, draw)
+        return check(matrix, (len(queries), len(of_gallery)))
     rows = []
-    for query in queries:
+    for query in queries:  # as one more shape of the gallery
         matrix = distances_of_draw(comparing, check, [*outputs, query], draw)
         rows.append(matrix[-1, :-1].copy())  # a view would keep its matrix
     return np.stack(rows)
 
 
-def _given(outputs: Sequence[Any]) -> tuple[Any, ...]:
-    """Return vectors or signatures as a component gets them: what it changes in them reaches no other draw."""
-    return tuple(dict(of) if isinstance(of, Mapping) else of for of in outputs)
+def _copies(outputs: Sequence[Any]) -> tuple[Any, ...]:
+    """Return vectors or signatures for one call: what it changes in them reaches no other draw."""
+    return tuple(map(_copy, outputs))
+
+
+def _copy(output: Any) -> Any:
+    """Return a signature with its own names, whose arrays are read-only; a vector as it is."""
+    return dict(output) if isinstance(output, Mapping) else output
 
 
 def _summarise_notes(answered: Iterable[Mapping[Stage, Arrays]]) -> dict[str, dict[str, float]]:
     """Return the mean and the maximum of each number that preparation or method reported."""
-    notes = defaultdict[str, list[float]](list)
+    notes: defaultdict[str, list[float]] = defaultdict(list)
     for stages in answered:
         for name, note in {**stages["prepared"], **stages["forms"]}.items():
-            if name.startswith(NOTE) and note.dtype.kind in "biuf":
+            if name.startswith(NOTE) and note.dtype.kind in _NUMBERS:
                 notes[name.removeprefix(NOTE)].append(float(note))
     return {
-        name: {"mean": round(float(np.mean(values)), 6), "max": round(max(values), 6)}
+        name: {
+            "mean": round(float(np.mean(values)), _DECIMALS_OF_NOTES),
+            "max": round(max(values), _DECIMALS_OF_NOTES),
+        }
         for name, values in sorted(notes.items())
         if np.isfinite(values).all()
     }
 
 
-def _median_seconds(answered: Sequence[Mapping[Stage, Arrays]]) -> dict[str, NDArray[np.float64]]:
-    """Return median seconds per shape by stage; see :func:`clock`."""
-    seconds = defaultdict[str, list[NDArray[np.float64]]](list)
+def _machines(answered: Iterable[Mapping[Stage, Arrays]]) -> list[str]:
+    """Return the machines that made the forms; none of forms that do not say so."""
+    machines = set()
+    for stages in answered:
+        form = stages["forms"]
+        if MACHINE in form:
+            machines.add(str(form[MACHINE]))
+    return sorted(machines)
+
+
+def _median_seconds(answered: Iterable[Mapping[Stage, Arrays]]) -> dict[str, NDArray[np.float64]]:
+    """Return median seconds per shape by stage, of the wall and of the processor."""
+    seconds: defaultdict[str, list[NDArray[np.float64]]] = defaultdict(list)
     for stages in answered:
         for stage, arrays in stages.items():
-            for name, took in arrays.items():
-                if name.startswith(SECONDS):
-                    seconds[name.removeprefix(SECONDS)[1:] or STAGES[stage]].append(took)
-    return {stage: np.median(values, axis=0) for stage, values in sorted(seconds.items())}
+            for name, spent in arrays.items():
+                if name.startswith(SECONDS):  # ":seconds", or ":seconds:geodesics"
+                    part = name.removeprefix(SECONDS).removeprefix(":")
+                    seconds[part or STAGES[stage]].append(spent)
+    return {stage: np.median(spent, axis=0) for stage, spent in sorted(seconds.items())}
+
+
+def _rounded(seconds: Mapping[str, NDArray[np.float64]], place: int) -> dict[str, float]:
+    """Return the seconds of one clock by stage; see :func:`benchmark.pipeline.stages.clock`."""
+    return {
+        stage: round(float(clocks[place]), _DECIMALS_OF_SECONDS)
+        for stage, clocks in seconds.items()
+    }

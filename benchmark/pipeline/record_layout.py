@@ -1,4 +1,4 @@
-"""The layout of records: its version, how older records are converted, and what newer ones hold besides.
+"""The layout of records: its version, older records, and what newer ones hold besides.
 
 A release reads the layouts of its own major version, and converts older ones. A later minor version
 adds fields; these are kept where they stand when the record is written again.
@@ -33,10 +33,10 @@ class RecordError(BenchmarkError):
 
 
 class NewerRecord(RecordError):
-    """A record in a layout of a newer major version, which this release neither reads nor writes."""
+    """A record in a newer major version of the layout, which this release leaves alone."""
 
 
-def in_words(layout: tuple[int, int]) -> str:
+def layout_in_words(layout: tuple[int, int]) -> str:
     """Return a version as text."""
     return f"{layout[0]}.{layout[1]}"
 
@@ -53,20 +53,21 @@ def layout_of(content: Mapping[str, Any]) -> tuple[int, int] | None:
         return None
     numbers = content[LAYOUT_FIELD]
     are_numbers = isinstance(numbers, list) and all(type(number) is int for number in numbers)
-    if not are_numbers or len(numbers) != 2 or numbers[0] < 1 or numbers[1] < 0:
-        raise RecordError(
-            "it is not a record: its layout is not [major, minor]", "run its job again or remove it"
-        )
-    return numbers[0], numbers[1]
+    if are_numbers and len(numbers) == 2:
+        major, minor = numbers
+        if major >= 1 and minor >= 0:
+            return major, minor
+    problem = "it is not a record: its layout is not [major, minor]"
+    raise RecordError(problem, "run its job again or remove it")
 
 
 def check_layout(content: Mapping[str, Any]) -> None:
     """Raise ``NewerRecord`` if this release cannot read the layout of a record."""
     layout = layout_of(content)
     if layout and layout[0] > LAYOUT[0]:
-        problem = f"its layout, {in_words(layout)}, is newer than that of this release"
+        problem = f"its layout, {layout_in_words(layout)}, is newer than that of this release"
         hint = f"update the suite, which reads up to {LAYOUT[0]}.x; the record is left as it is"
-        raise NewerRecord(f"{problem}, {in_words(LAYOUT)}", hint)
+        raise NewerRecord(f"{problem}, {layout_in_words(LAYOUT)}", hint)
 
 
 def is_newer(content: Mapping[str, Any]) -> bool:
@@ -75,7 +76,7 @@ def is_newer(content: Mapping[str, Any]) -> bool:
 
 
 def convert_older(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of a record in the layout of this release, or in a newer minor one as it is.
+    """Return the content of a record in the layout of this release, or in a newer minor one.
 
     Raises
     ------
@@ -98,10 +99,11 @@ def convert_older(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def gather_unknown(content: Any, kind: type[msgspec.Struct]) -> Any:
-    """Return the content of a part for ``msgspec.convert``, with its unknown fields in a field of their own."""
+    """Return a part for ``msgspec.convert``, with its unknown fields in a field of their own."""
     if not isinstance(content, dict):
         return content
-    known, unknown = dict[str, Any](), dict[str, Any]()
+    known: dict[str, Any] = {}
+    unknown: dict[str, Any] = {}
     types_of_fields = _types_of_fields(kind)
     for name, value in content.items():
         if name not in types_of_fields:
@@ -112,7 +114,10 @@ def gather_unknown(content: Any, kind: type[msgspec.Struct]) -> Any:
 
 
 def content_of(part: msgspec.Struct) -> dict[str, Any]:
-    """Return a part as it stands in a file: without fields that have their default, and with its unknown ones."""
+    """Return a part as it stands in a file.
+
+    Fields that have their default are left out, and unknown ones stand among the others.
+    """
     content = {}
     for field in msgspec.structs.fields(part):
         value = getattr(part, field.name)
@@ -123,6 +128,7 @@ def content_of(part: msgspec.Struct) -> dict[str, Any]:
 
 
 def _content_of_field(value: Any) -> Any:
+    """Return the value of a field as it stands in a file."""
     if isinstance(value, msgspec.Struct):
         return content_of(value)
     if isinstance(value, dict):
@@ -133,6 +139,7 @@ def _content_of_field(value: Any) -> Any:
 
 
 def _default_of(field: msgspec.structs.FieldInfo) -> Any:
+    """Return the default of a field."""
     if field.default_factory is not msgspec.NODEFAULT:
         return field.default_factory()
     return field.default

@@ -1,4 +1,4 @@
-"""Records of finished jobs: one JSON object a job, checked when it is read."""
+"""Records of finished jobs: one JSON object per job, checked when it is read."""
 
 from __future__ import annotations
 
@@ -37,10 +37,19 @@ from benchmark.reference.paper import MEASURES
 from benchmark.text import LONGEST_MESSAGE, brief, clean_text, counted, say
 from retrieval.measures import Targets
 
-Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]  # rounding may push a mean slightly above 1
+#: A number between 0 and 1; rounding may push a mean slightly above 1.
+Share = Annotated[float, Meta(ge=0, le=1 + 1e-9)]
+
+#: A duration.
 Seconds = Annotated[float, Meta(ge=0, le=1e9)]
+
+#: Text without control characters.
 PrintableText = Annotated[str, Meta(pattern=r"^[^\x00-\x1f\x7f]*$", max_length=30_000)]
+
+#: Key of a file of the cache; "" where there is none.
 Key = Annotated[str, Meta(pattern=r"^([0-9a-f]{32})?\Z")]
+
+#: A number of things.
 Count = Annotated[int, Meta(ge=0)]
 
 #: Name of a measure: it has a capital letter, so that no fact of a job has its name.
@@ -51,11 +60,13 @@ Status = Literal[
     "ok", "failed", "crashed", "timeout", "memory", "incomplete", "unavailable", "unsupported"
 ]
 
-#: Results folder of the suite, with its published records: in an installed package, or in the
-#: checkout.
-SUITE_RESULTS = next(filter(Path.is_dir, [ROOT / "benchmark" / "results"]), ROOT / "results")
+#: Results in an installed package.
+_INSTALLED_RESULTS = ROOT / "benchmark" / "results"
 
-#: Largest size of a file of records in bytes.
+#: Results folder of the suite, with its published records.
+SUITE_RESULTS = _INSTALLED_RESULTS if _INSTALLED_RESULTS.is_dir() else ROOT / "results"
+
+#: Largest size of a file of records, in bytes.
 LARGEST_RECORDS_FILE = 2**28
 
 #: Family of rows whose distances or forms come from other programs.
@@ -131,6 +142,24 @@ class Origin(RecordPart, frozen=True, forbid_unknown_fields=True, omit_defaults=
     plugins: dict[PrintableText, str] = {}
 
 
+class ShapeView(NamedTuple):
+    """What a job takes of a shape: its complete surface, or one depth image of it.
+
+    Parameters
+    ----------
+    name
+        Name of the shape, or of the view where each shape has several.
+    shape
+        Name of the shape.
+    keys
+        Keys of its cached files by stage, in the order in which they are made.
+    """
+
+    name: str
+    shape: str
+    keys: dict[Stage, str]
+
+
 class RankedShapes(
     RecordPart, frozen=True, kw_only=True, forbid_unknown_fields=True, omit_defaults=True
 ):
@@ -165,27 +194,21 @@ class RankedShapes(
     views: Annotated[int, Meta(ge=1)] = 1
 
     @property
-    def file_names(self) -> list[str]:
-        """Names of the shapes, or of their views, in the order of the files."""
-        return [
-            name_view(name, k) if self.views > 1 else name
-            for name in self.shapes
-            for k in range(self.views)
-        ]
+    def views_of_shapes(self) -> list[ShapeView]:
+        """All views of all shapes, in the order of the files."""
+        views = []
+        for number in range(len(self.shapes) * self.views):
+            shape = self.shapes[number // self.views]
+            name = name_view(shape, number % self.views) if self.views > 1 else shape
+            keys = {stage: keys[number] for stage, keys in self.files.items() if keys[number]}
+            views.append(ShapeView(name, shape, keys))
+        return views
 
     @property
     def answered(self) -> list[int]:
         """Indices of the shapes with a result, in the order of the distances."""
         refused = {name for name, _ in self.unsupported}
-        return [number for number, name in enumerate(self.shapes) if name not in refused]
-
-    @property
-    def keys(self) -> list[dict[Stage, str]]:
-        """Keys of the cached files of each shape, in the order in which they are made."""
-        rows = zip(*self.files.values(), strict=True)
-        return [
-            {stage: key for stage, key in zip(self.files, row, strict=True) if key} for row in rows
-        ]
+        return [index for index, name in enumerate(self.shapes) if name not in refused]
 
 
 class Record(
@@ -286,6 +309,11 @@ class Record(
         return RowId(self.gallery, self.input, self.method, self.seed, self.scorer, paths)
 
     @property
+    def base_name(self) -> str:
+        """Name of the method without parameters."""
+        return self.method.partition("[")[0]
+
+    @property
     def sides(self) -> tuple[RankedShapes, ...]:
         """The queries, and the gallery if it is another one."""
         return (self, self.gallery_of_queries) if self.gallery_of_queries else (self,)
@@ -296,46 +324,59 @@ class Record(
         gallery = self.gallery_of_queries
         if gallery is None:
             return None
-        places = (
-            {}
-            if self.keeps_same_names
-            else {name: place for place, name in enumerate(gallery.shapes)}
-        )
-        return Targets(gallery.labels, [places.get(name, -1) for name in self.shapes])
+        index_of_shape: dict[str, int] = {}
+        if not self.keeps_same_names:
+            index_of_shape = {name: index for index, name in enumerate(gallery.shapes)}
+        left_out = [index_of_shape.get(name, -1) for name in self.shapes]
+        return Targets(gallery.labels, left_out)
 
     def without_files(self) -> Record:
         """Return the record for a folder that does not keep its files."""
-        gallery = self.gallery_of_queries and msgspec.structs.replace(
-            self.gallery_of_queries, files={}
-        )
+        gallery = self.gallery_of_queries
+        if gallery:
+            gallery = msgspec.structs.replace(gallery, files={})
         return msgspec.structs.replace(self, files={}, gallery_of_queries=gallery)
 
     @property
     def are_queries(self) -> list[bool]:
         """Whether each query has something to find; those that have not count nowhere."""
         gallery = self.gallery_of_queries or self
-        own = (
-            set() if self.keeps_same_names else {*zip(gallery.shapes, gallery.labels, strict=True)}
-        )
-        members, queries = Counter(gallery.labels), zip(self.shapes, self.labels, strict=True)
-        return [members[label] > ((name, label) in own) for name, label in queries]
+        n_of_class = Counter(gallery.labels)
+        left_out: set[tuple[str, str]] = set()
+        if not self.keeps_same_names:
+            left_out = {*zip(gallery.shapes, gallery.labels, strict=True)}
+        are_queries = []
+        for name, label in zip(self.shapes, self.labels, strict=True):
+            n_itself = 1 if (name, label) in left_out else 0
+            are_queries.append(n_of_class[label] > n_itself)
+        return are_queries
 
     @property
     def coverage(self) -> float:
         """Share of the shapes with a result; 0 without scores."""
-        return len(self.answered) / len(self.shapes) if self.scores and self.shapes else 0.0
+        if not self.scores or not self.shapes:
+            return 0.0
+        return len(self.answered) / len(self.shapes)
 
     @property
     def refusals(self) -> str:
         """How many shapes were refused, and why the first one; "" if none was."""
-        return "".join(
-            f"{len(self.unsupported)} refused, {shape}: {why}"
-            for shape, why in self.unsupported[:1]
-        )
+        if not self.unsupported:
+            return ""
+        shape, reason = self.unsupported[0]
+        return f"{len(self.unsupported)} refused, {shape}: {reason}"
 
 
 class RowId(NamedTuple):
-    """What a record is the result of; the paths are those of the data of its queries and of another gallery."""
+    """What a record is the result of: a row of a table on one gallery.
+
+    Parameters
+    ----------
+    gallery, input, method, seed, scorer
+        As in the record.
+    paths
+        Paths of the data of the queries, and of another gallery.
+    """
 
     gallery: str
     input: Input
@@ -351,7 +392,7 @@ class RowId(NamedTuple):
 
 
 def key_at(result_key: str, paths: Sequence[str]) -> str:
-    """Return the key of a record of data at some paths: a folder at another path is another data set."""
+    """Return the key of a record: a folder at another path is another data set."""
     return digest([result_key, *paths]) if any(paths) else result_key
 
 
@@ -371,28 +412,37 @@ LARGEST_DIFFERENCE = 1e-6
 def find_contradiction(record: Record) -> str:
     """Return which fields of a record contradict each other, or cannot be true; "" if none do."""
     for side in record.sides:
-        if fault := _fault_of_shapes(side):
+        fault = _fault_of_shapes(side)
+        if fault:
             return fault
-    if record.views != 1:
-        return f"its queries have {record.views} views each"
-    if record.result_key and record.key != key_at(record.result_key, record.row.paths):
-        return "its key is not that of its result at its paths"
-    if strangers := {*record.seen} - {*record.shapes}:
-        return f"a shape seen in training, '{min(strangers)}', is none of its shapes"
-    if len({*record.sides[-1].labels}) == 1:
-        return "its gallery has one class, so that every ranking is perfect"
-    are_queries = record.are_queries
-    if not any(are_queries):
-        return "no query has another shape of its class to find"
+    fault = _fault_of_queries(record)
+    if fault:
+        return fault
     if record.status == "ok":
-        return _fault_of_scores(record, are_queries)
+        return _fault_of_scores(record)
     if record.scores or record.per_query or record.draw_errors:
         return f"its status is '{record.status}', and it has scores"
     return ""
 
 
+def _fault_of_queries(record: Record) -> str:
+    """Return what is wrong with the queries of a record, and its key; "" if nothing is."""
+    if record.views != 1:
+        return f"its queries have {record.views} views each"
+    if record.result_key and record.key != key_at(record.result_key, record.row.paths):
+        return "its key is not that of its result at its paths"
+    strangers = {*record.seen} - {*record.shapes}
+    if strangers:
+        return f"a shape seen in training, '{min(strangers)}', is none of its shapes"
+    if len({*record.sides[-1].labels}) == 1:
+        return "its gallery has one class, so that every ranking is perfect"
+    if not any(record.are_queries):
+        return "no query has another shape of its class to find"
+    return ""
+
+
 def _fault_of_shapes(side: RankedShapes) -> str:
-    """Return what contradicts itself in shapes, their classes and their files; "" if nothing does."""
+    """Return what contradicts itself in shapes and their classes and files; "" if nothing does."""
     n_shapes = len(side.shapes)
     if not n_shapes:
         return "it has no shapes"
@@ -402,18 +452,9 @@ def _fault_of_shapes(side: RankedShapes) -> str:
         return f"its shapes have {side.views:,} views each, more than {MOST_VIEWS:,}"
     if len(side.labels) != n_shapes:
         return f"it has {counted(n_shapes, 'shape')} and {counted(len(side.labels), 'label')}"
-    refused = [name for name, _ in side.unsupported]
-    for names, what in (
-        (side.shapes, "shape"),
-        (refused, "refused shape"),
-        (side.unprepared, "unprepared shape"),
-    ):
-        if repeated := _first_repeated(names):
-            return f"{what} '{repeated}' stands there twice"
-    if strangers := {*refused} - {*side.shapes}:
-        return f"a refused shape, '{min(strangers)}', is none of its shapes"
-    if strangers := {*side.unprepared} - {*refused}:
-        return f"an unprepared shape, '{min(strangers)}', is not refused"
+    fault = _fault_of_names(side)
+    if fault:
+        return fault
     for stage, keys in side.files.items():
         if len(keys) != n_shapes * side.views:
             return f"it has {counted(len(keys), 'file')} of {stage} for {n_shapes} shapes"
@@ -422,43 +463,70 @@ def _fault_of_shapes(side: RankedShapes) -> str:
     return ""
 
 
+def _fault_of_names(side: RankedShapes) -> str:
+    """Return which name of a shape occurs twice, or where it must not; "" if none does."""
+    refused = [name for name, _ in side.unsupported]
+    lists = {"shape": side.shapes, "refused shape": refused, "unprepared shape": side.unprepared}
+    for what, names in lists.items():
+        repeated = _first_repeated(names)
+        if repeated:
+            return f"{what} '{repeated}' stands there twice"
+    strangers = {*refused} - {*side.shapes}
+    if strangers:
+        return f"a refused shape, '{min(strangers)}', is none of its shapes"
+    strangers = {*side.unprepared} - {*refused}
+    if strangers:
+        return f"an unprepared shape, '{min(strangers)}', is not refused"
+    return ""
+
+
 def _first_repeated(names: Sequence[str]) -> str | None:
-    """Return the first name that stands in a sequence twice; None if all differ."""
-    if len({*names}) == len(names):
-        return None
+    """Return the first name that occurs in a sequence twice; None if all differ."""
     counts = Counter(names)
-    return next(name for name in names if counts[name] > 1)
+    for name in names:
+        if counts[name] > 1:
+            return name
+    return None
 
 
-def _fault_of_scores(record: Record, are_queries: Sequence[bool]) -> str:
+def _fault_of_scores(record: Record) -> str:
     """Return which scores or values per query of a record contradict others; "" if none do."""
+    are_queries = record.are_queries
     n_lone = are_queries.count(False)
+    n_queries = are_queries.count(True)
     if record.lone_queries != n_lone:
         return f"it has {record.lone_queries} queries without a relevant shape, not {n_lone}"
-    if record.tied_queries > len(are_queries) - n_lone:
-        return f"it has {record.tied_queries} queries with ties among {len(are_queries) - n_lone}"
-    for name in MEASURES:
-        if name not in record.scores or name not in record.per_query:
-            return f"it has no {name}"
-    for name in (*record.per_query, *record.draw_errors):
-        if name not in record.scores:
-            return f"it has values of {name}, and no score"
+    if record.tied_queries > n_queries:
+        return f"it has {record.tied_queries} queries with ties among {n_queries}"
+    for measure in MEASURES:
+        if measure not in record.scores or measure not in record.per_query:
+            return f"it has no {measure}"
+    for measure in (*record.per_query, *record.draw_errors):
+        if measure not in record.scores:
+            return f"it has values of {measure}, and no score"
+    for measure in record.per_query:
+        fault = _fault_of_measure(record, measure, are_queries)
+        if fault:
+            return fault
+    return ""
+
+
+def _fault_of_measure(record: Record, measure: str, are_queries: Sequence[bool]) -> str:
+    """Return what is wrong with the values of a measure per query; "" if nothing is."""
+    values = record.per_query[measure]
+    if len(values) != len(are_queries):
+        return f"it has {len(are_queries)} queries and {counted(len(values), 'value')} of {measure}"
+    if [value is not None for value in values] != [*are_queries]:
+        return f"{measure} is missing for a query, or there for a shape that is none"
     refused = {name for name, _ in record.unsupported}
-    for name, values in record.per_query.items():
-        if len(values) != len(are_queries):
-            return (
-                f"it has {len(are_queries)} queries and {counted(len(values), 'value')} of {name}"
-            )
-        of_queries = [value for value in values if value is not None]
-        if [value is not None for value in values] != [*are_queries]:
-            return f"{name} is missing for a query, or there for a shape that is none"
-        if any(
-            value and shape in refused for value, shape in zip(values, record.shapes, strict=True)
-        ):
-            return f"{name} of a refused shape is not 0"
-        mean = sum(of_queries) / len(of_queries)
-        if abs(mean - record.scores[name]) > LARGEST_DIFFERENCE:
-            return f"{name} is {record.scores[name]:.6f}, and the mean of its queries {mean:.6f}"
+    for shape, value in zip(record.shapes, values, strict=True):
+        if value and shape in refused:
+            return f"{measure} of a refused shape is not 0"
+    of_queries = [value for value in values if value is not None]
+    mean = sum(of_queries) / len(of_queries)
+    score = record.scores[measure]
+    if abs(mean - score) > LARGEST_DIFFERENCE:
+        return f"{measure} is {score:.6f}, and the mean of its queries {mean:.6f}"
     return ""
 
 
@@ -502,25 +570,30 @@ def local_files(results: Path) -> list[Path]:
 
 
 def last_of_rows(records: Sequence[Record]) -> list[Record]:
-    """Return the last record of each row, oldest first; those of other shapes than the rest are named on stderr."""
+    """Return the last record of each row, oldest first.
+
+    Those of other shapes than the rest of their gallery are named on stderr and left out.
+    """
     last = {record.row: record for record in _of_same_shapes(records)}
     return sorted(last.values(), key=age_of)
 
 
 def _of_same_shapes(records: Sequence[Record]) -> list[Record]:
-    """Return records without those whose shapes are others than those of most records of the same digest.
+    """Return records without those whose shapes are others than most records of their gallery have.
 
     The digest of a gallery is that of its shapes and classes, so these are named and passed over.
     Of two that are equally frequent, those of the oldest record count.
     """
-    frequencies = defaultdict[str, Counter[str]](Counter)
     facts = [facts_of_shapes(record) for record in records]
+    counts: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for record, shapes in zip(records, facts, strict=True):
-        frequencies[record.gallery_digest][shapes] += 1
+        counts[record.gallery_digest][shapes] += 1
+    most_frequent = {
+        gallery: max(count, key=count.__getitem__) for gallery, count in counts.items()
+    }
     fitting = []
     for record, shapes in zip(records, facts, strict=True):
-        (most_frequent, _), *_ = frequencies[record.gallery_digest].most_common(1)
-        if shapes == most_frequent:
+        if shapes == most_frequent[record.gallery_digest]:
             fitting.append(record)
         else:
             _say_skipped(
@@ -531,7 +604,7 @@ def _of_same_shapes(records: Sequence[Record]) -> list[Record]:
 
 
 def facts_of_shapes(record: Record) -> str:
-    """Return a digest of the shapes and classes of queries and gallery, which those of one gallery share."""
+    """Return a digest of the shapes and classes of queries and gallery."""
     sides = [(side.shapes, side.labels, side.views) for side in record.sides]
     return digest([record.keeps_same_names, sides])
 
@@ -559,41 +632,54 @@ class ScannedFiles(NamedTuple):
 
 
 def read_files(paths: Iterable[Path]) -> list[Record]:
-    """Return the records in files; files and lines that are none are named on stderr and passed over."""
-    found = scan_files(paths)
-    say_skipped(found.skipped)
-    return found.records
+    """Return the records in files; what is none is named on stderr and passed over."""
+    scanned = scan_files(paths)
+    say_skipped(scanned.skipped)
+    return scanned.records
 
 
 def say_skipped(skipped: Iterable[SkippedRecord]) -> None:
     """Name files and lines that are not used on stderr, each once in a process."""
-    for each in skipped:
-        _say_skipped(str(each))
+    for item in skipped:
+        _say_skipped(str(item))
 
 
 def scan_files(paths: Iterable[Path]) -> ScannedFiles:
     """Return the records in files, and the files and lines that are none.
 
-    A ``.json`` file holds one record and is named by its key; a ``.jsonl`` file holds one a line.
+    A ``.json`` file holds one record and is named by its key; a ``.jsonl`` file holds one per line.
     """
-    records, skipped = list[Record](), list[SkippedRecord]()
+    records: list[Record] = []
+    skipped: list[SkippedRecord] = []
     for path in sorted(paths):
         try:
             text = read_file(path, LARGEST_RECORDS_FILE)
         except OSError as error:
             skipped.append(SkippedRecord(str(path), RecordError(str(error.strerror))))
             continue
-        is_of_one = path.suffix == ".json"
-        for number, line in enumerate([text] if is_of_one else text.splitlines(), 1):
+        if path.suffix == ".json":
+            texts = {str(path): text}
+            key = path.stem
+        else:
+            texts = {f"{path}:{number}": line for number, line in enumerate(text.splitlines(), 1)}
+            key = ""
+        for where, of_record in texts.items():
             try:
-                record = parse_record(line)
-                if is_of_one and record.key != path.stem:
-                    hint = f"name it {record.key}.json, or remove it"
-                    raise RecordError("its name is not its key", hint)
-                records.append(record)
+                records.append(_parse_named(of_record, key))
             except RecordError as error:
-                skipped.append(SkippedRecord(str(path) if is_of_one else f"{path}:{number}", error))
+                skipped.append(SkippedRecord(where, error))
     return ScannedFiles(records, skipped)
+
+
+def _parse_named(text: bytes, key: str) -> Record:
+    """Return the record of a JSON object; raise ``RecordError`` if its file has another name.
+
+    Without a key, any record will do.
+    """
+    record = parse_record(text)
+    if key and record.key != key:
+        raise RecordError("its name is not its key", f"name it {record.key}.json, or remove it")
+    return record
 
 
 def parse_record(text: bytes) -> Record:
@@ -606,27 +692,37 @@ def parse_record(text: bytes) -> Record:
     RecordError
         If it is none, was changed after it was written, or contradicts itself.
     """
+    content, is_whole = _parse_content(text)
+    content = convert_older(content)
+    if not is_whole:
+        problem = "it is not a record: it was changed after it was written, or written by hand"
+        raise RecordError(problem, "remove it")
+    try:
+        record = msgspec.convert(gather_unknown(content, Record), Record)
+    except msgspec.ValidationError as error:
+        hint = "update the suite" if is_newer(content) else "remove it"
+        raise RecordError(f"it is not a record: {error}", hint) from error
+    contradiction = find_contradiction(record)
+    if contradiction:
+        problem = f"it contradicts itself: {contradiction}"
+        raise RecordError(problem, "run its job again or remove it")
+    return msgspec.structs.replace(record, published=False, checksum="")
+
+
+def _parse_content(text: bytes) -> tuple[dict[str, Any], bool]:
+    """Return a JSON object without its checksum, and whether that is right.
+
+    Raises ``RecordError`` if it is none, or in a layout that this release cannot read.
+    """
     try:
         content = msgspec.json.decode(text)
         if not isinstance(content, dict):
             raise RecordError("it is not a record: it is no JSON object", "remove it")
         check_layout(content)
         checksum = content.pop("checksum", "")
-        is_whole = checksum == _checksum(content)
+        return content, checksum == _checksum(content)
     except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
         raise RecordError(f"it is not a record: {error}", "remove it") from error
-    converted = convert_older(content)
-    if not is_whole:
-        problem = "it was changed after it was written, or written by hand"
-        raise RecordError(f"it is not a record: {problem}", "remove it")
-    try:
-        record = msgspec.convert(gather_unknown(converted, Record), Record)
-    except msgspec.ValidationError as error:
-        hint = "update the suite" if is_newer(content) else "remove it"
-        raise RecordError(f"it is not a record: {error}", hint) from error
-    if fault := find_contradiction(record):
-        raise RecordError(f"it contradicts itself: {fault}", "run its job again or remove it")
-    return msgspec.structs.replace(record, published=False, checksum="")
 
 
 def encode_record(record: Record) -> bytes:
@@ -636,6 +732,7 @@ def encode_record(record: Record) -> bytes:
 
 
 def _checksum(content: Mapping[str, Any]) -> str:
+    """Return the digest of a record, in which the order of its fields does not count."""
     return digest_of_bytes(msgspec.json.encode(content, order="sorted"))
 
 
@@ -654,11 +751,12 @@ def record_of(content: Mapping[str, Any]) -> Record:
 
 
 def _escaped(value: Any) -> Any:
+    """Return a content whose texts are printable and short, but for tracebacks."""
     if isinstance(value, Mapping):
-        return {
-            clean_text(name): each if name == "traceback" else _escaped(each)
-            for name, each in value.items()
-        }
+        escaped = {clean_text(name): _escaped(each) for name, each in value.items()}
+        if "traceback" in value:
+            escaped["traceback"] = value["traceback"]
+        return escaped
     if isinstance(value, list | tuple):
         return [_escaped(each) for each in value]
     return brief(value, LONGEST_MESSAGE) if isinstance(value, str) else value
@@ -677,8 +775,9 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
         If it cannot be written, or its file holds a record in a newer layout.
     """
     folder = results / RUNS / "records"
-    if problem := newer_record_at(results, record.key):
-        raise StorageError(problem, "update the suite, or choose another --results DIR")
+    newer_record = newer_record_at(results, record.key)
+    if newer_record:
+        raise StorageError(newer_record, "update the suite, or choose another --results DIR")
     try:
         text = encode_record(record)
     except UnicodeEncodeError:  # a surrogate, as in names of files that are not UTF-8
@@ -686,12 +785,13 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
     text = msgspec.json.format(text, indent=1)
     with storing(results):
         write_atomically(folder / f"{record.key}.json", lambda file: file.write(text), durable=True)
-        for suffix in (".json", ".npz") if replaces not in ("", record.key) else ():
-            (folder / f"{replaces}{suffix}").unlink(missing_ok=True)
+        if replaces not in ("", record.key):
+            for suffix in (".json", ".npz"):
+                (folder / f"{replaces}{suffix}").unlink(missing_ok=True)
 
 
 def newer_record_at(results: Path, key: str) -> str:
-    """Return why the record under a key may not be written: its layout is newer; "" if it may be."""
+    """Return why the record under a key may not be replaced: its layout is newer; "" if it may."""
     path = results / RUNS / "records" / f"{key}.json"
     if not path.exists():
         return ""
@@ -704,7 +804,7 @@ def newer_record_at(results: Path, key: str) -> str:
 def unneeded(
     results: Path, is_unwanted: Callable[[Record], bool], named: Collection[str] = ()
 ) -> tuple[list[Record], list[Path]]:
-    """Return the records made here for which ``is_unwanted`` holds, and all files that no other record names.
+    """Return the records made here that are to be deleted, and all files that no other names.
 
     Parameters
     ----------
@@ -718,24 +818,33 @@ def unneeded(
         hold.
     """
     runs = results / RUNS
-    records = sorted(read_files(local_files(results)), key=age_of)
-    unwanted = [
-        record
-        for record in records
-        if is_unwanted(record) or {record.key, str(record.row)} & {*named}
-    ]
-    wanted = [record for record in records if record not in unwanted]
-    needed = {path for record in wanted for path in _files_of(record)}
-    read = {record.key for record in records}
-    unread = [path for path in local_files(results) if path.stem not in read]
+    paths = local_files(results)
+    records = sorted(read_files(paths), key=age_of)
+    unwanted = []
+    needed_files: set[str] = set()
+    for record in records:
+        if is_unwanted(record) or record.key in named or str(record.row) in named:
+            unwanted.append(record)
+        else:
+            needed_files |= {*_files_of(record)}
     files = [runs / "records" / f"{record.key}.json" for record in unwanted]
-    files += [path for path in unread if path.stem in named]
-    kept_keys = set[str]().union(*(_keys_in(path) for path in unread if path.stem not in named))
+    kept_keys: set[str] = set()
+    keys_of_records = {record.key for record in records}
+    for path in paths:
+        if path.stem in keys_of_records:
+            continue
+        if path.stem in named:
+            files.append(path)
+        else:
+            kept_keys |= _keys_in(path)
     for stage in get_args(Stage):
-        for path in sorted((runs / stage).glob("*.npz")):
-            if f"{stage}/{path.name}" not in needed and path.stem not in kept_keys:
-                files.append(path)
-    if not wanted and not kept_keys and definitions_file(results).is_file():
+        files += [
+            path
+            for path in sorted((runs / stage).glob("*.npz"))
+            if f"{stage}/{path.name}" not in needed_files and path.stem not in kept_keys
+        ]
+    is_all_unwanted = len(unwanted) == len(records) and not kept_keys
+    if is_all_unwanted and definitions_file(results).is_file():
         files.append(definitions_file(results))
     return unwanted, files
 
@@ -751,10 +860,12 @@ def _keys_in(path: Path) -> set[str]:
 
 def _files_of(record: Record) -> Iterator[str]:
     """Yield the files of a record; the frame of the camera is kept beside prepared shapes."""
-    yield from (f"records/{record.key}.npz", f"prepared/{record.parts.get('the camera')}.npz")
+    yield f"records/{record.key}.npz"
+    yield f"prepared/{record.parts.get('the camera')}.npz"
     for side in record.sides:
         for stage, keys in side.files.items():
-            yield from (f"{stage}/{key}.npz" for key in keys)
+            for key in keys:
+                yield f"{stage}/{key}.npz"
 
 
 # Files of a record
@@ -766,71 +877,94 @@ _READ = ("vertices", "faces", "vertex_map", "note:vertices_before")
 
 
 def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
-    """Return the distances of queries and shapes with a result, means over draws; None if not here.
+    """Return the distances of queries and shapes with a result; None if they are not here.
 
-    Published ones have single precision.
+    They are means over the draws of the scorer. Published ones have single precision.
     """
     shape = len(record.answered), len(record.sides[-1].answered)
-    distances = (Cache(results).read("records", record.key) or {}).get("distances", np.empty(0))
-    if distances.shape != shape and record.distances:
-        from scipy.spatial.distance import squareform  # lazy: tables need no distances
-
-        path = published_distances(results, record.distances)
-        try:
-            content = read_file(path)
-            above = np.frombuffer(content, "<f4")
-            if digest_of_bytes(content) != record.distances or not np.isfinite(above).all():
-                raise ValueError("it was changed after it was published")
-            distances = squareform(above.astype(np.float64))
-        except (OSError, ValueError) as error:
-            _say_skipped(f"{path}: {getattr(error, 'strerror', error)}")
+    arrays = Cache(results).read("records", record.key) or {}
+    distances = arrays.get("distances")
+    if distances is not None and distances.shape == shape:
+        return distances
+    if not record.distances:
+        return None
+    path = published_distances(results, record.distances)
+    try:
+        distances = _read_published(path, record.distances)
+    except (OSError, ValueError) as error:
+        _say_skipped(f"{path}: {getattr(error, 'strerror', error)}")
+        return None
     return distances if distances.shape == shape else None
 
 
+def _read_published(path: Path, digest: str) -> NDArray[np.float64]:
+    """Return the matrix of published distances; raise ``ValueError`` if they were changed."""
+    from scipy.spatial.distance import squareform  # lazy: tables need no distances
+
+    content = read_file(path)
+    above_diagonal = np.frombuffer(content, "<f4")
+    if digest_of_bytes(content) != digest or not np.isfinite(above_diagonal).all():
+        raise ValueError("it was changed after it was published")
+    return np.asarray(squareform(above_diagonal.astype(np.float64)))
+
+
 def published_distances(results: Path, digest: str) -> Path:
-    """Return the file of published distances: those above the diagonal, by row, as numbers of four bytes."""
+    """Return the file of published distances.
+
+    It holds those above the diagonal, by row, as numbers of four bytes.
+    """
     return published_folder(results) / "records" / "distances" / f"{digest}.f4"
 
 
 def read_prepared(results: Path, record: RankedShapes, shape: str) -> Mesh | None:
-    """Return the prepared surface of a shape of a record; None if it is not kept here, or could not be prepared."""
+    """Return the prepared surface of a shape of a record.
+
+    None means that it is not kept here, or could not be prepared.
+    """
     arrays = _read_arrays(results, record, "prepared", shape)
     return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in arrays else None
 
 
 def read_form(results: Path, record: RankedShapes, shape: str) -> Mesh | None:
-    """Return the canonical form of a shape of a record; None if it is not kept here, or there is none."""
-    form, prepared = (
-        _read_arrays(results, record, stage, shape) for stage in ("forms", "prepared")
-    )
-    arrays = prepared | form
-    return (
-        Mesh(arrays["vertices"], arrays["faces"])
-        if "vertices" in form and "faces" in arrays
-        else None
-    )
+    """Return the canonical form of a shape of a record; None if it is not kept here, or none is."""
+    form = _read_arrays(results, record, "forms", shape)
+    # A form that keeps the faces of its shape is stored without them.
+    faces = form.get("faces")
+    if faces is None:
+        faces = _read_arrays(results, record, "prepared", shape).get("faces")
+    if "vertices" not in form or faces is None:
+        return None
+    return Mesh(form["vertices"], faces)
 
 
 def read_vertex_map(
     results: Path, record: Record, shape: str
 ) -> tuple[NDArray[np.int64], bool] | None:
-    """Return the nearest vertex of the file at each vertex of a form, and whether each of the file is that of one.
+    """Return which vertices of its file a form has.
+
+    Returns
+    -------
+    numpy.ndarray
+        Index of the nearest vertex of the file at each vertex of the form.
+    bool
+        Whether the form has each vertex of the file once.
 
     None means that the form has vertices of its own, as those of views have, or is not kept here.
     """
-    form, prepared = (
-        _read_arrays(results, record, stage, shape) for stage in ("forms", "prepared")
-    )
+    form = _read_arrays(results, record, "forms", shape)
+    prepared = _read_arrays(results, record, "prepared", shape)
     if "vertex_map" not in prepared or "vertices" not in form or "faces" in form:
         return None
-    numbers = prepared["vertex_map"].astype(np.int64)
-    return numbers, np.array_equal(
-        np.sort(numbers), np.arange(int(prepared["note:vertices_before"]))
-    )
+    indices = prepared["vertex_map"].astype(np.int64)
+    n_vertices = int(prepared["note:vertices_before"])
+    has_all = np.array_equal(np.sort(indices), np.arange(n_vertices))
+    return indices, has_all
 
 
 def _read_arrays(
     results: Path, record: RankedShapes, stage: Stage, shape: str
 ) -> dict[str, NDArray[Any]]:
-    keys = dict(zip(record.shapes, record.files.get(stage, [])[:: record.views], strict=False))
-    return Cache(results).read(stage, keys.get(shape, ""), only=_READ) or {}
+    """Return arrays of the first view of a shape; none if they are not kept here."""
+    keys_of_first_views = record.files.get(stage, [])[:: record.views]
+    key_of_shape = dict(zip(record.shapes, keys_of_first_views, strict=False))
+    return Cache(results).read(stage, key_of_shape.get(shape, ""), only=_READ) or {}

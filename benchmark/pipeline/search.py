@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import NamedTuple
@@ -14,16 +14,24 @@ from benchmark.api.contracts import Descriptor, Method, Shape
 from benchmark.api.scoring import Scorer
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import Arrays, Cache, Stage
+from benchmark.pipeline.cache import Cache, Stage
 from benchmark.pipeline.forms import SharedResults, mesh_of
 from benchmark.pipeline.outputs import compute_output, make_distance_check, sign
 from benchmark.pipeline.ranking import distances
 from benchmark.pipeline.records import RankedShapes
-from benchmark.pipeline.stages import NOTE, REFUSED, require_result
+from benchmark.pipeline.stages import NOTE, REFUSED, Arrays, require_result
 
 
 class Hit(NamedTuple):
-    """A retrieved shape, its class, and its distance from the query: the mean over the draws of the scorer."""
+    """A retrieved shape.
+
+    Parameters
+    ----------
+    shape, subject
+        Its name and its class.
+    distance
+        Its distance from the query: the mean over the draws of the scorer.
+    """
 
     shape: str
     subject: str
@@ -31,11 +39,20 @@ class Hit(NamedTuple):
 
 
 class SearchResult(NamedTuple):
-    """Shapes of the gallery that have a form, nearest first, and the form of the query; None for a descriptor.
+    """Shapes of a gallery by their distance from a query.
 
-    ``margins`` are those of the nearest class before the second, one for each draw of the scorer,
-    relative to the mean distance of the second; empty without a second class, or if its distance is
-    0. ``notes`` are those of the method on the form of the query.
+    Parameters
+    ----------
+    hits
+        The shapes that have a form, nearest first.
+    form
+        The form of the query; None for a descriptor.
+    margins
+        By how much the nearest class is before the second one, for each draw of the scorer,
+        relative to the mean distance of the second; empty without a second class, or if its
+        distance is 0.
+    notes
+        Notes of the method on the form of the query.
     """
 
     hits: list[Hit]
@@ -45,7 +62,7 @@ class SearchResult(NamedTuple):
 
     @property
     def margin(self) -> float:
-        """Margin between the nearest class and the second nearest, relative to the distance of the second."""
+        """Mean of the margins; 0 without any."""
         return float(self.margins.mean()) if len(self.margins) else 0.0
 
     @property
@@ -82,42 +99,65 @@ def search(
     ShapeError
         If the query is refused.
     """
-    answer = require_result(compute_output(method, query, SharedResults()))
-    notes = _notes_of(answer)
-    stage: Stage = "forms"
+    output = require_result(compute_output(method, query, SharedResults()))
+    notes = _notes_of(output)
     form = None
+    comparing: Descriptor | Scorer
     if isinstance(method, Method):
-        stage, form = "signatures", mesh_of(answer, {"faces": query.mesh.faces})
-        answer = require_result(sign(scorer, form))
-    keys, cache, views = gallery.keys, Cache(results), gallery.views
-    wanted = [index for index in gallery.answered if keys and gallery.shapes[index] not in without]
-    found = {
-        (index, k): cache.read(stage, keys[index * views + k][stage])
-        for index in wanted
-        for k in range(views)
-    }
-    stored = {
-        place: arrays
-        for place, arrays in found.items()
-        if arrays is not None and REFUSED not in arrays
-    }
-    if not stored:
-        raise ConfigurationError(
-            f"no form of {gallery.gallery} is kept in {results}", "run it again here"
-        )
-    comparing = scorer if isinstance(method, Method) else method
-    numbers, first = np.unique([index for index, _ in stored], return_index=True)
-    draws = np.concatenate(
-        [*distances(comparing, make_distance_check(comparing), [*stored.values()], [answer])]
-    )
-    draws = np.minimum.reduceat(draws, first, axis=1)  # the least distance of the views of a shape
-    nearness = draws.mean(axis=0)
-    order = np.lexsort([numbers, nearness]).tolist()
-    labels = [gallery.labels[index] for index in numbers]
-    hits = [Hit(gallery.shapes[numbers[k]], labels[k], float(nearness[k])) for k in order]
-    second = next((k for k in order if labels[k] != hits[0].subject and nearness[k] > 0), None)
-    margins = [] if second is None else (draws[:, second] - draws[:, order[0]]) / nearness[second]
-    return SearchResult(hits, form, np.array(margins), notes)
+        form = mesh_of(output, {"faces": query.mesh.faces})
+        of_query = require_result(sign(scorer, form))
+        stage: Stage = "signatures"
+        comparing = scorer
+    else:
+        of_query = output
+        stage = "forms"
+        comparing = method
+    arrays_of_views = _read_gallery(Cache(results), gallery, stage, without)
+    if not arrays_of_views:
+        problem = f"no form of {gallery.gallery} is kept in {results}"
+        raise ConfigurationError(problem, "run it again here")
+    check = make_distance_check(comparing)
+    matrices = distances(comparing, check, [*arrays_of_views.values()], [of_query])
+    of_views = np.concatenate([*matrices])
+    # Views of a shape follow each other; its distance is the least of theirs.
+    shape_of_view = [index // gallery.views for index in arrays_of_views]
+    shapes, first_views = np.unique(shape_of_view, return_index=True)
+    of_draws = np.minimum.reduceat(of_views, first_views, axis=1)
+    mean_distances = of_draws.mean(axis=0)
+    order = np.lexsort([shapes, mean_distances]).tolist()
+    hits = [
+        Hit(gallery.shapes[shapes[k]], gallery.labels[shapes[k]], float(mean_distances[k]))
+        for k in order
+    ]
+    second = _first_of_second_class(hits)
+    if second is None:
+        margins = np.empty(0)
+    else:
+        difference = of_draws[:, order[second]] - of_draws[:, order[0]]
+        margins = difference / hits[second].distance
+    return SearchResult(hits, form, margins, notes)
+
+
+def _read_gallery(
+    cache: Cache, gallery: RankedShapes, stage: Stage, without: Collection[str]
+) -> dict[int, Arrays]:
+    """Return the arrays of a stage for each view with a result that is kept, by its index."""
+    arrays_of_views: dict[int, Arrays] = {}
+    for index, view in enumerate(gallery.views_of_shapes):
+        if view.shape in without or stage not in view.keys:
+            continue
+        arrays = cache.read(stage, view.keys[stage])
+        if arrays is not None and REFUSED not in arrays:
+            arrays_of_views[index] = arrays
+    return arrays_of_views
+
+
+def _first_of_second_class(hits: Sequence[Hit]) -> int | None:
+    """Return the place of the first hit of the second class with a distance above 0."""
+    for place, hit in enumerate(hits):
+        if hit.subject != hits[0].subject and hit.distance > 0:
+            return place
+    return None
 
 
 def _notes_of(output: Arrays) -> dict[str, float | str]:

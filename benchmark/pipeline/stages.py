@@ -1,4 +1,4 @@
-"""What all stages of the pipeline share: arrays, the reason why there are none, and the time that they took."""
+"""What all stages of the pipeline share: arrays, why there are none, and the time they took."""
 
 from __future__ import annotations
 
@@ -39,7 +39,9 @@ MACHINE = ":machine"
 
 
 class Incomplete(BenchmarkError):
-    """A shape has no result for a reason that is not in its content, such as a read error; nothing of it is kept.
+    """A shape has no result for a reason that is not in its content, such as a read error.
+
+    Nothing of it is kept.
 
     Parameters
     ----------
@@ -52,14 +54,17 @@ class Incomplete(BenchmarkError):
 
 
 def clock() -> NDArray[np.float64]:
-    """Return seconds of the wall and of the processor, user and system, of this process and its ended children."""
+    """Return seconds of the wall and of the processor.
+
+    Those of the processor are user and system time of this process and its ended children.
+    """
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
     of_processor = time.process_time() + children.ru_utime + children.ru_stime
     return np.array([time.perf_counter(), of_processor])
 
 
 def timed(compute: Callable[[], Arrays]) -> Arrays:
-    """Return the arrays of a stage, or the reason why it refuses the shape, with the seconds that it took.
+    """Return the arrays of a stage, or why it refuses the shape, with the seconds that it took.
 
     Raises
     ------
@@ -91,7 +96,7 @@ def _is_temporary(error: BaseException | None) -> bool:
 
 
 def require_result(arrays: Arrays) -> Arrays:
-    """Return the arrays of a stage; raise ``UnsupportedShape`` with the reason if there are none."""
+    """Return the arrays of a stage; raise ``UnsupportedShape`` if it refused the shape."""
     if REFUSED in arrays:
         raise UnsupportedShape(*arrays[REFUSED].tolist())
     return arrays

@@ -1,4 +1,4 @@
-"""Complete surfaces, as methods get them: what computes the prepared shapes of the input ``mesh``."""
+"""Complete surfaces, as methods get them: the prepared shapes of the input ``mesh``."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from benchmark.pipeline.stages import NOTE, Arrays
 if TYPE_CHECKING:
     from benchmark.geometry.mesh import Mesh
 
-#: Number of vertices of the prepared mesh, as usual for canonical forms (Lian et al. 2013, Pickup
-#: et al. 2018).
-N_VERTICES = 2000
+#: Number of vertices of a prepared mesh, as usual for canonical forms (Lian et al. 2013, Pickup et
+#: al. 2018).
+PREPARED_VERTICES = 2000
 
 
 def prepare_mesh(source: Mesh) -> Arrays:
@@ -33,7 +33,7 @@ def prepare_mesh(source: Mesh) -> Arrays:
     """
     from benchmark.geometry.preparation import prepare  # it takes a second to import
 
-    prepared = prepare(source, N_VERTICES)
+    prepared = prepare(source, PREPARED_VERTICES)
     notes = {f"{NOTE}{name}": np.asarray(value) for name, value in prepared.report.items()}
     return {
         "vertices": prepared.mesh.vertices,

@@ -1,4 +1,4 @@
-"""What a depth camera sees of a mesh: what computes the prepared shapes of the input ``view``, and their frames."""
+"""What a depth camera sees of a mesh: the prepared shapes of the input ``view``, and its frame."""
 
 from __future__ import annotations
 
@@ -57,26 +57,37 @@ def prepare_view(
 
 
 def fit_frame(source: Mesh, camera: Camera) -> float:
-    """Return half the width of the frame that a mesh fills, in file units; raise ``ShapeError`` without a surface."""
+    """Return half the width of the frame that a mesh fills, in file units.
+
+    Raises
+    ------
+    ShapeError
+        If the mesh has no surface.
+    """
     from benchmark.geometry.depth import fit_half_width
 
     return fit_half_width(_surface(source), camera)
 
 
 def common_frame(half_widths: Sequence[float]) -> float:
-    """Return half the width of the frame that fits shapes which fill frames of these widths; arbitrary without any."""
+    """Return half the width of the frame that fits all shapes, in file units.
+
+    Parameters
+    ----------
+    half_widths
+        Half the width of the frame that each shape fills; without any, the result is arbitrary.
+    """
     from benchmark.geometry.depth import common_half_width
 
     return common_half_width(half_widths) if half_widths else 1.0
 
 
 def _surface(source: Mesh) -> Mesh:
-    """Return the mesh without unreferenced vertices, which would move the centre and the frame of the camera."""
+    """Return a mesh without unreferenced vertices, which would move the frame of the camera."""
     from benchmark.geometry.cleaning import clean
 
-    surface, cleaning = clean(source)
+    surface, report = clean(source)
     if not surface.n_faces:
-        raise InvalidMesh(
-            f"none of the {cleaning['faces_before']} triangles has an area", "export the mesh again"
-        )
+        problem = f"none of the {report['faces_before']} triangles has an area"
+        raise InvalidMesh(problem, "export the mesh again")
     return surface

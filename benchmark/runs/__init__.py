@@ -1,1 +1,1 @@
-"""Plan the jobs of a selection, and run them in worker processes that may crash, hang or run out of memory."""
+"""Plan the jobs of a selection, and run them in worker processes, which may crash or hang."""

@@ -1,4 +1,7 @@
-"""Run tasks on a dask cluster whose workers see the results folder and the data under the same paths."""
+"""Run tasks on a dask cluster.
+
+Its workers see the results folder and the data under the same paths.
+"""
 
 from __future__ import annotations
 
@@ -16,19 +19,39 @@ from benchmark.machine import memory_per_process
 from benchmark.runs.tasks import Outcome, Queue, Step, Task
 from benchmark.runs.workers import POLL_SECONDS, Pool
 
+#: Tasks that wait for each thread of the cluster, so that none is idle between two polls.
+_TASKS_PER_THREAD = 2
+
+#: Seconds that the scheduler may take to answer.
+_CONNECTION_TIMEOUT = 10
+
 #: The worker process of each thread of a dask worker, and the run that it serves.
 _of_thread = threading.local()
 
 
 def run_in_worker(task: Task, run: str, timeout: float, threads: int) -> list[tuple[Step, Outcome]]:
-    """Run a task on a dask worker, in a process of its own, which may crash and serves one run."""
+    """Run a task on a dask worker, in a process of its own, which may crash and serves one run.
+
+    Parameters
+    ----------
+    task
+        The task.
+    run
+        Identifier of the run.
+    timeout
+        Seconds that a method may take for a shape.
+    threads
+        Number of threads of the cluster, which share the memory.
+    """
     if getattr(_of_thread, "run", "") != run:
         if hasattr(_of_thread, "pool"):
             _of_thread.pool.close()
         drop_stale_kernels()
-        _of_thread.run, _of_thread.pool = run, Pool(1, memory_per_process(threads), timeout)
-    queue, ended = Queue(lambda step: True), list[tuple[Step, Outcome]]()
+        _of_thread.run = run
+        _of_thread.pool = Pool(1, memory_per_process(threads), timeout)
+    queue = Queue(lambda step: True)
     queue.add(task)
+    ended: list[tuple[Step, Outcome]] = []
     while len(ended) < len(task.steps):
         ended += _of_thread.pool.poll(queue)
     return ended
@@ -52,23 +75,21 @@ class DaskPool:
 
     def __init__(self, url: str, timeout: float) -> None:
         if find_spec("distributed") is None:
-            raise ConfigurationError(
-                "--dask needs the package distributed", "pip install 'dask[distributed]'"
-            )
+            problem = "--dask needs the package distributed"
+            raise ConfigurationError(problem, "pip install 'dask[distributed]'")
         from distributed import Client
 
-        logging.getLogger("distributed").setLevel(
-            logging.CRITICAL
-        )  # this module reports errors itself
+        # This module reports errors itself.
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
-            self._client = Client(url, timeout=10, set_as_default=False)
+            self._client = Client(url, timeout=_CONNECTION_TIMEOUT, set_as_default=False)
         except Exception as error:  # the type depends on the kind of address
-            raise ConfigurationError(
-                f"no dask scheduler answers at {url}", "start one or correct --dask"
-            ) from error
-        self._timeout, self._run = timeout, secrets.token_hex(8)
+            problem = f"no dask scheduler answers at {url}"
+            raise ConfigurationError(problem, "start one or correct --dask") from error
+        self._timeout = timeout
+        self._run = secrets.token_hex(8)
         self._tasks: dict[Any, Task] = {}
-        self._process = ""
+        self._last_process = ""
 
     @property
     def working(self) -> list[str]:
@@ -76,23 +97,31 @@ class DaskPool:
         return [str(task.steps[0]) for task in self._tasks.values()]
 
     def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
-        """Submit tasks of a queue, and yield the steps that have ended; dask moves those of a lost worker."""
-        threads = max(sum(self._client.nthreads().values()), 1)
-        while len(self._tasks) < 2 * threads and (task := queue.take_any([self._process])):
-            self._process = task.process  # the next one of the same may find its process at work
-            future = self._client.submit(
-                run_in_worker, task, self._run, self._timeout, threads, pure=False, retries=0
-            )
-            self._tasks[future] = task
+        """Submit tasks of a queue, and yield the steps that have ended."""
+        self._submit_tasks(queue)
         done = [future for future in self._tasks if future.done()]
         if not done:
             time.sleep(POLL_SECONDS)
         for future in done:
             del self._tasks[future]
-            if future.status != "finished":
+            if future.status != "finished":  # dask moves the tasks of a lost worker
                 problem = f"the cluster lost a task: {future.exception()}"
                 raise BenchmarkError(problem, "run again: what is done is kept")
             yield from future.result()
+
+    def _submit_tasks(self, queue: Queue) -> None:
+        """Submit tasks until each thread of the cluster has enough."""
+        threads = max(sum(self._client.nthreads().values()), 1)
+        while len(self._tasks) < _TASKS_PER_THREAD * threads:
+            # Another task of the same process may find that at work.
+            task = queue.take_any([self._last_process])
+            if task is None:
+                return
+            self._last_process = task.process
+            future = self._client.submit(
+                run_in_worker, task, self._run, self._timeout, threads, pure=False, retries=0
+            )
+            self._tasks[future] = task
 
     def close(self) -> None:
         """Cancel what is under way."""

@@ -76,19 +76,20 @@ def lacking_models(
     """
     selected = select(methods, plugins)
     is_named = are_named(methods)
-    found: dict[tuple[str, str], LackingModel] = {}
+    models: dict[tuple[str, str], LackingModel] = {}
     for gallery in galleries(input=input, data_root=data_root, **data):
         for input_ in gallery.inputs:
             lacking = gallery.lacking(input_, selected, results / "models", named=is_named)
             for component, training in lacking:
                 # Rows of controls have the models of other rows.
                 name = training.name, component.create().model_name
-                if name not in found:
-                    found[name] = _lacking_model(component, training.name, data_root)
-    return list(found.values())
+                if name not in models:
+                    models[name] = _lacking_model(component, training.name, data_root)
+    return list(models.values())
 
 
 def _lacking_model(component: Component, training: str, data_root: Path | None) -> LackingModel:
+    """Return the model of a network for a training, with the options of its recipe."""
     learner = component.create()
     options: Mapping[str, Any] = {}
     seconds = None

@@ -1,12 +1,13 @@
-"""Plan a run: the jobs of galleries and methods, which of them have a record, and what changed since for the others."""
+"""Plan a run: the jobs of galleries and methods, which of them have a record, and what changed."""
 
 from __future__ import annotations
 
 import json
 import statistics
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache, cached_property, partial
+from functools import cache, cached_property
 from itertools import chain
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -27,6 +28,7 @@ from benchmark.pipeline.records import (
     RankedShapes,
     Record,
     RowId,
+    ShapeView,
     key_at,
     newer_record_at,
     read_records,
@@ -36,7 +38,7 @@ from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import NoFolds
 from benchmark.registry import Component, are_named, select, select_one
-from benchmark.runs.tasks import STAGE_MODULES, Job, Step, code_of_step
+from benchmark.runs.tasks import STAGE_MODULES, Job, ShapeSource, Step, code_of_step
 from benchmark.runs.unchanged import PlannedCode
 from benchmark.text import clean_text, listed
 
@@ -44,8 +46,36 @@ State = Literal[
     "finished", "failed", "missing", "stale", "incomplete", "unavailable", "unsupported"
 ]
 
+#: States of the jobs that a run does without being asked to.
+_PENDING: frozenset[State] = frozenset({"missing", "stale", "incomplete"})
+
+#: Most classes that a message names.
+_MOST_CLASSES_NAMED = 3
+
 #: Trained model of each view of a gallery; None for a method that does not learn.
 Models = Sequence[Model | None]
+
+
+@dataclass(frozen=True)
+class PlannedSide:
+    """Shapes on one side of a ranking: the queries, or the gallery that they are ranked in.
+
+    Parameters
+    ----------
+    gallery
+        The shapes.
+    source
+        Where workers get them.
+    frame_key
+        Key of the camera's frame that is fitted to all shapes; "" if none is.
+    models
+        Trained model of each view of a shape.
+    """
+
+    gallery: Gallery
+    source: ShapeSource
+    frame_key: str
+    models: tuple[Model | None, ...]
 
 
 @dataclass(frozen=True)
@@ -54,17 +84,16 @@ class Planned:
 
     Parameters
     ----------
+    job
+        Method, scorer and place of its record, as workers get them.
     sides
-        What it is at its queries, and at the shapes of the gallery if these are others.
-    frames, codes
-        Keys of the frames of the camera that are fitted to the sides, "" where none is; the code
-        that makes files of a stage.
+        Its queries, and the shapes of the gallery if these are others.
+    codes
+        The code that makes files of a stage.
     galleries
         The shapes, once for each table that shows them.
     record
         Its record without the outcome.
-    models, cards
-        Folder of the trained model for each shape, and the digest of the card in each folder.
     state, reason
         ``finished``: it has a record. ``failed``: its record says that it failed. ``stale``: its
         record is of other code, data or parameters; the reason names them. ``incomplete``: shapes
@@ -77,41 +106,62 @@ class Planned:
         Whether ``run`` will execute this job.
     """
 
-    sides: tuple[Job, ...]
-    frames: tuple[str, ...]
+    job: Job
+    sides: tuple[PlannedSide, ...]
     codes: Mapping[Stage, PlannedCode | None] = field(repr=False)
     galleries: tuple[Gallery, ...]
     record: Record = field(repr=False)
-    models: tuple[Path | None, ...] = field(repr=False)
-    cards: Mapping[Path, str] = field(repr=False)
     state: State
     reason: str
     before: Record | None = field(repr=False)
     is_pending: bool
 
+    @property
+    def models(self) -> tuple[Path | None, ...]:
+        """Folder of the trained model of each query; None for a method that does not learn."""
+        return tuple(map(_folder_of, self.sides[0].models))
+
     def steps(self) -> list[tuple[Step, ...]]:
-        """Return the steps at each shape, in order, those at the gallery behind those at the queries."""
-        models, chains = iter(self.models), list[tuple[Step, ...]]()
-        for side, job, frame in zip(self.record.sides, self.sides, self.frames, strict=True):
-            first = (Step(job, "prepared", frame),) if frame else ()
-            for number, (shape, keys) in enumerate(zip(side.file_names, side.keys, strict=True)):
-                source_shape, model = side.shapes[number // side.views], next(models)
-                of_shape = partial(
-                    Step,
-                    job,
-                    shape=shape,
-                    keys=keys,
-                    model=model,
-                    card=self.cards[model] if model else "",
-                    source_shape=source_shape,
-                )
-                steps = (of_shape(stage, keys[stage], code=self.codes.get(stage)) for stage in keys)
-                chains.append((*first, *steps))
-        return chains
+        """Return the steps at each view of a shape, first those of the queries."""
+        steps: list[tuple[Step, ...]] = []
+        for side, shapes in zip(self.sides, self.record.sides, strict=True):
+            views = zip(shapes.views_of_shapes, side.models, strict=True)
+            steps += [self._steps_of_view(side, view, model) for view, model in views]
+        return steps
+
+    def _steps_of_view(
+        self, side: PlannedSide, view: ShapeView, model: Model | None
+    ) -> tuple[Step, ...]:
+        """Return the steps that make the files of a view, behind that of its camera's frame."""
+        steps = []
+        if side.frame_key:
+            steps.append(Step(self.job, side.source, "prepared", side.frame_key))
+        card = model.card_digest if model else ""
+        for stage, key in view.keys.items():
+            step = Step(
+                self.job,
+                side.source,
+                stage,
+                key,
+                view=view.name,
+                shape=view.shape,
+                keys=view.keys,
+                model=_folder_of(model),
+                card=card,
+                code=self.codes.get(stage),
+            )
+            steps.append(step)
+        return tuple(steps)
 
     def ranking(self) -> Step:
         """Return the step that ranks the gallery."""
-        return Step(self.sides[0], "records", self.record.key, code=self.codes["records"])
+        source = self.sides[0].source
+        return Step(self.job, source, "records", self.record.key, code=self.codes["records"])
+
+
+def _folder_of(model: Model | None) -> Path | None:
+    """Return the folder of a model; None for a method that does not learn."""
+    return model.folder if model else None
 
 
 def plan_selection(
@@ -153,56 +203,101 @@ def plan_selection(
     ConfigurationError
         If a name is unknown, or nothing is selected.
     """
-    *selected, of_forms = [*select(methods, plugins), select_one(scorer, plugins, "scorer")]
+    selected_methods = select(methods, plugins)
+    selected_scorer = select_one(scorer, plugins, "scorer")
     if in_this_process:
-        *selected, of_forms = [component.in_this_process() for component in (*selected, of_forms)]
-    known = read_records(results, published=False) if records is None else records
-    planning = _Planning(results.absolute(), of_forms, seed, rerun, known)
+        selected_methods = [method.in_this_process() for method in selected_methods]
+        selected_scorer = selected_scorer.in_this_process()
+    if records is None:
+        records = read_records(results, published=False)
+    planning = _Planning(results.absolute(), selected_scorer, seed, rerun, records)
     is_named = are_named(methods)
-    jobs: dict[str, Planned] = {}
+    planned: dict[str, Planned] = {}
     for gallery in galleries(input=input, **data):
         for input_ in gallery.inputs:
-            rows = gallery.rows(input_, selected, results / "models", named=is_named)
-            for job in planning.jobs(gallery, input_, rows) if rows else ():
-                _check_pair(job.record)
-                first = jobs.setdefault(job.record.key, job)
-                if first is not job:
-                    jobs[job.record.key] = replace(first, galleries=(*first.galleries, gallery))
-    if not jobs:
-        raise ConfigurationError(
-            "no selected method belongs to a selected table", "drop -m, -t or --input"
-        )
-    return list(jobs.values())
+            rows = gallery.rows(input_, selected_methods, results / "models", named=is_named)
+            for job in planning.jobs(gallery, input_, rows):
+                key = job.record.key
+                if key in planned:  # another table shows the same shapes
+                    known = planned[key]
+                    planned[key] = replace(known, galleries=(*known.galleries, gallery))
+                else:
+                    planned[key] = job
+    if not planned:
+        problem = "no selected method belongs to a selected table"
+        raise ConfigurationError(problem, "drop -m, -t or --input")
+    return list(planned.values())
 
 
 def _check_pair(record: Record) -> None:
-    """Raise ``DatasetError`` unless another gallery has two classes, and a query another shape of its own in it."""
+    """Raise ``DatasetError`` if queries have nothing to find in another gallery.
+
+    The gallery needs two classes, and a query another shape of its own class in it.
+    """
     gallery = record.gallery_of_queries
-    if gallery and (len({*gallery.labels}) < 2 or not any(record.are_queries)):
-        shown, there = (
-            ", ".join(sorted({*labels})[:3]) for labels in (record.labels, gallery.labels)
-        )
-        problem = f"nothing can be retrieved: queries are of {shown}, and shapes of {gallery.gallery} of {there}"
-        raise DatasetError(
-            problem, "name the classes of both alike, and give the gallery two or more"
-        )
+    if gallery is None:
+        return
+    if len({*gallery.labels}) >= 2 and any(record.are_queries):
+        return
+    of_queries = _first_classes(record.labels)
+    of_gallery = _first_classes(gallery.labels)
+    raise DatasetError(
+        f"nothing can be retrieved: queries are of {of_queries}, "
+        f"and shapes of {gallery.gallery} of {of_gallery}",
+        "name the classes of both alike, and give the gallery two or more",
+    )
 
 
-class _Side(NamedTuple):
-    """Queries, or the gallery that they are ranked in, with the keys of prepared shapes."""
+def _first_classes(labels: Iterable[str]) -> str:
+    """Return the first few names of classes, joined by commas."""
+    return ", ".join(sorted({*labels})[:_MOST_CLASSES_NAMED])
+
+
+@dataclass(frozen=True)
+class _ShapesOfSide:
+    """Shapes on one side of a ranking, for all methods: keys of prepared shapes are the same.
+
+    Parameters
+    ----------
+    gallery
+        The queries, or the gallery that they are ranked in.
+    shapes
+        The data set under its input.
+    prepared_keys
+        Key of the prepared shape of each view.
+    source
+        Where workers get the shapes.
+    """
 
     gallery: Gallery
-    source: str
     shapes: PreparedShapes
-    prepared: list[str]
+    prepared_keys: list[str]
+    source: ShapeSource
 
 
-def _side_of(gallery: Gallery, input_: Input) -> _Side:
-    seen = gallery.seen
-    shapes = PreparedShapes(seen.dataset, input_)
-    return _Side(
-        gallery, _absolute(seen.source), shapes, [shapes.key(entry) for entry in seen.entries]
-    )
+def _shapes_of_side(gallery: Gallery, input_: Input, data_root: Path | None) -> _ShapesOfSide:
+    """Return the shapes of a gallery under an input, with their keys."""
+    rendered = gallery.seen
+    shapes = PreparedShapes(rendered.dataset, input_)
+    keys = [shapes.key(entry) for entry in rendered.entries]
+    source = ShapeSource(_absolute(rendered.source), data_root, input_)
+    return _ShapesOfSide(gallery, shapes, keys, source)
+
+
+class _Trained(NamedTuple):
+    """Models of the views on one side of a ranking, or why a job cannot run at these shapes.
+
+    Parameters
+    ----------
+    models
+        Model of each view; None for a method that does not learn, or cannot run.
+    state, reason
+        State of a job that cannot run, and why; None for one that can.
+    """
+
+    models: Models
+    state: State | None = None
+    reason: str = ""
 
 
 @dataclass
@@ -216,132 +311,146 @@ class _Planning:
     records: Iterable[Record]
 
     def __post_init__(self) -> None:
-        self._key, self._code = cache(Component.key), cache(Component.code)
-        self._forms, self._ranking = (
-            code_of_modules([STAGE_MODULES[stage]]) for stage in ("forms", "records")
-        )
+        self._component_key = cache(Component.key)
+        self._component_code = cache(Component.code)
         self._code_of_step = cache(code_of_step)
+        self._code_of_forms = code_of_modules([STAGE_MODULES["forms"]])
+        self._code_of_ranking = code_of_modules([STAGE_MODULES["records"]])
         self._records = {record.row: record for record in self.records if not record.published}
 
     def jobs(
-        self, gallery: Gallery, input_: Input, methods: Iterable[Component]
+        self, gallery: Gallery, input_: Input, methods: Sequence[Component]
     ) -> Iterator[Planned]:
         """Yield the job of each method with its state."""
-        facts, sides = gallery_facts(gallery, input_), [_side_of(gallery, input_)]
-        if other := gallery.gallery_of_queries:
-            sides.append(_side_of(other, other.inputs[0]))
+        if not methods:
+            return
+        facts = gallery_facts(gallery, input_)
+        data_root = gallery.data_root.absolute() if gallery.data_root else None
+        sides = [_shapes_of_side(gallery, input_, data_root)]
+        other = gallery.gallery_of_queries
+        if other:
+            sides.append(_shapes_of_side(other, other.inputs[0], data_root))
         for method in methods:
-            yield self._job(facts, sides, method)
+            planned = self._job(facts, sides, method)
+            _check_pair(planned.record)
+            yield planned
 
-    def _job(self, facts: dict[str, Any], sides: Sequence[_Side], method: Component) -> Planned:
-        gallery, paths = sides[0].gallery, tuple(path_of(side.gallery.source) for side in sides)
-        scorer = None if method.missing_packages() or method.describes else self.scorer
-        row = RowId(
-            gallery.name,
-            facts["input"],
-            method.name,
-            self.seed,
-            scorer.name if scorer else "",
-            paths,
-        )
+    def _job(
+        self, facts: dict[str, Any], sides: Sequence[_ShapesOfSide], method: Component
+    ) -> Planned:
+        """Return the job of a method on shapes that are described by ``facts``, with its state."""
+        gallery = sides[0].gallery
+        needs_scorer = not (method.missing_packages() or method.describes)
+        scorer = self.scorer if needs_scorer else None
+        row = self._row(facts["input"], sides, method, scorer)
+        trained = [_find_models(side, method, self.results / "models") for side in sides]
+        models = [side.models for side in trained]
+        seen = _seen_shapes(gallery, models[0])
+        content = facts | self._describe(method, scorer)
+        content["key"] = digest(["unavailable", row])
+        content["seen"] = seen
+        content["models"] = [model.summary() for model in _different_models(models)]
         before = self._records.get(row)
-        state, reason, models, seen = self._models(sides, method)
-        content = facts | self._facts(method, scorer)
-        content |= {"key": digest(["unavailable", row]), "seen": seen}
-        content["models"] = [
-            model.summary() for model in dict.fromkeys(filter(None, chain(*models)))
-        ]
         codes: dict[Stage, PlannedCode | None] = {}
+        state, reason = _obstacle(gallery, trained, seen)
         if state is None:
             codes = self._codes(method, scorer)
-            files = [
-                self._files(side.prepared, of, method, scorer)
-                for side, of in zip(sides, models, strict=True)
-            ]
-            keys = [keys for of_side in files for keys in zip(*of_side.values(), strict=True)]
-            titles = [method.title, scorer.title if scorer else ""]
-            result_key = digest(
-                [row._replace(paths=()), titles, facts["gallery_digest"], keys, self._ranking]
-            )
-            parts = self._parts(sides, models, method, scorer) | {
-                "the data": facts["gallery_digest"]
-            }
-            content |= {
-                "key": key_at(result_key, paths),
-                "result_key": result_key,
-                "parts": parts,
-                "files": files[0],
-            }
-            if sides[1:]:
-                content["against"] = facts["against"] | {"files": files[1]}
-            state, reason = self._state(before, content["key"], parts)
-            if state in ("missing", "stale") and (
-                problem := newer_record_at(self.results, content["key"])
-            ):
-                state, reason = "unavailable", f"{problem}; update the suite"
-        data_root = gallery.data_root and gallery.data_root.absolute()
-        job = Job(
-            content["key"], row, sides[0].source, data_root, method, self.scorer, self.results
-        )
+            content |= self._keys(row, facts, sides, models, method, scorer)
+            state, reason = self._state(before, content["key"], content["parts"])
+        job = Job(content["key"], row, method, self.scorer, self.results)
         return Planned(
+            job,
             tuple(
-                replace(job, source=side.source, row=row._replace(input=side.shapes.input))
-                for side in sides
+                PlannedSide(side.gallery, side.source, side.shapes.frame_key, tuple(of_side))
+                for side, of_side in zip(sides, models, strict=True)
             ),
-            tuple(side.shapes.frame_key for side in sides),
             codes,
             (gallery,),
             record_of(content),
-            tuple(model.folder if model else None for model in chain(*models)),
-            {model.folder: model.card_digest for model in chain(*models) if model},
             state,
             reason,
             before,
-            is_pending=state in ("missing", "stale", "incomplete", *self.rerun),
+            is_pending=state in _PENDING or state in self.rerun,
         )
+
+    def _row(
+        self,
+        input_: Input,
+        sides: Sequence[_ShapesOfSide],
+        method: Component,
+        scorer: Component | None,
+    ) -> RowId:
+        """Return what the record of a job is the result of."""
+        scorer_name = scorer.name if scorer else ""
+        paths = tuple(path_of(side.gallery.source) for side in sides)
+        gallery = sides[0].gallery
+        return RowId(gallery.name, input_, method.name, self.seed, scorer_name, paths)
+
+    def _keys(
+        self,
+        row: RowId,
+        facts: Mapping[str, Any],
+        sides: Sequence[_ShapesOfSide],
+        models: Sequence[Models],
+        method: Component,
+        scorer: Component | None,
+    ) -> dict[str, Any]:
+        """Return the fields of a record that say what its scores are computed from."""
+        files_of_sides = []
+        keys_of_views: list[tuple[str, ...]] = []
+        for side, of_side in zip(sides, models, strict=True):
+            files = self._files(side.prepared_keys, of_side, method, scorer)
+            files_of_sides.append(files)
+            keys_of_views += zip(*files.values(), strict=True)
+        titles = [method.title, scorer.title if scorer else ""]
+        result_key = digest(
+            [
+                row._replace(paths=()),
+                titles,
+                facts["gallery_digest"],
+                keys_of_views,
+                self._code_of_ranking,
+            ]
+        )
+        parts = self._parts(sides, models, method, scorer)
+        parts["the data"] = facts["gallery_digest"]
+        fields = {
+            "key": key_at(result_key, row.paths),
+            "result_key": result_key,
+            "parts": parts,
+            "files": files_of_sides[0],
+        }
+        if len(sides) > 1:
+            fields["against"] = facts["against"] | {"files": files_of_sides[1]}
+        return fields
 
     def _state(
         self, record: Record | None, key: str, parts: Mapping[str, str]
     ) -> tuple[State, str]:
-        """Return the state of a job that can run and the reason for it, from the record of its row."""
+        """Return the state of a job that can run, from the record of its row, and the reason."""
+        if record is not None and record.key == key:
+            if record.status == "incomplete":
+                return "incomplete", record.reason
+            if record.status == "ok":
+                return "finished", record.refusals
+            return "failed", f"{record.status}: {record.reason}"
+        newer_record = newer_record_at(self.results, key)
+        if newer_record:
+            return "unavailable", f"{newer_record}; update the suite"
         if record is None:
             return "missing", "never run"
-        if record.key != key and record.parts.get("its code"):
+        if record.parts.get("its code"):
             reason = "it ran in the process of a program, or with -j 0, of which nothing is reused"
             return "stale", reason
-        if record.key != key:
-            known = {**self._definitions, **definitions_of(parts.items())}
-            return "stale", describe_change(record.parts, parts, known)
-        if record.status == "incomplete":
-            return "incomplete", record.reason
-        if record.status == "ok":
-            return "finished", record.refusals
-        return "failed", f"{record.status}: {record.reason}"
+        known = {**self._definitions, **definitions_of(parts.items())}
+        return "stale", describe_change(record.parts, parts, known)
 
     @cached_property
     def _definitions(self) -> Definitions:
         """Definitions in the code of earlier runs."""
         return read_definitions(self.results)
 
-    def _models(
-        self, sides: Sequence[_Side], method: Component
-    ) -> tuple[State | None, str, list[Models], list[str]]:
-        """Return why a job cannot run, the model of each view of each side, and the queries seen in training."""
-        obstacles = [_obstacle(side, method, self.results / "models") for side in sides]
-        state, reason = next(
-            ((state, reason) for state, reason, _ in obstacles if state), (None, "")
-        )
-        gallery, models = sides[0].gallery, [of_side for *_, of_side in obstacles]
-        seen = _seen(gallery, models[0])
-        if seen and gallery.table.all_unseen:
-            state, reason = (
-                "unsupported",
-                f"{len(seen)} shapes were seen in training, such as {seen[0]}",
-            )
-            reason += "; take a model of another training"
-        return state, reason, models, seen
-
-    def _facts(self, method: Component, scorer: Component | None) -> dict[str, Any]:
+    def _describe(self, method: Component, scorer: Component | None) -> dict[str, Any]:
         """Return the fields of a record that describe a method and a scorer."""
         return {
             "status": "unavailable",
@@ -360,80 +469,93 @@ class _Planning:
     def _codes(
         self, method: Component, scorer: Component | None
     ) -> dict[Stage, PlannedCode | None]:
-        of_stages: dict[Stage, Component] = {"forms": method, "records": scorer or method}
-        of_stages |= {"signatures": scorer} if scorer else {}
-        return {
-            stage: self._code_of_step(component, stage) for stage, component in of_stages.items()
-        }
+        """Return the code that makes the files of each stage behind preparation."""
+        makers: dict[Stage, Component] = {"forms": method, "records": scorer or method}
+        if scorer:
+            makers["signatures"] = scorer
+        return {stage: self._code_of_step(maker, stage) for stage, maker in makers.items()}
 
     def _files(
-        self, prepared: list[str], models: Models, method: Component, scorer: Component | None
+        self,
+        prepared_keys: list[str],
+        models: Models,
+        method: Component,
+        scorer: Component | None,
     ) -> dict[str, list[str]]:
-        """Return the keys of the cached files of each shape; those of signatures are "" for a descriptor."""
-        forms = [
-            digest([key, self._key(method), self._forms, self.seed, model.digest if model else ""])
-            for key, model in zip(prepared, models, strict=True)
-        ]
-        signatures = [digest([key, self._key(scorer)]) if scorer else "" for key in forms]
-        return {"prepared": prepared, "forms": forms, "signatures": signatures}
+        """Return the keys of the cached files of each view; of signatures "" for a descriptor."""
+        forms = []
+        for prepared_key, model in zip(prepared_keys, models, strict=True):
+            ingredients = [
+                prepared_key,
+                self._component_key(method),
+                self._code_of_forms,
+                self.seed,
+                model.digest if model else "",
+            ]
+            forms.append(digest(ingredients))
+        if scorer:
+            scorer_key = self._component_key(scorer)
+            signatures = [digest([form_key, scorer_key]) for form_key in forms]
+        else:
+            signatures = [""] * len(forms)
+        return {"prepared": prepared_keys, "forms": forms, "signatures": signatures}
 
     def _parts(
         self,
-        sides: Sequence[_Side],
+        sides: Sequence[_ShapesOfSide],
         models: Sequence[Models],
         method: Component,
         scorer: Component | None,
     ) -> dict[str, str]:
         """Return what determines the scores, by names that a user understands."""
-        parts = self._code(method) | self._forms | self._ranking
-        parts |= self._code(scorer) if scorer else {}
+        parts = self._component_code(method) | self._code_of_forms | self._code_of_ranking
+        if scorer:
+            parts |= self._component_code(scorer)
         for side in reversed(sides):  # the camera is that of the queries
             parts = side.shapes.code | parts | {"the camera": side.shapes.camera_key}
-        for name, component in (("its", method), ("the scorer's", self.scorer)):
-            parts[f"{name} title"] = component.info.title
-            parts[f"{name} parameters"] = json.dumps(
+        for owner, component in (("its", method), ("the scorer's", self.scorer)):
+            parts[f"{owner} title"] = component.info.title
+            parts[f"{owner} parameters"] = json.dumps(
                 dict(component.parameters), sort_keys=True, default=str
             )
-        return parts | {
-            f"the model {model.training}": model.digest for model in chain(*models) if model
-        }
+        for model in _different_models(models):
+            parts[f"the model {model.training}"] = model.digest
+        return parts
 
 
 def _as_json(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return parameters as they are read from a record."""
     return dict(json.loads(json.dumps(dict(values), default=str)))
 
 
 def _absolute(source: str) -> str:
     """Return a source for workers, which may have another working directory."""
-    return str(Path(source).absolute()) if is_path(source) and not is_known(source) else source
+    if is_path(source) and not is_known(source):
+        return str(Path(source).absolute())
+    return source
+
+
+def _different_models(models: Iterable[Models]) -> list[Model]:
+    """Return the models of all views, each once."""
+    return [model for model in dict.fromkeys(chain(*models)) if model]
 
 
 def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
-    """Return the fields of a record that describe the shapes of a gallery, or of queries and their gallery."""
-    if gallery.gallery_of_queries:
-        queries = gallery_facts(replace(gallery, gallery_of_queries=None), input_)
-        against = gallery_facts(gallery.gallery_of_queries, gallery.gallery_of_queries.inputs[0])
-        keeps = gallery.table.keeps_same_names
-        both = digest_of_both(
-            queries["gallery_digest"],
-            against["gallery_digest"],
-            against["input"],
-            keeps_same_names=keeps,
-            cameras=gallery.gallery_of_queries.cameras,
-        )
-        against |= {"views": gallery.gallery_of_queries.n_views}
-        return queries | {"against": against, "keeps_same_names": keeps, "gallery_digest": both}
+    """Return the fields of a record that describe its shapes, and those of another gallery."""
     shapes = gallery.dataset
-    ranked = [
+    path = path_of(gallery.source)
+    contents = [
         (entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries
     ]
     settings: list[object] = []
-    if path := path_of(gallery.source):
-        cameras = [(repr(shapes.camera(of)), repr(shapes.sensor(of))) for of in gallery.entries]
-        settings = [shapes.half_width, *cameras]
-    return {
+    if path:
+        settings.append(shapes.half_width)
+        settings += [
+            (repr(shapes.camera(entry)), repr(shapes.sensor(entry))) for entry in gallery.entries
+        ]
+    facts = {
         "gallery": gallery.name,
-        "gallery_digest": digest_of_shapes(ranked, settings),
+        "gallery_digest": digest_of_shapes(contents, settings),
         "input": input_,
         "data": {
             "name": shapes.name,
@@ -447,43 +569,71 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
         "shapes": [entry.identifier for entry in gallery.entries],
         "labels": [entry.subject for entry in gallery.entries],
     }
+    if gallery.gallery_of_queries:
+        facts |= _facts_of_both(facts, gallery, gallery.gallery_of_queries)
+    return facts
+
+
+def _facts_of_both(queries: Mapping[str, Any], gallery: Gallery, other: Gallery) -> dict[str, Any]:
+    """Return the fields that describe the gallery of queries, with the digest of both."""
+    against = gallery_facts(other, other.inputs[0])
+    both = digest_of_both(
+        queries["gallery_digest"],
+        against["gallery_digest"],
+        against["input"],
+        keeps_same_names=gallery.table.keeps_same_names,
+        cameras=other.cameras,
+    )
+    return {
+        "against": against | {"views": other.n_views},
+        "keeps_same_names": gallery.table.keeps_same_names,
+        "gallery_digest": both,
+    }
+
+
+def _find_models(side: _ShapesOfSide, method: Component, trained_here: Path) -> _Trained:
+    """Return the model of each view, or why a method cannot run at these shapes."""
+    gallery = side.gallery
+    no_models: Models = [None] * len(side.prepared_keys)
+    missing = method.missing_packages()
+    if missing:
+        reason = f"needs {', '.join(missing)}: pip install {' '.join(missing)}"
+        return _Trained(no_models, "unavailable", reason)
+    if side.shapes.input not in method.info.inputs:
+        reason = f"does not take the {side.shapes.input} input"
+        if gallery.gallery_of_queries:
+            reason += "; pass --gallery-views 12 to see meshes as views"
+        return _Trained(no_models, "unsupported", reason)
+    try:
+        model_by_shape = gallery.models(method, trained_here)
+    except MissingModel as error:
+        return _Trained(no_models, "unavailable", str(error))
+    except (NoFolds, TooNear) as error:
+        return _Trained(no_models, "unsupported", str(error))
+    models: list[Model | None] = []
+    for entry in gallery.entries:
+        models += [model_by_shape.get(entry.identifier)] * gallery.n_views
+    return _Trained(models)
 
 
 def _obstacle(
-    side: _Side, method: Component, trained_here: Path
-) -> tuple[State | None, str, Models]:
-    """Return why a job cannot run, as a state with the reason, or None with the model of each view."""
-    gallery, input_, none = side.gallery, side.shapes.input, [None] * len(side.prepared)
-    if missing := method.missing_packages():
-        return "unavailable", f"needs {', '.join(missing)}: pip install {' '.join(missing)}", none
-    if input_ not in method.info.inputs:
-        hint = (
-            "; pass --gallery-views 12 to see meshes as views" if gallery.gallery_of_queries else ""
-        )
-        return "unsupported", f"does not take the {input_} input{hint}", none
-    try:
-        model_of = gallery.models(method, trained_here)
-    except MissingModel as error:
-        return "unavailable", str(error), none
-    except (NoFolds, TooNear) as error:
-        return "unsupported", str(error), none
-    return (
-        None,
-        "",
-        [
-            model_of.get(entry.identifier)
-            for entry in gallery.entries
-            for _ in range(gallery.n_views)
-        ],
-    )
+    gallery: Gallery, trained: Iterable[_Trained], seen: Sequence[str]
+) -> tuple[State | None, str]:
+    """Return the state of a job that cannot run, and why; None if it can."""
+    if seen and gallery.table.all_unseen:
+        reason = f"{len(seen)} shapes were seen in training, such as {seen[0]}"
+        return "unsupported", f"{reason}; take a model of another training"
+    for side in trained:
+        if side.state:
+            return side.state, side.reason
+    return None, ""
 
 
-def _seen(gallery: Gallery, models: Models) -> list[str]:
+def _seen_shapes(gallery: Gallery, models: Models) -> list[str]:
     """Return the names of the shapes that the model for them was trained on."""
-    pairs = zip(gallery.entries, models, strict=True)
     return [
         entry.identifier
-        for entry, model in pairs
+        for entry, model in zip(gallery.entries, models, strict=True)
         if model and model.has_seen(entry, gallery.dataset.name)
     ]
 
@@ -495,14 +645,16 @@ def describe_change(
 
     Functions, classes and constants of the suite are named where they are ``known``.
     """
-    changed = []
+    changed: dict[str, None] = {}  # several parts may have one name
     for name in sorted(before.keys() | now.keys()):
-        parts = before.get(name, ""), now.get(name, "")
-        if parts[0] != parts[1]:
-            functions = listed(changed_definitions(*parts, known or {}))
-            file = Path(name).name
-            changed.append(f"{file} ({functions})" if functions else file)
-    return f"{listed(dict.fromkeys(changed)) or 'the code'} changed"
+        old = before.get(name, "")
+        new = now.get(name, "")
+        if old == new:
+            continue
+        file = Path(name).name
+        definitions = listed(changed_definitions(old, new, known or {}))
+        changed[f"{file} ({definitions})" if definitions else file] = None
+    return f"{listed(changed) or 'the code'} changed"
 
 
 # Time
@@ -510,7 +662,15 @@ def describe_change(
 
 
 class Estimate(NamedTuple):
-    """Upper bound for seconds on one core, and jobs without one, as no job of their method has finished."""
+    """Upper bound for the work of a plan.
+
+    Parameters
+    ----------
+    seconds
+        Seconds on one core.
+    unknown
+        Number of jobs that are not in the seconds, as no job of their method has finished.
+    """
 
     seconds: float
     unknown: int
@@ -519,47 +679,52 @@ class Estimate(NamedTuple):
 def estimate(
     planned: Sequence[Planned], records: Iterable[Record], published: Path = SUITE_RESULTS
 ) -> Estimate:
-    """Estimate the work of a plan as if nothing were in the cache; a form that several galleries rank counts once.
+    """Estimate the work of a plan as if nothing were in the cache.
 
-    Seconds a shape are those of the same method and input on the same gallery or data set,
+    Seconds per shape are those of the same method and input on the same gallery or data set,
     otherwise the median over all galleries, of the method with any parameters if need be. Jobs
-    here, in ``records``, count before published ones.
+    here, in ``records``, count before published ones. A form that several galleries rank counts
+    once.
     """
     pending = [job.record for job in planned if job.is_pending]
-    here = [record for record in records if not record.published]
-    every = [*read_records(published, local=False), *here] if pending else []
-    finished = [record for record in every if record.seconds and not record.gallery_of_queries]
-    unknown, spent = (
-        set[str](),
-        dict[str, float](),
-    )  # seconds of each file of the cache, which several jobs may take
-    for job, side in [(one, of) for one in pending for of in one.sides]:
-        seconds = _seconds_a_shape(job.method, side, finished)
-        unknown |= set() if seconds else {job.key}
-        for stage, keys in side.files.items():
-            of_file = seconds.get(STAGES[stage], 0.0) + (
-                seconds.get("geodesics", 0.0) if stage == "prepared" else 0.0
-            )
-            spent |= {key: max(spent.get(key, 0.0), of_file) for key in filter(None, keys)}
-        spent[f"{job.key} {side.gallery}"] = seconds.get(STAGES["records"], 0.0) * len(
-            side.file_names
-        )
-    return Estimate(sum(spent.values()), len(unknown))
+    if not pending:
+        return Estimate(0.0, 0)
+    known = read_records(published, local=False)
+    known += [record for record in records if not record.published]
+    finished = [record for record in known if record.seconds and not record.gallery_of_queries]
+    unknown: set[str] = set()
+    seconds_of_file: defaultdict[str, float] = defaultdict(float)  # several jobs may take a file
+    seconds_of_ranking: dict[tuple[str, str], float] = {}
+    for job in pending:
+        for side in job.sides:
+            seconds = _seconds_per_shape(job, side, finished)
+            if not seconds:
+                unknown.add(job.key)
+            for stage, keys in side.files.items():
+                of_stage = seconds[STAGES[stage]]
+                if stage == "prepared":  # geodesics are computed once for all methods
+                    of_stage += seconds["geodesics"]
+                for key in filter(None, keys):
+                    seconds_of_file[key] = max(seconds_of_file[key], of_stage)
+            n_views = len(side.shapes) * side.views
+            seconds_of_ranking[job.key, side.gallery] = seconds[STAGES["records"]] * n_views
+    total = sum(seconds_of_file.values()) + sum(seconds_of_ranking.values())
+    return Estimate(total, len(unknown))
 
 
-def _seconds_a_shape(
-    method: str, side: RankedShapes, finished: Sequence[Record]
-) -> dict[str, float]:
-    """Return seconds by stage; empty if they are unknown."""
-    timed = [record for record in finished if record.input == side.input]
-    alike = [record for record in timed if record.method == method]
-    alike = alike or [
-        record for record in timed if record.method.partition("[")[0] == method.partition("[")[0]
-    ]
-    of_gallery = [record for record in alike if record.gallery == side.gallery]
-    of_data = of_gallery or [record for record in alike if record.data.name == side.data.name]
-    seconds = [record.seconds for record in of_data[-1:] or alike]
-    stages = set[str]().union(*seconds)
-    return {
-        stage: statistics.median(of_job.get(stage, 0.0) for of_job in seconds) for stage in stages
-    }
+def _seconds_per_shape(
+    job: Record, side: RankedShapes, finished: Sequence[Record]
+) -> defaultdict[str, float]:
+    """Return seconds per shape by stage, 0 for a stage that was not timed; empty if unknown."""
+    same_input = [record for record in finished if record.input == side.input]
+    similar = [record for record in same_input if record.method == job.method]
+    if not similar:
+        similar = [record for record in same_input if record.base_name == job.base_name]
+    nearest = [record for record in similar if record.gallery == side.gallery]
+    if not nearest:
+        nearest = [record for record in similar if record.data.name == side.data.name]
+    timed = [record.seconds for record in nearest[-1:] or similar]
+    seconds: defaultdict[str, float] = defaultdict(float)
+    for stage in set[str]().union(*timed):
+        seconds[stage] = statistics.median(of_job.get(stage, 0.0) for of_job in timed)
+    return seconds

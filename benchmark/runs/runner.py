@@ -6,7 +6,6 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
-from itertools import chain
 from pathlib import Path
 from typing import NamedTuple
 
@@ -15,17 +14,18 @@ import msgspec
 from benchmark.errors import FILE, BenchmarkError
 from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import memory_per_process
-from benchmark.pipeline.cache import Cache, writing
+from benchmark.pipeline.cache import Cache, CachedFile, writing
 from benchmark.pipeline.code_store import keep_definitions
 from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.records import Record, record_of, write_record
+from benchmark.runs.open_jobs import OpenJobs
 from benchmark.runs.planning import Planned
-from benchmark.runs.tasks import File, Outcome, Queue, Step, Task
+from benchmark.runs.tasks import Outcome, Queue, Step, Task
 from benchmark.runs.workers import Pool, Workers
 from benchmark.text import say
 
-#: Bytes of memory of the smallest process.
-_SMALLEST = 2**29
+#: Bytes of memory of the smallest worker process.
+_SMALLEST_PROCESS = 2**29
 
 
 class Progress(NamedTuple):
@@ -80,9 +80,8 @@ def run_jobs(
     if not pending:
         return
     with writing(results):
-        for of_shape in chain.from_iterable(job.steps() for job in pending.values() if anew):
-            for step in of_shape:
-                Cache(results).remove(*step.file)
+        if anew:
+            _remove_files(pending.values(), results)
         keep_definitions(results, [job.record.parts for job in pending.values()])
         drop_stale_kernels()
         workers = workers or start_workers(size, timeout, dask)
@@ -92,23 +91,46 @@ def run_jobs(
             workers.close()
 
 
+def _remove_files(jobs: Iterable[Planned], results: Path) -> None:
+    """Remove the files of jobs from the cache."""
+    cache_of_run = Cache(results)
+    for job in jobs:
+        for steps in job.steps():
+            for step in steps:
+                cache_of_run.remove(*step.file)
+
+
 def result_of(job: Planned, ended: Mapping[str, Record]) -> Record | None:
-    """Return the record of a job after a run, with those that ended in it by key; None for one that is unsupported."""
+    """Return the record of a job after a run; None for one that is unsupported.
+
+    Parameters
+    ----------
+    job
+        The job.
+    ended
+        Records of the jobs that ended in the run, by their keys.
+    """
     if job.state == "unavailable":
         return msgspec.structs.replace(job.record, reason=job.reason)
-    return None if job.state == "unsupported" else ended.get(job.record.key, job.before)
+    if job.state == "unsupported":
+        return None
+    return ended.get(job.record.key, job.before)
 
 
 def with_results(
     records: Sequence[Record], planned: Iterable[Planned], ended: Mapping[str, Record]
 ) -> list[Record]:
-    """Return records of before a run with those of its jobs in their place; a job that cannot run replaces none."""
+    """Return records of before a run with those of its jobs in their place.
+
+    A job that cannot run replaces no record. For ``ended``, see :func:`result_of`.
+    """
     merged = {record.row: record for record in records}
     for job in planned:
         result = result_of(job, ended)
-        if result is not None and (job.state != "unavailable" or result.row not in merged):
-            merged.pop(result.row, None)
-            merged[result.row] = result
+        if result is None or (job.state == "unavailable" and result.row in merged):
+            continue
+        merged.pop(result.row, None)  # new results stand last
+        merged[result.row] = result
     return [*merged.values()]
 
 
@@ -118,199 +140,231 @@ def start_workers(size: int, timeout: float, dask: str) -> Workers:
         from benchmark.runs.dask import DaskPool
 
         return DaskPool(dask, timeout)
-    possible = max(1, min(size, memory_per_process() // _SMALLEST))
+    possible = max(1, min(size, memory_per_process() // _SMALLEST_PROCESS))
     if possible < size:
-        say(
-            f"only {possible} of {size} processes run at a time: there is no memory for more",
-            err=True,
-        )
+        text = f"only {possible} of {size} processes run at a time: there is no memory for more"
+        say(text, err=True)
     return Pool(possible, memory_per_process(possible), timeout)
 
 
-class _Run:
-    """Jobs under way, by key."""
+class _MissingFile(NamedTuple):
+    """A file that is to be made, and the missing file that it is made from, if that is, too."""
 
-    def __init__(self, jobs: dict[str, Planned], results: Path) -> None:
-        self.jobs, self.results = jobs, results
-        self.queue = Queue(self._is_open)
-        #: Files that a job still lacks, by its key, and the keys of the jobs that lack a file.
-        self.left = {key: set[File]() for key in jobs}
-        self.lacking = defaultdict[File, list[str]](list)
-        #: Files that are made from a file, and tasks that wait for it.
-        self.following = defaultdict[File, dict[File, None]](dict)
-        self.waiting = defaultdict[File, list[Task]](list)
-        #: Why shapes remain without a result, by the key of the job.
-        self.incomplete = defaultdict[str, list[str]](list)
+    step: Step
+    source: CachedFile | None
+
+
+class _Run:
+    """A run of jobs.
+
+    Parameters
+    ----------
+    jobs
+        The jobs by their keys.
+    results
+        The results folder.
+    """
+
+    def __init__(self, jobs: Mapping[str, Planned], results: Path) -> None:
+        self._results = results
+        self._open_jobs = OpenJobs(jobs)
+        self._queue = Queue(self._open_jobs.is_wanted)
+        #: Tasks that wait for a file.
+        self._blocked: defaultdict[CachedFile, list[Task]] = defaultdict(list)
         #: Files whose step is tried for the second time.
-        self.retried = set[File]()
-        #: Messages about shapes, by data set.
-        self.announced = set[tuple[str, str]]()
+        self._retried: set[CachedFile] = set()
+        #: Messages about shapes that were printed, with the data set.
+        self._announced: set[tuple[str, str]] = set()
 
     def records(self, workers: Workers, watch: Callable[[Progress], object]) -> Iterator[Record]:
-        """Run the jobs."""
-        yield from self._begin([*self.jobs])
-        total = self._n_left
-        while self.jobs:
-            for step, outcome in workers.poll(self.queue):
-                if self._is_open(step):
+        """Run the jobs, and yield the record of each as it ends."""
+        yield from self._begin([*self._open_jobs])
+        total = self._open_jobs.n_missing
+        while self._open_jobs:
+            for step, outcome in workers.poll(self._queue):
+                if self._open_jobs.is_wanted(step):
                     yield from self._take(step, outcome)
-            watch(Progress(total - self._n_left, total, workers.working))
+            watch(Progress(total - self._open_jobs.n_missing, total, workers.working))
 
-    @property
-    def _n_left(self) -> int:
-        return sum(map(len, self.left.values()))
+    def _begin(
+        self, jobs: Sequence[Planned], retried: CachedFile | None = None
+    ) -> Iterator[Record]:
+        """Queue the steps that make the missing files of jobs; rank those that lack none.
 
-    def _is_open(self, step: Step) -> bool:
-        """Return whether the outcome of a step is still wanted."""
-        return any(key in self.jobs for key in self._jobs_of(step))
-
-    def _jobs_of(self, step: Step) -> list[str]:
-        """Return the keys of the jobs that a step is done for."""
-        return [step.job.key] if step.stage == "records" else self.lacking.get(step.file, [])
-
-    def _begin(self, keys: Sequence[str], of: File | None = None) -> Iterator[Record]:
-        """Queue the steps that make the missing files of jobs, or one file that is tried again, and those they need.
-
-        Jobs that lack no file go on at once; see :meth:`_finish`.
+        Parameters
+        ----------
+        jobs
+            The jobs.
+        retried
+            The only file that is to be made, with those that it is made from.
         """
-        exists, steps, needs = (
-            cache(Cache(self.results).has),
-            dict[File, Step](),
-            dict[File, File | None](),
-        )
-        for key in keys:
-            for of_shape in self.jobs[key].steps():
-                made = [step.file for step in of_shape]
-                n_steps = made.index(of) + 1 if of in made else 0 if of else len(made)
-                for before, step in zip((None, *of_shape), of_shape[:n_steps], strict=False):
-                    if step.file == of or not exists(*step.file):
-                        self._need(step.file, key)
-                        needs[step.file] = before.file if before and before.file in steps else None
-                        steps[step.file] = step
-                    if before:
-                        self.following[before.file][step.file] = None
-        tasks = defaultdict[tuple[object, ...], list[Step]](list)
-        for file, step in steps.items():
-            tasks[self._task_of(step, needs[file], steps)].append(step)
-        for group in tasks.values():
-            files = {step.file for step in group}
-            needed = [need for step in group if (need := needs[step.file]) and need not in files]
-            task = Task(tuple(group))
-            if needed:
-                self.waiting[needed[0]].append(task)
+        exists = cache(Cache(self._results).has)
+        missing: dict[CachedFile, _MissingFile] = {}
+        for job in jobs:
+            for steps in job.steps():
+                source: CachedFile | None = None
+                for step in _steps_to_make(steps, retried):
+                    if source:
+                        self._open_jobs.add_made_from(source, step.file)
+                    if step.file == retried or not exists(*step.file):
+                        self._open_jobs.add_missing(job, step.file)
+                        missing_source = source if source in missing else None
+                        missing[step.file] = _MissingFile(step, missing_source)
+                    source = step.file
+        self._add_tasks(missing)
+        for job in jobs:
+            yield from self._finish(job)
+
+    def _add_tasks(self, missing: Mapping[CachedFile, _MissingFile]) -> None:
+        """Divide the steps that make missing files into tasks, and queue those that can begin."""
+        groups: defaultdict[tuple[object, ...], list[CachedFile]] = defaultdict(list)
+        for file in missing:
+            groups[_group_of(file, missing)].append(file)
+        for files in groups.values():
+            task = Task(tuple(missing[file].step for file in files))
+            sources = [missing[file].source for file in files]
+            outside = [source for source in sources if source and source not in files]
+            if outside:
+                self._blocked[outside[0]].append(task)
             else:
-                self.queue.add(task)
-        for key in keys:
-            yield from self._finish(key)
-
-    @staticmethod
-    def _task_of(step: Step, need: File | None, steps: Mapping[File, Step]) -> tuple[object, ...]:
-        """Return what tells apart the task of a step: a shape is loaded once, and methods share its geodesics."""
-        if step.stage == "prepared":
-            return step.job.source, step.job.data_root, step.source_shape or step.key
-        if need and need[0] == "forms" and steps[need].process != step.process:
-            return step.file
-        return step.process, step.job.row.seed, step.keys["prepared"]
-
-    def _need(self, file: File, key: str) -> None:
-        """Note that a job lacks a file."""
-        if file not in self.left[key]:
-            self.left[key].add(file)
-            self.lacking[file].append(key)
+                self._queue.add(task)
 
     def _take(self, step: Step, outcome: Outcome) -> Iterator[Record]:
         """Note an outcome; yield the records of the jobs that have ended."""
         if outcome.status == "stopped":
             raise BenchmarkError(outcome.reason)
-        if outcome.status in ("incomplete", "crashed") and step.file not in self.retried:
-            self.retried.add(step.file)
-            keys = [key for key in self._jobs_of(step) if key in self.jobs]
-            # A damaged file is no longer there.
-            yield from self._begin(keys, None if step.stage == "records" else step.file)
+        if outcome.status in ("incomplete", "crashed") and step.file not in self._retried:
+            yield from self._retry(step)
         elif outcome.status == "incomplete":
-            yield from self._leave(step, outcome)
-        elif step.stage != "records" and outcome.status in ("ok", "refused"):
-            if step.stage == "prepared" and outcome.status == "refused":
+            yield from self._give_up(step, outcome)
+        elif step.stage == "records" or outcome.status not in ("ok", "refused"):
+            for job in self._open_jobs.waiting_for(step):
+                yield self._end(job, outcome, step.view)
+        elif outcome.status == "ok":
+            yield from self._release(step.file, self._open_jobs.mark_made(step.file))
+        else:
+            if step.stage == "prepared":
                 self._announce(step, outcome.reason)
-            yield from self._settle(step.file, is_made=outcome.status == "ok")
+            yield from self._release(step.file, self._open_jobs.mark_lost(step.file))
+
+    def _retry(self, step: Step) -> Iterator[Record]:
+        """Try a step for the second time, with those whose damaged files were removed."""
+        self._retried.add(step.file)
+        jobs = self._open_jobs.waiting_for(step)
+        if step.stage == "records":  # a file of the gallery was damaged
+            yield from self._begin(jobs)
         else:
-            for planned in [self.jobs[key] for key in self._jobs_of(step) if key in self.jobs]:
-                yield self._end(planned, step.shape, outcome)
+            yield from self._begin(jobs, step.file)
 
-    def _settle(self, file: File, *, is_made: bool, reason: str = "") -> Iterator[Record]:
-        """Note that a file is made, or will not be, nor those that are made from it; end jobs that lack no more."""
-        files, ended = [file], dict[str, None]()
-        for of_file in files:
-            files += [] if is_made else self.following.pop(of_file, ())
-            for key in filter(self.jobs.__contains__, self.lacking.pop(of_file, ())):
-                self.left[key].discard(of_file)
-                self.incomplete[key] += [reason] * bool(reason)
-                ended[key] = None
-        for task in self.waiting.pop(file, ()):  # which may have steps that need other files
-            self.queue.add(task)
-        for key in ended:
-            yield from self._finish(key)
-
-    def _finish(self, key: str) -> Iterator[Record]:
-        """Rank the gallery of a job that lacks no file, or say what it lacks."""
-        if self.left[key]:
-            return
-        planned = self.jobs[key]
-        reason, *others = dict.fromkeys(self.incomplete[key]) or [""]
-        if reason:
-            more = f" (and {len(others)} more)" if others else ""
-            yield self._end(planned, "", Outcome("incomplete", reason + more))
-        else:
-            self.queue.add(Task((planned.ranking(),), planned.record))
-
-    def _leave(self, step: Step, outcome: Outcome) -> Iterator[Record]:
+    def _give_up(self, step: Step, outcome: Outcome) -> Iterator[Record]:
         """Leave jobs incomplete for a file, or for all files of its shape."""
         if step.stage == "prepared" or outcome.of_shape:
             self._announce(step, outcome.reason)
         if step.stage == "records":
-            self.incomplete[step.job.key].append(outcome.reason)
-            yield from self._finish(step.job.key)
+            for job in self._open_jobs.waiting_for(step):
+                self._open_jobs.add_reason(job, outcome.reason)
+                yield from self._finish(job)
             return
-        file: File = ("prepared", step.keys["prepared"]) if outcome.of_shape else step.file
-        yield from self._settle(file, is_made=False, reason=outcome.reason)
+        file = step.file
+        if outcome.of_shape:
+            file = CachedFile("prepared", step.keys["prepared"])
+        yield from self._release(file, self._open_jobs.mark_lost(file, outcome.reason))
+
+    def _release(self, file: CachedFile, jobs: Iterable[Planned]) -> Iterator[Record]:
+        """Queue the tasks that waited for a file; go on with jobs that waited for it."""
+        for task in self._blocked.pop(file, ()):  # other steps of it may not need the file
+            self._queue.add(task)
+        for job in jobs:
+            yield from self._finish(job)
+
+    def _finish(self, job: Planned) -> Iterator[Record]:
+        """Queue the ranking of a job that is ready; yield the record of an incomplete one."""
+        state = self._open_jobs.state(job)
+        if state == "ready":
+            self._queue.add(Task((job.ranking(),), job.record))
+        elif state == "incomplete":
+            yield self._end(job, Outcome("incomplete", self._open_jobs.reason(job)))
 
     def _announce(self, step: Step, reason: str) -> None:
         """Say once why a shape has no result."""
-        file = self._file_of(step)
-        text = f"{reason.replace(FILE, file.name)} ({file})" if file else reason
-        message = step.job.source, text if text.startswith(step.shape) else f"{step.shape}: {text}"
-        if message not in self.announced:
-            self.announced.add(message)
-            say(message[1], err=True)
+        file = self._file_of_shape(step)
+        if file:
+            reason = f"{reason.replace(FILE, file.name)} ({file})"
+        if not reason.startswith(step.view):
+            reason = f"{step.view}: {reason}"
+        message = step.source.name, reason
+        if message not in self._announced:
+            self._announced.add(message)
+            say(reason, err=True)
 
-    def _file_of(self, step: Step) -> Path | None:
-        """Return the file of the shape of a step in its data set: another one may have the same content."""
-        of_jobs = (self.jobs[key] for key in self._jobs_of(step) if key in self.jobs)
-        name = step.source_shape or step.shape
-        for planned in of_jobs:
-            gallery = planned.galleries[0]
-            shown = (gallery, gallery.gallery_of_queries or gallery)
-            for job, side in zip(planned.sides, shown, strict=False):
-                if job.source == step.job.source:
-                    paths = (entry.path for entry in side.seen.entries if entry.identifier == name)
-                    return next(paths, None)
+    def _file_of_shape(self, step: Step) -> Path | None:
+        """Return the file of the shape of a step; None if it has none.
+
+        It is looked up in the data set of the step: another one may hold the same content.
+        """
+        for job in self._open_jobs.waiting_for(step):
+            for side in job.sides:
+                if side.source != step.source:
+                    continue
+                for entry in side.gallery.entries:
+                    if entry.identifier == step.shape:
+                        return entry.path
         return None
 
-    def _end(self, planned: Planned, shape: str, outcome: Outcome) -> Record:
-        """Return the record of a job; write it unless it says less than the one that it would replace."""
-        reason = f"{shape}: {outcome.reason}" if shape else outcome.reason
-        content = msgspec.to_builtins(planned.record) | {
-            "status": outcome.status,
-            "finished": datetime.now(UTC).isoformat(timespec="milliseconds"),
-            "commit": commit(),
-            "packages": packages(),
-            **(outcome.content or {"reason": reason, "traceback": outcome.traceback}),
-        }
-        record, before = record_of(content), planned.before
-        says_less = record.status == "incomplete" or (
-            before is not None and before.key == record.key
-        )
-        if record.status == "ok" or before is None or before.status != "ok" or not says_less:
-            write_record(self.results, record, before.key if before else "")
-        del self.jobs[record.key], self.left[record.key]
+    def _end(self, job: Planned, outcome: Outcome, view: str = "") -> Record:
+        """Return the record of a job; write it unless it says less than the one it would replace.
+
+        Parameters
+        ----------
+        job, outcome
+            The job, and how it ended.
+        view
+            The view whose step failed; "" if that of no view did.
+        """
+        content = msgspec.to_builtins(job.record)
+        content["status"] = outcome.status
+        content["finished"] = datetime.now(UTC).isoformat(timespec="milliseconds")
+        content["commit"] = commit()
+        content["packages"] = packages()
+        if outcome.content:
+            content |= outcome.content
+        else:
+            content["reason"] = f"{view}: {outcome.reason}" if view else outcome.reason
+            content["traceback"] = outcome.traceback
+        record = record_of(content)
+        if _is_news(record, job.before):
+            replaced_key = job.before.key if job.before else ""
+            write_record(self._results, record, replaced_key)
+        self._open_jobs.close(job)
         return record
+
+
+def _is_news(record: Record, before: Record | None) -> bool:
+    """Return whether a record is written in place of the one before: no result goes for less."""
+    if before is None or before.status != "ok" or record.status == "ok":
+        return True
+    return record.status != "incomplete" and before.key != record.key
+
+
+def _steps_to_make(steps: Sequence[Step], file: CachedFile | None) -> Sequence[Step]:
+    """Return the steps of a shape up to the one that makes a file; all if no file is named."""
+    if file is None:
+        return steps
+    for number, step in enumerate(steps, start=1):
+        if step.file == file:
+            return steps[:number]
+    return ()
+
+
+def _group_of(file: CachedFile, missing: Mapping[CachedFile, _MissingFile]) -> tuple[object, ...]:
+    """Return what the steps of one task share.
+
+    A shape is loaded once for all its files, and methods share its geodesics.
+    """
+    step, source = missing[file]
+    if step.stage == "prepared":
+        return step.source.name, step.source.data_root, step.shape or step.key
+    is_made_from_form = source is not None and source.stage == "forms"
+    if source is not None and is_made_from_form and missing[source].step.process != step.process:
+        return step.file
+    return step.process, step.job.row.seed, step.keys["prepared"]

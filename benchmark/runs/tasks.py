@@ -31,13 +31,13 @@ from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
-from benchmark.api.contracts import Shape
+from benchmark.api.contracts import Input, Shape
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.pipeline import forms
-from benchmark.pipeline.cache import RUNS, Cache, Stage, StorageError
+from benchmark.pipeline.cache import RUNS, Cache, CachedFile, Stage, StorageError
 from benchmark.pipeline.outputs import compute_output, make_distance_check, sign
 from benchmark.pipeline.prepared import CHANGED, PreparedShapes, last_change
 from benchmark.pipeline.ranking import DamagedFiles, rank
@@ -52,10 +52,8 @@ from benchmark.text import Printed, clean_lines
 #: the component.
 STAGE_MODULES: Mapping[Stage, str] = {"forms": forms.__name__, "records": rank.__module__}
 
-T = TypeVar("T")
-
-#: A file of the cache.
-File = tuple[Stage, str]
+#: Option of ``prctl`` that has the system send a process a signal when its parent ends.
+_PR_SET_PDEATHSIG = 1
 
 # What a worker gets and gives
 # ----------------------------------------------------------------------------------------
@@ -63,82 +61,97 @@ File = tuple[Stage, str]
 
 @dataclass(frozen=True)
 class Job:
-    """A method on a gallery under one input, as a worker gets it: without the gallery.
+    """A method on a gallery under one input, as a worker gets it: without the shapes.
 
     Parameters
     ----------
     key, row
         Key of its record, and what that is the result of.
-    source, data_root
-        Where the shapes come from: a name or a folder, and the folder of official sets.
     method, scorer
-        What to do with them.
+        What to do with the shapes.
     results
         The results folder.
     """
 
     key: str
     row: RowId
-    source: str
-    data_root: Path | None
     method: Component
     scorer: Component
     results: Path
 
 
+class ShapeSource(NamedTuple):
+    """Where a worker gets shapes.
+
+    Parameters
+    ----------
+    name
+        Name of a data set, or path of a folder.
+    data_root
+        Folder of the official data sets.
+    input
+        What is prepared of each shape.
+    """
+
+    name: str
+    data_root: Path | None
+    input: Input
+
+
 class Step(NamedTuple):
-    """What makes a file: the frame of the camera, a prepared shape, a form, a signature, or the distances of a gallery.
+    """What makes a file: a camera's frame, a prepared shape, a form, a signature, or distances.
 
     Parameters
     ----------
     job
         A job that needs the file; others may need it, too.
+    source
+        The data set of the shape, of the frame, or of the queries of distances.
     stage, key
         The file.
+    view
+        Name of the shape, or of the view where it has several; "" for a frame and for distances.
     shape
-        The shape; "" for a frame and for distances.
+        The shape whose mesh is loaded; "" for a frame and for distances.
     keys
-        Keys of the files of the shape by stage.
+        Keys of the files of the view by stage.
     model
         Trained model of the method.
     card
         Digest of the card of that model when the run was planned.
     code
-        The code that the plan saw, of what determines a result; a process with other code leaves the
-        job incomplete.
-    source_shape
-        The shape whose mesh is loaded: that which a view shows; "" as for the shape.
+        The code that the plan saw, of what determines a result; a process with other code leaves
+        the job incomplete.
     """
 
     job: Job
+    source: ShapeSource
     stage: Stage
     key: str
+    view: str = ""
     shape: str = ""
     keys: Mapping[Stage, str] = {}
     model: Path | None = None
     card: str = ""
     code: PlannedCode | None = None
-    source_shape: str = ""
 
     def __str__(self) -> str:
+        if self.stage == "records":
+            return f"ranking {self.job.row}"
         work = "preparation" if self.stage == "prepared" else self.job.method.name
-        return (
-            f"{work}, {self.shape or 'camera'}"
-            if self.stage != "records"
-            else f"ranking {self.job.row}"
-        )
+        return f"{work}, {self.view or 'camera'}"
 
     @property
-    def file(self) -> File:
+    def file(self) -> CachedFile:
         """The file that it makes."""
-        return self.stage, self.key
+        return CachedFile(self.stage, self.key)
 
     @property
     def component(self) -> Component:
         """The method or scorer that makes the file, unless preparation does."""
-        return (
-            self.job.method if self.stage == "forms" or not self.job.row.scorer else self.job.scorer
-        )
+        if self.stage == "forms" or not self.job.row.scorer:
+            return self.job.method
+        return self.job.scorer
 
     @property
     def process(self) -> str:
@@ -147,7 +160,7 @@ class Step(NamedTuple):
 
 
 def code_of_step(component: Component, stage: Stage) -> PlannedCode | None:
-    """Return the code with which a method or scorer makes files of a stage; None if nobody knows it."""
+    """Return the code with which a component makes files of a stage; None if nobody knows it."""
     if component.is_unknown:
         return None
     modules = [STAGE_MODULES[stage]] if stage in STAGE_MODULES else []
@@ -155,7 +168,15 @@ def code_of_step(component: Component, stage: Stage) -> PlannedCode | None:
 
 
 class Task(NamedTuple):
-    """Work for one process: steps at one shape of a data set, or the ranking of one job, with its record so far."""
+    """Work for one process.
+
+    Parameters
+    ----------
+    steps
+        Steps at one shape of a data set, or the ranking of one job.
+    record
+        Of a ranking: the record of the job without its outcome.
+    """
 
     steps: tuple[Step, ...]
     record: Record | None = None
@@ -204,12 +225,15 @@ class Queue:
 
     def __init__(self, is_open: Callable[[Step], bool]) -> None:
         self._is_open = is_open
-        self._tasks = defaultdict[str, deque[Task]](deque)
+        self._tasks: defaultdict[str, deque[Task]] = defaultdict(deque)
 
     def add(self, task: Task, *, first: bool = False) -> None:
         """Add a task, behind or before all others."""
         tasks = self._tasks[task.process]
-        tasks.appendleft(task) if first else tasks.append(task)
+        if first:
+            tasks.appendleft(task)
+        else:
+            tasks.append(task)
 
     def count(self, process: str) -> int:
         """Return the number of waiting tasks of a process."""
@@ -220,14 +244,26 @@ class Queue:
         tasks = self._tasks[process]
         while tasks:
             task = tasks.popleft()
-            if steps := tuple(filter(self._is_open, task.steps)):
-                return task._replace(steps=steps)
+            open_steps = tuple(filter(self._is_open, task.steps))
+            if open_steps:
+                return task._replace(steps=open_steps)
         return None
 
-    def take_any(self, processes: Iterable[str] = ()) -> Task | None:
-        """Return the next task for workers: of one of some processes if there is one, so that they need not change."""
-        others = (process for process in [*self._tasks] if process != THIS_PROCESS)
-        return next(filter(None, map(self.take, [*processes, *others])), None)
+    def take_any(self, preferred: Iterable[str] = ()) -> Task | None:
+        """Return the next task for workers; None if there is none.
+
+        Parameters
+        ----------
+        preferred
+            Processes that run already: their tasks come first, so that none need be started.
+        """
+        for process in [*preferred, *self._tasks]:
+            if process == THIS_PROCESS:
+                continue
+            task = self.take(process)
+            if task is not None:
+                return task
+        return None
 
 
 # Steps
@@ -235,7 +271,7 @@ class Queue:
 
 
 class RunContext:
-    """What a process keeps in memory for one run: open data sets, methods with their models, and scorers.
+    """What a process keeps in memory for one run: data sets, methods with their models, scorers.
 
     It is made for a run and ends with it, in the program, in a worker and on a cluster alike, so
     that a later run sees plugins that were edited and files that were written since.
@@ -250,24 +286,27 @@ class RunContext:
         self.uncharged = uncharged
         self._components: dict[tuple[Component, Path | None], Any] = {}
         self._files: dict[tuple[Component, Stage, Path | None], PlannedFiles] = {}
-        self._open = cache(_open)
-        self._prepare = cache(
-            lambda source, data_root, input_: PreparedShapes(self._open(source, data_root), input_)
-        )
+        # Both inputs of a data set share what it loads.
+        self._open_set = cache(_open_set)
+        self._prepared_shapes: dict[ShapeSource, PreparedShapes] = {}
 
-    def created(self, step: Step) -> Any:
+    def create_component(self, step: Step) -> Any:
         """Return the method of a step with its model, or its scorer."""
         model = step.model if step.stage == "forms" else None
         key = step.component, model
         if key not in self._components:
             with self.uncharged("loading"):
-                created = step.component.create()
-                created = created.load(model) if model else created
-            self._components[key] = created
+                component = step.component.create()
+                if model:
+                    component = component.load(model)
+            self._components[key] = component
         return self._components[key]
 
     def unchanged(self, step: Step) -> AbstractContextManager[object]:
-        """Return the context in which the files of a step must be those of the plan; see :class:`PlannedFiles`."""
+        """Return the context in which the files of a step must be those of the plan.
+
+        See :class:`benchmark.runs.unchanged.PlannedFiles`.
+        """
         if step.code is None:
             return nullcontext()
         model = step.model if step.stage == "forms" else None
@@ -276,18 +315,24 @@ class RunContext:
             self._files[key] = PlannedFiles(step.code, model, step.card)
         return self._files[key].unchanged()
 
-    def prepared_shapes(self, job: Job) -> PreparedShapes:
-        """Return the prepared shapes of a job."""
-        with self.uncharged("loading"):
-            return self._prepare(job.source, job.data_root, job.row.input)
+    def prepared_shapes(self, source: ShapeSource) -> PreparedShapes:
+        """Return the prepared shapes of a data set."""
+        if source not in self._prepared_shapes:
+            with self.uncharged("loading"):
+                shapes = self._open_set(source.name, source.data_root)
+                self._prepared_shapes[source] = PreparedShapes(shapes, source.input)
+        return self._prepared_shapes[source]
 
 
 class Unrunnable(BenchmarkError):
     """No job can run on this machine."""
 
 
-def _open(source: str, data_root: Path | None) -> ShapeSet:
-    """Open a data set that loads a mesh once for both inputs, unless its file changes: generated ones take a second."""
+def _open_set(name: str, data_root: Path | None) -> ShapeSet:
+    """Open a data set that loads the mesh of a shape once for both inputs, unless its file changes.
+
+    Generated meshes take a second each.
+    """
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.geometry.preparation import import_pymeshlab
 
@@ -296,12 +341,13 @@ def _open(source: str, data_root: Path | None) -> ShapeSet:
     except ConfigurationError as error:
         raise Unrunnable(error.located, error.hint) from error
     try:
-        shapes = open_dataset(source, data_root)
+        shapes = open_dataset(name, data_root)
     except BenchmarkError as error:  # the plan could open it
         raise Incomplete(f"{CHANGED}: {error.located}") from error
     load = lru_cache(1)(lambda entry, _key, _change: shapes.load(entry))
 
     def load_once(entry: Entry) -> Any:
+        """Return the mesh of a shape."""
         return load(entry, shapes.key(entry), last_change(shapes, entry))
 
     return replace(shapes, load=load_once)
@@ -317,8 +363,10 @@ class Work:
     """
 
     def __init__(self, task: Task, context: RunContext) -> None:
-        self.task, self._context = task, context
-        self._files: dict[File, Arrays] = {}
+        self.task = task
+        self._context = context
+        self._arrays: dict[CachedFile, Arrays] = {}
+        #: Shapes as methods get them, and what methods share of them, by the prepared shape.
         self._shapes: dict[str, tuple[Shape, forms.SharedResults]] = {}
 
     def outcome(self, step: Step) -> Outcome:
@@ -331,7 +379,9 @@ class Work:
             which a debugger ends.
         """
         try:
-            return self._rank(step, self.task.record) if self.task.record else self._make(step)
+            if self.task.record:
+                return self._rank(step, self.task.record)
+            return self._make(step)
         except (KeyboardInterrupt, BdbQuit):
             raise
         except (StorageError, Unrunnable) as error:
@@ -341,47 +391,46 @@ class Work:
         except DamagedFiles as error:
             for file in error.files:
                 Cache(step.job.results).remove(*file)
-            return Outcome(
-                "incomplete",
-                str(Incomplete(f"a file of {step.shape or 'the gallery'} was damaged")),
-            )
+            problem = Incomplete(f"a file of {step.view or 'the gallery'} was damaged")
+            return Outcome("incomplete", str(problem))
         except Incomplete as error:
-            return Outcome(
-                "incomplete",
-                f"{step.shape} {error}".strip(),
-                of_shape=isinstance(error, forms.NoGeodesics),
-            )
+            reason = f"{step.view} {error}".strip()
+            has_no_geodesics = isinstance(error, forms.NoGeodesics)
+            return Outcome("incomplete", reason, of_shape=has_no_geodesics)
         except BaseException as error:  # SystemExit included: a method must not end its worker
-            out_of_memory = "out of memory" if isinstance(error, MemoryError) else ""
-            if step.stage == "prepared":  # of the suite, so that no method is to blame
-                problem = f"{step.shape or 'the camera'} was not prepared: {out_of_memory or locate(error)}"
-                return Outcome("incomplete", str(Incomplete(problem)))
-            if out_of_memory:
-                return Outcome(
-                    "memory", "out of memory; run with fewer jobs (-j 1) or on a larger machine"
-                )
-            if isinstance(error, BenchmarkError):
-                return Outcome("failed", str(error))
-            return Outcome("failed", locate(error), clean_lines(traceback.format_exc()))
+            return _failure(step, error)
 
     def _make(self, step: Step) -> Outcome:
-        """Compute the file of a step, unless it is there; a shape that was refused before remains refused."""
-        before, make = self._MAKERS[step.stage]
-        arrays = self._read(step, before) if before else {}
-        if REFUSED not in arrays:
-            arrays = Cache(step.job.results).get(
-                step.stage, step.key, lambda: self._watched(step, make)
-            )
-            self._files[step.file] = arrays
-        refused = arrays.get(REFUSED)
-        return (
-            Outcome("ok")
-            if refused is None
-            else Outcome("refused", "; ".join(filter(None, refused.tolist())))
-        )
+        """Compute the file of a step, unless it is there.
 
-    def _watched(self, step: Step, make: Callable[[Any, Step], T]) -> T:
-        """Return what a step makes.
+        A shape that was refused by the stage before remains refused.
+        """
+        arrays: Arrays = {}
+        if step.stage == "forms":
+            arrays = self._read(step, "prepared")
+        elif step.stage == "signatures":
+            arrays = self._read(step, "forms")
+        if REFUSED not in arrays:
+            cache_of_run = Cache(step.job.results)
+            arrays = cache_of_run.get(step.stage, step.key, lambda: self._compute(step))
+            self._arrays[step.file] = arrays
+        if REFUSED in arrays:
+            texts = arrays[REFUSED].tolist()
+            return Outcome("refused", "; ".join(filter(None, texts)))
+        return Outcome("ok")
+
+    def _compute(self, step: Step) -> Arrays:
+        """Return what a step makes."""
+        with self._guarded(step):
+            if step.stage == "prepared":
+                return self._prepare(step)
+            if step.stage == "forms":
+                return self._form(step)
+            return self._signature(step)
+
+    @contextmanager
+    def _guarded(self, step: Step) -> Iterator[None]:
+        """Run the code of a step.
 
         Raises
         ------
@@ -390,85 +439,94 @@ class Work:
         ConfigurationError
             If a plugin reads what it does not declare.
         """
-        allowed = filter(None, [step.job.results / RUNS, step.model])
-        with (
-            self._context.unchanged(step),
-            chdir("."),
-            watching_component(step.component, allowed) if step.process else nullcontext(),
-        ):
-            return make(self, step)
+        watching: AbstractContextManager[object] = nullcontext()
+        if step.process:
+            allowed = [step.job.results / RUNS]
+            if step.model:
+                allowed.append(step.model)
+            watching = watching_component(step.component, allowed)
+        # A method may change the working folder for itself alone.
+        with self._context.unchanged(step), chdir("."), watching:
+            yield
 
     def _read(self, step: Step, stage: Stage) -> Arrays:
-        """Return a file of the shape of a step that was made before."""
-        file = stage, step.keys[stage]
-        if file not in self._files:
+        """Return a file of the view of a step that was made before."""
+        return self._read_file(step, CachedFile(stage, step.keys[stage]))
+
+    def _read_file(self, step: Step, file: CachedFile) -> Arrays:
+        """Return a file of the cache; raise ``DamagedFiles`` if it is missing or damaged."""
+        if file not in self._arrays:
             arrays = Cache(step.job.results).read(*file)
             if arrays is None:
                 raise DamagedFiles([file])
-            self._files[file] = arrays
-        return self._files[file]
+            self._arrays[file] = arrays
+        return self._arrays[file]
 
     def _prepare(self, step: Step) -> Arrays:
         """Prepare a shape, or fit the frame of the camera; they must be those of the plan."""
-        prepared_shapes = self._context.prepared_shapes(step.job)
-        if not step.shape:
-            if prepared_shapes.frame_key != step.key:
+        prepared_shapes = self._context.prepared_shapes(step.source)
+        frame_key = prepared_shapes.frame_key
+        if not step.view:
+            if frame_key != step.key:
                 raise Incomplete(f"the camera was not prepared: the data set {CHANGED}")
             return prepared_shapes.frame()
-        entry, half_width = (
-            prepared_shapes.find(step.shape, step.key),
-            prepared_shapes.shapes.half_width or 0.0,
-        )
-        if prepared_shapes.input == "view" and prepared_shapes.frame_key:
-            frame = step._replace(keys={"prepared": prepared_shapes.frame_key})
-            half_width = float(self._read(frame, "prepared")["half_width"])
+        entry = prepared_shapes.find(step.view, step.key)
+        if prepared_shapes.input == "view" and frame_key:
+            frame = self._read_file(step, CachedFile("prepared", frame_key))
+            half_width = float(frame["half_width"])
+        else:
+            half_width = prepared_shapes.shapes.half_width or 0.0
         return prepared_shapes.prepare(entry, half_width)
 
     def _form(self, step: Step) -> Arrays:
-        method, key = self._context.created(step), step.keys["prepared"]
-        if key not in self._shapes:
-            prepared, shared = (
-                self._read(step, "prepared"),
-                forms.SharedResults(self._context.uncharged),
-            )
-            self._shapes[key] = (
-                forms.shape_of(prepared, step.shape, step.job.row.seed, shared),
-                shared,
-            )
-        shape, shared = self._shapes[key]
+        """Compute the form or the descriptor of a shape."""
+        method = self._context.create_component(step)
+        prepared_key = step.keys["prepared"]
+        if prepared_key not in self._shapes:
+            prepared = self._read(step, "prepared")
+            shared = forms.SharedResults(self._context.uncharged)
+            shape = forms.shape_of(prepared, step.view, step.job.row.seed, shared)
+            self._shapes[prepared_key] = shape, shared
+        shape, shared = self._shapes[prepared_key]
         shared.owner = step.component, step.model
         return compute_output(method, shape, shared)
 
     def _signature(self, step: Step) -> Arrays:
-        scorer, form = self._context.created(step), self._read(step, "forms")
-        return sign(
-            scorer, forms.mesh_of(form, {} if "faces" in form else self._read(step, "prepared"))
-        )
-
-    #: By stage of a file: the one of the same shape that it is made from, and how.
-    _MAKERS: ClassVar[Mapping[Stage, tuple[Stage | None, Callable[[Any, Step], Arrays]]]] = {
-        "prepared": (None, _prepare),
-        "forms": ("prepared", _form),
-        "signatures": ("forms", _signature),
-    }
+        """Compute the signature of a form."""
+        scorer = self._context.create_component(step)
+        form = self._read(step, "forms")
+        # A form that keeps the faces of its shape is stored without them.
+        prepared = {} if "faces" in form else self._read(step, "prepared")
+        return sign(scorer, forms.mesh_of(form, prepared))
 
     def _rank(self, step: Step, record: Record) -> Outcome:
         """Rank the gallery of a job, and keep its distances."""
-        kept = Cache(step.job.results)
-
-        def ranked(_: Any, step: Step) -> tuple[dict[str, Any], Arrays]:
-            comparing = self._context.created(step)
-            return rank(record, kept, comparing, make_distance_check(comparing))
-
-        content, distances = self._watched(step, ranked)
-        if not distances:
-            name, reason = content["unsupported"][0]
-            number = len(content["unsupported"])
-            return Outcome(
-                "unsupported", f"none of {number} shapes could be processed; {name}: {reason}"
-            )
-        kept.write(*step.file, distances)
+        cache_of_run = Cache(step.job.results)
+        with self._guarded(step):
+            comparing = self._context.create_component(step)
+            content, arrays = rank(record, cache_of_run, comparing, make_distance_check(comparing))
+        if not arrays:
+            refused = content["unsupported"]
+            name, reason = refused[0]
+            problem = f"none of {len(refused)} shapes could be processed; {name}: {reason}"
+            return Outcome("unsupported", problem)
+        cache_of_run.write(*step.file, arrays)
         return Outcome("ok", content=content)
+
+
+def _failure(step: Step, error: BaseException) -> Outcome:
+    """Return the outcome of a step that raised an unexpected error."""
+    is_out_of_memory = isinstance(error, MemoryError)
+    if step.stage == "prepared":  # by the suite, so that no method is to blame
+        cause = "out of memory" if is_out_of_memory else locate(error)
+        problem = Incomplete(f"{step.view or 'the camera'} was not prepared: {cause}")
+        return Outcome("incomplete", str(problem))
+    if is_out_of_memory:
+        hint = "run with fewer jobs (-j 1) or on a larger machine"
+        return Outcome("memory", f"out of memory; {hint}")
+    if isinstance(error, BenchmarkError):
+        return Outcome("failed", str(error))
+    return Outcome("failed", locate(error), clean_lines(traceback.format_exc()))
 
 
 # The program of a worker
@@ -476,23 +534,60 @@ class Work:
 
 
 def serve(descriptor: int, memory: int, parent: int) -> None:
-    """Run the tasks that come from a connection until the program at its other end ends."""
-    from numba.core import event
+    """Run the tasks that come from a connection until the program at its other end ends.
 
-    _die_with(parent)
+    Parameters
+    ----------
+    descriptor
+        File descriptor of the connection.
+    memory
+        Most bytes of memory that this process may take.
+    parent
+        Number of the process at the other end.
+    """
+    _end_with(parent)
     watch_this_process()
-    limits = resource.getrlimit(resource.RLIMIT_DATA)  # of the user, which may be lower
-    allowed = [limit for limit in limits if limit != resource.RLIM_INFINITY]
-    resource.setrlimit(resource.RLIMIT_DATA, (min([memory, *allowed]), limits[1]))
-    connection, printed = Connection(descriptor), Printed()
+    _limit_memory(memory)
+    connection = Connection(descriptor)
+    _announce_compiling(connection)
 
     @contextmanager
     def uncharged(name: str) -> Iterator[None]:
+        """Do work that is charged to no method."""
         connection.send(name)
         try:
             yield
         finally:
             connection.send(None)
+
+    connection.send(None)  # this process has started
+    context = RunContext(uncharged)
+    printed = Printed()
+    with suppress(EOFError, OSError), redirect_stdout(printed):  # the other end may close
+        is_of_plan = True
+        while is_of_plan:
+            work = Work(connection.recv(), context)
+            is_of_plan = _serve_task(work, connection, printed)
+
+
+def _serve_task(work: Work, connection: Connection, printed: Printed) -> bool:
+    """Send the outcome of each step; return whether this process still holds the planned code."""
+    for step in work.task.steps:
+        printed.name = str(step)
+        try:
+            outcome = work.outcome(step)
+        except (KeyboardInterrupt, BdbQuit) as error:  # there is no terminal here
+            reason = f"it raises {type(error).__name__}: use a debugger with -j 0"
+            outcome = Outcome("failed", reason)
+        connection.send(outcome)
+        if outcome.ends_process:
+            return False
+    return True
+
+
+def _announce_compiling(connection: Connection) -> None:
+    """Send when kernels begin and end to be compiled, which is charged to no method."""
+    from numba.core import event
 
     class Compiling(event.Listener):  # type: ignore[misc]
         def on_start(self, event: object) -> None:
@@ -502,29 +597,21 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
             connection.send(None)
 
     event.register("numba:compile", Compiling())
-    connection.send(None)  # started
-    context = RunContext(uncharged)
-    with suppress(EOFError, OSError), redirect_stdout(printed):  # the program has ended
-        while True:
-            work = Work(connection.recv(), context)
-            for step in work.task.steps:
-                printed.name = str(step)
-                try:
-                    outcome = work.outcome(step)
-                except (KeyboardInterrupt, BdbQuit) as error:  # there is no terminal here
-                    outcome = Outcome(
-                        "failed", f"it raises {type(error).__name__}: use a debugger with -j 0"
-                    )
-                connection.send(outcome)
-                if outcome.ends_process:
-                    return
 
 
-def _die_with(parent: int) -> None:
+def _limit_memory(n_bytes: int) -> None:
+    """Limit the memory of this process, unless the user set a lower limit."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    for limit in (soft, hard):
+        if limit != resource.RLIM_INFINITY:
+            n_bytes = min(n_bytes, limit)
+    resource.setrlimit(resource.RLIMIT_DATA, (n_bytes, hard))
+
+
+def _end_with(parent: int) -> None:
     """Let the system end this process with its parent, also if that is killed."""
-    with suppress(
-        AttributeError, OSError
-    ):  # only Linux has it; elsewhere, a worker ends after its task
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+    # Only Linux can; elsewhere, a worker ends after its task.
+    with suppress(AttributeError, OSError):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:
         sys.exit(1)

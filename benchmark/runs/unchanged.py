@@ -1,4 +1,4 @@
-"""What a step makes is kept only if the files that its key names were those of the plan all the while.
+"""Keep what a step makes only if the files that its key names stayed those of the plan.
 
 Files are looked at before and after each step, by inode, size and times. Contents are read where
 these differ from the last look, and where a file changed so lately that the clock of its file
@@ -12,7 +12,7 @@ import os
 import time
 from bdb import BdbQuit
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,6 +24,8 @@ from benchmark.text import listed
 
 #: Seconds between two changes of a file that some file systems do not tell apart.
 _COARSEST_CLOCK = 2.0
+
+_NANOSECONDS_PER_SECOND = 1e9
 
 
 class CodeChanged(BenchmarkError):
@@ -56,15 +58,16 @@ class PlannedCode(NamedTuple):
 def plan_code(target: str, modules: Iterable[str], files: Iterable[str]) -> PlannedCode:
     """Return what the files of a method or scorer hold now."""
     code = PlannedCode(target, tuple(modules), tuple(files), {})
-    return code._replace(parts=_parts_of(code))
+    return code._replace(parts=_current_parts(code))
 
 
-def _parts_of(code: PlannedCode) -> dict[str, str]:
+def _current_parts(code: PlannedCode) -> dict[str, str]:
+    """Return digests and versions of code as they are now."""
     return code_of(code.target, code.files) | code_of_modules(code.modules)
 
 
 class PlannedFiles:
-    """The files on which steps depend, which must be those of the plan before and after each of them.
+    """The files on which steps depend, which must be those of the plan before and after each step.
 
     Parameters
     ----------
@@ -75,9 +78,11 @@ class PlannedFiles:
     """
 
     def __init__(self, code: PlannedCode, model: Path | None = None, card: str = "") -> None:
-        self._code, self._model, self._card = code, model, card
-        #: The look at which all contents were those of the plan.
-        self._confirmed: _Look | None = None
+        self._code = code
+        self._model = model
+        self._card = card
+        #: The files as they were when all contents were those of the plan.
+        self._confirmed: _Snapshot | None = None
 
     @contextmanager
     def unchanged(self) -> Iterator[None]:
@@ -95,111 +100,139 @@ class PlannedFiles:
         except (KeyboardInterrupt, BdbQuit):
             raise
         except BaseException as error:
-            self._check_against(before, error)
+            self._check_since(before, error)
             raise
-        self._check_against(before)
+        self._check_since(before)
 
-    def _confirm(self) -> _Look:
-        """Return a look at the files with the contents of the plan."""
-        known = self._confirmed
-        if known is not None and not known.changes() and not known.new_files():
-            known.forget_settled()
-            return known
-        look = _Look(self._files())
+    def _confirm(self) -> _Snapshot:
+        """Return a snapshot of the files with the contents of the plan."""
+        confirmed = self._confirmed
+        if confirmed is not None and not confirmed.changes() and not confirmed.has_new_files():
+            confirmed.forget_settled()
+            return confirmed
+        snapshot = _Snapshot(self._files())
         self._check_contents()
-        if names := look.changes():
-            raise CodeChanged(listed(names))
-        self._confirmed = look
-        return look
+        changed = snapshot.changes()  # while the contents were read
+        if changed:
+            raise CodeChanged(listed(changed))
+        self._confirmed = snapshot
+        return snapshot
 
-    def _check_against(self, before: _Look, error: BaseException | None = None) -> None:
-        """Raise ``CodeChanged`` if a file changed since a look, also if it was put back."""
-        if names := before.changes():
-            raise CodeChanged(listed(names)) from error
-        if before.new_files():  # which Python may have imported in place of others
+    def _check_since(self, before: _Snapshot, error: BaseException | None = None) -> None:
+        """Raise ``CodeChanged`` if a file changed since a snapshot, also if it was put back."""
+        changed = before.changes()
+        if changed:
+            raise CodeChanged(listed(changed)) from error
+        if before.has_new_files():  # which Python may have imported in place of others
             self._check_contents()
 
     def _files(self) -> list[Path]:
-        code = self._code
+        """Return the files on which steps depend: the class of the component is in the first."""
+        sources: list[Path] = []
         try:
-            sources = [path for of in (code.target, *code.modules) for path in sources_of(of)]
+            for target in (self._code.target, *self._code.modules):
+                sources += sources_of(target)
         except BenchmarkError as error:
             raise CodeChanged(f"its code ({error.problem})") from error
-        declared = [sources[0].parent / name for name in code.files]
-        of_model = [self._model / name for name in (CARD, WEIGHTS)] if self._model else []
-        return [*dict.fromkeys([*sources, *declared, *of_model])]
+        folder = sources[0].parent
+        files = [*sources, *(folder / name for name in self._code.files)]
+        if self._model:
+            files += [self._model / CARD, self._model / WEIGHTS]
+        return [*dict.fromkeys(files)]
 
     def _check_contents(self) -> None:
+        """Raise ``CodeChanged`` unless all files have the contents of the plan."""
         planned = self._code.parts
         try:
-            now = _parts_of(self._code)
-            changed = [name for name, part in planned.items() if now.get(name) != part]
-            changed += [name for name in now if name not in planned]
+            current = _current_parts(self._code)
+            changed = [name for name, part in planned.items() if current.get(name) != part]
+            changed += [name for name in current if name not in planned]
             if self._model:
-                changed += _changed_of_model(self._model, self._card)
+                changed += _changed_files_of_model(self._model, self._card)
         except BenchmarkError as error:
             raise CodeChanged(f"its code ({error.problem})") from error
         if changed:
-            raise CodeChanged(listed(dict.fromkeys(Path(name).name for name in changed)))
+            names = dict.fromkeys(Path(name).name for name in changed)
+            raise CodeChanged(listed(names))
 
 
-def _changed_of_model(model: Path, card: str) -> list[str]:
+def _changed_files_of_model(model: Path, card: str) -> list[str]:
     """Return which files of a model are not those of the plan: the card names the weights."""
     if file_digest(model / CARD, None) != card:
         return [CARD]
-    weights = file_digest(model / WEIGHTS, None)
-    return [] if weights == read_card(model).digest else [WEIGHTS]
+    if file_digest(model / WEIGHTS, None) != read_card(model).digest:
+        return [WEIGHTS]
+    return []
 
 
-class _Look:
-    """What a look at files saw, without reading them.
+class _FileState(NamedTuple):
+    """What the file system says of a file: any change of its content changes one of these."""
+
+    inode: int
+    size: int
+    modified_ns: int
+    changed_ns: int
+
+    def is_recent(self) -> bool:
+        """Return whether another change might get the same times."""
+        age = time.time_ns() - max(self.modified_ns, self.changed_ns)
+        return age < _COARSEST_CLOCK * _NANOSECONDS_PER_SECOND
+
+
+class _Snapshot:
+    """Files as they are at a moment; few of them are read.
 
     Parameters
     ----------
     files
-        The files; those that are missing are seen to be missing.
+        The files; those that are missing must stay missing.
     """
 
     def __init__(self, files: Iterable[Path]) -> None:
-        self._states = {os.fspath(file): _state(os.fspath(file)) for file in files}
-        folders = {os.path.dirname(file) for file in self._states}  # noqa: PTH120  # of each step
-        self._folders = {folder: _state(folder) for folder in folders}
-        recent = time.time_ns() - int(_COARSEST_CLOCK * 1e9)
+        paths = [os.fspath(file) for file in files]
+        self._states = {path: _state_of(path) for path in paths}
+        folders = {os.path.dirname(path) for path in paths}  # noqa: PTH120  # of each step
+        self._folders = {folder: _state_of(folder) for folder in folders}
         #: Contents of the files whose times may be the same after another change.
         self._contents = {
-            file: _content(file)
-            for file, state in self._states.items()
-            if state and max(state[2:]) > recent
+            path: _content_of(path)
+            for path, state in self._states.items()
+            if state and state.is_recent()
         }
 
     def changes(self) -> list[str]:
         """Return the names of the files that changed since."""
-        changed = [file for file, state in self._states.items() if _state(file) != state]
-        changed += [file for file, content in self._contents.items() if _content(file) != content]
-        return [Path(file).name for file in dict.fromkeys(changed)]
+        changed = [path for path, state in self._states.items() if _state_of(path) != state]
+        changed += [path for path, text in self._contents.items() if _content_of(path) != text]
+        return [Path(path).name for path in dict.fromkeys(changed)]
 
-    def new_files(self) -> bool:
-        """Return whether there may be files in their folders that were not there; then the look sees these."""
-        before, self._folders = self._folders, {of: _state(of) for of in self._folders}
+    def has_new_files(self) -> bool:
+        """Return whether files may have come into their folders since the last call."""
+        before = self._folders
+        self._folders = {folder: _state_of(folder) for folder in before}
         return before != self._folders
 
     def forget_settled(self) -> None:
-        """Read the contents of files no more whose next change will have another time."""
-        recent = time.time_ns() - int(_COARSEST_CLOCK * 1e9)
-        for file in [*self._contents]:
-            state = self._states[file]
-            if state is None or max(state[2:]) <= recent:
-                del self._contents[file]
+        """Compare the times alone of files whose next change will have another time."""
+        for path in [*self._contents]:
+            state = self._states[path]
+            if state is None or not state.is_recent():
+                del self._contents[path]
 
 
-def _state(file: str) -> tuple[int, int, int, int] | None:
-    with suppress(OSError):
-        facts = os.stat(file)  # noqa: PTH116  # of each step
-        return facts.st_ino, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns
-    return None
+def _state_of(path: str) -> _FileState | None:
+    """Return the state of a file or folder; None if it is missing."""
+    try:
+        status = os.stat(path)  # noqa: PTH116  # of each step
+    except OSError:
+        return None
+    return _FileState(status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns)
 
 
-def _content(file: str) -> str:
-    with suppress(OSError), open(file, "rb") as stream:  # noqa: PTH123  # of each step
-        return hashlib.file_digest(stream, "sha256").hexdigest()
-    return ""
+def _content_of(path: str) -> str:
+    """Return the digest of a file; "" if it cannot be read."""
+    try:
+        with open(path, "rb") as stream:  # noqa: PTH123  # of each step
+            return hashlib.file_digest(stream, "sha256").hexdigest()
+    except OSError:
+        return ""

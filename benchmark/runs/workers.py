@@ -1,4 +1,7 @@
-"""Where tasks run: in worker processes, of which one that dies or hangs is replaced, or in this process."""
+"""Where tasks run: in worker processes or in this process.
+
+A worker process that dies or hangs is replaced.
+"""
 
 from __future__ import annotations
 
@@ -24,19 +27,21 @@ from benchmark.registry.components import THIS_PROCESS
 from benchmark.registry.modules import environment
 from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 
-#: Seconds between looks at the workers, and most of them that count between two: a machine may be
-#: paused.
-POLL_SECONDS, _LONGEST_INTERVAL = 0.2, 1.0
+#: Seconds between looks at the workers.
+POLL_SECONDS = 0.2
+
+#: Most seconds between two looks that count for a step: a machine may be paused.
+_LONGEST_INTERVAL = 1.0
 
 #: Most bytes of a message: what a plugin writes into the connection of its worker may announce any
 #: number of them.
 _LONGEST_MESSAGE = 2**28
 
-#: Shapes of any data set.
-_MANY = 10**6
+#: Number of shapes for whose time the frame of a camera may be fitted: those of any data set.
+_MOST_SHAPES = 10**6
 
 #: Seconds of waiting work for which another process of the same code starts.
-_STARTING = 1.0
+_WORTH_A_PROCESS = 1.0
 
 #: Work during which nothing is stopped: kernels may take minutes to compile, and the program has
 #: imported plugins, too.
@@ -58,10 +63,14 @@ _OWN_SIGNALS = frozenset(
 #: The program of a worker; a module of its own would exist twice in it, as ``__main__``. The main
 #: program stops it; batch systems send SIGINT to every process, and a file in the current folder
 #: replaces no module of Python.
-_PROGRAM = (
-    "import sys; sys.path.append(sys.path.pop(0)); import signal; signal.signal(signal.SIGINT, signal.SIG_IGN); "
-    "from benchmark.runs.tasks import serve; serve(*map(int, sys.argv[1:]))"
-)
+_PROGRAM = """
+import sys
+sys.path.append(sys.path.pop(0))
+import signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+from benchmark.runs.tasks import serve
+serve(*map(int, sys.argv[1:]))
+"""
 
 #: A child is killed when the thread that started it ends; this one ends with the program.
 _starter = ThreadPoolExecutor(1, thread_name_prefix="workers")
@@ -81,8 +90,40 @@ class Workers(Protocol):
         """End all work."""
 
 
+class _Countdown:
+    """The seconds that are left for a step, as far as the machine was not paused."""
+
+    def __init__(self) -> None:
+        self.limit = 0.0
+        self._left = 0.0
+        self._last_look = 0.0
+
+    def restart(self, *, is_limited: bool) -> None:
+        """Begin again, with a limit or without one."""
+        self._left = self.limit if is_limited else float("inf")
+        self._last_look = time.monotonic()
+
+    def look(self) -> None:
+        """Take off the time since the last look."""
+        now = time.monotonic()
+        self._left -= min(now - self._last_look, _LONGEST_INTERVAL)
+        self._last_look = now
+
+    @property
+    def is_over(self) -> bool:
+        """Whether more time than the limit has passed."""
+        return self._left < 0
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds that have passed; 0 without a limit."""
+        return max(0.0, self.limit - self._left)
+
+
 class Worker:
-    """A process for one task at a time; it starts with the first one, and again after its end or for other code.
+    """A process for one task at a time.
+
+    It starts with the first task, and again after its end or for other code.
 
     Parameters
     ----------
@@ -93,7 +134,8 @@ class Worker:
     """
 
     def __init__(self, memory: int, timeout: float) -> None:
-        self._memory, self._timeout = memory, timeout
+        self._memory = memory
+        self._timeout = timeout
         self._process: subprocess.Popen[bytes] | None = None
         #: What the process of a plugin sees as the places of the user.
         self._folder = ""
@@ -101,68 +143,79 @@ class Worker:
         self.waiting: deque[Step] = deque()
         #: Work under way that is charged to no method.
         self._uncharged: list[str] = []
-        #: Seconds for a step, those that are left of it, and the time of the last look.
-        self._limit = self._left = self._looked = 0.0
+        self._countdown = _Countdown()
 
     @property
     def is_alive(self) -> bool:
         """Whether the process runs."""
         return self._process is not None and self._process.poll() is None
 
+    @property
+    def elapsed(self) -> float:
+        """Seconds since it began what it does; 0 while it starts, loads or compiles."""
+        return self._countdown.elapsed
+
     def begin(self, task: Task) -> None:
         """Give it a task; raise ``BenchmarkError`` if it cannot be started."""
         if not self.is_alive or self.task.process != task.process:
             self.close()
             self._start(task.process)
-        self.task, self.waiting = task, deque(task.steps)
-        is_of_shape = bool(task.steps[0].shape)  # the camera takes as long as its data set is large
-        self._limit = self._timeout * (
-            len(task.record.shapes) if task.record else 1 if is_of_shape else _MANY
-        )
-        self._restart_clock()
+        self.task = task
+        self.waiting = deque(task.steps)
+        self._countdown.limit = self._time_limit(task)
+        self._restart_countdown()
         with suppress(OSError):  # it has just died; outcomes() says so
             self.connection.send(task)
 
+    def _time_limit(self, task: Task) -> float:
+        """Return the seconds that each step of a task may take."""
+        if task.record:
+            return self._timeout * len(task.record.shapes)
+        is_frame = not task.steps[0].view
+        if is_frame:  # which takes as long as its data set is large
+            return self._timeout * _MOST_SHAPES
+        return self._timeout
+
     def _start(self, process: str) -> None:
+        """Start a process for the suite or a plugin; raise ``BenchmarkError`` if that fails."""
         try:
             self.connection, theirs = Pipe()
             with theirs:
-                numbers = theirs.fileno(), self._memory, os.getpid()
-                command = [sys.executable, "-c", _PROGRAM, *map(str, numbers)]
+                arguments = theirs.fileno(), self._memory, os.getpid()
                 variables = environment()
                 if process:  # of a plugin
                     self._folder = tempfile.mkdtemp(prefix=PREFIX)
                     variables = away_from_home(variables, self._folder)
-                self._process = _starter.submit(
+                starting = _starter.submit(
                     subprocess.Popen,
-                    command,
+                    [sys.executable, "-c", _PROGRAM, *map(str, arguments)],
                     stdin=subprocess.DEVNULL,
-                    stdout=2,
+                    stdout=2,  # stderr: the program's stdout is for results
                     pass_fds=[theirs.fileno()],
                     start_new_session=True,
                     env=variables,
-                ).result()
+                )
+                self._process = starting.result()
         except OSError as error:
             problem = f"no process can be started: {error.strerror}"
             raise BenchmarkError(problem, "end other programs, or use -j 0") from error
         self._uncharged = ["starting"]
 
-    @property
-    def elapsed(self) -> float:
-        """Seconds since it began what it does; 0 while it starts, loads or compiles."""
-        return max(0.0, self._limit - self._left)
-
-    def _restart_clock(self) -> None:
-        self._left = self._limit if _UNLIMITED.isdisjoint(self._uncharged) else float("inf")
-        self._looked = time.monotonic()
+    def _restart_countdown(self) -> None:
+        """Let the next step, or what follows uncharged work, have all of its time."""
+        self._countdown.restart(is_limited=_UNLIMITED.isdisjoint(self._uncharged))
 
     def outcomes(self) -> Iterator[tuple[Step, Outcome]]:
-        """Yield the steps that have ended; the first one without an outcome is to blame for a death or a time-out."""
+        """Yield the steps that have ended.
+
+        The first one without an outcome is to blame for a death or a time-out of the process.
+        """
         if self._process is None:
             return
         try:
             while self.waiting and self.connection.poll():
-                message = pickle.loads(self.connection.recv_bytes(_LONGEST_MESSAGE))  # noqa: S301
+                content = self.connection.recv_bytes(_LONGEST_MESSAGE)
+                message = pickle.loads(content)  # noqa: S301  # of a process of the same user
                 if isinstance(message, Outcome):
                     yield self.waiting.popleft(), message
                     if message.ends_process:
@@ -172,42 +225,49 @@ class Worker:
                     self._uncharged.pop()
                 else:
                     self._uncharged.append(message)
-                self._restart_clock()
+                self._restart_countdown()
         except Exception:  # it has ended, or what it runs wrote into the connection
             with suppress(subprocess.TimeoutExpired):
                 self._process.wait(1)
             self._process.kill()
             self._process.wait()
-        before, self._looked = self._looked, time.monotonic()
-        self._left -= min(self._looked - before, _LONGEST_INTERVAL)
+        self._countdown.look()
         if self.waiting and not self.is_alive:
-            code = self._process.returncode
-            ending = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-            is_own = "starting" not in self._uncharged and (code >= 0 or -code in _OWN_SIGNALS)
-            yield self._blame(
-                "crashed" if is_own else "incomplete", f"the process ended with {ending}"
-            )
-        elif self.waiting and self._left < 0:
+            yield self._ended(self._process.returncode)
+        elif self.waiting and self._countdown.is_over:
             self.close()
-            yield self._blame(
-                "timeout", f"stopped after {self._limit:g} s; pass a longer --timeout"
-            )
+            reason = f"stopped after {self._countdown.limit:g} s; pass a longer --timeout"
+            yield self._blame("timeout", reason)
+
+    def _ended(self, code: int) -> tuple[Step, Outcome]:
+        """Return the step during which the process ended, with the outcome.
+
+        Its own code ended it unless a signal came from outside, or it was still starting.
+        """
+        ending = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        is_from_inside = code >= 0 or -code in _OWN_SIGNALS
+        is_own = is_from_inside and "starting" not in self._uncharged
+        status = "crashed" if is_own else "incomplete"
+        return self._blame(status, f"the process ended with {ending}")
 
     def _blame(self, status: str, reason: str) -> tuple[Step, Outcome]:
-        """Blame the method of the step at work, unless the process ended from outside, or over what is the suite's."""
-        step, in_geodesics = self.waiting.popleft(), "geodesics" in self._uncharged
-        if step.stage == "prepared" or in_geodesics or status == "incomplete":
-            work = (
-                "its geodesics: "
-                if in_geodesics
-                else "its preparation: "
-                if step.stage == "prepared"
-                else ""
-            )
-            what = "the ranking" if self.task.record else step.shape or "the camera"
-            problem = Incomplete(f"{what} has no result: {work}{reason}")
-            return step, Outcome("incomplete", str(problem), of_shape=in_geodesics)
-        return step, Outcome(status, reason)
+        """Return the step at work with an outcome that blames its method.
+
+        No method is blamed for what the suite does, nor if the process was ended from outside.
+        """
+        step = self.waiting.popleft()
+        in_geodesics = "geodesics" in self._uncharged
+        if in_geodesics:
+            work = "its geodesics: "
+        elif step.stage == "prepared":
+            work = "its preparation: "
+        elif status == "incomplete":
+            work = ""
+        else:
+            return step, Outcome(status, reason)
+        subject = "the ranking" if self.task.record else step.view or "the camera"
+        problem = Incomplete(f"{subject} has no result: {work}{reason}")
+        return step, Outcome("incomplete", str(problem), of_shape=in_geodesics)
 
     def close(self) -> None:
         """End the process and its children."""
@@ -238,7 +298,9 @@ class Pool:
     """
 
     def __init__(self, size: int, memory: int, timeout: float) -> None:
-        self._size, self._memory, self._timeout = size, memory, timeout
+        self._size = size
+        self._memory = memory
+        self._timeout = timeout
         self._workers: list[Worker] = []
         self._context = RunContext()
 
@@ -249,39 +311,74 @@ class Pool:
 
     @property
     def _busy(self) -> list[Worker]:
+        """The workers that work."""
         return [worker for worker in self._workers if worker.waiting]
 
     def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
         """Begin tasks of a queue, and yield the steps that have ended."""
-        if task := queue.take(THIS_PROCESS):
+        yield from self._work_here(queue)
+        self._begin_tasks(queue)
+        busy = self._busy
+        if busy:
+            wait([worker.connection for worker in busy], POLL_SECONDS)
+        for worker in busy:
+            yield from worker.outcomes()
+            if not worker.is_alive:
+                self._put_back(worker, queue)
+                worker.close()  # its children
+
+    def _work_here(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
+        """Do the next task of objects of a program in this process."""
+        task = queue.take(THIS_PROCESS)
+        if task:
             work = Work(task, self._context)
             for step in task.steps:
                 yield step, work.outcome(step)
+
+    def _begin_tasks(self, queue: Queue) -> None:
+        """Give tasks to workers until all work, or another one would not be worth its start."""
         while len(self._busy) < self._size:
             idle = [worker for worker in self._workers if not worker.waiting]
             task = queue.take_any([worker.task.process for worker in idle])
             if task is None:
-                break
-            # That of the suite waits while a plugin's works, and another plugin's ends.
-            fitting = [worker for worker in idle if worker.task.process == task.process]
-            others = [worker for worker in idle if worker.task.process]
-            alike = [worker.elapsed for worker in self._busy if worker.task.process == task.process]
-            if alike and not fitting and max(alike) * queue.count(task.process) < _STARTING:
+                return
+            worker = self._worker_for(task, idle, queue.count(task.process))
+            if worker is None:
                 queue.add(task, first=True)
-                break
-            worker, *_ = fitting or others or [Worker(self._memory, self._timeout)]
+                return
             worker.begin(task)
             if worker not in self._workers:
                 self._workers.append(worker)
-        busy = self._busy
-        wait([worker.connection for worker in busy], POLL_SECONDS if busy else 0)
-        for worker in busy:
-            yield from worker.outcomes()
-            if not worker.is_alive:
-                if worker.waiting:
-                    queue.add(worker.task._replace(steps=tuple(worker.waiting)), first=True)
-                    worker.waiting.clear()
-                worker.close()  # its children
+
+    def _worker_for(self, task: Task, idle: Sequence[Worker], n_waiting: int) -> Worker | None:
+        """Return the worker for a task; None if it had better wait for one that works.
+
+        A process of the suite is kept while a plugin's works, and another plugin's ends.
+
+        Parameters
+        ----------
+        task, idle
+            The task, and the workers without work.
+        n_waiting
+            Number of further tasks of its process.
+        """
+        for worker in idle:
+            if worker.task.process == task.process:
+                return worker
+        elapsed = [worker.elapsed for worker in self._busy if worker.task.process == task.process]
+        if elapsed and max(elapsed) * n_waiting < _WORTH_A_PROCESS:
+            return None
+        for worker in idle:
+            if worker.task.process:  # of another plugin
+                return worker
+        return Worker(self._memory, self._timeout)
+
+    @staticmethod
+    def _put_back(worker: Worker, queue: Queue) -> None:
+        """Return the steps that a worker has not begun to the queue."""
+        if worker.waiting:
+            queue.add(worker.task._replace(steps=tuple(worker.waiting)), first=True)
+            worker.waiting.clear()
 
     def close(self) -> None:
         """End the workers."""

@@ -79,9 +79,7 @@ class World:
     def stale(self) -> dict[str, str]:
         """Return what would run again, and why."""
         return {
-            job.sides[0].method.base_name: job.reason
-            for job in self.plan()
-            if job.state != "finished"
+            job.job.method.base_name: job.reason for job in self.plan() if job.state != "finished"
         }
 
 

@@ -136,7 +136,8 @@ def test_a_job_that_reads_an_undeclared_file_of_its_results_folder_fails_and_lea
         True,
     )
     forms = {
-        keys["forms"] for keys in planned(rods, tmp_path, "reading", plugins=plugins)[0].record.keys
+        view.keys["forms"]
+        for view in planned(rods, tmp_path, "reading", plugins=plugins)[0].record.views_of_shapes
     }
     assert not any((tmp_path / "runs" / "forms" / f"{key}.npz").exists() for key in forms)
 

@@ -116,7 +116,7 @@ def test_shapes_without_a_result_rank_last_or_find_nothing(rods, finished, tmp_p
     kept = finished / "runs"
     for path in (
         kept / "records" / f"{record.key}.json",
-        kept / "forms" / f"{record.gallery_of_queries.keys[3]['forms']}.npz",
+        kept / "forms" / f"{record.gallery_of_queries.views_of_shapes[3].keys['forms']}.npz",
     ):
         path.unlink()
     again = result(queries, gallery, finished, same_names=True)
@@ -274,7 +274,7 @@ def test_the_views_of_a_shape_are_prepared_together(rods, tmp_path, monkeypatch)
         for shape in ("thick0", "thick1", "thin0", "thin1")
     }
     prepared = [
-        [step.shape for step in task.steps] for task in tasks if task.steps[0].stage == "prepared"
+        [step.view for step in task.steps] for task in tasks if task.steps[0].stage == "prepared"
     ]
     assert sorted(prepared) == sorted([[""], *([shape] for shape in around), *around.values()])
 
@@ -289,7 +289,7 @@ def test_shapes_that_are_named_like_views_are_prepared_alone(rods, tmp_path, mon
     )
     (record,) = done(jobs(tmp_path / "rods", "", tmp_path, input="mesh"), tmp_path).values()
     prepared = [
-        [step.shape for step in task.steps] for task in tasks if task.steps[0].stage == "prepared"
+        [step.view for step in task.steps] for task in tasks if task.steps[0].stage == "prepared"
     ]
     assert (record.status, sorted(prepared)) == ("ok", [[name] for name in names])
 

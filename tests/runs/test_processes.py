@@ -18,11 +18,11 @@ import numpy as np
 import scipy.linalg
 import torch
 from benchmark.api import canonical_form
-from benchmark.pipeline import forms, prepared
+from benchmark.pipeline import forms, surfaces
 
 
 def spoil():
-    prepared.N_VERTICES = 60
+    surfaces.PREPARED_VERTICES = 60
     ctypes.CDLL("libm.so.6").fesetround(0x800)
     np.seterr(all="raise")
     torch.set_default_dtype(torch.float64)
