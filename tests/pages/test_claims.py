@@ -228,7 +228,7 @@ def test_5_two_descriptors_score_above_every_form(tables):
     says(5, *(cells(line) for line in (*lines.values(), best)))
 
 
-def test_6_size_alone_finds_people(tables):
+def test_6_size_alone_finds_generated_people(tables):
     for place in (PEOPLE, PEOPLE_SEEN, ("I-view", "people[draw=0]", "15 subjects")):
         rows = tables.rows(*place)
         forms = tables.forms(*place).values()
@@ -252,7 +252,7 @@ def test_6_size_alone_finds_people(tables):
     )
 
 
-def test_7_what_the_network_adds_is_the_outline(tables):
+def test_7_the_network_is_not_shown_to_add_more_than_the_outline(tables):
     rows = tables.rows(*PEOPLE_SEEN)
     average, flat = "learned-average", "learned-flat"
     for name in ("learned", average):
