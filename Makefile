@@ -136,6 +136,10 @@ figures: setup
 	$(BIN)/python results/experiments/finding.py
 	$(DRAW)/effect.png -t III -d tosca $(call methods,$(SHOWN)) $(BODIES)
 	$(DRAW)/david.png -t III -d tosca -m mesh-unfolding $(MEN)
+	$(BIN)/python -m benchmark run -d animals --quick --input mesh --subjects cat,michael,horse \
+	    -m identity $(call methods,$(CLASSICAL) $(FURTHER))
+	$(BIN)/python -m tools.guide_figures results
+	$(BIN)/python -m tools.page_parts
 	mkdir -p build
 	$(BIN)/python -m benchmark canonicalise examples/depth/man-1/kneeling.png -m learned-streamed \
 	    -o build/form.ply --picture docs/images/depth-frame.png

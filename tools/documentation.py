@@ -6,6 +6,7 @@ leads there; any other link, for example to code, becomes plain text."""
 
 from __future__ import annotations
 
+import json
 import posixpath
 import re
 from html import escape
@@ -17,8 +18,11 @@ from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
 from benchmark.pipeline.records import read_records
+from benchmark.report.data_titles import official_set
+from benchmark.report.forms import StoredForms
 from benchmark.report.pages import _data_title, fixed_file, report_files, table_html
 from benchmark.report.pages import _title as _heading
+from benchmark.report.play import play_galleries, play_page, render_play_page
 from benchmark.report.tables import table_views
 
 if TYPE_CHECKING:
@@ -39,6 +43,20 @@ TABLES = {
 
 #: The report of these tables, and what links to it: in the repository, the folder of the tables.
 REPORT, REPORTED = "report/index.html", "results/tables"
+
+#: The page to play with, and the small data that it shows where no quick run is kept.
+PLAY, PLAY_DATA = "play.html", ROOT / "results" / "figures" / "play.json"
+
+#: Examples that are pages of the site, by their path.
+EXAMPLES = {
+    path.relative_to(ROOT).as_posix(): f"examples/{path.name.replace('.', '-')}.md"
+    for pattern in ("*.py", "*.cpp", "*.m")
+    for path in sorted((ROOT / "examples").glob(pattern))
+    if not path.name.startswith("test_")
+}
+
+#: Languages of examples by the end of their name.
+LANGUAGES = {".py": "python", ".cpp": "cpp", ".m": "matlab"}
 
 #: Where pages of the report name each other, and here also the documentation.
 NAVIGATION = '<nav aria-label="Tables">'
@@ -72,9 +90,12 @@ DOCUMENTED = (
 
 #: Pages with other addresses: the front page of the repository is that of the site, before the list
 #: of pages.
-URIS = {"README.md": "index.md", "docs/README.md": "contents.md"}
+URIS = {"README.md": "index.md", "docs/README.md": "contents.md", **EXAMPLES}
 
 LINK = re.compile(r"(!?)\[([^\]]*)\]\((?![a-z]+:|#)([^)#\s]+)(#[^)\s]*)?\)")
+PICTURE = re.compile(r'((?:src|srcset)=")([^"]+)')
+INLINE_MATH = re.compile(r"\$`([^`]+)`\$")
+MATH = re.compile(r"^```math\n(.*?)^```", re.MULTILINE | re.DOTALL)
 ROLE = re.compile(r":(?:attr|class|data|func|meth|mod):`~?([\w.]+)`")
 FORMULA = re.compile(r":math:`([^`]+)`")
 DISPLAYED = re.compile(r"^\.\. math::[ ]*(.*(?:\n[ ]+\S.*)*)", re.MULTILINE)
@@ -97,6 +118,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
     config.nav = [
         *(config.nav or []),
         {"Published tables": tables},
+        {"Examples": [{Path(path).name: uri} for path, uri in EXAMPLES.items()]},
         {"Code": [{k: v} for k, v in packages.items()]},
     ]
     return config
@@ -107,6 +129,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     files.remove(files.src_uris["README.md"])
     for path in [*_paths(*BESIDE), "docs/README.md"]:
         files.append(File.generated(config, _uri(path), abs_src_path=str(ROOT / path)))
+    files.append(File.generated(config, PLAY, content=play_page_of_site()))
+    for path, uri in EXAMPLES.items():
+        files.append(File.generated(config, uri, content=_example_page(path)))
     for name in OF_REPORT:
         files.append(File.generated(config, f"images/{name}", content=fixed_file(name)))
     for name, content in report_files(ROOT / "results", list(TABLES.values())).items():
@@ -120,6 +145,30 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
             File.generated(config, f"api/{module}.md", content=f"# {module}\n\n::: {module}\n")
         )
     return files
+
+
+def play_page_of_site() -> str:
+    """Return the page to play with, of the quick runs of generated sets that are kept here, or of small data.
+
+    The geometry of official sets is not published.
+    """
+    results = ROOT / "results"
+    records = [
+        record
+        for record in read_records(results, published=False)
+        if record.data.quick and not record.data.path and not official_set(record)
+    ]
+    if galleries := play_galleries(StoredForms(results), records):
+        return play_page(galleries, back="index.html")
+    data = json.loads(PLAY_DATA.read_bytes())
+    return render_play_page(data["content"], data["numbers"], back="index.html")
+
+
+def _example_page(path: str) -> str:
+    """Return the page of an example: its name and its code."""
+    code = (ROOT / path).read_text(encoding="utf-8")
+    language = LANGUAGES[Path(path).suffix]
+    return f"# {Path(path).name}\n\n```{language}\n{code}```\n"
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
@@ -147,7 +196,17 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
             return text
         return f"{picture}[{text}]({posixpath.relpath(uri, posixpath.dirname(address) or '.')}{anchor})"
 
-    return LINK.sub(led, markdown)
+    def shown(found: re.Match[str]) -> str:
+        start, target = found.groups()
+        path = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
+        return start + posixpath.relpath(_uri(path), posixpath.dirname(address) or ".")
+
+    # Markdown leaves a <div> alone, and a <span> within its line.
+    markdown = MATH.sub(lambda found: f"<div>{_formula(found[1], 'block')}</div>\n", markdown)
+    markdown = INLINE_MATH.sub(
+        lambda found: f"<span>{_formula(found[1], 'inline')}</span>", markdown
+    )
+    return PICTURE.sub(shown, LINK.sub(led, markdown))
 
 
 class Docstrings(Extension):

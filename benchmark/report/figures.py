@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from statistics import mode
 from textwrap import fill
@@ -185,6 +185,26 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
         raise ConfigurationError(
             f"no selected row of table {view.table.identifier} has forms", "select another method"
         )
+    return figure_of_records(records, forms, shapes)
+
+
+def figure_of_records(
+    records: Mapping[str, Record], forms: StoredForms, shapes: Sequence[str] = ()
+) -> Figure:
+    """Draw poses of subjects and their forms, as :func:`forms_figure` does.
+
+    Parameters
+    ----------
+    records
+        Records of one gallery by the title of their method.
+    forms, shapes
+        See :func:`forms_figure`.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such shape, or no form of these shapes is stored.
+    """
     first = next(iter(records.values()))
     labels = dict(zip(first.shapes, first.labels, strict=True))
     names = list(shapes) or some_shapes(first)

@@ -10,7 +10,7 @@ import base64
 import json
 import re
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -126,6 +126,17 @@ def play_page(galleries: Sequence[PlayGallery], back: str = "") -> str:
     ConfigurationError
         If there is no gallery with a shape.
     """
+    return render_play_page(*play_data(galleries), back)
+
+
+def play_data(galleries: Sequence[PlayGallery]) -> tuple[dict[str, Any], str]:
+    """Return what the script of the page of some galleries reads, and the numbers of its surfaces as text.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no gallery with a shape.
+    """
     shown = [gallery for gallery in galleries if gallery.shapes]
     if not shown:
         raise ConfigurationError(
@@ -137,11 +148,11 @@ def play_page(galleries: Sequence[PlayGallery], back: str = "") -> str:
         "meshes": surfaces.meshes,
         "palette": [_channels(colour) for colour in PALETTE],
     }
-    return render_play_page(content, surfaces.text(), back)
+    return content, surfaces.text()
 
 
-def render_play_page(content: dict[str, Any], numbers: str, back: str = "") -> str:
-    """Return the page with its content, and with the numbers of its surfaces as text."""
+def render_play_page(content: Mapping[str, Any], numbers: str, back: str = "") -> str:
+    """Return the page of what :func:`play_data` returned."""
     text = json.dumps(content, separators=(",", ":")).replace("</", r"<\/")
     page = _TEMPLATES.get_template("play.html")
     return page.render(content=text, numbers=numbers, back=back)

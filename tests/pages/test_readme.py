@@ -21,6 +21,7 @@ from benchmark.report.verdicts import classical_figures, is_near
 from tests.pages.test_claims import PAGE as PAGE_OF_CLAIMS
 from tests.pages.test_docs import PAGES
 from tests.verbs import call
+from tools.page_parts import PART
 
 ROOT = Path(__file__).parents[2]
 TABLES = ROOT / "results" / "tables"
@@ -209,7 +210,8 @@ CODE = re.compile(r"```.*?```|^    [^\n]*(?:python|=)[^\n]*$", re.DOTALL | re.MU
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_every_figure_of_a_page_is_compared_or_has_a_source(path, scores, judged, measured):
     page = path.relative_to(ROOT).as_posix()
-    text = " ".join(CODE.sub("", path.read_text(encoding="utf-8")).split())
+    without_parts = PART.sub("", path.read_text(encoding="utf-8"))  # which are compared elsewhere
+    text = " ".join(CODE.sub("", without_parts).split())
     if path == PAGE_OF_CLAIMS:  # its claims are compared by their own tests
         text = text.partition("## 1. ")[0]
     for sentence in SAYS.get(page, "").splitlines():

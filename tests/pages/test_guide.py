@@ -1,0 +1,60 @@
+"""The guide says what records and measurements say, and its parts are what their functions make."""
+
+from pathlib import Path
+
+import pytest
+
+from benchmark.commands.score import score
+from benchmark.reference.paper import CLASSICAL, MEASURES
+from tests.pages.test_readme import ROOT, every_view, rows, scores, views  # noqa: F401
+from tools import page_parts
+from tools.form_costs import COSTS, METHODS, SIZES
+from tools.page_parts import PARTS, pages_with_parts, with_parts
+
+FORMS = (ROOT / "docs/guide/forms.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("page", pages_with_parts(), ids=lambda page: page.stem)
+def test_parts_of_a_page_are_what_their_functions_make(page: Path):
+    text = page.read_text(encoding="utf-8")
+    assert with_parts(text) == text, "write them with 'python -m tools.page_parts'"
+
+
+def test_each_part_stands_on_a_page():
+    text = "".join(page.read_text(encoding="utf-8") for page in pages_with_parts())
+    assert [name for name in PARTS if f"<!-- part: {name} -->" not in text] == []
+
+
+def test_each_form_has_a_picture_a_source_and_a_cost():
+    for method in METHODS:
+        assert FORMS.count(f"(../../results/figures/guide-{method}.png)") == 1, method
+        assert FORMS.count(f"|`{method}`|") == 2, method
+    n_lines = len(COSTS.read_text(encoding="utf-8").splitlines())
+    assert n_lines == 1 + len(METHODS) * len(SIZES)
+    assert FORMS.count("```math") == len(METHODS) + 1
+    assert FORMS.count("*Source:*") + FORMS.count("*Sources:*") == len(METHODS)
+
+
+def test_gps_scores_highest_and_unfolding_misses_most_people(scores):  # noqa: F811
+    forms = {name: scores["I_all"][name] for name in CLASSICAL}
+    assert {max(forms, key=lambda name: forms[name][measure]) for measure in MEASURES} == {"gps"}
+    assert min(forms, key=lambda name: forms[name]["NN"]) == "mesh-unfolding"
+
+
+def test_all_forms_fail_on_david_who_is_taken_for_another():
+    rows_of_table = [line.split("|")[2:5] for line in page_parts.worst_classes().splitlines()[2:]]
+    assert {label for label, *_ in rows_of_table} == {"david"}
+    assert {other for *_, other in rows_of_table} == {"michael", "victoria"}
+
+
+def test_the_five_shapes_are_those_of_the_page_and_chance_is_high():
+    text = (ROOT / "docs/guide/measures.md").read_text(encoding="utf-8")
+    block = text.partition("```text\n")[2].partition("```")[0]
+    shown = [line.split() for line in block.splitlines()]
+    lines = (ROOT / "docs/guide/five-shapes.csv").read_text(encoding="utf-8").splitlines()
+    assert shown == [[cell for cell in line.split(",") if cell] for line in lines]
+    scored = score(ROOT / "docs/guide/five-shapes.csv", ROOT / "docs/guide/five-shapes.txt")
+    assert scored.scores.loc["ST", "chance"] == pytest.approx(0.8)
+    made = page_parts.five_shapes()
+    assert "|cat0|cat1 ✓|dog0 ✗|cat2 ✓|dog1 ✗|1.00|.50|1.00|" in made
+    assert "|dog0|cat0 ✗|cat2 ✗|dog1 ✓|cat1 ✗|.00|.00|.00|.63|" in made

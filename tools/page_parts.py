@@ -1,0 +1,148 @@
+"""``python -m tools.page_parts``: write the parts of pages that come from records and measurements.
+
+A page holds such a part between two comments, ``<!-- part: NAME -->`` and ``<!-- end of part -->``.
+Tests compare all parts with what their functions return.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping
+from functools import partial
+from math import log
+from pathlib import Path
+
+import numpy as np
+
+from benchmark.commands.score import score
+from benchmark.defaults import DEFAULT_SCORER
+from benchmark.pipeline.records import Record, read_distances, read_records
+from benchmark.reference.paper import MEASURES
+from benchmark.registry import select_one
+from benchmark.report.figures import MEASURE
+from benchmark.report.formats import markdown_table
+from benchmark.report.frames import hundredths
+from benchmark.text import say
+from tools.form_costs import COSTS, METHODS, SIZES
+
+ROOT = Path(__file__).parents[1]
+GUIDE = ROOT / "docs" / "guide"
+RESULTS = ROOT / "results"
+
+PART = re.compile(
+    r"(<!-- part: ([\w-]+) -->\n)((?!<!-- part: ).*\n)*?(<!-- end of part -->)", re.MULTILINE
+)
+
+
+def pages_with_parts() -> list[Path]:
+    """Return the pages that hold parts."""
+    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    return [page for page in sorted(pages) if PART.search(page.read_text(encoding="utf-8"))]
+
+
+def with_parts(text: str) -> str:
+    """Return the text of a page with its parts as they are now."""
+    return PART.sub(lambda found: f"{found[1]}{PARTS[found[2]]()}\n{found[4]}", text)
+
+
+def form_costs() -> str:
+    """Return a table of the seconds of each form by number of vertices, and of how they grow."""
+    seconds: dict[str, dict[int, str]] = {}
+    with COSTS.open(encoding="utf-8", newline="") as file:
+        for line in csv.DictReader(file):
+            seconds.setdefault(line["method"], {})[int(line["vertices"])] = line["seconds"]
+    head = ["Form", *(f"{size:,} vertices" for size in SIZES), "grows like"]
+    body = []
+    for method in METHODS:
+        of_method = seconds[method]
+        last, before = SIZES[-1], SIZES[-2]
+        growth = log(float(of_method[last]) / float(of_method[before])) / log(last / before)
+        cells = [of_method[size] for size in SIZES]
+        body.append([f"`{method}`", *cells, f"n to the {growth:.1f}"])
+    return "\n".join(markdown_table(head, body))
+
+
+def worst_classes() -> str:
+    """Return a table of the two classes of TOSCA on which each form has the lowest scores."""
+    records = {
+        record.method: record
+        for record in read_records(RESULTS, local=False)
+        if record.gallery == "tosca" and record.input == "mesh" and record.scorer == DEFAULT_SCORER
+    }
+    head = ["Form", "Worst class", f"its {MEASURE}", "taken for", "Second", f"its {MEASURE}"]
+    body = []
+    for method in METHODS:
+        record = records[method]
+        means = _means_of_classes(record)
+        worst, second = sorted(means, key=lambda label: means[label])[:2]
+        cells = [worst, hundredths(means[worst]), _taken_for(record, worst)]
+        body.append([f"`{method}`", *cells, second, hundredths(means[second])])
+    return "\n".join(markdown_table(head, body))
+
+
+def _means_of_classes(record: Record) -> dict[str, float]:
+    """Return the mean score of the queries of each class."""
+    values: dict[str, list[float]] = {}
+    for label, value in zip(record.labels, record.per_query[MEASURE], strict=True):
+        if value is not None:
+            values.setdefault(label, []).append(value)
+    return {label: float(np.mean(of_class)) for label, of_class in values.items()}
+
+
+def _taken_for(record: Record, label: str) -> str:
+    """Return the other class that is most often the first match of the queries of a class."""
+    matrix = read_distances(RESULTS, record)
+    if matrix is None:
+        return ""
+    labels = np.array([record.labels[number] for number in record.answered])
+    np.fill_diagonal(matrix, np.inf)
+    matches = labels[matrix.argmin(axis=1)][labels == label]
+    others = Counter(match for match in matches.tolist() if match != label)
+    return others.most_common(1)[0][0] if others else ""
+
+
+def five_shapes() -> str:
+    """Return the ranking of each of five shapes, and its scores."""
+    evaluation = score(GUIDE / "five-shapes.csv", GUIDE / "five-shapes.txt")
+    names = [str(name) for name in evaluation.queries.index]
+    labels = evaluation.queries["class"].tolist()
+    body = []
+    for query, distances in enumerate(evaluation.distances):
+        order = [int(place) for place in np.argsort(distances, kind="stable") if place != query]
+        signs = ["✓" if labels[place] == labels[query] else "✗" for place in order]
+        ranked = [f"{names[place]} {sign}" for place, sign in zip(order, signs, strict=True)]
+        scores = [hundredths(evaluation.queries[name].iloc[query]) for name in MEASURES]
+        body.append([names[query], *ranked, *scores])
+    means = [hundredths(evaluation.scores.loc[name, "score"]) for name in MEASURES]
+    body.append(["**mean**", "", "", "", "", *means])
+    return "\n".join(markdown_table(["Query", "1st", "2nd", "3rd", "4th", *MEASURES], body))
+
+
+def departs(method: str) -> str:
+    """Return how a form departs from its source."""
+    return f"*Departs from its source:* {select_one(method).info.departs}"
+
+
+#: What a part holds, by its name.
+PARTS: Mapping[str, Callable[[], str]] = {
+    "form-costs": form_costs,
+    "worst-classes": worst_classes,
+    "five-shapes": five_shapes,
+    **{f"departs-{method}": partial(departs, method) for method in METHODS},
+}
+
+
+def main() -> None:
+    """Write the parts of all pages."""
+    for page in pages_with_parts():
+        before = page.read_text(encoding="utf-8")
+        after = with_parts(before)
+        if after != before:
+            page.write_text(after, encoding="utf-8")
+            say(f"wrote {page.relative_to(ROOT)}")
+
+
+if __name__ == "__main__":
+    main()
