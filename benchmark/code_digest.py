@@ -212,6 +212,7 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
     plugin = plugin_file(target)
     start, base = _start_of(target, plugin)
     is_beside = cache(partial(_is_beside, base))  # asked again for each import
+
     sources = {start: base}
     packages: set[str] = set()
     pending = [start]

@@ -39,11 +39,6 @@ _TERMINAL_CODES = re.compile(r"(?:\x1b\[|\x9b)[0-?]*[ -/]*[@-~]")
 _ELLIPSIS = " ..."
 
 
-def is_name(name: object) -> bool:
-    """Return whether this is a valid name: lower-case words joined by hyphens, not too long."""
-    return isinstance(name, str) and re.fullmatch(NAME, name) is not None
-
-
 def nfc(name: object) -> str:
     """Return a name with composed characters (NFC), which is the same from macOS and Linux."""
     return unicodedata.normalize("NFC", str(name))

@@ -95,19 +95,27 @@ def rank(
     for side in (queries, gallery):
         if not side.stages:
             return side.refusals, {}
+
+    # Without other queries, the gallery is compared with itself.
     outputs = queries.last_arrays if record.gallery_of_queries else None
     matrices = distances(comparing, check, gallery.last_arrays, outputs)
+
+    # The distance of a shape is the least of its views.
     shapes, first_views = np.unique(gallery.shape_indices, return_index=True)
     if len(shapes) < len(gallery.stages):
         matrices = _nearest_views(matrices, first_views)
+
+    # Measures are taken of each draw, and the mean distances are kept.
     mean = _MeanOfMatrices()
     targets = record.targets
     if targets:
         targets = replace(targets, answered=shapes.tolist())
     scores = score_draws(mean.watch(matrices), record.labels, [*queries.stages], targets)
+
     content = {**scores, **queries.refusals}
     if record.gallery_of_queries:
         content["against"] = msgspec.to_builtins(record.gallery_of_queries) | gallery.refusals
+
     stages = [*queries.stages.values()]
     content["notes"] = _summarise_notes(stages)
     content["machines"] = _machines(stages)
@@ -168,6 +176,7 @@ def _read(side: RankedShapes, cache: Cache) -> _SideArrays:
             arrays_of_side.stages[index] = stages
     if damaged:
         raise DamagedFiles(damaged)
+
     with_result = {index // side.views for index in arrays_of_side.stages}
     unsupported = []
     unprepared = []

@@ -588,6 +588,7 @@ def _of_same_shapes(records: Sequence[Record]) -> list[Record]:
     counts: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for record, shapes in zip(records, facts, strict=True):
         counts[record.gallery_digest][shapes] += 1
+
     most_frequent = {
         gallery: max(count, key=count.__getitem__) for gallery, count in counts.items()
     }
@@ -827,6 +828,8 @@ def unneeded(
             unwanted.append(record)
         else:
             needed_files |= {*_files_of(record)}
+
+    # Files that are not used as records are kept, unless they are named.
     files = [runs / "records" / f"{record.key}.json" for record in unwanted]
     kept_keys: set[str] = set()
     keys_of_records = {record.key for record in records}
@@ -837,12 +840,15 @@ def unneeded(
             files.append(path)
         else:
             kept_keys |= _keys_in(path)
+
+    # Arrays go that no record that stays, and no unread file, names.
     for stage in get_args(Stage):
         files += [
             path
             for path in sorted((runs / stage).glob("*.npz"))
             if f"{stage}/{path.name}" not in needed_files and path.stem not in kept_keys
         ]
+
     is_all_unwanted = len(unwanted) == len(records) and not kept_keys
     if is_all_unwanted and definitions_file(results).is_file():
         files.append(definitions_file(results))

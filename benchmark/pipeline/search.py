@@ -112,6 +112,8 @@ def search(
         of_query = output
         stage = "forms"
         comparing = method
+
+    # Compare the query with all views of the gallery, by each draw of the scorer.
     arrays_of_views = _read_gallery(Cache(results), gallery, stage, without)
     if not arrays_of_views:
         problem = f"no form of {gallery.gallery} is kept in {results}"
@@ -124,11 +126,14 @@ def search(
     shapes, first_views = np.unique(shape_of_view, return_index=True)
     of_draws = np.minimum.reduceat(of_views, first_views, axis=1)
     mean_distances = of_draws.mean(axis=0)
+
+    # Shapes at equal distances keep the order of the gallery.
     order = np.lexsort([shapes, mean_distances]).tolist()
     hits = [
         Hit(gallery.shapes[shapes[k]], gallery.labels[shapes[k]], float(mean_distances[k]))
         for k in order
     ]
+
     second = _first_of_second_class(hits)
     if second is None:
         margins = np.empty(0)

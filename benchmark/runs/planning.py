@@ -210,6 +210,7 @@ def plan_selection(
         selected_scorer = selected_scorer.in_this_process()
     if records is None:
         records = read_records(results, published=False)
+
     planning = _Planning(results.absolute(), selected_scorer, seed, rerun, records)
     is_named = are_named(methods)
     planned: dict[str, Planned] = {}
@@ -343,13 +344,16 @@ class _Planning:
         needs_scorer = not (method.missing_packages() or method.describes)
         scorer = self.scorer if needs_scorer else None
         row = self._row(facts["input"], sides, method, scorer)
+
         trained = [_find_models(side, method, self.results / "models") for side in sides]
         models = [side.models for side in trained]
         seen = _seen_shapes(gallery, models[0])
+
         content = facts | self._describe(method, scorer)
         content["key"] = digest(["unavailable", row])
         content["seen"] = seen
         content["models"] = [model.summary() for model in _different_models(models)]
+
         before = self._records.get(row)
         codes: dict[Stage, PlannedCode | None] = {}
         state, reason = _obstacle(gallery, trained, seen)
@@ -357,6 +361,7 @@ class _Planning:
             codes = self._codes(method, scorer)
             content |= self._keys(row, facts, sides, models, method, scorer)
             state, reason = self._state(before, content["key"], content["parts"])
+
         job = Job(content["key"], row, method, self.scorer, self.results)
         return Planned(
             job,
@@ -402,6 +407,7 @@ class _Planning:
             files = self._files(side.prepared_keys, of_side, method, scorer)
             files_of_sides.append(files)
             keys_of_views += zip(*files.values(), strict=True)
+
         titles = [method.title, scorer.title if scorer else ""]
         result_key = digest(
             [
@@ -412,6 +418,7 @@ class _Planning:
                 self._code_of_ranking,
             ]
         )
+
         parts = self._parts(sides, models, method, scorer)
         parts["the data"] = facts["gallery_digest"]
         fields = {
@@ -692,6 +699,7 @@ def estimate(
     known = read_records(published, local=False)
     known += [record for record in records if not record.published]
     finished = [record for record in known if record.seconds and not record.gallery_of_queries]
+
     unknown: set[str] = set()
     seconds_of_file: defaultdict[str, float] = defaultdict(float)  # several jobs may take a file
     seconds_of_ranking: dict[tuple[str, str], float] = {}
@@ -708,6 +716,7 @@ def estimate(
                     seconds_of_file[key] = max(seconds_of_file[key], of_stage)
             n_views = len(side.shapes) * side.views
             seconds_of_ranking[job.key, side.gallery] = seconds[STAGES["records"]] * n_views
+
     total = sum(seconds_of_file.values()) + sum(seconds_of_ranking.values())
     return Estimate(total, len(unknown))
 
@@ -723,6 +732,7 @@ def _seconds_per_shape(
     nearest = [record for record in similar if record.gallery == side.gallery]
     if not nearest:
         nearest = [record for record in similar if record.data.name == side.data.name]
+
     timed = [record.seconds for record in nearest[-1:] or similar]
     seconds: defaultdict[str, float] = defaultdict(float)
     for stage in set[str]().union(*timed):

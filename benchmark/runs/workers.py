@@ -231,6 +231,7 @@ class Worker:
                 self._process.wait(1)
             self._process.kill()
             self._process.wait()
+
         self._countdown.look()
         if self.waiting and not self.is_alive:
             yield self._ended(self._process.returncode)
