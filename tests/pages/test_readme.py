@@ -242,6 +242,19 @@ def test_the_figure_of_two_scorers_has_the_scores_of_table_iii(scores):
         )
 
 
+def test_the_picture_of_the_finding_has_the_scores_of_table_iii(views, scores, monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "results" / "experiments"))
+    import finding
+
+    drawn = finding.lines(views["III"])
+    assert len(drawn) == len(CLASSICAL) + len(finding.CONTROLS)
+    of_paper = [line.paper for line in drawn if line.paper is not None]
+    assert sorted(of_paper) == sorted(PRINTED["III"][name]["DCG"] for name in CLASSICAL)
+    shown = sorted(line.ours for line in drawn)
+    assert shown == sorted(scores["III"][name]["DCG"] for name in (*CLASSICAL, *finding.CONTROLS))
+    assert all(line.interval[0] < line.ours < line.interval[1] for line in drawn)
+
+
 def test_table_iii_has_the_ranks_of_a_second_scorer(views):
     assert views["III"].ranks.keys() == {*CLASSICAL}
     assert views["III"].ranks["skeleton"] == {
