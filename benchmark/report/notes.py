@@ -84,7 +84,7 @@ def leads(view: TableView) -> list[str]:
         score = f"{MEASURES[-1]} ({hundredths(rivals[row.method].means[MEASURES[-1]])}"
         worse = f"{n_behind or 'none'} of {len(rivals) - 1}"
         said.setdefault(title, []).append(
-            f"{BLOCKS[kind]}: {row.title} leads in {score}; significantly worse, above the scatter: {worse})"
+            f"{BLOCKS[kind]}: {row.title} scores highest in {score}; significantly worse, above the scatter: {worse})"
         )
     return [
         f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "."

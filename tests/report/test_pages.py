@@ -309,7 +309,7 @@ def test_published_distances_make_the_page_of_queries_and_a_damaged_file_is_name
 def test_a_sentence_above_a_table_says_which_row_leads_and_how_surely(tmp_path):
     values = {"gps": 0.9, "skeleton": 0.5, "classic-mds": 0.9}
     of_labels = lambda count: [f"s{k // 2}" for k in range(2 * count)]  # noqa: E731
-    for count, says in ((9, "leads in DCG ("), (3, "3 classes decide nothing here.")):
+    for count, says in ((9, "scores highest in DCG ("), (3, "3 classes decide nothing here.")):
         rows = [record(name, nn, labels=of_labels(count)) for name, nn in values.items()]
         assert says in pages(tmp_path / str(count), *rows)["index.html"]
 
