@@ -1,4 +1,6 @@
-"""Depths of an object where the camera has no reading: between its pixels, never where something else was measured.
+"""Depths of an object where the camera has no reading.
+
+They lie between its pixels, never where something else was measured.
 
 The absence of a reading is no edge of a body; only a jump of depth is.
 """
@@ -18,21 +20,27 @@ WIDEST = 0.1
 """Widest gap in metres that is filled within a mask, which says that the object is there."""
 
 _ACROSS = 8
-"""Distance in pixels within which a reading behind the object, along the other axis, keeps a pixel open: it may be one
-of a gap between two legs, most of whose pixels have no reading."""
+"""Distance in pixels within which a reading behind the object keeps a pixel open.
+
+It lies along the other axis: the pixel may be one of a gap between two legs, most of whose pixels
+have no reading."""
 
 _ROUNDS = 3
-"""Number of rounds: pixels may lie between filled ones, as where every other row and column has readings."""
+"""Number of rounds: pixels may lie between filled ones, as where every other row and column has
+readings."""
 
 _FOLLOWS = 0.75
-"""Share of the outline of a mask within :data:`NEIGHBOUR_GAP` pixels of the surface if the mask fits the object."""
+"""Share of the outline of a mask within :data:`NEIGHBOUR_GAP` pixels of the surface if the mask
+fits the object."""
 
 _UNEVEN = 0.01
 """Unevenness in metres of a surface between the pixels beside a gap of its mask."""
 
 
 class _Ends(NamedTuple):
-    """The known pixels at both ends of the gap around each pixel, along one axis; shape (h, w) each.
+    """The known pixels at both ends of the gap around each pixel, along one axis.
+
+    All arrays have shape (h, w).
 
     Parameters
     ----------
@@ -94,7 +102,10 @@ def _in_rounds(depths: Depths, surface: Depths, others: Mask, bounds: Mask, wide
 
 
 def _fits(mask: Mask, is_surface: Mask) -> bool:
-    """Return whether the outline of a mask follows the pixels of a surface; that of a box or a hull does not."""
+    """Return whether the outline of a mask follows the pixels of a surface.
+
+    That of a box or a hull does not.
+    """
     outline = mask & ~binary_erosion(mask)
     distances = distance_transform_edt(~is_surface)[outline]
     return bool(np.quantile(distances, _FOLLOWS) <= NEIGHBOUR_GAP + 1)
@@ -128,10 +139,12 @@ def _width(is_end: Mask) -> IntArray:
 
 
 def in_gaps_of_mask(depths: Depths, kept: Mask) -> Mask:
-    """Return readings outside a mask that lie on the surface between two pixels of the object, shape (h, w).
+    """Return readings outside a mask that lie on the surface of the object, shape (h, w).
 
-    The gap is at most :data:`NEIGHBOUR_GAP` pixels wide. If the background was measured in it, it is an
-    edge.
+    They lie between two pixels of the object.
+
+    The gap is at most :data:`NEIGHBOUR_GAP` pixels wide. If the background was measured in it, it
+    is an edge.
 
     Parameters
     ----------
@@ -152,7 +165,9 @@ def in_gaps_of_mask(depths: Depths, kept: Mask) -> Mask:
 def _filled_once(
     depths: Depths, surface: Depths, others: Mask, bounds: Mask, widest: int
 ) -> Depths:
-    """Return the depths of a surface with those of the gaps in rows and columns, of two the narrower one.
+    """Return the depths of a surface with those of the gaps in rows and columns.
+
+    Of two gaps, the narrower one counts.
 
     Parameters
     ----------
@@ -201,7 +216,10 @@ def _ends(known: Depths, on_object: Mask, is_end: Mask) -> _Ends:
 
 
 def _columns_of_ends(is_end: Mask) -> tuple[IntArray, IntArray]:
-    """Return the columns of the ends of the gap around each pixel in its row; -1 and the width outside the image."""
+    """Return the columns of the ends of the gap around each pixel in its row.
+
+    Outside the image, these are -1 and the width.
+    """
     width = is_end.shape[1]
     columns = np.arange(width)
     before = np.maximum.accumulate(np.where(is_end, columns, -1), axis=1)
@@ -220,7 +238,10 @@ def _transposed(ends: _Ends) -> _Ends:
 
 
 def _is_behind(across: _Ends, between: Depths) -> Mask:
-    """Return where a near reading along the other axis lies behind a depth, or beside it and not on the object."""
+    """Return where a near reading along the other axis lies behind a depth.
+
+    A reading beside it that is not on the object counts, too.
+    """
     result = np.zeros(between.shape, dtype=bool)
     limit = jump(between)
     for depths, on_object, distances in zip(*across, strict=True):

@@ -1,4 +1,7 @@
-"""A frame of a depth camera: from depths, intrinsics and mask to the surface of its object, upright and in metres."""
+"""Frames of a depth camera.
+
+From depths, intrinsics and mask to the surface of the object, upright and in metres.
+"""
 
 from __future__ import annotations
 
@@ -41,7 +44,8 @@ from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Faces, FloatArray, Mesh, Points
 
 HALF_WIDTH = 1.285
-"""Half the frame width of the human data sets in metres, the reference scale of ``literal`` and ``wide``."""
+"""Half the frame width of the human data sets in metres, the reference scale of ``literal`` and
+``wide``."""
 
 UPRIGHT = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
 """The orthographic camera in front of the surface of an object."""
@@ -62,8 +66,9 @@ Chosen on eight frames (results/experiments/README.md): with fewer, classical fo
 in two samplings differ by more than twice as much as those of two measurements."""
 
 MOST_AVERAGED = 0.05
-"""Readings that are averages with missing pixels, per reading of the object, above which the image was averaged; a
-camera measures less than .02."""
+"""Averages with missing pixels per reading of the object above which an image was averaged.
+
+A camera measures less than .02."""
 
 _PLANE_STEP = 2
 """Pixel stride of the subsampled image in which planes are detected."""
@@ -81,8 +86,8 @@ class ObservedObject:
     Parameters
     ----------
     depths
-        Depth image, shape (h, w), metres; 0 for missing depth. Between pixels of the object, missing
-        ones are filled.
+        Depth image, shape (h, w), metres; 0 for missing depth. Between pixels of the object,
+        missing ones are filled.
     mask
         Pixels of the object, filled ones included, shape (h, w).
     surface
@@ -234,13 +239,19 @@ def _pixels_of_mask(depths: Depths, points: Points, live: Pixels, mask: Mask) ->
 
 
 def _doubts(n_pixels: int, n_averaged: int) -> tuple[tuple[str, str], ...]:
-    """Return why the form of an object may be wrong, from the numbers of its readings and of averages among them."""
+    """Return why the form of an object may be wrong.
+
+    It may be if few readings show the object, or many of them are averages.
+    """
     doubts = []
     if n_pixels < FEWEST_SURE:
         what = f"the object shows {n_pixels} pixels, so its form depends on where they lie"
         doubts.append((what, f"go nearer, until it shows {FEWEST_SURE}"))
     if n_averaged > MOST_AVERAGED * n_pixels:
-        what = f"{n_averaged} depths of the object were averaged with missing ones, so its edges were averaged, too"
+        what = (
+            f"{n_averaged} depths of the object were averaged with missing ones,"
+            " so its edges were averaged, too"
+        )
         doubts.append((what, HOW_TO_RESIZE))
     return tuple(doubts)
 
@@ -269,7 +280,9 @@ def _on_planes(points: Points, planes: Sequence[Plane]) -> Mask:
 def scale_of(
     values: NDArray[Any], intrinsics: Intrinsics, scale: float | None = None
 ) -> float | None:
-    """Return the units per metre that are passed, or that the file of a camera states; None for the usual ones.
+    """Return the units per metre of an image; None for the usual ones.
+
+    They are those passed, or those that the file of the camera states.
 
     Parameters
     ----------
@@ -297,7 +310,10 @@ def scale_of(
 
 
 def _up_direction(planes: Sequence[Plane], recorded: Up | None) -> tuple[FloatArray, str]:
-    """Return the up direction in the camera's frame, and its source: the lowest floor, a file, or the image."""
+    """Return the up direction in the camera's frame, and its source.
+
+    The source is the lowest floor, a file, or the image.
+    """
     floors = [plane for plane in planes if -plane.normal[1] >= FLOOR]
     if floors:
         lowest = min(floors, key=lambda plane: plane.offset)
@@ -308,13 +324,19 @@ def _up_direction(planes: Sequence[Plane], recorded: Up | None) -> tuple[FloatAr
 
 
 def checked_up(direction: Up) -> FloatArray:
-    """Return an up direction as a unit vector; raises ``DepthError`` if it is invalid or near the optical axis."""
+    """Return an up direction as a unit vector.
+
+    Raises ``DepthError`` if it is invalid or near the optical axis.
+    """
     try:
         up = np.asarray(direction, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):  # the direction may come from a settings file
         up = np.empty(0)
     if not _is_usable_up(up):
-        hint = "write [right, down, forward] of the camera, such as [0, -1, 0]; none if it looks straight down"
+        hint = (
+            "write [right, down, forward] of the camera, such as [0, -1, 0];"
+            " none if it looks straight down"
+        )
         raise DepthError(f"not a usable up direction: {direction}", hint)
     return up / float(np.linalg.norm(up))
 
@@ -330,7 +352,7 @@ def _is_usable_up(up: FloatArray) -> bool:
 
 
 def upright_rotation(up: FloatArray) -> Points:
-    """Return the rotation from the camera's frame to an upright frame in which the camera looks level.
+    """Return the rotation from the camera's frame to one in which the camera looks level.
 
     Its rows are right, up, and back towards the camera; ``up`` has unit length and is not along the
     optical axis.
@@ -378,13 +400,19 @@ def object_surface(
     extents = np.ptp(mesh.vertices, axis=0)
     if extents.max() >= 2 * half_width:
         size = " x ".join(f"{extent:.2f}" for extent in extents)
-        problem = f"the object is {size} m (width, height, depth), more than the {2 * half_width:.2f} m of the frame"
+        problem = (
+            f"the object is {size} m (width, height, depth),"
+            f" more than the {2 * half_width:.2f} m of the frame"
+        )
         raise DepthError(problem, "check the depth scale, or pass a mask of the object alone")
     return mesh
 
 
 def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, Faces]:
-    """Return pixel corners in the camera's frame, shape (n, 3), and two camera-facing triangles per pixel."""
+    """Return pixel corners in the camera's frame, and two triangles per pixel.
+
+    Corners have shape (n, 3); triangles face the camera.
+    """
     around = _around_corners(depths)
     held = _around_corners(mask)
     is_whole = _are_within_a_jump(around, held)
@@ -413,7 +441,10 @@ def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, Faces]:
 
 
 def _around_corners(image: NDArray[Any]) -> NDArray[Any]:
-    """Return the values above left, above right, below left and below right of each pixel corner; 0 outside."""
+    """Return the values around each pixel corner, shape (4, h + 1, w + 1); 0 outside.
+
+    They are those above left, above right, below left and below right.
+    """
     padded = np.pad(image, 1)
     above, below = padded[:-1], padded[1:]
     return np.stack([above[:, :-1], above[:, 1:], below[:, :-1], below[:, 1:]])
@@ -429,7 +460,10 @@ def _are_within_a_jump(around: Depths, held: Mask) -> Mask:
 
 
 def _depths_of_torn_corners(around: Depths, held: Mask, is_torn: Mask) -> Depths:
-    """Return the depth of a torn corner for each pixel around it: the mean over those on its side of the jump."""
+    """Return the depth of a torn corner for each pixel around it.
+
+    It is the mean over the pixels on the same side of the jump.
+    """
     _, row, column = np.nonzero(is_torn)
     own = around[is_torn]
     depths = around[:, row, column]
@@ -438,7 +472,10 @@ def _depths_of_torn_corners(around: Depths, held: Mask, is_torn: Mask) -> Depths
 
 
 def _rays_of_corners(rays: Rays) -> Rays:
-    """Return the rays of pixel corners, shape (h + 1, w + 1, 2), from those of pixels, which go on beyond the image."""
+    """Return the rays of pixel corners, shape (h + 1, w + 1, 2), from those of pixels.
+
+    Rays of pixels go on beyond the image.
+    """
     outer = np.pad(rays, ((1, 1), (1, 1), (0, 0)), mode="reflect", reflect_type="odd")
     total = outer[:-1, :-1] + outer[:-1, 1:] + outer[1:, :-1] + outer[1:, 1:]
     return np.asarray(total / 4)
@@ -479,11 +516,17 @@ class FrameFiles:
 
     @property
     def intrinsics_file(self) -> Path | None:
-        """Path of the file that holds intrinsics or depth scale; None if both are passed directly, or it is missing."""
+        """Path of the file that holds intrinsics or depth scale.
+
+        None if both are passed directly, or it is missing.
+        """
         return None if self.intrinsics and self.scale else find_intrinsics(self.image)
 
     def observe(self) -> ObservedObject:
-        """Read the frame and return its object; raises ``DepthError``, which names the faulty file."""
+        """Read the frame and return its object.
+
+        Raises ``DepthError``, which names the faulty file.
+        """
         values = read_values(self.image)
         mask_file = self.mask_file
         camera = self._camera()
@@ -518,7 +561,10 @@ class FrameFiles:
         file = self.intrinsics_file
         if self.intrinsics is None:
             if file is None:
-                hint = "put camera.json beside it, or pass --intrinsics fx,fy,cx,cy; for a folder, write dataset.toml"
+                hint = (
+                    "put camera.json beside it, or pass --intrinsics fx,fy,cx,cy;"
+                    " for a folder, write dataset.toml"
+                )
                 raise DepthError("there are no intrinsics", hint, self.image)
             return read_intrinsics(file)
         if self.intrinsics.scales or file is None:

@@ -1,4 +1,7 @@
-"""Intrinsics of a pinhole camera, from text, Open3D, ROS, OpenCV or four numbers; the rays of its pixels."""
+"""Intrinsics of a pinhole camera, and the rays of its pixels.
+
+They are read from text, files of Open3D, ROS or OpenCV, or four numbers.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +24,14 @@ Rays = NDArray[np.float64]
 #: Names of intrinsics files, in the folder of the image or in one of its two parents: not those of
 #: colour cameras.
 CAMERA_FILES = re.compile(
-    r"(?=.*(camera|intrinsic|\bk\b))((camera|depth|info|intrinsics?|k|matrix)[-_ ]?)+\.(json|txt|ya?ml)",
+    r"(?=.*(camera|intrinsic|\bk\b))"
+    r"((camera|depth|info|intrinsics?|k|matrix)[-_ ]?)+\.(json|txt|ya?ml)",
     re.IGNORECASE,
 )
 
 CENTRAL = (0.4, 0.6)
-"""Bounds of the principal point as fractions of width and height, if the intrinsics do not give the image size."""
+"""Bounds of the principal point as fractions of width and height, if the intrinsics do not give the
+image size."""
 
 #: Coefficients of Brown's model with its rational extension, in the order of OpenCV.
 _BROWN = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
@@ -84,15 +89,18 @@ _SECTION = re.compile(r"(camera1?|rgbd|stereo)\.", re.IGNORECASE)
 #: Words in keys that change neither where a pixel looks nor what its depth means;
 #: ``camera_angle_x`` repeats ``fl_x``.
 _IRRELEVANT = re.compile(
-    r"(?<![a-z])(header|seq|stamp|n?secs?|nanosec|id|name|class|date|time|timestamp|version|comment|description|notes?|"
+    r"(?<![a-z])(header|seq|stamp|n?secs?|nanosec|id|name|class|date|time|timestamp|version|"
+    r"comment|description|notes?|"
     r"serial|number|fps|rate|path|file|url|dt|"
     r"rostopic|timeshift|overlaps|"
-    r"w2c|c2w|baseline|rectification|errors?|board|square|points|nframes|flags|aabb|sharpness|angle|device|sensor|manufacturer)(?![a-z])"
+    r"w2c|c2w|baseline|rectification|errors?|board|square|points|nframes|flags|aabb|sharpness|"
+    r"angle|device|sensor|manufacturer)(?![a-z])"
 )
 
 #: Keys in the settings of ORB-SLAM that say nothing of the camera's image.
 _OF_SLAM = re.compile(
-    r"camera1?\.(rgb|bf)|(stereo\.)?(thdepth|b)|tbc|(orbextractor|viewer|imu|system|loopclosing)\..*",
+    r"camera1?\.(rgb|bf)|(stereo\.)?(thdepth|b)|tbc|"
+    r"(orbextractor|viewer|imu|system|loopclosing)\..*",
     re.IGNORECASE,
 )
 
@@ -158,7 +166,10 @@ class Intrinsics:
         """Raise ``DepthError`` unless all numbers are finite and the focal lengths positive."""
         values = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
         if not (all(map(math.isfinite, values)) and self.fx > 0 and self.fy > 0):
-            problem = f"invalid focal lengths {self.fx:g}, {self.fy:g} with centre {self.cx:g}, {self.cy:g}"
+            problem = (
+                f"invalid focal lengths {self.fx:g}, {self.fy:g}"
+                f" with centre {self.cx:g}, {self.cy:g}"
+            )
             raise DepthError(problem, "pass positive focal lengths in pixels")
 
     def check_size(self, width: int, height: int) -> None:
@@ -170,19 +181,31 @@ class Intrinsics:
                 "pass those of the depth image at this resolution",
             )
         if not (0.1 < self.fx / width < 20 and 0.1 < self.fy / height < 20):
-            problem = f"the focal lengths {self.fx:g}, {self.fy:g} are implausible for {width} x {height} pixels"
+            problem = (
+                f"the focal lengths {self.fx:g}, {self.fy:g}"
+                f" are implausible for {width} x {height} pixels"
+            )
             raise DepthError(problem, "pass them in pixels of this image")
         low, high = (0.0, 1.0) if self.size else CENTRAL
         is_within_width = low * width <= self.cx + 0.5 <= high * width
         is_within_height = low * height <= self.cy + 0.5 <= high * height
         if not (is_within_width and is_within_height):
-            problem = f"the principal point {self.cx:g}, {self.cy:g} is far from the middle of {width} x {height}"
-            hint = "pass the intrinsics of this image, not of one turned; for a part of one, add its width and height"
+            problem = (
+                f"the principal point {self.cx:g}, {self.cy:g}"
+                f" is far from the middle of {width} x {height}"
+            )
+            hint = (
+                "pass the intrinsics of this image, not of one turned;"
+                " for a part of one, add its width and height"
+            )
             raise DepthError(problem, hint)
 
     @functools.lru_cache(maxsize=4)  # noqa: B019
     def rays(self, width: int, height: int) -> Rays:
-        """Return the intersection of each pixel's ray with depth 1, shape (height, width, 2): right, down."""
+        """Return where each pixel's ray has depth 1, shape (height, width, 2).
+
+        The two numbers are right and down.
+        """
         x = (np.arange(width) - self.cx) / self.fx
         y = (np.arange(height) - self.cy) / self.fy
         rays = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
@@ -224,14 +247,20 @@ def parse_intrinsics(text: str) -> Intrinsics:
 
 
 def _number(value: Any) -> float:
-    """Return a number; raise ``ValueError`` at texts that Python alone takes, such as ``1_0`` and other scripts."""
+    """Return a number.
+
+    Raises ``ValueError`` at texts that Python alone takes, such as ``1_0`` and other scripts.
+    """
     if isinstance(value, bool) or not re.fullmatch(r"[-+.\deEinfa]+", str(value), re.ASCII):
         raise ValueError(f"'{value!s:.40}' is no number")
     return float(value)
 
 
 def intrinsics_of(value: str, folder: Path = Path()) -> Intrinsics:
-    """Return the intrinsics given as ``fx,fy,cx,cy`` or as a file in a folder, see :func:`read_intrinsics`."""
+    """Return the intrinsics given as ``fx,fy,cx,cy`` or as a file in a folder.
+
+    See :func:`read_intrinsics`.
+    """
     if "," in value and not (folder / value).exists():
         return parse_intrinsics(value)
     return read_intrinsics(folder / value)
@@ -283,7 +312,10 @@ def _parsed(text: str) -> Sequence[Any]:
 
 
 def _yaml_loader() -> type[Any]:
-    """Return a loader of YAML that reads plain decimal numbers, and refuses aliases, deep levels and repeated keys."""
+    """Return a loader of YAML that reads plain decimal numbers.
+
+    It refuses aliases, deep levels and repeated keys.
+    """
     from yaml import AliasEvent, MappingNode, Node, SafeLoader, ScalarNode  # lazy
 
     class Loader(SafeLoader):  # type: ignore[misc]
@@ -308,14 +340,19 @@ def _yaml_loader() -> type[Any]:
 
 
 def _cameras_of(content: Any) -> Sequence[Any]:
-    """Return the cameras of a camchain of Kalibr (cam0, cam1 and so on), else the content itself."""
+    """Return the cameras of a camchain of Kalibr, else the content itself.
+
+    A camchain has the keys cam0, cam1 and so on.
+    """
     if isinstance(content, Mapping) and content and all(map(_CHAINED.fullmatch, map(str, content))):
         return [*content.values()]
     return [content]
 
 
 def find_intrinsics(image: Path) -> Path | None:
-    """Return the file of intrinsics, by its usual names, in the folder of an image or in one of its two parents.
+    """Return the file of intrinsics of an image by its usual names; None if there is none.
+
+    It lies in the folder of the image or in one of the two above it.
 
     Raises
     ------
@@ -334,7 +371,9 @@ def find_intrinsics(image: Path) -> Path | None:
 
 
 def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
-    """Return the camera of fx, fy, cx, cy or of a 3 x 3 or 4 x 4 matrix, and of further facts of ``Intrinsics``.
+    """Return the camera of fx, fy, cx, cy or of a 3 x 3 or 4 x 4 matrix.
+
+    What follows are further facts of ``Intrinsics``.
 
     Raises
     ------
@@ -362,7 +401,10 @@ def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
 
 
 def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
-    """Read parsed JSON or YAML: ``camera.json`` of Open3D, ``camera_info`` of ROS, or named focal lengths."""
+    """Return the camera of parsed JSON or YAML.
+
+    It may be ``camera.json`` of Open3D, ``camera_info`` of ROS, or named focal lengths.
+    """
     values = _by_meaning(content)
     width = int(_number(values.get("width", 0)))
     height = int(_number(values.get("height", 0)))
@@ -403,7 +445,10 @@ def _numbers_of_cameras(values: Mapping[str, Any]) -> list[list[float]]:
 def _rectified(
     projection: Sequence[float], facts: Sequence[Any], cameras: Collection[Intrinsics]
 ) -> Intrinsics:
-    """Return the camera of a projection matrix; raise ``DepthError`` if the others of the file are another one."""
+    """Return the camera of a projection matrix.
+
+    Raises ``DepthError`` if the others of the file are another one.
+    """
     if len(projection) not in (12, 16):
         problem = f"a projection of {len(projection)} numbers"
         raise DepthError(problem, "write the 3 x 4 matrix of the projection, or leave it out")
@@ -417,7 +462,10 @@ def _rectified(
 
 
 def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of all keys that are understood; raise ``DepthError`` if two contradict each other."""
+    """Return the values of all keys that are understood, by meaning.
+
+    Raises ``DepthError`` if two contradict each other.
+    """
     values: dict[str, Any] = {}
     for key, value in content.items():
         meaning = _meaning(str(key))
@@ -457,7 +505,10 @@ def _sides(value: Any) -> dict[str, float]:
 
 
 def _meaning(key: str) -> str:
-    """Return what a key means, with or without the section of the settings of ORB-SLAM; "" if it is unknown."""
+    """Return what a key means; "" if it is unknown.
+
+    Keys in the settings of ORB-SLAM may have their section before them.
+    """
     for name in (key, _SECTION.sub("", key, count=1)):
         letters = re.sub(r"[\W_]+", "", name.lower())
         if letters in _MEANINGS:
@@ -466,7 +517,10 @@ def _meaning(key: str) -> str:
 
 
 def _check_irrelevant(key: str, value: Any) -> None:
-    """Raise ``DepthError`` if a key may change where a pixel looks or what its depth means, and is not neutral."""
+    """Raise ``DepthError`` if a key that is not understood may matter.
+
+    It may change where a pixel looks or what its depth means, unless its value is neutral.
+    """
     if _OF_SLAM.fullmatch(key):
         return
     words = re.sub("([a-z])([A-Z])", r"\1 \2", key).lower()
@@ -476,7 +530,10 @@ def _check_irrelevant(key: str, value: Any) -> None:
         return
     neutral = (None, "", 0, 1) if re.search("binning|aspect", key) else (None, "", 0)
     if any(leaf not in neutral for leaf in leaves):
-        hint = "remove it if it changes neither where pixels look nor what depths mean, or apply it to the image"
+        hint = (
+            "remove it if it changes neither where pixels look nor what depths mean,"
+            " or apply it to the image"
+        )
         raise DepthError(f"key '{key}' is not understood: {value!s:.40}", hint)
 
 
@@ -535,7 +592,10 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
 
 
 def _check_models(values: Mapping[str, Any], *, has_distortion: bool) -> None:
-    """Raise ``DepthError`` if a model of lens or distortion is not that of a pinhole camera, or Brown's."""
+    """Raise ``DepthError`` if a model of lens or distortion is not read.
+
+    Models that are read are that of a pinhole camera and Brown's.
+    """
     named = [str(value) for key, value in values.items() if key.startswith("model")]
     for name in named:
         model = re.sub(r"[\W_]+", "_", name.lower()).removeprefix("distortion_")

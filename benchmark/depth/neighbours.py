@@ -1,9 +1,11 @@
-"""Which pixels of a depth image lie on one surface: neighbours are the next readings, only a jump parts them.
+"""Which pixels of a depth image lie on one surface.
+
+Neighbours are the next readings, and only a jump of depth parts them.
 
 A camera has no reading at many pixels: dead lines, dark or shiny places, pixels between those of a
 smaller image that was registered to this one. The absence of a reading is no edge of a body, so a
-pixel's neighbour in a direction is the next pixel with a reading, beyond up to :data:`NEIGHBOUR_GAP` without
-one.
+pixel's neighbour in a direction is the next pixel with a reading, beyond up to
+:data:`NEIGHBOUR_GAP` without one.
 """
 
 from __future__ import annotations
@@ -17,13 +19,16 @@ from benchmark.geometry.cleaning import component_labels
 from benchmark.geometry.mesh import IntArray
 
 NEIGHBOUR_GAP = 2
-"""Maximum number of pixels without a reading between neighbours, as where every third pixel has one."""
+"""Maximum number of pixels without a reading between neighbours, as where every third pixel has
+one."""
 
 LARGEST_ERROR = 0.1
-"""Upper bound in metres on the measurement error in the depth difference of neighbours on one surface."""
+"""Upper bound in metres on the measurement error in the depth difference of neighbours on one
+surface."""
 
 LEAST_SUPPORT = 3
-"""Minimum number of the eight neighbours on the same surface; a pixel with fewer is a flying pixel."""
+"""Minimum number of the eight neighbours on the same surface; a pixel with fewer is a flying
+pixel."""
 
 SMALLEST_PIECE = 0.01
 """Minimum share of the object's pixels in a piece that jumps of depth part from its main piece."""
@@ -35,7 +40,8 @@ An arm before a chest has .6 and more even if it is two pixels wide. Averages of
 pixels lie scattered among others."""
 
 LEAST_OBJECT = 0.5
-"""Minimum share of the object's readings that remain after flying pixels and scattered pieces are dropped."""
+"""Minimum share of the object's readings that remain after flying pixels and scattered pieces are
+dropped."""
 
 MOST_FLYING = 0.25
 """Maximum share of the readings of an image on no surface if the object is to be found in it."""
@@ -68,12 +74,14 @@ def error_at(depths: Depths) -> Depths:
 
 
 def jump(depths: Depths) -> Depths:
-    """Return the depth difference in metres above which neighbouring pixels belong to different surfaces."""
+    """Return the depth difference in metres above which neighbours belong to different surfaces."""
     return np.asarray(0.03 + np.minimum(error_at(depths), LARGEST_ERROR))
 
 
 def neighbours(seen: Mask, direction: tuple[int, int]) -> tuple[IntArray, IntArray]:
-    """Return pairs of pixels with a reading that are neighbours in a direction, as indices into the flat image.
+    """Return pairs of pixels with a reading that are neighbours in a direction.
+
+    They are indices into the flat image.
 
     Parameters
     ----------
@@ -105,7 +113,9 @@ def neighbours(seen: Mask, direction: tuple[int, int]) -> tuple[IntArray, IntArr
 
 
 def dead_lines(seen: Mask) -> tuple[Mask, Mask]:
-    """Return which rows and columns have no reading and lie between others that have, shapes (h,) and (w,).
+    """Return which rows, shape (h,), and columns, shape (w,), are dead.
+
+    They have no reading, and lie between others that have.
 
     There are none unless most other pixels have a reading: if the background is cut away, an empty
     line may lie between two objects.
@@ -140,8 +150,8 @@ def on_surface(depths: Depths, mask: Mask) -> Mask:
     if np.median(n_neighbours[is_object.ravel()]) < LEAST_SUPPORT:
         problem = "most pixels of the object have no neighbour with a depth"
         hint = (
-            "if the image was registered to a larger one, pass depth and intrinsics at the resolution"
-            " of the depth camera; or check the mask"
+            "if the image was registered to a larger one, pass depth and intrinsics at the"
+            " resolution of the depth camera; or check the mask"
         )
         raise DepthError(problem, hint)
     kept = without_flying_pixels(depths, is_object)

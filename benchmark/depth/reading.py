@@ -24,7 +24,8 @@ EXTENSIONS = (".png", ".tif", ".tiff", ".pgm", ".pfm", ".npy", ".npz")
 """Extensions of depth images, in lower case."""
 
 LARGEST_SIDE = 4096
-"""Maximum pixels per side. Depth cameras have about a million pixels; larger images could exhaust the memory."""
+"""Maximum pixels per side. Depth cameras have about a million pixels; larger images could exhaust
+the memory."""
 
 #: Largest file of an image in bytes: one of floats, with room for a header.
 _LARGEST_FILE = 8 * LARGEST_SIDE**2 + 2**16
@@ -71,7 +72,7 @@ _UNREAD = re.compile(
 #: Sample format of floats in a TIFF file.
 _FLOATS_OF_TIFF = 3
 
-#: First value with a bit of confidence in Android's DEPTH16: 13 bits of depth lie below three of those.
+#: First value with a bit of confidence in Android's DEPTH16, whose lower 13 bits are the depth.
 _CONFIDENCE = 2**13
 
 #: Largest difference of the depths of neighbours on one surface, in units of the image.
@@ -154,7 +155,10 @@ def _check_name(name: str) -> None:
 
 
 def usual_scale(values: NDArray[Any]) -> float:
-    """Return the units per metre of an image for which nothing else is stated: integers are millimetres."""
+    """Return the units per metre of an image for which nothing else is stated.
+
+    Integers are millimetres, floats metres.
+    """
     return 1.0 if np.asarray(values).dtype.kind == "f" else 1000.0
 
 
@@ -185,7 +189,8 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
     if len(seen) < FEWEST_SEEN:
         raise DepthError(
             f"too few pixels have a depth: {len(seen)} of {depth.size}, fewer than {FEWEST_SEEN}",
-            "check that it is the depth image, and that 0, NaN and infinity mean that nothing was seen",
+            "check that it is the depth image, and that 0, NaN and infinity mean that nothing"
+            " was seen",
         )
     median = float(np.median(seen)) / units
     if not NEAREST <= median <= FARTHEST:
@@ -209,7 +214,10 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
 
 
 def _nearer_than_a_far_plane(depth: Depths, far: float) -> Depths:
-    """Return the readings, shape (n,), without those of a background that is one value beyond a distance."""
+    """Return the readings without those of a far background, shape (n,).
+
+    Such a background is one value beyond a distance.
+    """
     seen = depth[depth > 0]
     if not (seen > far).any():
         return seen
@@ -218,7 +226,10 @@ def _nearer_than_a_far_plane(depth: Depths, far: float) -> Depths:
 
 
 def _looks_unlike_depths(seen: Depths, units: float) -> str:
-    """Return how values betray that they were scaled, or are what a sensor sends; "" if they do not."""
+    """Return how values betray that they are no depths; "" if they do not.
+
+    They may have been scaled, or be what a sensor sends.
+    """
     if units == 1:
         if seen.max() <= 1:
             return f"end at {seen.max():g}, as in a z-buffer or an image scaled to 1"
@@ -226,7 +237,10 @@ def _looks_unlike_depths(seen: Depths, units: float) -> str:
     top = int(seen.max())
     if top >= 255 and top & (top + 1) == 0:
         bits = top.bit_length()
-        return f"end at {top}, the largest of {bits} bits, as raw disparities of a Kinect (11) or scaled images do"
+        return (
+            f"end at {top}, the largest of {bits} bits, as raw disparities of a Kinect (11)"
+            " or scaled images do"
+        )
     whole = np.unique(seen.astype(np.int64))
     lowest_bits = np.unique(whole % 8)
     if len(whole) >= _FEWEST_VALUES and len(lowest_bits) <= 3:
@@ -291,7 +305,10 @@ def readings(values: NDArray[Any]) -> Depths:
 
 
 def _is_background(farthest: float, *, is_float: bool) -> bool:
-    """Return whether the largest value of an image is one that programs write where nothing was seen."""
+    """Return whether the largest value of an image is one of a background.
+
+    Programs write such values where nothing was seen.
+    """
     return farthest in _BACKGROUND or (is_float and round(1000 * farthest, 1) in _BACKGROUND)
 
 
@@ -325,7 +342,10 @@ def _pixels(content: bytes) -> NDArray[Any]:
 
 
 def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
-    """Raise ``ValueError`` if numbers follow those of a PGM or PFM, of which Pillow reads the first ones."""
+    """Raise ``ValueError`` if numbers follow those of a PGM or PFM.
+
+    Pillow would read the first ones.
+    """
     body = content[image.tile[0].offset :]
     kind = content[:2]
     count: float = 0
@@ -342,7 +362,10 @@ def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
 
 
 def _opened(content: bytes) -> ImageFile.ImageFile:
-    """Open an image of one frame that no tag turns; a PNG with wrong checksums or without its end is damaged."""
+    """Open an image of one frame that no tag turns.
+
+    A PNG with wrong checksums or without its end is damaged.
+    """
     from PIL import Image  # lazy: most verbs read no image
 
     if content[12:16] == b"\x89PNG":
@@ -370,7 +393,10 @@ def _opened(content: bytes) -> ImageFile.ImageFile:
 
 
 def _check_samples(content: bytes) -> None:
-    """Raise ``DepthError`` if a TIFF holds samples that Pillow does not read, such as 64-bit floats."""
+    """Raise ``DepthError`` if a TIFF holds samples that Pillow does not read.
+
+    Such are floats of 64 bits.
+    """
     from PIL.TiffImagePlugin import BITSPERSAMPLE, SAMPLEFORMAT, ImageFileDirectory_v2  # lazy
 
     is_large = b"+" in content[2:4]  # of more than 4 GiB
@@ -397,7 +423,10 @@ def _array(content: bytes) -> NDArray[Any]:
         _check_name(name)
         unread = [other for other in names if _UNREAD.search(other)]
         if unread:
-            hint = "apply it to the depths, or write the camera or the mask beside the image, and leave it out"
+            hint = (
+                "apply it to the depths, or write the camera or the mask beside the image,"
+                " and leave it out"
+            )
             raise DepthError(f"'{unread[0]}' of the archive is not read", hint)
         if name != "depth" and len(names) != 1:
             listed = ", ".join(names[:6]) or "nothing"
@@ -413,7 +442,10 @@ def _member(archive: Any, name: str) -> bytes:
 
 
 def is_depth_file(path: Path) -> bool:
-    """Return whether a file may be a depth image: integers or floats by its header, and not named as a mask."""
+    """Return whether a file may be a depth image.
+
+    It holds integers or floats by its header, and is not named as a mask.
+    """
     suffix = path.suffix.lower()
     if suffix not in EXTENSIONS or _MASK.search(path.stem):
         return False
@@ -453,7 +485,10 @@ def read_mask(path: Path) -> Mask:
 
 
 def _mask_array(content: bytes) -> NDArray[Any]:
-    """Return the array of a mask in an NPY file, or of the only array of an NPZ file or that named ``mask``."""
+    """Return the array of a mask in an NPY or NPZ file.
+
+    Of an NPZ file, it is the only array or that named ``mask``.
+    """
     loaded = load_arrays(content)
     if isinstance(loaded, np.ndarray):
         if loaded.dtype.kind not in "biuf" or loaded.ndim not in (2, 3):
@@ -471,7 +506,10 @@ def _mask_array(content: bytes) -> NDArray[Any]:
 
 
 def _object(mask: NDArray[Any]) -> Mask:
-    """Return the pixels of the only object of a mask, shape (h, w), or (h, w, 3 or 4) with colours."""
+    """Return the pixels of the only object of a mask, shape (h, w).
+
+    A mask with colours has shape (h, w, 3 or 4).
+    """
     if mask.ndim == 3:
         mask = mask[..., 0] if mask.shape[2] == 1 else _one_channel(mask)
     values = np.unique(mask)
@@ -485,7 +523,10 @@ def _object(mask: NDArray[Any]) -> Mask:
 
 
 def _one_channel(mask: NDArray[Any]) -> NDArray[Any]:
-    """Return a mask of colours as one number a pixel: its opacity, its grey, or its colour; 0 where it is clear."""
+    """Return a mask of colours as one number a pixel, shape (h, w).
+
+    The number is its opacity, its grey, or its colour; 0 where it is clear.
+    """
     has_opacity = mask.shape[-1] == 4
     clear = mask[..., 3] == 0 if has_opacity else np.zeros(mask.shape[:2], dtype=bool)
     colours = np.where(clear[..., None], 0, mask[..., :3]).astype(np.int64) @ (1, 2**16, 2**32)
@@ -507,7 +548,10 @@ def _listed_levels(levels: NDArray[Any]) -> str:
 
 
 def _is_blurred(mask: NDArray[Any], values: NDArray[Any]) -> bool:
-    """Return whether JPEG or smoothing left greys in a mask of white on black; labels are flat, or few."""
+    """Return whether JPEG or smoothing left greys in a mask of white on black.
+
+    Labels of several objects are flat, or few.
+    """
     from scipy.ndimage import maximum_filter, minimum_filter  # lazy
 
     white = values[-1]
@@ -551,7 +595,9 @@ def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
 
 
 def find_mask(image: Path) -> Path | None:
-    """Return the mask of an image by its usual names, next to it or in a folder ``mask`` or ``masks``; else None.
+    """Return the mask of an image by its usual names; None if there is none.
+
+    It lies next to the image or in a folder ``mask`` or ``masks``.
 
     Raises
     ------
@@ -586,7 +632,10 @@ def _mask_folders(image: Path) -> list[Path]:
 
 
 def _pictures(folder: Path, stems: Iterable[str], end: str) -> list[Path]:
-    """Return the pictures in a folder whose names are one of some stems and an end, which is a regular expression."""
+    """Return the pictures in a folder whose names are one of some stems and an end.
+
+    The end is a regular expression.
+    """
     known = "|".join(map(re.escape, stems))
     name = re.compile(f"({known})(?i:{end}{_PICTURE})")
     return sorted(path for path in folder.glob("*.*") if name.fullmatch(path.name))

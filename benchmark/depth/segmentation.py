@@ -1,4 +1,7 @@
-"""Segmentation of the object in a depth image: remove planes, then choose the nearest large piece."""
+"""Segmentation of the object in a depth image.
+
+Planes are removed; of what is left, the object is the nearest large piece.
+"""
 
 from __future__ import annotations
 
@@ -17,10 +20,12 @@ SHARE = 0.06
 """Minimum fraction of the measured points on a background plane."""
 
 BEHIND = 0.03
-"""Maximum fraction of the measured points behind a background plane; walls and floors bound the scene."""
+"""Maximum fraction of the measured points behind a background plane; walls and floors bound the
+scene."""
 
 EDGE = 0.1
-"""Fraction of each image side taken as margin, and minimum fraction of a background plane's points in the margins."""
+"""Fraction of each image side taken as margin, and minimum fraction of a background plane's points
+in the margins."""
 
 MOST_PLANES = 5
 """Maximum number of planes: a floor, two or three walls, a table."""
@@ -44,13 +49,15 @@ _SPREAD = 3
 """Ratio of the side of the image to the maximum offset between the points of a sample."""
 
 LARGE = 0.25
-"""Minimum surface area of a large piece relative to the largest piece; the nearest large piece is the object."""
+"""Minimum surface area of a large piece relative to the largest piece; the nearest large piece is
+the object."""
 
 FEWEST = 0.004
 """Minimum fraction of the image pixels covered by the object."""
 
 JOINED = 0.3
-"""Maximum distance in metres between pieces of a self-occluding object, such as an arm before a chest."""
+"""Maximum distance in metres between pieces of a self-occluding object, such as an arm before a
+chest."""
 
 #: Hint of the error if no object is found.
 _HINT = "pass a mask of it with --mask, or put a PNG that ends in _mask.png beside the image"
@@ -77,7 +84,10 @@ class Plane:
         return cls(normal, offset) if offset < 0 else cls(-normal, -offset)
 
     def heights(self, points: Points) -> FloatArray:
-        """Return the signed distances of points, shape (..., 3), in metres: positive in front of the plane."""
+        """Return the signed distances of points, shape (..., 3), in metres.
+
+        They are positive in front of the plane.
+        """
         return np.asarray(points @ self.normal - self.offset)
 
     def slack(self, points: Points) -> FloatArray:
@@ -95,7 +105,9 @@ class Plane:
 
 
 def background_planes(points: Points, seen: Mask) -> list[Plane]:
-    """Find the planes that bound a scene by RANSAC with three-point samples [Fischler and Bolles 1981].
+    """Return the planes that bound a scene, by RANSAC [Fischler and Bolles 1981].
+
+    Samples have three points.
 
     A background plane contains at least ``SHARE`` of the points, has almost no points behind it
     other than those of other background planes, and reaches the image margins. The result is
@@ -155,7 +167,10 @@ def _edge(shape: tuple[int, ...]) -> Mask:
 
 
 def _best_plane(points: Points, candidates: Mask, random: np.random.Generator) -> Plane | None:
-    """Return the plane with the most inliers among those through random neighbours, refined by least squares."""
+    """Return the plane with the most inliers among those through random neighbours.
+
+    It is refined by least squares.
+    """
     normals, offsets = _random_planes(points, candidates, random)
     if not len(normals):
         return None
@@ -170,7 +185,10 @@ def _best_plane(points: Points, candidates: Mask, random: np.random.Generator) -
 def _random_planes(
     points: Points, candidates: Mask, random: np.random.Generator
 ) -> tuple[Points, FloatArray]:
-    """Return unit normals and offsets of planes through a random candidate and two of its neighbours each."""
+    """Return unit normals and offsets of planes through random candidates.
+
+    Each goes through a candidate and two of its neighbours.
+    """
     rows, columns = np.nonzero(candidates)
     first = random.integers(len(rows), size=_TRIALS)
     second = _near(rows[first], columns[first], candidates.shape, random)
@@ -189,7 +207,10 @@ def _random_planes(
 def _near(
     rows: IntArray, columns: IntArray, shape: tuple[int, ...], random: np.random.Generator
 ) -> tuple[IntArray, IntArray]:
-    """Return a random pixel near each given one: neighbours share a plane more often than others."""
+    """Return a random pixel near each given one.
+
+    Neighbours share a plane more often than others.
+    """
     height, width = shape
     down = random.integers(-height // _SPREAD, height // _SPREAD + 1, _TRIALS)
     right = random.integers(-width // _SPREAD, width // _SPREAD + 1, _TRIALS)
@@ -248,7 +269,10 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     distances = np.bincount(labels[free], weights=depths[free]) / n_pixels
     is_large = (surfaces >= LARGE * surfaces.max()) & (n_pixels >= FEWEST * seen.size)
     if not is_large.any():
-        problem = f"no piece left of the scene holds {FEWEST:.1%} of the image, the largest {n_pixels.max()} pixels"
+        problem = (
+            f"no piece left of the scene holds {FEWEST:.1%} of the image,"
+            f" the largest {n_pixels.max()} pixels"
+        )
         raise DepthError(problem, _HINT)
     large = np.flatnonzero(is_large)
     nearest = large[distances[large].argmin()]
@@ -259,7 +283,11 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
 
 
 def _joined(labels: IntArray, depths: Depths, limits: Depths) -> IntArray:
-    """Return the group of each label of an image: labels of neighbours at depths within the limit of the nearer one."""
+    """Return the group of each label of an image.
+
+    Labels of neighbours are in one group if their depths differ by at most the limit of the nearer
+    one.
+    """
     label = labels.ravel()
     depth = depths.ravel()
     limit = limits.ravel()
