@@ -80,8 +80,11 @@ _MEANINGS: dict[str, str] = {}
 for _meaning_of_keys, _keys in _KEYS.items():
     _MEANINGS.update(dict.fromkeys(_keys.split(), _meaning_of_keys))
 
-#: Keys of the cameras in a camchain of Kalibr.
-_CHAINED = re.compile(r"cam\d+")
+#: Keys of the cameras in a camchain of Kalibr, and of those of the images of a scene in BOP.
+_CHAINED = re.compile(r"(cam)?\d+")
+
+#: Keys, without their separators, below which a file may have those of its camera.
+_NESTED = ("camera", "parameters", "calibration")
 
 #: Prefixes of keys in the settings of ORB-SLAM; "Camera1" is the first camera of its third version.
 _SECTION = re.compile(r"(camera1?|rgbd|stereo)\.", re.IGNORECASE)
@@ -340,9 +343,9 @@ def _yaml_loader() -> type[Any]:
 
 
 def _cameras_of(content: Any) -> Sequence[Any]:
-    """Return the cameras of a camchain of Kalibr, else the content itself.
+    """Return the cameras of a camchain of Kalibr or a scene of BOP, else the content itself.
 
-    A camchain has the keys cam0, cam1 and so on.
+    A camchain has the keys cam0, cam1 and so on, a scene 0, 1 and so on.
     """
     if isinstance(content, Mapping) and content and all(map(_CHAINED.fullmatch, map(str, content))):
         return [*content.values()]
@@ -394,8 +397,11 @@ def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
     expected[3:, 3:] = matrix[3:, 3:]
     if not np.allclose(matrix, expected, rtol=0, atol=_LARGEST_SKEW):
         rows = " / ".join(map(_in_one_line, matrix))
+        is_transposed = matrix[2, :2].any() and not matrix[:2, 2].any()
+        hint = "write fx 0 cx / 0 fy cy / 0 0 1"
         raise DepthError(
-            f"{rows} is not a camera matrix without skew", "write fx 0 cx / 0 fy cy / 0 0 1"
+            f"{rows} is not a camera matrix without skew",
+            f"it is transposed: {hint}" if is_transposed else hint,
         )
     return Intrinsics(fx, fy, cx, cy, *facts)
 
@@ -469,6 +475,8 @@ def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
     values: dict[str, Any] = {}
     for key, value in content.items():
         meaning = _meaning(str(key))
+        if isinstance(value, Mapping) and _letters(str(key)) in _NESTED:
+            meaning = "nested"
         if not meaning:
             _check_irrelevant(str(key), value)
             continue
@@ -487,8 +495,10 @@ def _values_of_key(key: str, meaning: str, value: Any) -> dict[str, Any]:
     is_nested = isinstance(value, Mapping)
     if meaning == "model" and (is_nested or isinstance(value, list)):  # iai_kinect2
         return {"projection": value}
+    if meaning == "nested":
+        return _by_meaning(value)
     if meaning == "size":
-        return dict(_sides(value))
+        return _sides(value)
     if meaning == "matrix" and is_nested and "data" not in value:
         return _by_meaning(value)
     if meaning == "model" or (meaning == "coefficients" and isinstance(value, str)):
@@ -496,8 +506,10 @@ def _values_of_key(key: str, meaning: str, value: Any) -> dict[str, Any]:
     return {meaning: value}
 
 
-def _sides(value: Any) -> dict[str, float]:
+def _sides(value: Any) -> dict[str, Any]:
     """Return width and height of a resolution."""
+    if isinstance(value, Mapping):
+        return _by_meaning(value)
     sides = _flat(value)
     if len(sides) != 2:
         raise DepthError(f"a resolution of {len(sides)} numbers", "write [width, height]")
@@ -510,10 +522,15 @@ def _meaning(key: str) -> str:
     Keys in the settings of ORB-SLAM may have their section before them.
     """
     for name in (key, _SECTION.sub("", key, count=1)):
-        letters = re.sub(r"[\W_]+", "", name.lower())
+        letters = _letters(name)
         if letters in _MEANINGS:
             return _MEANINGS[letters]
     return ""
+
+
+def _letters(key: str) -> str:
+    """Return a key in lower case without its separators."""
+    return re.sub(r"[\W_]+", "", key.lower())
 
 
 def _check_irrelevant(key: str, value: Any) -> None:
