@@ -34,8 +34,8 @@ from benchmark.text import brief, clean_text
 #: Vertices of a surface on the page.
 N_VERTICES = 600
 
-#: Surfaces on the page, shapes and forms together; 400 of them take some 2.5 MB.
-MOST_SURFACES = 400
+#: Surfaces on the page, shapes and forms together; as many take some 2.4 MB.
+MOST_SURFACES = 460
 
 #: Poses of a class that are shown before further classes are left out.
 FEWEST_POSES = 3
@@ -176,16 +176,21 @@ def play_galleries(
     records
         Records of its jobs.
     most_surfaces
-        How many surfaces there may be in all; each gallery has an equal share.
+        How many surfaces there may be in all; small galleries leave room for larger ones.
     """
     groups = _grouped(records, forms)
-    share = most_surfaces // max(len(groups), 1)
-    galleries = [_gallery(group, forms, share) for group in groups]
+    n_surfaces = [len(group[0].shapes) * (1 + len(group)) for group in groups]
+    shares = [0] * len(groups)
+    left = most_surfaces
+    for n_done, number in enumerate(np.argsort(n_surfaces, kind="stable").tolist()):
+        shares[number] = min(n_surfaces[number], left // (len(groups) - n_done))
+        left -= shares[number]
+    galleries = [_gallery(group, forms, share) for group, share in zip(groups, shares, strict=True)]
     return [gallery for gallery in galleries if gallery.shapes]
 
 
 def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]]:
-    """Return the records with stored forms and a ranking by gallery, that of the shapes themselves first."""
+    """Return the records with stored forms by gallery: that of the shapes themselves first, those of views last."""
     groups: dict[str, dict[str, Record]] = {}
     for record in records:
         is_shown = record.status == "ok" and record.scorer and len(record.sides) == 1
@@ -196,7 +201,7 @@ def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]
         if present is None or (record.input == "mesh" and present.input == "view"):
             group[record.method] = record
     return [
-        sorted(group.values(), key=lambda record: record.method != _SHAPES)
+        sorted(group.values(), key=lambda record: (record.method != _SHAPES, record.input))
         for group in groups.values()
         if any(forms.shape(record, record.shapes[0]) for record in group.values())
     ]

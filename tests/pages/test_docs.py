@@ -127,7 +127,7 @@ def test_every_make_target_and_verb_exists(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=name)
 def test_every_option_of_a_command_exists(page: Path) -> None:
     text = re.sub(r"\\\n *", "", TEXTS[page])
-    for line in re.findall(r"^    python -m benchmark (.*)$", text, re.MULTILINE):
+    for line in re.findall(r"^ *python -m benchmark (.*)$", text, re.MULTILINE):
         first, *words = shlex.split(line, comments=True)
         command = VERBS[first]
         while hasattr(command, "commands"):
