@@ -101,7 +101,11 @@ def in_file(path: Path) -> list[Component]:
     """
     if path.suffix != ".py" or not path.is_file():
         raise ConfigurationError(f"there is no Python file {path}", "name the .py file of a plugin")
-    target = str(path.resolve())
+    resolved = path.resolve()
+    if resolved.suffix != ".py":
+        problem = f"{path} is a link to {resolved}, which is no Python file"
+        raise ConfigurationError(problem, "name the .py file of a plugin")
+    target = str(resolved)
     module, components = load_module(target), []
     for attribute, value in vars(module).items():
         if isinstance(value, ShapeSet):

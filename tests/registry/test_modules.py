@@ -160,3 +160,11 @@ def test_a_relative_import_says_what_to_write(tmp_path):
         (tmp_path / "plug.py").write_text(f"{line}\n")
         with pytest.raises(ConfigurationError, match="write 'from core import X'"):
             load_module(str(tmp_path / "plug.py"))
+
+
+@pytest.mark.parametrize("target", ["method.txt", "/proc/self/pagemap"])
+def test_a_link_to_what_is_no_python_file_is_no_plugin(target, tmp_path):
+    (tmp_path / "method.txt").write_text("")
+    (tmp_path / "method.py").symlink_to(target)
+    with pytest.raises(ConfigurationError, match=r"method.py is a link to .*, which is no Python"):
+        in_file(tmp_path / "method.py")
