@@ -439,14 +439,8 @@ class Work:
         ConfigurationError
             If a plugin reads what it does not declare.
         """
-        watching: AbstractContextManager[object] = nullcontext()
-        if step.process:
-            allowed = [step.job.results / RUNS]
-            if step.model:
-                allowed.append(step.model)
-            watching = watching_component(step.component, allowed)
         # A method may change the working folder for itself alone.
-        with self._context.unchanged(step), chdir("."), watching:
+        with self._context.unchanged(step), chdir("."), _watching(step):
             yield
 
     def _read(self, step: Step, stage: Stage) -> Arrays:
@@ -512,6 +506,16 @@ class Work:
             return Outcome("unsupported", problem)
         cache_of_run.write(*step.file, arrays)
         return Outcome("ok", content=content)
+
+
+def _watching(step: Step) -> AbstractContextManager[object]:
+    """Return the context in which the plugin of a step may read what it declares."""
+    if not step.process:
+        return nullcontext()
+    allowed = [step.job.results / RUNS]
+    if step.model:
+        allowed.append(step.model)
+    return watching_component(step.component, allowed)
 
 
 def _failure(step: Step, error: BaseException) -> Outcome:

@@ -92,68 +92,94 @@ def test_no_query_changes_the_ranking_of_another_one(method, rods, finished, tmp
     )
 
 
-def test_shapes_without_a_result_rank_last_or_find_nothing(rods, finished, tmp_path):
-    queries, gallery = (shutil.copytree(rods, tmp_path / name) for name in ("queries", "gallery"))
+@pytest.fixture(scope="module")
+def damaged(rods, tmp_path_factory):
+    """A folder of queries and one of a gallery, each with a shape that cannot be read."""
+    folder = tmp_path_factory.mktemp("damaged")
+    queries = shutil.copytree(rods, folder / "queries")
+    gallery = shutil.copytree(rods, folder / "gallery")
     (queries / "thin1.off").write_text("OFF")
     (gallery / "thin0.off").write_text("OFF")
     write_off(queries / "alone0.off", rod(0.3, 0.0))
-    record = result(queries, gallery, finished, same_names=True)
-    assert [[name for name, _ in side.unsupported] for side in record.sides] == [
-        ["thin1"],
-        ["thin0"],
-    ]
-    measured = dict(zip(record.shapes, record.per_query["FT"], strict=True))
-    assert (measured["alone0"], measured["thin1"], record.lone_queries) == (None, 0, 1)
-    assert record.per_query["mAP"][record.shapes.index("thin0")] > 0, (
-        "thin1 has a form in the gallery"
-    )
-    (view,) = table_views([record])
+    return queries, gallery
+
+
+@pytest.fixture(scope="module")
+def damaged_record(damaged, finished):
+    """The record of these queries among the shapes of the gallery that have another name."""
+    return result(*damaged, finished, same_names=True)
+
+
+def test_shapes_without_a_result_are_named_on_their_side(damaged_record):
+    refused = [[name for name, _ in side.unsupported] for side in damaged_record.sides]
+    assert refused == [["thin1"], ["thin0"]]
+
+
+def test_shapes_without_a_result_rank_last_or_find_nothing(damaged_record):
+    first_tiers = dict(zip(damaged_record.shapes, damaged_record.per_query["FT"], strict=True))
+    assert (first_tiers["alone0"], first_tiers["thin1"]) == (None, 0)
+    assert damaged_record.lone_queries == 1
+    precision = damaged_record.per_query["mAP"][damaged_record.shapes.index("thin0")]
+    assert precision > 0, "thin1 has a form in the gallery"
+
+
+def test_a_caption_counts_queries_and_shapes_of_the_gallery(damaged_record):
+    (view,) = table_views([damaged_record])
     assert view.caption.startswith(
         "Retrieval on queries against gallery without same names (4 queries of 2 classes, "
     )
     assert ", 1 left out, among 4 shapes), scored by CM-BOF (image_size=64" in view.caption
     assert view.chance["mesh"]["NN"] == pytest.approx(1 / 3)
-    kept = finished / "runs"
-    for path in (
-        kept / "records" / f"{record.key}.json",
-        kept / "forms" / f"{record.gallery_of_queries.views_of_shapes[3].keys['forms']}.npz",
-    ):
-        path.unlink()
-    again = result(queries, gallery, finished, same_names=True)
-    assert (again.per_query, again.gallery_of_queries.unsupported) == (
-        record.per_query,
-        record.gallery_of_queries.unsupported,
-    )
+
+
+def test_a_lost_form_of_the_gallery_is_made_again(damaged, damaged_record, finished):
+    gallery = damaged_record.gallery_of_queries
+    runs = finished / "runs"
+    (runs / "records" / f"{damaged_record.key}.json").unlink()
+    (runs / "forms" / f"{gallery.views_of_shapes[3].keys['forms']}.npz").unlink()
+    again = result(*damaged, finished, same_names=True)
+    assert again.per_query == damaged_record.per_query
+    assert again.gallery_of_queries.unsupported == gallery.unsupported
+
+
+def test_a_changed_gallery_makes_its_row_stale_and_another_folder_none(
+    damaged, damaged_record, rods, finished, tmp_path
+):
+    queries, gallery = damaged
+    before = (gallery / "thin0.off").read_bytes()
     write_off(gallery / "thin0.off", rod(0.06, 0.5))
     (stale,) = jobs(queries, gallery, finished, same_names=True)
-    assert (stale.state, stale.before.key) == ("stale", record.key)
-    (other,) = jobs(
-        queries,
-        shutil.copytree(rods, tmp_path / "elsewhere" / "gallery"),
-        finished,
-        same_names=True,
-    )
-    assert (other.state, other.before) == ("missing", None), (
-        "another folder of this name replaces nothing"
-    )
+    (gallery / "thin0.off").write_bytes(before)
+    assert (stale.state, stale.before.key) == ("stale", damaged_record.key)
+    elsewhere = shutil.copytree(rods, tmp_path / "gallery")
+    (other,) = jobs(queries, elsewhere, finished, same_names=True)
+    assert (other.state, other.before) == ("missing", None)
 
 
-def test_tables_of_views_against_surfaces_are_made_on_request_alone(tmp_path):
-    assert not [one for one in galleries([], ["animals"]) if one.gallery_of_queries]
-    found = [one for one in galleries(["III-cross"]) if one.gallery_of_queries]
-    assert [one.name for one in found] == [
+def test_no_table_of_views_against_surfaces_is_made_without_request():
+    assert not [each for each in galleries([], ["animals"]) if each.gallery_of_queries]
+
+
+def test_views_from_the_front_and_side_are_ranked_against_surfaces():
+    cross = [each for each in galleries(["III-cross"]) if each.gallery_of_queries]
+    assert [each.name for each in cross] == [
         f"{name} against complete surfaces" for name in ("animals", *TURNED)
     ]
-    assert {one.gallery_of_queries.source for one in found} == {"animals"}
+    assert {each.gallery_of_queries.source for each in cross} == {"animals"}
+
+
+def test_a_gallery_of_queries_is_in_a_table_of_its_own():
     assert [table.identifier for table in tables_of("animals", "against rods")] == [
         "animals against rods"
     ]
-    assert [
-        view.table.identifier for view in table_views([made_up(dataset="animals", input_="view")])
-    ] == ["III-view"]
+    views = table_views([made_up(dataset="animals", input_="view")])
+    assert [view.table.identifier for view in views] == ["III-view"]
+
+
+def test_a_quick_plan_of_views_against_surfaces_has_the_methods_of_quick_runs(tmp_path):
     planned = plan_selection(tmp_path, tables=["III-cross"], quick=True, input="view")
     states = {(job.record.gallery, job.record.method): job.state for job in planned}
-    assert "sd-gdm" not in {method for _, method in states}, "as in quick runs"
+    assert "sd-gdm" not in {method for _, method in states}
     assert {states[f"{place} (quick)", "gps"] for place in ("animals", *TURNED)} == {"missing"}
     assert states["animals against complete surfaces (quick)", "learned"] == "unsupported"
 

@@ -10,7 +10,6 @@ import shutil
 import sys
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -409,23 +408,14 @@ def test_an_error_of_a_file_that_was_half_written_is_no_fault_of_the_method(fold
 
 def test_contents_decide_where_a_clock_is_too_coarse(folder, model, monkeypatch):
     """Times of whole seconds, and files that keep their size and their place on the disk."""
-    real = os.stat
+    real = unchanged._state_of
 
-    def coarse(path, *arguments, **options):
-        facts = real(path, *arguments, **options)
-        return SimpleNamespace(
-            st_ino=0,
-            st_size=facts.st_size,
-            st_mtime_ns=facts.st_ctime_ns // 10**9 * 10**9,
-            st_ctime_ns=facts.st_ctime_ns // 10**9 * 10**9,
-        )
+    def coarse(path):
+        state = real(path)
+        whole_seconds = state.changed_ns // 10**9 * 10**9
+        return state._replace(inode=0, modified_ns=whole_seconds, changed_ns=whole_seconds)
 
     files = files_of(folder, model)
-    monkeypatch.setattr(unchanged, "_state", lambda file: state_of(coarse, file))
+    monkeypatch.setattr(unchanged, "_state_of", coarse)
     with pytest.raises(CodeChanged, match=r"^below.py"), files.unchanged():
         (folder.folder / "below.py").write_text("FACTOR = 3.0\n")
-
-
-def state_of(stat, file):
-    facts = stat(file)
-    return facts.st_ino, facts.st_size, facts.st_mtime_ns, facts.st_ctime_ns

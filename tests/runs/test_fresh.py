@@ -314,45 +314,54 @@ def test_a_folder_is_what_lies_at_its_path(tmp_path):
     assert first.per_query == last.per_query
 
 
-def test_data_sets_of_one_name_are_told_apart(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    results = tmp_path / "results"
+@pytest.fixture(scope="module")
+def of_one_name(tmp_path_factory):
+    """A folder with results of a/x/rods and b/x/rods, to be read only."""
+    folder = tmp_path_factory.mktemp("of-one-name")
     for name, bend in (("a/x", 1.0), ("b/x", 0.5)):
-        run_toy(
-            write_rods(tmp_path / name / "rods", bends=(0.0, bend)),
-            results,
-            "identity",
-            scorer="cm-bof",
-        )
-    assert {record.data.name for record in label_data_sets(read_records(results))} == {
-        "a/x/rods",
-        "b/x/rods",
-    }
-    table = call("tables", "--results", results, "-d", tmp_path / "b" / "x" / "rods")
+        rods = write_rods(folder / name / "rods", bends=(0.0, bend))
+        run_toy(rods, folder / "results", "identity", scorer="cm-bof")
+    return folder
+
+
+def test_data_sets_of_one_name_are_called_by_their_folders(of_one_name):
+    records = label_data_sets(read_records(of_one_name / "results"))
+    assert {record.data.name for record in records} == {"a/x/rods", "b/x/rods"}
+
+
+def test_a_table_shows_the_data_set_that_a_path_or_a_label_names(of_one_name, monkeypatch):
+    monkeypatch.chdir(of_one_name)
+    table = call("tables", "--results", "results", "-d", of_one_name / "b" / "x" / "rods")
     assert "b/x/rods" in table
     assert "a/x/rods" not in table
-    assert call("tables", "--results", results, "-d", "b/x/rods") == table
-    assert (
-        len(
-            {*call("tables", "--results", results, "--format", "csv").split()}
-            & {"a/x/rods", "b/x/rods"}
-        )
-        <= 2
-    )
-    files = call("tables", "--results", results, "-o", tmp_path / "tables")
-    assert files
-    names = sorted(path.name for path in (tmp_path / "tables").glob("table-*.md"))
+    assert call("tables", "--results", "results", "-d", "b/x/rods") == table
+
+
+def test_data_sets_of_one_name_have_tables_of_their_own(of_one_name, tmp_path):
+    call("tables", "--results", of_one_name / "results", "-o", tmp_path)
+    names = sorted(path.name for path in tmp_path.glob("table-*.md"))
     assert [name[:14] for name in names] == ["table-a-x-rods", "table-b-x-rods"]
-    both = f"'rods' names results of {tmp_path}/a/x/rods and of {tmp_path}/b/x/rods; pass the path that you mean"
-    assert refusal("tables", "--results", results, "-d", "rods") == both
-    write_rods(tmp_path / "rods", bends=(0.0, 2.0))
-    assert f"'rods' names results of {tmp_path}/rods and of {tmp_path}/a/x/rods" in refusal(
-        "tables", "--results", results, "-d", "rods"
+
+
+def test_a_name_of_several_data_sets_is_refused(of_one_name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    words = ("tables", "--results", of_one_name / "results", "-d", "rods")
+    assert refusal(*words) == (
+        f"'rods' names results of {of_one_name}/a/x/rods and of {of_one_name}/b/x/rods; "
+        "pass the path that you mean"
     )
+    write_rods(tmp_path / "rods", bends=(0.0, 2.0))
+    assert f"'rods' names results of {tmp_path}/rods and of {of_one_name}/a/x/rods" in refusal(
+        *words
+    )
+
+
+def test_one_of_several_data_sets_of_a_name_is_forgotten(of_one_name, tmp_path, monkeypatch):
+    results = shutil.copytree(of_one_name / "results", tmp_path / "results")
+    monkeypatch.chdir(of_one_name)
     call("forget", "--results", results, "-d", "a/x/rods", "--yes")
-    assert [record.data.path for record in read_records(results)] == [
-        str(tmp_path / "b" / "x" / "rods")
-    ]
+    kept = [record.data.path for record in read_records(results)]
+    assert kept == [str(of_one_name / "b" / "x" / "rods")]
 
 
 def test_a_plan_has_a_job_once_with_all_tables_that_show_it(tmp_path):
