@@ -14,9 +14,6 @@ FOLDERS = ("benchmark", "baselines", "learned", "retrieval", "tools")
 #: Modules that are still to be rewritten; none is added.
 PENDING = frozenset(
     {
-        "benchmark/api/learning.py",
-        "benchmark/api/parameters.py",
-        "benchmark/check/checks.py",
         "benchmark/cli/main.py",
         "benchmark/cli/names.py",
         "benchmark/cli/run.py",
@@ -25,18 +22,10 @@ PENDING = frozenset(
         "benchmark/commands/listing.py",
         "benchmark/commands/plan.py",
         "benchmark/commands/score.py",
-        "benchmark/formats/gltf.py",
-        "benchmark/formats/ply.py",
-        "benchmark/geometry/bridging.py",
-        "benchmark/geometry/camera.py",
-        "benchmark/geometry/cleaning.py",
         "benchmark/protocols/galleries.py",
         "benchmark/protocols/pairs.py",
         "benchmark/protocols/tables.py",
         "benchmark/protocols/trainings.py",
-        "benchmark/registry/known.py",
-        "benchmark/registry/modules.py",
-        "benchmark/registry/selection.py",
         "benchmark/report/columns.py",
         "benchmark/report/comparison.py",
         "benchmark/report/drawing.py",

@@ -26,7 +26,7 @@ from benchmark.api.parameters import (
     parameter_values,
 )
 from benchmark.errors import InvalidMesh, UnsupportedShape
-from benchmark.geometry.mesh import Mesh, read_only
+from benchmark.geometry.mesh import FloatArray, Mesh, read_only
 
 if TYPE_CHECKING:
     from benchmark.geometry.laplacian import Laplacian
@@ -48,8 +48,8 @@ __all__ = [
     "canonical_form",
 ]
 
+#: What a method gets: a complete surface, or what one depth camera sees.
 Input = Literal["mesh", "view"]
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,17 +139,28 @@ class CanonicalForm:
 
     @property
     def mesh(self) -> Mesh:
-        """The form as a mesh; raises ``InvalidMesh`` if it is not a surface, for example if coordinates are NaN."""
+        """The form as a mesh.
+
+        Raises
+        ------
+        InvalidMesh
+            If it is not a surface, for example if coordinates are NaN.
+        """
         return Mesh(self.vertices, self.faces)
 
 
 @dataclass(frozen=True)
 class AllPairs:
-    """Key of the geodesic distances in a :data:`ResultCache`, which equals no key that a method chooses."""
+    """Key of the geodesic distances in a :data:`ResultCache`.
+
+    It equals no key that a method chooses.
+    """
 
 
 def identify_result(key: Hashable, owner: Hashable) -> Hashable:
-    """Return what tells a shared result apart: one of a method by class and parameters, any other also by its owner.
+    """Return what tells a shared result apart.
+
+    That of a method is known by its class and parameters, any other also by its owner.
 
     Parameters
     ----------
@@ -173,7 +184,9 @@ ResultCache = Callable[[Hashable, Callable[[], Any]], Any]
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
 class Shape:
-    """Mesh of one subject in one pose, prepared identically for every method; methods share it, so it is read-only.
+    """Mesh of one subject in one pose, prepared identically for every method.
+
+    Methods share it, so it is read-only.
 
     Parameters
     ----------
@@ -208,7 +221,9 @@ class Shape:
 
     @classmethod
     def from_arrays(cls, vertices: ArrayLike, faces: ArrayLike, name: str = "shape") -> Shape:
-        """Return a shape with the given surface, as it is; :func:`benchmark.canonicalise` prepares it as a run does.
+        """Return a shape with the given surface, as it is.
+
+        :func:`benchmark.canonicalise` prepares it as a run does.
 
         Parameters
         ----------
@@ -233,7 +248,8 @@ class Shape:
         return cls(identifier=name, mesh=mesh, source_area=mesh.area)
 
     def __repr__(self) -> str:
-        return f"Shape({self.identifier!r}, {self.mesh.n_vertices} vertices, {self.mesh.n_faces} faces)"
+        counts = f"{self.mesh.n_vertices} vertices, {self.mesh.n_faces} faces"
+        return f"Shape({self.identifier!r}, {counts})"
 
     def geodesics(self) -> FloatArray:
         """Return geodesic distances between all pairs of vertices.
@@ -259,7 +275,9 @@ class Shape:
         return matrix
 
     def compute_once(self, key: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return a result that several methods use, such as a form that others deform; computed when first needed.
+        """Return a result that several methods use, such as a form that others deform.
+
+        It is computed when it is first needed.
 
         Parameters
         ----------
@@ -281,7 +299,9 @@ class Shape:
         return self._results[identity]
 
     def geodesics_from(self, sources: ArrayLike) -> FloatArray:
-        """Return geodesic distances from a few vertices to all vertices, without computing all pairs.
+        """Return geodesic distances from a few vertices to all vertices.
+
+        Those of all pairs are not computed.
 
         Parameters
         ----------
@@ -303,7 +323,10 @@ class Shape:
         return read_only(from_sources(self.mesh, np.asarray(sources, dtype=np.int64)))
 
     def laplacian(self) -> Laplacian:
-        """Return the cotangent Laplacian and lumped mass, read-only; see :mod:`benchmark.geometry.laplacian`."""
+        """Return the cotangent Laplacian and lumped mass, read-only.
+
+        See :mod:`benchmark.geometry.laplacian`.
+        """
         return self._laplacian.shared()
 
     @cached_property
@@ -313,18 +336,17 @@ class Shape:
         return cotangent_laplacian(self.mesh)
 
     def random(self, purpose: str = "") -> np.random.Generator:
-        """Return a random generator seeded by the seed, the purpose and a few measurements of the mesh, not by names.
+        """Return a random generator, seeded by the seed, the purpose and measurements of the mesh.
 
-        Shapes that differ only by a rigid motion, a scale or the order of their vertices draw the
-        same numbers.
+        Names do not count. Shapes that differ only by a rigid motion, a scale or the order of their
+        vertices draw the same numbers.
         """
         import hashlib
 
         from benchmark.geometry.mesh import measurements
 
-        digest = hashlib.sha256(
-            f"{self.seed}|{measurements(self.mesh)}|{purpose}".encode()
-        ).digest()
+        text = f"{self.seed}|{measurements(self.mesh)}|{purpose}"
+        digest = hashlib.sha256(text.encode()).digest()
         return np.random.default_rng(int.from_bytes(digest[:8], "big"))
 
     def form(self, vertices: ArrayLike, **notes: float | str) -> CanonicalForm:
@@ -335,11 +357,10 @@ class Shape:
         InvalidMesh
             If the positions are not finite real numbers, one for each vertex.
         """
-        if (count := len(np.atleast_1d(vertices))) != self.mesh.n_vertices:
-            raise InvalidMesh(
-                f"there are {count} positions for {self.mesh.n_vertices} vertices",
-                "return one for each",
-            )
+        count = len(np.atleast_1d(vertices))
+        if count != self.mesh.n_vertices:
+            problem = f"there are {count} positions for {self.mesh.n_vertices} vertices"
+            raise InvalidMesh(problem, "return one for each")
         return CanonicalForm(self.mesh.with_vertices(vertices).vertices, self.mesh.faces, notes)
 
 
@@ -356,12 +377,18 @@ class Method(Protocol):
 
 @runtime_checkable
 class Descriptor(Protocol):
-    """Method that compares shapes without canonical forms; it may have ``compare_to`` like a scorer."""
+    """Method that compares shapes without canonical forms.
+
+    It may have ``compare_to`` like a scorer.
+    """
 
     info: ClassVar[MethodInfo]
 
     def describe(self, shape: Shape) -> FloatArray:
-        """Return the descriptor of one shape, shape (k,), or raise ``UnsupportedShape`` with the reason."""
+        """Return the descriptor of one shape, shape (k,).
+
+        Raise ``UnsupportedShape`` with the reason if there is none.
+        """
         ...
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:

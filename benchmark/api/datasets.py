@@ -1,4 +1,4 @@
-"""Data sets: a :class:`ShapeSet` lists shapes, with functions that return the mesh and the camera of one of them."""
+"""Data sets: a :class:`ShapeSet` lists shapes, with functions that return mesh and camera of one."""
 
 from __future__ import annotations
 

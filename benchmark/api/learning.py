@@ -8,6 +8,7 @@ passes the learner the model for each shape.
 from __future__ import annotations
 
 import hashlib
+import itertools
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -52,13 +53,22 @@ WEIGHTS = "weights.safetensors"
 """Name of the weights file in the folder of a model."""
 
 CARD = "card.json"
-"""Name of the file with training data and schedule of a model; written last, so that it marks a finished model."""
+"""Name of the file with training data and schedule of a model.
+
+It is written last, so that it marks a finished model.
+"""
 
 FROZEN_AT = "4868b8b9"
-"""Last commit of the suite that trains its frozen networks, and generates the bodies that they were shown."""
+"""Last commit of the suite that trains its frozen networks.
+
+It also generates the bodies that they were shown.
+"""
 
 Split = Literal["table", "strict", "sampled"]
-"""Training data of a learner: the training subjects of the table, folds over subjects and poses, or sampled bodies."""
+"""Training data of a learner.
+
+The training subjects of the table, folds over subjects and poses, or sampled bodies.
+"""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -90,13 +100,15 @@ def digest_of(subjects: Iterable[str]) -> str:
     return hashlib.sha256("\0".join(sorted(subjects)).encode()).hexdigest()
 
 
-Pairs = Callable[[], Iterator[TrainingPair]]
+PairSource = Callable[[], Iterator[TrainingPair]]
 """Yields pairs, always in the same order."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Bodies:
-    """Bodies whose pairs are too many for memory; a learner may keep them on disk at its resolution.
+    """Bodies whose pairs are too many for memory.
+
+    A learner may keep them on disk at its resolution.
 
     Parameters
     ----------
@@ -117,7 +129,8 @@ class Bodies:
 
     def identifiers(self) -> tuple[str, ...]:
         """Return the name of each image."""
-        return tuple(f"{name}_{place}" for name in self.names for place in range(self.n_images))
+        numbers = itertools.product(self.names, range(self.n_images))
+        return tuple(f"{name}_{number}" for name, number in numbers)
 
     def pairs(self) -> Iterator[TrainingPair]:
         """Yield the pairs of one body after the other."""
@@ -173,9 +186,9 @@ class TrainingData:
     subjects: tuple[str, ...]
     identifiers: tuple[str, ...]
     tested: str
-    pairs: Pairs
+    pairs: PairSource
     n_pairs: int
-    validation: Pairs
+    validation: PairSource
     n_validation: int
     clearance: Mapping[str, float] = field(default_factory=dict)
     commit: str = ""
@@ -197,7 +210,10 @@ class Learner(Protocol):
 
     @property
     def model_name(self) -> str:
-        """Name of the model's folder in that of its training data; identifies configuration and training seed."""
+        """Name of the model's folder in that of its training data.
+
+        It identifies configuration and training seed.
+        """
         ...
 
     def train(
@@ -207,7 +223,9 @@ class Learner(Protocol):
         options: Mapping[str, Any],
         say: Callable[[str], None],
     ) -> None:
-        """Train a model into ``folder``, resuming from a checkpoint if there is one; keep a finished model.
+        """Train a model into ``folder``, from a checkpoint if there is one.
+
+        A finished model is kept.
 
         Parameters
         ----------
@@ -223,7 +241,10 @@ class Learner(Protocol):
         ...
 
     def load(self, folder: Path) -> Self:
-        """Return the method with the model in ``folder``; raise ``ConfigurationError`` if it does not fit."""
+        """Return the method with the model in a folder.
+
+        Raise ``ConfigurationError`` if it does not fit.
+        """
         ...
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
@@ -233,7 +254,10 @@ class Learner(Protocol):
 
 @runtime_checkable
 class HasRecipe(Protocol):
-    """Learner that says how the models of its rows in tables are trained; ``run --train`` follows it."""
+    """Learner that says how the models of its rows in tables are trained.
+
+    ``run --train`` follows it.
+    """
 
     def seeds(self, training: str) -> Sequence[int]:
         """Return the seeds of the models of tables, for training data of this name."""
@@ -250,7 +274,10 @@ class HasRecipe(Protocol):
 
 @runtime_checkable
 class MeasuresFit(Protocol):
-    """Deprecated: a learner that measures how well its form fits a depth image; write notes of the form instead."""
+    """Deprecated: a learner that measures how well its form fits a depth image.
+
+    Write notes of the form instead.
+    """
 
     def measure_fit(self, shape: Shape) -> Mapping[str, float | str]:
         """Return notes on the fit; a note named ``"doubt"`` is a warning."""
@@ -317,6 +344,7 @@ def read_card(folder: Path, kind: type[Any] = Card) -> Any:
 
 @lru_cache(maxsize=256)
 def _decoded(path: Path, _mtime: int, _size: int, kind: Any) -> Any:
+    """Return the card in a file; time and size tell whether it is the file that was read before."""
     return msgspec.json.decode(read_file(path), type=kind)
 
 
@@ -328,10 +356,12 @@ def checked_weights(folder: Path) -> bytes:
     ConfigurationError
         If the file is missing, or its digest is not that on the card.
     """
-    expected, path = read_card(folder).digest, folder / WEIGHTS
+    expected = read_card(folder).digest
+    path = folder / WEIGHTS
     with named_errors(path, "file of weights", ConfigurationError, "train the model again"):
         content = read_file(path)
-    if (actual := hashlib.sha256(content).hexdigest()) != expected:
+    actual = hashlib.sha256(content).hexdigest()
+    if actual != expected:
         problem = f"{path} has digest {actual[:12]}..., its card says {expected[:12]}..."
         raise ConfigurationError(problem, "fetch the file again or train the model again")
     return content

@@ -27,6 +27,7 @@ from msgspec import Meta
 from benchmark.errors import ConfigurationError, check_known, did_you_mean
 from benchmark.text import NAME
 
+#: Characters that enclose a text.
 _QUOTES = "'\""
 
 #: Types of parameters in words, by the names that messages of msgspec give them.
@@ -59,13 +60,13 @@ def Interval(  # noqa: N802  # it stands in types
     closed
         Bounds that belong to the interval: ``"both"``, ``"left"``, ``"right"`` or ``"neither"``.
     """
-    lower, upper = (
-        "ge" if closed in ("both", "left") else "gt",
-        "le" if closed in ("both", "right") else "lt",
-    )
-    bounds: dict[str, Any] = {
-        name: bound for name, bound in ((lower, low), (upper, high)) if math.isfinite(bound)
-    }
+    lower = "ge" if closed in ("both", "left") else "gt"
+    upper = "le" if closed in ("both", "right") else "lt"
+    bounds: dict[str, Any] = {}
+    if math.isfinite(low):
+        bounds[lower] = low
+    if math.isfinite(high):
+        bounds[upper] = high
     return Meta(**bounds)
 
 
@@ -90,7 +91,7 @@ Title = Annotated[str, Matches(r"\S.{0,199}", "a text of one line")]
 
 
 class CheckedParameters:
-    """Base class of frozen dataclasses that checks and normalises the parameters of each instance."""
+    """Base class of frozen dataclasses that checks and normalises their parameters."""
 
     def __post_init__(self) -> None:
         for name, value in checked(type(self), parameter_values(self)).items():
@@ -128,17 +129,33 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
         try:
             values[name] = _fit(annotation, value)
         except (msgspec.ValidationError, TypeError) as error:
-            arguments = typing.get_args(annotation)
-            if isinstance(value, str) and typing.get_origin(annotation) is Literal:
-                raise did_you_mean(
-                    f"{name} of {owner}", value, map(format_value, arguments)
-                ) from None
-            words = [of.description for of in arguments if isinstance(of, Meta) and of.description]
-            expected = words[0] if words else _in_words(str(error))
-            raise ConfigurationError(
-                f"'{value}' does not fit {name} of {owner}", f"write {expected}"
-            ) from None
+            raise _misfit(annotation, value, f"{name} of {owner}", str(error)) from None
     return values
+
+
+def _misfit(annotation: Any, value: Any, parameter: str, message: str) -> ConfigurationError:
+    """Return the error for a value that does not fit a parameter.
+
+    Parameters
+    ----------
+    annotation
+        Type of the parameter.
+    value
+        The value.
+    parameter
+        The parameter, as the error calls it: ``"rtol of least-squares-mds"``.
+    message
+        Message of msgspec.
+    """
+    arguments = typing.get_args(annotation)
+    if isinstance(value, str) and typing.get_origin(annotation) is Literal:
+        return did_you_mean(parameter, value, map(format_value, arguments))
+    expected = _in_words(message)
+    for argument in arguments:
+        if isinstance(argument, Meta) and argument.description:
+            expected = argument.description
+            break
+    return ConfigurationError(f"'{value}' does not fit {parameter}", f"write {expected}")
 
 
 def _in_words(message: str) -> str:
@@ -152,12 +169,19 @@ def _in_words(message: str) -> str:
 
 
 def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
-    """Return the parameters that differ from their defaults, in the order of the fields; see :func:`checked`."""
-    values, fields = checked(cls, given, owner), declared_parameters(cls)
-    defaults = {
-        name: default for name, (_, default) in fields.items() if default is not dataclasses.MISSING
-    }
-    defaults = checked(cls, {name: defaults[name] for name in values if name in defaults}, owner)
+    """Return the parameters that differ from their defaults, in the order of the fields.
+
+    Arguments and errors are those of :func:`checked`.
+    """
+    values = checked(cls, given, owner)
+    fields = declared_parameters(cls)
+    defaults = {}
+    for name in values:
+        _, default = fields[name]
+        if default is not dataclasses.MISSING:
+            defaults[name] = default
+    defaults = checked(cls, defaults, owner)
+    # The texts of 1, 1.0 and True differ.
     return {
         name: values[name]
         for name in fields
@@ -171,24 +195,27 @@ def parameter_values(instance: Any) -> dict[str, Any]:
 
 
 def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
-    """Return type and default of each parameter of a dataclass, in the order of its fields; none for another class."""
+    """Return type and default of each parameter of a dataclass, in the order of its fields.
+
+    Another class has none.
+    """
     if not dataclasses.is_dataclass(cls):
         return {}
     hints = _type_hints(cls)
-    return {
-        field.name: (
-            hints[field.name],
-            field.default
-            if field.default_factory is dataclasses.MISSING
-            else field.default_factory(),
-        )
-        for field in dataclasses.fields(cls)
-        if field.init
-    }
+    parameters = {}
+    for field in dataclasses.fields(cls):
+        if not field.init:
+            continue
+        default = field.default
+        if field.default_factory is not dataclasses.MISSING:
+            default = field.default_factory()
+        parameters[field.name] = (hints[field.name], default)
+    return parameters
 
 
 @cache
 def _type_hints(cls: type[Any]) -> dict[str, Any]:
+    """Return the types of the fields of a class, with their constraints."""
     try:
         return typing.get_type_hints(cls, include_extras=True)
     except NameError as error:
@@ -210,7 +237,12 @@ def format_value(value: Any) -> str:
 
 
 def assignments(texts: str | Iterable[str]) -> dict[str, str]:
-    """Return values by name from several ``name=value``: a list, or one text with commas between them.
+    """Return values by name from several ``name=value``.
+
+    Parameters
+    ----------
+    texts
+        A list, or one text with commas between them.
 
     Raises
     ------
@@ -221,9 +253,8 @@ def assignments(texts: str | Iterable[str]) -> dict[str, str]:
     for text in split(texts) if isinstance(texts, str) else texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals):
-            raise ConfigurationError(
-                f"'{text.strip()}' has no {'value' if name else 'name'}", "write NAME=VALUE"
-            )
+            missing = "value" if name else "name"
+            raise ConfigurationError(f"'{text.strip()}' has no {missing}", "write NAME=VALUE")
         if name in values:
             raise ConfigurationError(f"'{name}' is given twice", "leave one of them out")
         values[name] = value
@@ -238,26 +269,37 @@ def split(text: str, separator: str = ",") -> list[str]:
     ConfigurationError
         If quotes or parentheses are not balanced.
     """
-    parts, quote, depth = [""], "", 0
+    parts = [""]
+    quote = ""
+    depth = 0
     for position, character in enumerate(text):
         if quote:
-            quote = "" if character == quote else quote
-        elif character in _QUOTES and text[:position].rstrip()[-1:] in ("", "=", "|", ",", "("):
-            quote = character  # elsewhere, it is an apostrophe
-        else:
-            depth += {"(": 1, ")": -1}.get(character, 0)
+            if character == quote:
+                quote = ""
+        elif character in _QUOTES and _begins_quote(text[:position]):
+            quote = character
+        elif character == "(":
+            depth += 1
+        elif character == ")":
+            depth -= 1
         if character == separator and not quote and depth == 0:
             parts.append("")
         else:
             parts[-1] += character
     if quote or depth:
-        problem = f"'{text}' has {'a quote' if quote else 'a parenthesis'} without its other half"
+        half = "a quote" if quote else "a parenthesis"
+        problem = f"'{text}' has {half} without its other half"
         raise ConfigurationError(problem, "close what is opened")
     return parts if text.strip() else []
 
 
+def _begins_quote(before: str) -> bool:
+    """Return whether a quote behind a text encloses one; elsewhere, it is an apostrophe."""
+    return before.rstrip()[-1:] in ("", "=", "|", ",", "(")
+
+
 def _fit(annotation: Any, value: Any) -> Any:
-    """Convert text or an object to a type with constraints; raise ``ValidationError`` if it does not fit."""
+    """Convert text or an object to a type with constraints; raise ``ValidationError`` if unfit."""
     given: Any = value.item() if isinstance(value, np.generic) else value
     if isinstance(given, str):
         if not given.isprintable():  # it becomes part of names
@@ -269,9 +311,8 @@ def _fit(annotation: Any, value: Any) -> Any:
     try:
         fitted = _convert(annotation, given)
     except msgspec.ValidationError:
-        fitted = _convert(
-            annotation, [*map(_number, given)] if isinstance(given, list) else _number(given)
-        )
+        numbers = [*map(_number, given)] if isinstance(given, list) else _number(given)
+        fitted = _convert(annotation, numbers)
     for part in fitted if isinstance(fitted, tuple) else (fitted,):
         if isinstance(part, float) and not math.isfinite(part):
             raise msgspec.ValidationError("a finite number")
@@ -286,11 +327,17 @@ def _parts(text: str) -> list[str]:
 
 
 def _convert(annotation: Any, given: Any) -> Any:
+    """Convert a value by msgspec; texts of other types by calling the type."""
     return msgspec.convert(given, annotation, strict=False, dec_hook=lambda kind, text: kind(text))
 
 
 def _number(given: Any) -> Any:
-    """Return the number in a text, also as JSON does not write it: .5, +7, 012; anything else as it is."""
+    """Return the number in a text, also as JSON does not write it: .5, +7, 012.
+
+    Anything else is returned as it is.
+    """
+    if not isinstance(given, str):
+        return given
     with suppress(ValueError):
-        return float(given) if isinstance(given, str) else given
+        return float(given)
     return given

@@ -1,4 +1,4 @@
-"""Interface for authors of scorers, which compute the dissimilarities of all pairs of canonical forms.
+"""Interface for authors of scorers, which compute the dissimilarities of canonical forms.
 
 A *scorer* is a frozen, keyword-only dataclass with a class attribute ``info`` and two methods:
 ``signature`` describes one form, and ``compare`` compares the signatures of a whole gallery. Its
@@ -87,7 +87,9 @@ class Scorer(Protocol):
         ...
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
-        """Return the dissimilarities of all pairs of forms, shape (N, N), symmetric with zero diagonal.
+        """Return the dissimilarities of all pairs of forms, shape (N, N).
+
+        They are symmetric with zero diagonal.
 
         Parameters
         ----------

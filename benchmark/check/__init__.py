@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from benchmark.check.case import Case, Failed, Skipped, explained, fresh_process
+from benchmark.check.case import Case, FailedCheck, SkippedCheck, explained, fresh_process
 from benchmark.check.checks import NECESSARY, checks_of
 from benchmark.errors import InvalidForm, InvalidSignature
 from benchmark.registry import Component, component_of
@@ -26,9 +26,18 @@ LIMIT = 600.0
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of one check: its name, its outcome, and one line on what was seen, with a hint if it failed.
+    """Result of one check.
 
-    ``traceback`` says where an error was raised.
+    Parameters
+    ----------
+    name
+        Name of the check.
+    outcome
+        How it ended.
+    explanation
+        One line on what was seen, with a hint if it failed.
+    traceback
+        Where an error was raised.
     """
 
     name: str
@@ -52,7 +61,8 @@ def check(component: Component, limit: float = LIMIT) -> Iterator[Finding]:
     limit
         Seconds after which the process ends, and says at which line a check was.
     """
-    if missing := component.missing_packages():
+    missing = component.missing_packages()
+    if missing:
         yield Finding("packages", "skipped", f"install {', '.join(missing)}, then check again")
         return
     with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
@@ -78,15 +88,16 @@ def failures(value: Any) -> list[str]:
 
 
 def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Finding:
+    """Return the finding of a check."""
     faulthandler.dump_traceback_later(limit, exit=True, file=2)
     try:
         # What a plugin prints must not stand among the findings.
         with redirect_stdout(Printed()), watching_component(case.component, [case.folder]):
             return Finding(name, "ok", run(case))
-    except Skipped as reason:
+    except SkippedCheck as reason:
         return Finding(name, "skipped", str(reason))
     except (Exception, SystemExit) as error:
-        says_all = isinstance(error, Failed | InvalidForm | InvalidSignature)
+        says_all = isinstance(error, FailedCheck | InvalidForm | InvalidSignature)
         trace = "" if says_all else clean_lines("".join(traceback.format_exception(error)))
         return Finding(name, "failed", " ".join(explained(error).split()), trace)
     finally:

@@ -30,11 +30,11 @@ from benchmark.registry.modules import import_plugins_anew
 from benchmark.text import Printed
 
 
-class Failed(Exception):
+class FailedCheck(Exception):
     """The check failed; with the reason and a hint."""
 
 
-class Skipped(Exception):
+class SkippedCheck(Exception):
     """The check does not apply; with the reason."""
 
 
@@ -42,12 +42,13 @@ def explained(error: BaseException) -> str:
     """Return an exception as the author needs it, with advice that fits."""
     if isinstance(error, UnsupportedShape):
         return f"refuses an ordinary surface ({error}); treat it"
-    if isinstance(error, Failed | BenchmarkError):
+    if isinstance(error, FailedCheck | BenchmarkError):
         return str(error)
     if isinstance(error, ImportError):
         return f"{locate(error)}; name packages beyond the core in info.requires"
-    writes = "read-only" in str(error) or isinstance(error, FrozenInstanceError)
-    return f"{locate(error)}{'; it writes into its input: work on a copy' if writes else ''}"
+    if "read-only" in str(error) or isinstance(error, FrozenInstanceError):
+        return f"{locate(error)}; it writes into its input: work on a copy"
+    return locate(error)
 
 
 @dataclass
@@ -99,62 +100,83 @@ class Case:
     def create(self) -> Any:
         """Return a new object, with its trained model."""
         created = self.component.create()
-        values = parameter_values(created).items()
-        checked(
-            type(created),
-            {name: value for name, value in values if isinstance(value, int | float | str)},
-        )
+        plain = {
+            name: value
+            for name, value in parameter_values(created).items()
+            if isinstance(value, int | float | str)
+        }
+        checked(type(created), plain)
         return created.load(self.model) if self.model else created
 
     def shape(
         self, bend: float = BENDS[0], mesh: Mesh | None = None, seed: int = 0, name: str = "figure"
     ) -> Shape:
         """Return the figure, or another mesh in its place, as input."""
-        seen = view(bend) if self.reads_images else None
-        mesh = mesh or (seen.mesh if seen else figure(bend))
-        # Bending preserves the area, and equal areas would leave nothing to compare.
-        area, depth = (1 + bend) * mesh.area, seen.depth if seen else None
+        depth = None
+        if self.reads_images:
+            seen = view(bend)
+            depth = seen.depth
+            mesh = mesh or seen.mesh
+        mesh = mesh or figure(bend)
         return Shape(
-            identifier=f"{name} {bend}", mesh=mesh, depth=depth, source_area=area, seed=seed
+            identifier=f"{name} {bend}",
+            mesh=mesh,
+            depth=depth,
+            # Bending preserves the area, and equal areas would leave nothing to compare.
+            source_area=(1 + bend) * mesh.area,
+            seed=seed,
         )
 
     def answer(self, shape: Shape, by: Any = None) -> FloatArray:
         """Return the answer of an object, by default a new one, as an array."""
-        answer = self._answer(self.create() if by is None else by, shape)
-        if self.is_scorer:
-            return np.concatenate(
-                [np.asarray(answer[name], dtype=np.float64).ravel() for name in sorted(answer)]
-            )
-        return np.asarray(answer)
+        if by is None:
+            by = self.create()
+        answer = self._answer(by, shape)
+        if not self.is_scorer:
+            return np.asarray(answer)
+        numbers = [np.asarray(answer[name], dtype=np.float64) for name in sorted(answer)]
+        return np.concatenate([array.ravel() for array in numbers])
 
     def dissimilarities(self, shapes: Sequence[Shape], draw: int = 0) -> FloatArray:
         """Return the dissimilarities of all pairs by a descriptor or a scorer."""
         created = self.create()
         answers = [self._answer(created, shape) for shape in shapes]
-        return compute_distances(created, [self._read_only(answer) for answer in answers], draw)
+        return compute_distances(created, list(map(self._read_only, answers)), draw)
 
     def answers_after_another(self) -> list[FloatArray]:
-        """Return :attr:`reference` and :meth:`compared` of a process that began with other shapes."""
+        """Return :attr:`reference` and :meth:`compared` of a process that began otherwise.
+
+        It treated other shapes before.
+        """
         self.fresh.send(self.model)
         try:
             answers: list[FloatArray] | str = self.fresh.recv()
         except EOFError:
-            raise Failed("ends the process if another shape comes first") from None
+            raise FailedCheck("ends the process if another shape comes first") from None
         if isinstance(answers, str):
-            raise Failed(f"if another shape comes first: {answers}")
+            raise FailedCheck(f"if another shape comes first: {answers}")
         return answers
 
     def compared(self, bends: Sequence[float] = BENDS) -> list[FloatArray]:
-        """Return the dissimilarities of the figure in its poses, in a list that is empty if nothing is compared."""
-        return [self.dissimilarities([self.shape(bend) for bend in bends])] if self.compares else []
+        """Return the dissimilarities of the figure in its poses, in a list.
+
+        It is empty if nothing is compared.
+        """
+        if not self.compares:
+            return []
+        return [self.dissimilarities([self.shape(bend) for bend in bends])]
 
     def _read_only(self, answer: Any) -> Any:
-        """Return a signature or a vector as a run passes it on: read from a file, which nobody can write to."""
+        """Return a signature or a vector as a run passes it on.
+
+        A run reads it from a file, which nobody can write to.
+        """
         if self.is_scorer:
             return {name: read_only(array) for name, array in answer.items()}
         return read_only(answer)
 
     def _answer(self, created: Any, shape: Shape) -> Any:
+        """Return what an object returns for a shape."""
         if self.is_scorer:
             return compute_signature(created, shape.mesh)
         if self.component.describes:
@@ -176,6 +198,10 @@ def fresh_process(case: Case, limit: float) -> Iterator[None]:
 
 
 def _serve(case: Case, connection: Connection, limit: float) -> None:
+    """Treat other shapes, then send the answers for the figure, or what went wrong.
+
+    It begins when the model of a learner arrives.
+    """
     case.fresh.close()
     with suppress(EOFError, KeyboardInterrupt), redirect_stdout(Printed()):
         case.model = connection.recv()

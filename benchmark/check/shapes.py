@@ -1,4 +1,4 @@
-"""Shapes for the checks: a figure in three poses, its views, and surfaces that are hard to treat."""
+"""Shapes for the checks: a figure in three poses, its views, and surfaces hard to treat."""
 
 from __future__ import annotations
 
@@ -19,21 +19,25 @@ BENDS = (0.7, 0.2, 1.1)
 #: Name of the training on images of the figure, and of the folder of its models.
 TRAINING = "figure"
 
+#: Pixels between the samples of the surface of a view.
 _PIXEL_STRIDE = 9
+
+#: Camera of the views, across all axes.
 _CAMERA = Camera((0.35, 1.0, -0.2))
 
 
 @cache
 def _mesh(name: str) -> Mesh:
+    """Return a mesh of the file of shapes."""
     with np.load(Path(__file__).with_name("shapes.npz"), allow_pickle=False) as arrays:
         return Mesh(arrays[f"{name} vertices"], arrays[f"{name} faces"])
 
 
 def figure(bend: float = BENDS[0]) -> Mesh:
-    """Return the closed surface of a body with a head, an arm, a leg and a tail, of unit area, with 500 vertices.
+    """Return the closed surface of a body with a head, an arm, a leg and a tail, of unit area.
 
-    All limbs differ in length, thickness and direction, so no symmetry leaves an axis or the order
-    of two eigenvalues undetermined.
+    It has 500 vertices. All limbs differ in length, thickness and direction, so no symmetry leaves
+    an axis or the order of two eigenvalues undetermined.
 
     Parameters
     ----------
@@ -45,7 +49,7 @@ def figure(bend: float = BENDS[0]) -> Mesh:
 
 @cache
 def view(bend: float = BENDS[0]) -> Shape:
-    """Return the figure as seen by one depth camera: open, in bridged pieces, with its depth image."""
+    """Return the figure as one depth camera sees it: open, in bridged pieces, with its image."""
     mesh = figure(bend)
     half_width = fit_half_width(mesh, _CAMERA)
     depth = render_depth(mesh, _CAMERA, half_width)
@@ -60,12 +64,12 @@ def awkward() -> dict[str, Mesh]:
     return {name: _mesh(name) for name in names} | {"an open surface": view().mesh}
 
 
-def training_data() -> TrainingData:
-    """Return training data: depth images of the figure in its poses, of which the first is canonical."""
+def training_on_figure() -> TrainingData:
+    """Return depth images of the figure in its poses as training data; the first is canonical."""
     names = tuple(f"figure {bend}" for bend in BENDS)
 
     def pairs() -> Iterator[TrainingPair]:
-        images = [image for bend in BENDS if (image := view(bend).depth) is not None]
+        images = [np.asarray(view(bend).depth) for bend in BENDS]
         for name, image in zip(names, images, strict=True):
             yield TrainingPair(
                 identifier=name,

@@ -20,7 +20,7 @@ from benchmark.errors import BenchmarkError, ConfigurationError, InvalidMesh, Un
 from benchmark.files import file_digest, named_errors, write_atomically
 from benchmark.formats.ascii import ends_within_line
 from benchmark.formats.base import Format, mesh_stem, mesh_suffix
-from benchmark.formats.reading import load, read_arrays, read_with
+from benchmark.formats.reading import read_arrays, read_unpacked, read_with
 from benchmark.formats.unread import UNREAD_MESHES, UNREAD_POINTS
 from benchmark.geometry.copies import check_copies
 from benchmark.geometry.mesh import Mesh
@@ -131,7 +131,7 @@ def lacks_last_break(path: Path) -> bool:
     if mesh_suffix(path) not in _TEXTS:
         return False
     try:
-        content = load(path)
+        content = read_unpacked(path)
     except (BenchmarkError, OSError, EOFError, zlib.error):  # which is refused when it is read
         return False
     is_binary = b"\0" in content or b"\nformat binary" in content[:1000]
@@ -139,7 +139,7 @@ def lacks_last_break(path: Path) -> bool:
 
 
 def faces_without_corners(path: Path) -> int:
-    """Return how many faces of a readable mesh file have no corners, which is how some exporters write none."""
+    """Return how many faces of a readable mesh file have no corners, as some exporters write."""
     _, _, *sizes = read_arrays(FORMATS[mesh_suffix(path)], path)
     return int(np.count_nonzero(sizes[0] == 0)) if sizes else 0
 

@@ -22,10 +22,11 @@ _LARGEST_INTEGER = 2**53
 
 
 def plain_text(data: bytes) -> bytes:
-    """Return text in ASCII, without comments and byte-order marks, with one kind of line break at each end of a line.
+    """Return text in ASCII, without comments and byte-order marks, with one kind of line break.
 
-    A text that is cut off within its last number cannot be told from one without a last line break;
-    ``data check`` and a run name both. Any other cut contradicts the counts or the last line.
+    Each line ends with one. A text that is cut off within its last number cannot be told from one
+    without a last line break; ``data check`` and a run name both. Any other cut contradicts the
+    counts or the last line.
     """
     if data[:2] in (b"\xff\xfe", b"\xfe\xff"):
         data = data.decode("utf-16").encode()
@@ -36,12 +37,15 @@ def plain_text(data: bytes) -> bytes:
 
 
 def ends_within_line(data: bytes) -> bool:
-    """Return whether the last line of a text has no line break, as at the end of one that is cut off."""
+    """Return whether the last line of a text has no line break, as in a text that is cut off."""
     return not data.rstrip(b" \t\0").endswith((b"\n", b"\r"))
 
 
 def check_end(data: bytes, corners: IntArray, n_vertices: int) -> None:
-    """Raise ``UnreadableMesh`` if a text without counts ends within a line, and vertices have no face."""
+    """Raise ``UnreadableMesh`` if a text without counts seems to be cut off.
+
+    It ends within a line, and vertices have no face.
+    """
     if ends_within_line(data) and len(np.unique(corners)) < n_vertices:
         raise UnreadableMesh(
             "its last line has no line break, and vertices have no face: it may be cut off",
@@ -55,30 +59,41 @@ def filled_lines(text: bytes) -> list[bytes]:
 
 
 def parse_numbers(text: bytes) -> FloatArray:
-    """Parse numbers; raises ``ValueError`` at anything else (Python itself would take ``1_0`` and other scripts)."""
+    """Parse numbers; raise ``ValueError`` at anything else.
+
+    Python itself would take ``1_0`` and digits of other scripts.
+    """
     if not text.strip():
         return np.empty(0)
     try:
         return np.fromstring(text.decode("ascii"), sep=" ")
     except (DeprecationWarning, ValueError) as error:
         if re.search(rb"\d,\d", text):
-            raise UnreadableMesh(
-                "numbers have decimal commas", "export with LC_NUMERIC=C"
-            ) from error
+            problem = "numbers have decimal commas"
+            raise UnreadableMesh(problem, "export with LC_NUMERIC=C") from error
         words = text.decode("latin-1").split()
         wrong = next((word for word in words if not _NUMBER.fullmatch(word)), "")
         raise ValueError(f"expected a number, not '{wrong:.20}'") from error
 
 
 def parse_table(lines: Sequence[bytes], widths: Collection[int] = (3,)) -> FloatArray:
-    """Parse lines of as many numbers, of which the first three are returned; a fourth alone is a weight."""
-    found = {len(line.split()) for line in lines}
-    if other := found.difference(widths):
+    """Parse lines of numbers, and return the first three of each; a fourth alone is a weight.
+
+    Parameters
+    ----------
+    lines
+        The lines.
+    widths
+        How many numbers a line may have.
+    """
+    counts = {len(line.split()) for line in lines}
+    other = counts.difference(widths)
+    if other:
         raise ValueError(f"a line has {counted(min(other), 'number')}, not {min(widths)}")
-    if 4 in found and (_fourth_numbers(lines) != 1).any():
+    if 4 in counts and (_fourth_numbers(lines) != 1).any():
         raise ValueError("a line has a fourth number, which is not 1")
-    if len(found) == 1:
-        return parse_numbers(b" ".join(lines)).reshape(len(lines), found.pop())[:, :3]
+    if len(counts) == 1:
+        return parse_numbers(b" ".join(lines)).reshape(len(lines), counts.pop())[:, :3]
     first_three = [b" ".join(line.split()[:3]) for line in lines]
     return parse_numbers(b" ".join(first_three)).reshape(len(lines), 3)
 
@@ -90,7 +105,7 @@ def _fourth_numbers(lines: Sequence[bytes]) -> FloatArray:
 
 
 def whole_numbers(numbers: NDArray[np.number]) -> IntArray:
-    """Return vertex indices as integers; raises ``ValueError`` if one is not a whole number."""
+    """Return vertex indices as integers; raise ``ValueError`` if one is not a whole number."""
     is_small = np.abs(numbers) <= _LARGEST_INTEGER
     if not is_small.all() or (numbers != np.floor(numbers)).any():
         raise ValueError("a vertex index is not a whole number")

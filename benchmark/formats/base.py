@@ -9,8 +9,12 @@ from typing import Literal
 
 from benchmark.geometry.mesh import IntArray, Mesh, Points
 
-Arrays = tuple[Points, IntArray] | tuple[Points, IntArray, IntArray]
-"""Vertices, and the corners of triangles, shape (m, 3), or of polygons, one after the other, with their numbers."""
+MeshArrays = tuple[Points, IntArray] | tuple[Points, IntArray, IntArray]
+"""What a file lists.
+
+Vertices and the corners of triangles, shape (m, 3); or vertices, the corners of polygons, one after
+the other, and how many corners each has.
+"""
 
 
 def no_files(_: Path) -> Sequence[Path]:
@@ -31,7 +35,7 @@ class Format:
     first_vertex
         Number of the first vertex in what ``read`` returns.
     read
-        Function that returns the vertices and the corners in the content of a file at a path; raises
+        Function that returns the vertices and corners in the content of a file at a path; raises
         ``ValueError`` or ``UnreadableMesh`` if it is damaged.
     write
         Function that returns the content of a file with a mesh; None if the format is not written.
@@ -47,7 +51,7 @@ class Format:
     module: str
     extensions: tuple[str, ...]
     first_vertex: Literal[0, 1]
-    read: Callable[[bytes, Path], Arrays]
+    read: Callable[[bytes, Path], MeshArrays]
     write: Callable[[Mesh], bytes] | None = None
     files_beside: Callable[[Path], Sequence[Path]] = no_files
     extensions_beside: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""MATLAB files of TOSCA: the struct ``surface`` with X, Y, Z and the triangles TRIV, which count from 1."""
+"""MATLAB files of TOSCA: a struct ``surface`` with X, Y, Z and triangles TRIV, counted from 1."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ import numpy as np
 
 from benchmark.files import check_expansion
 from benchmark.formats.ascii import whole_numbers
-from benchmark.formats.base import Arrays, Format
+from benchmark.formats.base import Format, MeshArrays
 
 
-def read(data: bytes, _: Path) -> Arrays:
+def read(data: bytes, _: Path) -> MeshArrays:
     """Return the vertices and triangles of a MATLAB file, counted from 1."""
     from scipy.io import loadmat
 

@@ -20,7 +20,7 @@ from benchmark.formats.ascii import (
     rows_of,
     whole_numbers,
 )
-from benchmark.formats.base import Arrays, Format
+from benchmark.formats.base import Format, MeshArrays
 from benchmark.geometry.mesh import IntArray, Mesh
 
 _VERTEX = re.compile(rb"(?m)^[ \t]*v[ \t]+(\S.*)")
@@ -33,18 +33,18 @@ _OTHER_LINE = re.compile(
 )
 
 
-def read(data: bytes, _: Path) -> Arrays:
+def read(data: bytes, _: Path) -> MeshArrays:
     """Return the vertices and polygons of an OBJ file, counted from 1."""
     text = plain_text(data).replace(b"\\\n", b" ")
     vertices = list(_VERTEX.finditer(text))
     polygons = list(_FACE.finditer(text))
     if not vertices:
         raise ValueError("there is no line of a vertex, 'v x y z'")
-    if other := _OTHER_LINE.search(text):
+    other = _OTHER_LINE.search(text)
+    if other:
         word = other[1].decode("ascii", "backslashreplace")
-        raise UnreadableMesh(
-            f"it has lines '{word:.20}', which are not read", "export one file of triangles"
-        )
+        problem = f"it has lines '{word:.20}', which are not read"
+        raise UnreadableMesh(problem, "export one file of triangles")
     sizes = np.array([len(polygon[1].split()) for polygon in polygons], dtype=np.int64)
     # Numbers behind a slash are those of textures and normals.
     words = re.sub(rb"/\S*", b"", b" ".join(polygon[1] for polygon in polygons))
@@ -58,7 +58,10 @@ def read(data: bytes, _: Path) -> Arrays:
 
 
 def _counted_from_1(indices: IntArray, latest: IntArray) -> IntArray:
-    """Return corners that count forwards, for those that count back from the latest vertex before them."""
+    """Return corners that count forwards.
+
+    Negative ones count back from the latest vertex before them.
+    """
     forwards = indices + latest + 1
     is_missing = indices + latest < 0  # it counts back beyond the first vertex
     return np.where(indices < 0, np.where(is_missing, -1, forwards), indices)

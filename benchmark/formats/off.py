@@ -19,7 +19,7 @@ from benchmark.formats.ascii import (
     rows_of,
     whole_numbers,
 )
-from benchmark.formats.base import Arrays, Format
+from benchmark.formats.base import Format, MeshArrays
 from benchmark.geometry.mesh import IntArray, Mesh
 from benchmark.text import counted
 
@@ -31,7 +31,7 @@ _HEADER = re.compile(
 _OTHER_DIMENSION = re.compile(rb"(?:ST)?C?N?(?:4n?|n)OFF")
 
 
-def read(data: bytes, _: Path) -> Arrays:
+def read(data: bytes, _: Path) -> MeshArrays:
     """Return the vertices and polygons of an OFF file."""
     text = plain_text(data).lstrip()
     header = _HEADER.match(text)
@@ -59,7 +59,7 @@ def read(data: bytes, _: Path) -> Arrays:
 def _check_kind(text: bytes) -> None:
     """Raise ``UnreadableMesh`` if it is a kind of OFF that is not read."""
     first = text[:100].split()
-    if _OTHER_DIMENSION.fullmatch(first[0] if first else b""):
+    if first and _OTHER_DIMENSION.fullmatch(first[0]):
         raise UnreadableMesh("n-dimensional OFF is not read", "export three coordinates a vertex")
     if first[1:2] == [b"BINARY"]:
         raise UnreadableMesh("binary OFF is not read", "export it as text, or as .ply")
@@ -89,13 +89,13 @@ def _counted_polygons(lines: Sequence[bytes]) -> tuple[IntArray, IntArray]:
     corners: list[bytes] = []
     for number, (row, size) in enumerate(zip(rows, sizes, strict=True), 1):
         if len(row) <= size or (size == 0 and len(row) > 1):
-            found = counted(len(row) - 1, "corner")
-            raise ValueError(f"face {number} of {len(rows)} has {found}, not {size}")
+            count = counted(len(row) - 1, "corner")
+            raise ValueError(f"face {number} of {len(rows)} has {count}, not {size}")
         corners += row[1 : 1 + size]
     return whole_numbers(parse_numbers(b" ".join(corners))), sizes
 
 
-def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> Arrays | None:
+def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> MeshArrays | None:
     """Read rows of three for vertices and of four for triangles; None for anything else."""
     try:
         numbers = parse_numbers(body)

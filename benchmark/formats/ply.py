@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ from benchmark.formats.ascii import (
     plain_text,
     whole_numbers,
 )
-from benchmark.formats.base import Arrays, Format
+from benchmark.formats.base import Format, MeshArrays
 from benchmark.geometry.mesh import Mesh
 
 #: Sign of the byte order of each format of a header; numbers of text are parsed as doubles.
@@ -53,7 +54,17 @@ Run = NDArray[Any]
 
 
 class _Field(NamedTuple):
-    """A property of an element; ``size_type`` is the type of the length of a list, "" for a number."""
+    """A property of an element.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    type
+        Type of its numbers, as numpy writes it.
+    size_type
+        Type of the length of a list; "" for a number.
+    """
 
     name: str
     type: str
@@ -68,7 +79,7 @@ class _Element(NamedTuple):
     fields: list[_Field]
 
 
-def read(data: bytes, _: Path) -> Arrays:
+def read(data: bytes, _: Path) -> MeshArrays:
     """Return the vertices and polygons of a PLY file."""
     header, body = _split_header(data)
     elements, is_text = _elements(header)
@@ -85,17 +96,20 @@ def read(data: bytes, _: Path) -> Arrays:
     runs = _runs(elements, body)
     if is_text:
         _check_lines(lines, runs)
-    vertices = np.concatenate(
-        [np.stack([run[axis] for axis in "xyz"], axis=1) for run in runs["vertex"]]
-    )
+    vertices = np.concatenate(list(map(_coordinates, runs["vertex"]))).astype(np.float64)
     if "face" not in names:  # points
-        return vertices.astype(np.float64), np.empty(0, dtype=np.int64)
+        return vertices, np.empty(0, dtype=np.int64)
     faces = runs["face"]
     names_of_face = faces[0].dtype.names or ()
     corners = "vertex_index" if "vertex_index" in names_of_face else "vertex_indices"
     sizes = np.concatenate([np.full(len(run), run[corners].shape[1]) for run in faces])
     flat = np.concatenate([run[corners].ravel() for run in faces])
-    return vertices.astype(np.float64), whole_numbers(flat), sizes
+    return vertices, whole_numbers(flat), sizes
+
+
+def _coordinates(run: Run) -> NDArray[Any]:
+    """Return the coordinates in rows of vertices, shape (n, 3)."""
+    return np.stack([run["x"], run["y"], run["z"]], axis=1)
 
 
 def _split_header(data: bytes) -> tuple[list[str], bytes]:
@@ -141,7 +155,7 @@ def _type_in_file(kind: str, order: str | None) -> str:
 
 
 def _runs(elements: Sequence[_Element], body: bytes) -> Mapping[str, Sequence[Run]]:
-    """Return the rows of each element; raises ``ValueError`` unless they are all that follows the header."""
+    """Return the rows of each element; raise ``ValueError`` if something follows them."""
     runs: dict[str, list[Run]] = {}
     at = 0
     for element in elements:
@@ -154,10 +168,10 @@ def _runs(elements: Sequence[_Element], body: bytes) -> Mapping[str, Sequence[Ru
 
 def _check_lines(lines: Sequence[bytes], runs: Mapping[str, Sequence[Run]]) -> None:
     """Raise ``ValueError`` unless each line of a text holds one row."""
-    widths = [
-        np.full(len(run), run.itemsize // 8) for of_element in runs.values() for run in of_element
-    ]
-    if np.concatenate(widths).tolist() != [len(line.split()) for line in lines]:
+    widths: list[int] = []
+    for run in chain.from_iterable(runs.values()):
+        widths += [run.itemsize // 8] * len(run)
+    if widths != [len(line.split()) for line in lines]:
         raise ValueError("its lines are not the rows that its header announces")
 
 
@@ -188,7 +202,17 @@ def _element_runs(data: bytes, at: int, element: _Element) -> list[Run]:
 def _row_at(
     data: bytes, at: int, element: _Element, count: int
 ) -> tuple[np.dtype[Any], dict[str, int]]:
-    """Return the layout of the row that begins at a place, and the lengths of its lists by their fields."""
+    """Return the layout of the row that begins at a place, and the lengths of its lists by field.
+
+    Parameters
+    ----------
+    data, at
+        The rows, and the place.
+    element
+        The element.
+    count
+        Number of rows from there; 0 if there is none.
+    """
     layout: list[Any] = []
     lengths: dict[str, int] = {}
     for field in element.fields:
@@ -211,7 +235,8 @@ def write(mesh: Mesh) -> bytes:
     """Return the content of a binary PLY file."""
     header = (
         "ply\nformat binary_little_endian 1.0\n"
-        f"element vertex {mesh.n_vertices}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element vertex {mesh.n_vertices}\n"
+        "property double x\nproperty double y\nproperty double z\n"
         f"element face {mesh.n_faces}\nproperty list uchar int vertex_indices\nend_header\n"
     )
     faces = np.empty(mesh.n_faces, dtype=[("count", "u1"), ("corners", "<i4", 3)])

@@ -1,4 +1,4 @@
-"""Corners of triangles and polygons as files list them: counted from 0, and split into triangles."""
+"""Corners of polygons as files list them, which are counted from 0 and split into triangles."""
 
 from __future__ import annotations
 
@@ -16,8 +16,10 @@ _MOST_POLYGONS = 2**16
 #: larger polygon are looked at in linear time.
 _MOST_CORNERS = 64
 
-#: Most corners of a larger polygon that are tried as the centre of its fan, and most whose fan is made.
+#: Most corners of a larger polygon that are tried as the centre of its fan.
 _MOST_TRIES = 500
+
+#: Most corners whose fan is made.
 _MOST_FANS = 20
 
 #: Area of a triangle of a fan that may look the other way, as a share of the polygon: that of a
@@ -26,34 +28,48 @@ _FOLDED = 1e-6
 
 
 def count_from_0(corners: IntArray, n_vertices: int, first: int) -> IntArray:
-    """Return corners counted from 0 instead of ``first``; raises ``InvalidMesh`` if vertices are missing."""
-    low, high = int(corners.min()), int(corners.max())
+    """Return corners counted from 0 instead of ``first``.
+
+    Raises
+    ------
+    InvalidMesh
+        If vertices are missing, or the file counts otherwise.
+    """
+    low = int(corners.min())
+    high = int(corners.max())
     other = 1 - first
     fits = first <= low and high < n_vertices + first
     if not fits and other <= low and high < n_vertices + other:
         hint = "subtract 1 from each corner" if other else "add 1 to each corner"
         raise InvalidMesh(f"this format counts vertices from {first}, the file from {other}", hint)
     if not fits:
-        problem = f"faces name vertices {low} to {high}, but there are {first} to {n_vertices + first - 1}"
+        last = first + n_vertices - 1
+        problem = f"faces name vertices {low} to {high}, but there are {first} to {last}"
         raise InvalidMesh(problem, "fetch or export the file again")
     return corners - first
 
 
 def split_polygons(vertices: Points, corners: IntArray, sizes: IntArray) -> IntArray:
-    """Split polygons, one after the other, into fans around the first corner that sees all others.
+    """Split polygons into fans of triangles, around the first corner that sees all others.
 
     A face without corners, as some exporters write, is none.
     """
     sizes = sizes[sizes != 0]
-    if (too_few := np.flatnonzero(sizes < 3)).size:
+    too_few = np.flatnonzero(sizes < 3)
+    if too_few.size:
         size = counted(int(sizes[too_few[0]]), "corner")
         problem = f"face {too_few[0] + 1} of {len(sizes)} has {size}"
         raise InvalidMesh(problem, "drop faces of fewer than three corners")
     starts = np.cumsum(sizes) - sizes
     centres = _fan_centres(vertices, corners, starts, sizes)
-    if (blind := np.flatnonzero(centres < 0)).size:
-        problem = f"face {blind[0] + 1} of {len(sizes)} is a polygon without a corner that sees all others"
+    blind = np.flatnonzero(centres < 0)
+    if blind.size:
+        problem = (
+            f"face {blind[0] + 1} of {len(sizes)} is a polygon "
+            "without a corner that sees all others"
+        )
         raise InvalidMesh(problem, "triangulate the polygons before exporting them")
+    # The polygon of each triangle, and the triangle's place in the fan.
     polygon = np.repeat(np.arange(len(sizes)), sizes - 2)
     within = np.arange(len(polygon)) - np.repeat(starts - 2 * np.arange(len(starts)), sizes - 2)
     turned = [(centres[polygon] + step) % sizes[polygon] for step in (0, within + 1, within + 2)]
@@ -63,7 +79,7 @@ def split_polygons(vertices: Points, corners: IntArray, sizes: IntArray) -> IntA
 def _fan_centres(
     vertices: Points, corners: IntArray, starts: IntArray, sizes: IntArray
 ) -> IntArray:
-    """Return the place of the first corner of each polygon that sees all others; -1 if there is none."""
+    """Return the place of the first corner of each polygon that sees all others; -1 for none."""
     centres = np.zeros(len(sizes), dtype=np.int64)
     extent = np.abs(vertices).max() or 1.0  # products of coordinates stay in range
     if not np.isfinite(extent):
@@ -82,20 +98,23 @@ def _fan_centres(
 
 
 def _seeing_corners(polygons: Points) -> IntArray:
-    """Return the first corner of each polygon, shape (p, k, 3), whose fan nowhere folds back; -1 if there is none."""
+    """Return the first corner of each polygon, shape (p, k, 3), whose fan nowhere folds back.
+
+    -1 if there is none.
+    """
     first = np.full(len(polygons), -1)
-    left = np.arange(len(polygons))
+    waiting = np.arange(len(polygons))
     for corner in range(polygons.shape[1]):
-        is_ahead = _looks_ahead(polygons[left], corner)
-        first[left[is_ahead]] = corner
-        left = left[~is_ahead]
-        if not len(left):
+        is_ahead = _looks_ahead(polygons[waiting], corner)
+        first[waiting[is_ahead]] = corner
+        waiting = waiting[~is_ahead]
+        if not len(waiting):
             break
     return first
 
 
 def _looks_ahead(polygons: Points, corner: int) -> NDArray[np.bool_]:
-    """Return whether the fan around a corner of each polygon, shape (p, k, 3), nowhere folds back."""
+    """Return whether the fan around a corner of polygons, shape (p, k, 3), nowhere folds back."""
     a, *others = np.moveaxis(np.roll(polygons, -corner, axis=1), 1, 0)
     sides = np.stack(others) - a
     normals = np.cross(sides[:-1], sides[1:])
@@ -108,11 +127,11 @@ def _looks_ahead(polygons: Points, corner: int) -> NDArray[np.bool_]:
 
 
 def _seeing_corner(polygon: Points) -> int:
-    """Return the first corner of a large polygon, shape (k, 3), whose fan nowhere folds back; -1 if there is none.
+    """Return the first corner of a large polygon, shape (k, 3), whose fan nowhere folds back.
 
-    How far ahead the triangle of a side and a corner looks is linear in the corner. So is the sum
-    over the sides that one corner does not see: with that corner go all others for which this sum
-    alone is too far behind.
+    -1 if there is none. How far ahead the triangle of a side and a corner looks is linear in the
+    corner. So is the sum over the sides that one corner does not see: with that corner go all
+    others for which this sum alone is too far behind.
     """
     centred = polygon - polygon.mean(axis=0)
     following = np.roll(centred, -1, axis=0)
@@ -121,19 +140,19 @@ def _seeing_corner(polygon: Points) -> int:
     slopes = np.cross(whole, following - centred)
     offsets = normals @ whole
     most_folded = _FOLDED * (whole @ whole)
-    left = np.arange(len(polygon))
+    untried = np.arange(len(polygon))
     n_fans = 0
     for _ in range(_MOST_TRIES):
-        if not left.size or n_fans == _MOST_FANS:
+        if not untried.size or n_fans == _MOST_FANS:
             return -1
-        corner = left[0]
-        left = left[1:]
+        corner = untried[0]
+        untried = untried[1:]
         ahead = offsets + slopes @ centred[corner]
         behind = ahead < 0
         if -ahead[behind].sum() > most_folded:
             offset = offsets[behind].sum()
             slope = slopes[behind].sum(axis=0)
-            left = left[offset + centred[left] @ slope >= -most_folded]
+            untried = untried[offset + centred[untried] @ slope >= -most_folded]
         elif _looks_ahead(polygon[None], int(corner))[0]:
             return int(corner)
         else:

@@ -12,7 +12,7 @@ import numpy as np
 
 from benchmark.errors import UnreadableMesh
 from benchmark.formats.ascii import is_padding, parse_numbers, plain_text
-from benchmark.formats.base import Arrays, Format
+from benchmark.formats.base import Format, MeshArrays
 from benchmark.geometry.cleaning import merge_duplicates
 from benchmark.geometry.mesh import FloatArray
 from benchmark.text import counted
@@ -27,7 +27,7 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", 9), ("attribute", "<
 _CORNER_OR_END = re.compile(rb"(?m)^[ \t]*(?:vertex[ \t]+(\S+[ \t]+\S+[ \t]+\S+)[ \t]*$|endfacet)")
 
 
-def read(data: bytes, _: Path) -> Arrays:
+def read(data: bytes, _: Path) -> MeshArrays:
     """Return the distinct corners of an STL file, and its triangles."""
     corners = _binary_corners(data)
     if corners is None:
@@ -37,7 +37,7 @@ def read(data: bytes, _: Path) -> Arrays:
 
 
 def _binary_corners(data: bytes) -> FloatArray | None:
-    """Return nine coordinates a triangle; None unless the file has the size that its header announces."""
+    """Return nine coordinates a triangle; None unless the file has the announced size."""
     start = _HEADER + 4
     end = start + _FACET.itemsize * int.from_bytes(data[_HEADER:start], "little")
     if not start < end <= len(data) or not is_padding(data[end:]):
@@ -54,17 +54,18 @@ def _ascii_corners(data: bytes) -> FloatArray:
     if b"endsolid" not in data[-200:].lower():
         raise ValueError("it does not end with 'endsolid'")
     text = plain_text(data).partition(b"\n")[2].lower()
-    found = _CORNER_OR_END.findall(text)
-    if not found and b"endfacet" in data.lower():
-        raise UnreadableMesh(
-            "its line breaks are missing", "write each facet, loop and vertex on its own line"
-        )
-    ends = np.flatnonzero([not corner for corner in found])
+    # The three numbers of each corner; nothing at the end of each facet.
+    corners = _CORNER_OR_END.findall(text)
+    if not corners and b"endfacet" in data.lower():
+        problem = "its line breaks are missing"
+        raise UnreadableMesh(problem, "write each facet, loop and vertex on its own line")
+    ends = np.flatnonzero([not corner for corner in corners])
     n_corners = np.diff(ends, prepend=-1) - 1
-    if (wrong := np.flatnonzero(n_corners != 3)).size:
+    wrong = np.flatnonzero(n_corners != 3)
+    if wrong.size:
         number = counted(int(n_corners[wrong[0]]), "vertex", "vertices")
         raise ValueError(f"facet {wrong[0] + 1} of {len(ends)} has {number}")
-    return parse_numbers(b" ".join(found))
+    return parse_numbers(b" ".join(corners))
 
 
 FORMAT = Format(

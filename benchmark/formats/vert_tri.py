@@ -16,24 +16,30 @@ from benchmark.formats.ascii import (
     plain_text,
     whole_numbers,
 )
-from benchmark.formats.base import Arrays, Format
-from benchmark.formats.reading import load
+from benchmark.formats.base import Format, MeshArrays
+from benchmark.formats.reading import read_unpacked
 
 
-def read(data: bytes, path: Path) -> Arrays:
+def read(data: bytes, path: Path) -> MeshArrays:
     """Return the vertices of a file and the triangles of that beside it, counted from 0."""
     vertices = parse_table(filled_lines(plain_text(data)))
     companion = triangle_file(path)
     with named_errors(companion, "tri file", UnreadableMesh, "fetch it again"):
-        triangles = load(companion)
+        triangles = read_unpacked(companion)
         faces = parse_table(filled_lines(plain_text(triangles)))
         check_end(triangles, whole_numbers(faces), len(vertices))
-    first, last = int(faces.min()), int(faces.max())
+    first = int(faces.min())
+    last = int(faces.max())
     if first > 0 and last < len(vertices):
-        problem = f"triangles name vertices {first} to {last} of {len(vertices)}, so they may count from 0 or from 1"
+        problem = (
+            f"triangles name vertices {first} to {last} of {len(vertices)}, "
+            "so they may count from 0 or from 1"
+        )
         raise ValueError(f"{problem}; leave out vertices without a triangle")
     corners = whole_numbers(faces)
-    return vertices, corners - 1 if first > 0 else corners
+    if first > 0:
+        corners = corners - 1
+    return vertices, corners
 
 
 def triangle_file(path: Path) -> Path:

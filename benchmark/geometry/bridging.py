@@ -1,9 +1,11 @@
-"""Joining of mesh components by short triangle strips, so that geodesics between all vertices exist."""
+"""Joining of mesh components by triangle strips, so that all geodesics exist."""
 
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -49,23 +51,29 @@ def bridge_components(mesh: Mesh) -> tuple[Mesh, list[float]]:
 
 
 def _links(mesh: Mesh, labels: IntArray) -> Iterator[tuple[float, int, int]]:
-    """Yield the links of the minimum spanning tree of the components as they are found from component 0 [Prim 1957].
+    """Yield the links of the minimum spanning tree of the components [Prim 1957].
 
-    A link is the distance from a vertex of the joined components to one of a new component, and
-    these two vertices.
+    They come in the order in which they are found from component 0. A link is the distance from a
+    vertex of the joined components to one of a new component, and these two vertices.
     """
     anchors = _anchor_candidates(mesh, labels)
-    points, component = mesh.vertices[anchors], labels[anchors]
-    gaps, nearest = np.full(len(anchors), np.inf), np.zeros(len(anchors), dtype=np.int64)
-    added, outside = 0, np.arange(len(anchors))
-    while len(outside := outside[component[outside] != added]):
+    points = mesh.vertices[anchors]
+    component = labels[anchors]
+    # Distance of each anchor to the joined components, and the nearest anchor of them.
+    gaps = np.full(len(anchors), np.inf)
+    nearest = np.zeros(len(anchors), dtype=np.int64)
+    added = 0
+    outside = np.flatnonzero(component != added)
+    while len(outside):
         members = np.flatnonzero(component == added)
         distances, at = cKDTree(points[members]).query(points[outside])
         closer = distances < gaps[outside]
-        gaps[outside[closer]], nearest[outside[closer]] = distances[closer], members[at[closer]]
+        gaps[outside[closer]] = distances[closer]
+        nearest[outside[closer]] = members[at[closer]]
         end = outside[gaps[outside].argmin()]
-        added = component[end]
         yield float(gaps[end]), int(anchors[nearest[end]]), int(anchors[end])
+        added = component[end]
+        outside = outside[component[outside] != added]
 
 
 def _anchor_candidates(mesh: Mesh, labels: IntArray) -> IntArray:
@@ -88,17 +96,9 @@ class _Builder:
 
     def bridge(self, first: int, second: int) -> None:
         """Join two vertices of different components."""
-        first, second = self._resolve(first), self._resolve(second)
-        pairs = [
-            (a, b) for a in self._free_neighbours(first) for b in self._free_neighbours(second)
-        ]
-        a, b = min(
-            pairs,
-            key=lambda pair: (
-                self._runs(first, pair[0]) == self._runs(second, pair[1]),
-                self._gap(*pair),
-            ),
-        )
+        first = self._resolve(first)
+        second = self._resolve(second)
+        a, b = self._facing_edges(first, second)
         forward = self._runs(first, a)
         if self._gap(first, second) == 0:
             self._weld(second, first)
@@ -115,21 +115,36 @@ class _Builder:
         for x, y, z in strip:
             self._add([x, y, z] if forward else [y, x, z])
 
+    def _facing_edges(self, first: int, second: int) -> tuple[int, int]:
+        """Return the far ends of the boundary edges at two vertices that a bridge joins.
+
+        Edges that run in opposite directions come first, then near ones.
+        """
+
+        def rank(ends: tuple[int, int]) -> tuple[bool, float]:
+            a, b = ends
+            return self._runs(first, a) == self._runs(second, b), self._gap(a, b)
+
+        return min(product(self._free_neighbours(first), self._free_neighbours(second)), key=rank)
+
     def result(self) -> Mesh:
         """Return the mesh with its bridges."""
         return compact(self._vertices, np.array(list(self._faces.values()), dtype=np.int64))
 
     def _add(self, face: list[int]) -> None:
+        """Add a face."""
         for vertex in face:
             self._around[vertex].append(self._next)
         self._faces[self._next] = face
         self._next += 1
 
     def _remove(self, index: int) -> None:
+        """Remove a face."""
         for vertex in self._faces.pop(index):
             self._around[vertex].remove(index)
 
     def _weld(self, vertex: int, onto: int) -> None:
+        """Replace a vertex by another one in all faces."""
         for index in self._around[vertex]:
             self._faces[index] = [
                 onto if corner == vertex else corner for corner in self._faces[index]
@@ -138,44 +153,53 @@ class _Builder:
         self._welded[vertex] = onto
 
     def _resolve(self, vertex: int) -> int:
+        """Return the vertex by which a vertex was replaced; itself if it was not."""
         while vertex in self._welded:
             vertex = self._welded[vertex]
         return vertex
 
     def _free_neighbours(self, vertex: int) -> list[int]:
-        """Return the far ends of the boundary edges at a vertex; open a closed fan by removing its smallest face."""
+        """Return the far ends of the boundary edges at a vertex.
+
+        A closed fan is opened: its smallest face is removed.
+        """
+
+        def rank(index: int) -> tuple[int, float, int]:
+            return self._pinches(index), self._area(index), index
+
         if not self._boundary(vertex):
-            self._remove(
-                min(
-                    self._around[vertex],
-                    key=lambda index: (self._pinches(index), self._area(index), index),
-                )
-            )
+            self._remove(min(self._around[vertex], key=rank))
         return self._boundary(vertex)
 
     def _pinches(self, index: int) -> int:
         """Return at how many corners of a face two holes would meet without it."""
         corners = set(self._faces[index])
-        return sum(
-            len(set(self._boundary(corner)) ^ (corners - {corner})) > 2 for corner in corners
-        )
+        n_pinches = 0
+        for corner in corners:
+            ends = set(self._boundary(corner)) ^ (corners - {corner})
+            n_pinches += len(ends) > 2
+        return n_pinches
 
     def _boundary(self, vertex: int) -> list[int]:
-        ends = [
-            end for index in self._around[vertex] for end in self._faces[index] if end != vertex
-        ]
-        return sorted(end for end in set(ends) if ends.count(end) == 1)
+        """Return the far ends of the boundary edges at a vertex, ascending."""
+        counts = Counter[int]()
+        for index in self._around[vertex]:
+            counts.update(self._faces[index])
+        return sorted(end for end, count in counts.items() if count == 1 and end != vertex)
 
     def _runs(self, start: int, end: int) -> bool:
         """Return whether the boundary edge runs from start to end in its face."""
-        face = next(
-            corners for index in self._around[start] if end in (corners := self._faces[index])
-        )
-        return face[(face.index(start) + 1) % 3] == end
+        for index in self._around[start]:
+            face = self._faces[index]
+            if end in face:
+                return face[(face.index(start) + 1) % 3] == end
+        raise ValueError("no such edge")
 
     def _gap(self, first: int, second: int) -> float:
+        """Return the distance between two vertices."""
         return math.dist(self._vertices[first], self._vertices[second])
 
     def _area(self, index: int) -> float:
+        """Return twice the area of a face."""
         a, b, c = self._vertices[self._faces[index]]
         return float(np.linalg.norm(np.cross(b - a, c - a)))

@@ -10,8 +10,11 @@ from numpy.typing import NDArray
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Points
 
-#: Maximum depth value of an image, and minimum value of the foreground.
-_NEAREST, _FARTHEST = 1.0, 1e-3
+#: Largest depth of an image.
+_NEAREST = 1.0
+
+#: Least depth of the foreground.
+_FARTHEST = 1e-3
 
 
 @dataclass(frozen=True)
@@ -45,18 +48,21 @@ class Camera:
         height = np.linalg.norm(up)
         if not (np.isfinite(length) and length > 0 and np.isfinite(height) and height > 1e-9):
             problem = f"no camera looks along {self.direction} with {self.up} as up"
-            raise ConfigurationError(
-                problem, "pass two finite vectors that are neither zero nor parallel"
-            )
-        object.__setattr__(self, "direction", tuple(direction.tolist()))
+            hint = "pass two finite vectors that are neither zero nor parallel"
+            raise ConfigurationError(problem, hint)
         if abs(height - 1) > 1e-12:
             up = up / height
+        object.__setattr__(self, "direction", tuple(direction.tolist()))
         object.__setattr__(self, "up", tuple(up.tolist()))
 
     @property
     def rotation(self) -> Points:
-        """Rotation with rows right, up and towards the camera, in coordinates of the shape; shape (3, 3)."""
-        direction, up = np.asarray(self.direction), np.asarray(self.up)
+        """Rotation with rows right, up and towards the camera, shape (3, 3).
+
+        In coordinates of the shape.
+        """
+        direction = np.asarray(self.direction)
+        up = np.asarray(self.up)
         return np.stack([np.cross(direction, up), up, -direction])
 
 
@@ -69,7 +75,9 @@ SIDE = Camera((1.0, 0.0, 0.0))
 
 @dataclass(frozen=True)
 class DepthSensor:
-    """Noise and quantisation of depth, in units of the image (1 is the depth of the frame, two half widths).
+    """Noise and quantisation of depth, in units of the image.
+
+    1 is the depth of the frame, two half widths.
 
     Parameters
     ----------
@@ -86,7 +94,7 @@ class DepthSensor:
     seed: int
 
     def perturbed(self, depth: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return the image with noise, then quantised; background and foreground pixels stay the same."""
+        """Return the image with noise, then quantised; the background stays as it is."""
         random = np.random.default_rng(self.seed)
         noisy = depth + self.noise * random.standard_normal(depth.shape)
         stepped = np.round(noisy / self.step) * self.step if self.step else noisy

@@ -1,4 +1,4 @@
-"""Repair of triangle meshes: duplicates, degenerate faces, unreferenced vertices, non-manifold edges and vertices."""
+"""Repair of triangle meshes: duplicates, flat faces, loose vertices, and what is not manifold."""
 
 from __future__ import annotations
 
@@ -9,32 +9,40 @@ from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Edges, FloatArray, IntArray, Mesh, Points, edges_of, sides_of
 from benchmark.text import counted
 
-LARGEST_LOSS = 0.25
+LARGEST_AREA_LOSS = 0.25
 """Maximum fraction of the area that preparation may lose.
 
 A leg is 18 % of the surface of a human body, an arm 9 % (the rule of nines of burn medicine): a
 shape that has lost more than a quarter no longer shows the subject. Ordinary data sets lose far
-less, see ``docs/data.md``. """
+less, see ``docs/data.md``.
+"""
 
 COPIES = 4e-6
-"""Distance below which vertices are copies of one, in units of the root of the area: what rounding moves apart.
+"""Distance below which vertices are copies of one, in units of the root of the area.
 
-In the data sets of the suite, different vertices are at least forty times as far apart.
+Rounding moves copies apart. In the data sets of the suite, different vertices are at least forty
+times as far apart.
 """
 
 SEAM = 5
-"""Distance between borders that are closed where copies were merged, in units of that of copies."""
+"""Distance between borders that are closed where copies were merged, in units of :data:`COPIES`."""
 
-#: Height below which a triangle has no area, in the same units: rounding in preparation could turn
-#: it over.
+#: Height below which a triangle has no area, in units of the root of the area: rounding in
+#: preparation could turn it over.
 _FLAT = 2e-6
 
 #: Distance from the centre beyond which vertices are stray, in units of the median distance, if
-#: those within end at a tenth of it.
+#: those within end at a fraction of it.
 _STRAY = 100
 
-#: Most copies of a vertex at different positions, and most rounds of splitting.
-_MOST_COPIES, _MOST_ROUNDS = 1000, 4096
+#: That fraction, as a factor between the nearest stray vertex and the farthest other one.
+_STRAY_GAP = 10
+
+#: Most copies of a vertex at different positions.
+_MOST_COPIES = 1000
+
+#: Most rounds of splitting triangles.
+_MOST_ROUNDS = 4096
 
 #: Volume that has no sign, in units of the root of the area cubed.
 _NO_VOLUME = 1e-9
@@ -50,9 +58,12 @@ _COARSE = 1e-3
 #: Least number of coordinates that tell single precision from decimals.
 _FEWEST_TELLING = 30
 
+#: Most decimals of numbers in fixed decimals.
+_MOST_DECIMALS = 10
+
 
 def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
-    """Merge copies of vertices; remove triangles without area, duplicate faces and unreferenced vertices.
+    """Merge copies of vertices; remove triangles without area, duplicates and loose vertices.
 
     Vertices within :data:`COPIES` of each other become one at their mean, and so do chains of such
     vertices. This joins files that store each triangle or part separately, also where rounding
@@ -82,15 +93,15 @@ def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
     unit = np.sqrt(surface.area)
     distinct, place = _merge_copies(surface, COPIES * unit)
     faces = _proper(place[surface.faces])
-    collapsed = mesh.n_faces - len(faces)
-    faces, flat = _without_flat(distinct, faces, _FLAT * unit)
+    n_collapsed = mesh.n_faces - len(faces)
+    faces, n_flat = _without_flat(distinct, faces, _FLAT * unit)
     single = np.sort(np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1])
     cleaned = compact(distinct, faces[single])
     return cleaned, {
         "vertices_before": mesh.n_vertices,
         "faces_before": mesh.n_faces,
         "merged": surface.n_vertices - len(distinct),
-        "degenerate_faces": collapsed + flat,
+        "degenerate_faces": n_collapsed + n_flat,
         "duplicate_faces": len(faces) - len(single),
         "unreferenced": mesh.n_vertices - surface.n_vertices + len(distinct) - cleaned.n_vertices,
     }
@@ -121,7 +132,13 @@ def count_holes(boundary: IntArray) -> int:
 
 @np.errstate(over="ignore")
 def extent_of(mesh: Mesh) -> float:
-    """Return the longest side of the bounding box; raises ``InvalidMesh`` if it is zero, out of range or rounded."""
+    """Return the longest side of the bounding box.
+
+    Raises
+    ------
+    InvalidMesh
+        If it is zero or out of range, or coordinates are rounded.
+    """
     extent = float(np.ptp(mesh.vertices, axis=0).max()) if mesh.n_vertices else 0.0
     if not _EXTENTS[0] < extent < _EXTENTS[1]:
         problem = f"the bounding box of the mesh has extent {extent:g}"
@@ -129,33 +146,40 @@ def extent_of(mesh: Mesh) -> float:
     far = np.abs(mesh.vertices).max(axis=0)
     coarse = mesh.vertices[:, far * np.finfo(np.float32).eps > _COARSE * extent]
     if coarse.size and _were_single(coarse):
-        problem = f"coordinates of {far.max():.7g} in single precision are too coarse for a size of {extent:.3g}"
-        raise InvalidMesh(
-            problem, "move it to the origin, or export coordinates in double precision"
+        problem = (
+            f"coordinates of {far.max():.7g} in single precision are too coarse "
+            f"for a size of {extent:.3g}"
         )
+        hint = "move it to the origin, or export coordinates in double precision"
+        raise InvalidMesh(problem, hint)
     return extent
 
 
 def _were_single(numbers: FloatArray) -> bool:
-    """Return whether numbers were in single precision before they were written, in shortest or fixed decimals."""
+    """Return whether numbers were in single precision before they were written.
+
+    They may have been written in shortest or in fixed decimals.
+    """
     single = numbers.astype(np.float32)
     if ((single == numbers) | (single.astype(str).astype(np.float64) == numbers)).all():
         return True
-    decimals = next(
-        (places for places in range(10) if (numbers.round(places) == numbers).all()), 10
-    )
+    decimals = 0
+    while decimals < _MOST_DECIMALS and not (numbers.round(decimals) == numbers).all():
+        decimals += 1
     is_telling = 2 * 10.0**-decimals < np.spacing(single)  # others would agree anyway
-    return bool(
-        (single.astype(np.float64).round(decimals) == numbers).all()
-        and is_telling.sum() >= _FEWEST_TELLING
-    )
+    agree = single.astype(np.float64).round(decimals) == numbers
+    return bool(agree.all() and is_telling.sum() >= _FEWEST_TELLING)
 
 
 def _check_stray(vertices: Points) -> None:
+    """Raise ``InvalidMesh`` if a few vertices lie far outside of all others."""
     distances = np.sort(np.linalg.norm(vertices - np.median(vertices, axis=0), axis=1))
-    within = int(np.searchsorted(distances, _STRAY * distances[len(distances) // 2], side="right"))
-    if within < len(distances) and distances[within] > 10 * distances[within - 1]:
-        problem = f"{counted(len(distances) - within, 'vertex', 'vertices')} beyond {_STRAY} radii of the shape"
+    median = distances[len(distances) // 2]
+    n_within = int(np.searchsorted(distances, _STRAY * median, side="right"))
+    n_stray = len(distances) - n_within
+    if n_stray and distances[n_within] > _STRAY_GAP * distances[n_within - 1]:
+        count = counted(n_stray, "vertex", "vertices")
+        problem = f"{count} beyond {_STRAY} radii of the shape"
         raise InvalidMesh(problem, "remove stray vertices")
 
 
@@ -166,10 +190,11 @@ def make_manifold(mesh: Mesh) -> Mesh:
     and the surface around them stays connected. A vertex with several fans is split into one vertex
     per fan, at the same position.
     """
-    faces, areas, edges = mesh.faces.astype(np.int64), mesh.face_areas, mesh.edges
+    faces = mesh.faces.astype(np.int64)
+    edges = mesh.edges
     if (edges.counts > 2).any():
         # Rank of each side among the sides of its edge, largest face first; ties by face order.
-        size = np.repeat(areas, 3)
+        size = np.repeat(mesh.face_areas, 3)
         order = np.lexsort((np.arange(len(size)), -size, edges.of_sides))
         rank = (np.arange(len(size)) - edges.first[edges.of_sides[order]])[np.argsort(order)]
         keep = ~(rank.reshape(-1, 3) >= 2).any(axis=1)
@@ -203,46 +228,54 @@ def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, i
     turned, one_sided : int
         Number of turned triangles, and of pieces that cannot be oriented (such as a Moebius strip).
     """
-    edges, (starts, ends) = mesh.edges, sides_of(mesh.faces)
-    inner, rim = edges.first[edges.counts == 2], edges.grouped_sides[edges.first[edges.counts == 1]]
-    one, other = edges.grouped_sides[inner], edges.grouped_sides[inner + 1]
-    against, signs = starts[one] == starts[other], np.ones(mesh.n_faces)
-    if against.any():
-        import igl
+    edges = mesh.edges
+    starts, ends = sides_of(mesh.faces)
+    # Both sides of each inner edge, which run alike if their triangles are oriented differently.
+    inner = edges.first[edges.counts == 2]
+    first = edges.grouped_sides[inner]
+    second = edges.grouped_sides[inner + 1]
+    runs_alike = starts[first] == starts[second]
+    signs = _consistent_signs(mesh) if runs_alike.any() else np.ones(mesh.n_faces)
+    contradicts = runs_alike ^ (signs[first // 3] != signs[second // 3])
+    n_one_sided = len(np.unique(piece[first[contradicts] // 3]))
 
-        corners = np.sort(mesh.faces.astype(np.int64), axis=1)
-        order = np.lexsort(corners.T[::-1])
-        corners[order] = igl.bfs_orient(corners[order])[0]
-        second = mesh.faces[
-            np.arange(len(order)), ((mesh.faces == corners[:, :1]).argmax(axis=1) + 1) % 3
-        ]
-        signs = np.where(second == corners[:, 1], 1.0, -1.0)
-    one_sided = len(np.unique(piece[one[against ^ (signs[one // 3] != signs[other // 3])] // 3]))
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     centres = weighted_means(middles, mesh.face_areas, piece)
-    outwards = np.bincount(
-        piece, signs * np.einsum("fk,fk->f", middles - centres[piece], mesh.face_normals)
-    )
+    fluxes = np.einsum("fk,fk->f", middles - centres[piece], mesh.face_normals)
+    outwards = np.bincount(piece, signs * fluxes)
+    rim = edges.grouped_sides[edges.first[edges.counts == 1]]
     lengths = np.linalg.norm(mesh.vertices[starts[rim]] - mesh.vertices[ends[rim]], axis=1)
     is_closed = np.bincount(piece[rim // 3], lengths, len(areas)) <= np.sqrt(areas)
     by_volume = is_closed & (np.abs(outwards) > _NO_VOLUME * areas**1.5)
-    signs *= np.where(
-        np.where(by_volume, outwards, np.bincount(piece, signs * mesh.face_areas)) < 0, -1, 1
-    )[piece]
+    majority = np.bincount(piece, signs * mesh.face_areas)
+    signs *= np.where(np.where(by_volume, outwards, majority) < 0, -1, 1)[piece]
+
     turned = signs < 0
     if not turned.any():
-        return mesh, 0, one_sided
-    return (
-        Mesh(mesh.vertices, np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)),
-        int(turned.sum()),
-        one_sided,
-    )
+        return mesh, 0, n_one_sided
+    faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)
+    return Mesh(mesh.vertices, faces), int(turned.sum()), n_one_sided
+
+
+def _consistent_signs(mesh: Mesh) -> FloatArray:
+    """Return -1 for the triangles to turn so that those of each piece are oriented alike, else 1.
+
+    The choice does not depend on the order of the triangles.
+    """
+    import igl
+
+    corners = np.sort(mesh.faces.astype(np.int64), axis=1)
+    order = np.lexsort(corners.T[::-1])
+    corners[order] = igl.bfs_orient(corners[order])[0]
+    first = (mesh.faces == corners[:, :1]).argmax(axis=1)
+    second = mesh.faces[np.arange(len(order)), (first + 1) % 3]
+    return np.where(second == corners[:, 1], 1.0, -1.0)
 
 
 def connected_components(mesh: Mesh) -> IntArray:
-    """Label each vertex with its edge-connected component, shape (n,), numbered from 0 by first vertex.
+    """Label each vertex with its edge-connected component, shape (n,).
 
-    An isolated vertex is a separate component.
+    Components are numbered from 0 by their first vertices. An isolated vertex is a separate one.
     """
     return component_labels(*sides_of(mesh.faces), mesh.n_vertices)
 
@@ -250,9 +283,9 @@ def connected_components(mesh: Mesh) -> IntArray:
 def largest_component(mesh: Mesh) -> Mesh:
     """Return the component with the largest area."""
     areas, of_face = component_areas(mesh)
-    return (
-        compact(mesh.vertices, mesh.faces[of_face == int(np.argmax(areas))]) if len(areas) else mesh
-    )
+    if not len(areas):
+        return mesh
+    return compact(mesh.vertices, mesh.faces[of_face == int(np.argmax(areas))])
 
 
 def component_areas(mesh: Mesh) -> tuple[FloatArray, IntArray]:
@@ -271,14 +304,19 @@ def compact(vertices: Points, faces: NDArray[np.integer]) -> Mesh:
 
 
 def fans_per_vertex(mesh: Mesh) -> IntArray:
-    """Return the number of fans of edge-connected faces at each vertex, shape (n,): 1 on a manifold."""
-    return np.bincount(
-        _fans(mesh.faces.astype(np.int64), mesh.edges)[1], minlength=mesh.n_vertices
-    ).astype(np.int64)
+    """Return the number of fans of edge-connected faces at each vertex, shape (n,).
+
+    It is 1 on a manifold.
+    """
+    _, owner = _fans(mesh.faces.astype(np.int64), mesh.edges)
+    return np.bincount(owner, minlength=mesh.n_vertices).astype(np.int64)
 
 
 def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
-    """Return the distinct positions in order of first occurrence and the index of each vertex among them."""
+    """Return the distinct positions, and the index of each vertex among them.
+
+    Positions are in order of first occurrence.
+    """
     # Adding 0.0 makes negative zeros positive.
     _, first, group = np.unique(vertices + 0.0, axis=0, return_index=True, return_inverse=True)
     kept = np.sort(first)
@@ -286,10 +324,11 @@ def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
 
 
 def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
-    """Merge vertices within a distance, transitively; as :func:`merge_duplicates`, at the mean of distinct positions.
+    """Merge vertices within a distance, transitively, at the mean of their distinct positions.
 
     Where this merges some, rounding may have moved others farther apart, and borders are closed
-    that are within :data:`SEAM` times the distance.
+    that are within :data:`SEAM` times the distance. What returns is that of
+    :func:`merge_duplicates`.
     """
     distinct, place = merge_duplicates(surface.vertices)
     groups = _near_groups(distinct, distance)
@@ -306,16 +345,17 @@ def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
 
 
 def _near_groups(points: Points, distance: float) -> IntArray | None:
-    """Return the group of each point, joined by chains of points within a distance; None if all are single."""
+    """Return the group of each point, joined by chains of points within a distance.
+
+    None if all are single.
+    """
     from scipy.spatial import cKDTree  # lazy: most verbs clean nothing
 
     tree = cKDTree(points, balanced_tree=False, compact_nodes=False)
     n_pairs = tree.count_neighbors(tree, distance)  # of ordered pairs, with each point itself
     if n_pairs > _MOST_COPIES * len(points):
-        raise InvalidMesh(
-            f"most vertices lie within {distance:.3g} of {_MOST_COPIES} others",
-            "remove stray faces",
-        )
+        problem = f"most vertices lie within {distance:.3g} of {_MOST_COPIES} others"
+        raise InvalidMesh(problem, "remove stray faces")
     if n_pairs == len(points):
         return None
     tails, heads = tree.query_pairs(distance, output_type="ndarray").T
@@ -334,53 +374,86 @@ def _proper(faces: IntArray) -> IntArray:
 
 
 def _without_flat(vertices: Points, faces: IntArray, height: float) -> tuple[IntArray, int]:
-    """Split triangles at their longest sides where a neighbour is flat; returns them and how many were flat.
+    """Split triangles at their longest sides where a neighbour is flat.
 
     In each round, all triangles at a longest side are split at the third corner of a flat one,
     which leaves nothing of the flat one itself. Choices follow the positions of vertices, not their
     numbers.
+
+    Returns
+    -------
+    numpy.ndarray, int
+        The triangles, and how many were flat.
     """
-    order, n_flat = np.arange(len(vertices)), 0
-    for turn in range(_MOST_ROUNDS):
-        corners = vertices[faces]
-        lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
-        doubled = np.linalg.norm(
-            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
-        )
-        flat = np.flatnonzero(doubled <= height * lengths.max(axis=1))
+    # Numbers of the vertices; once a triangle is flat, vertices are sorted by their positions.
+    order = np.arange(len(vertices))
+    n_flat = 0
+    for number in range(_MOST_ROUNDS):
+        flat, longest = _flat_triangles(vertices[faces], height)
         if not len(flat):
             return order[faces], n_flat
-        if not turn:
-            order, n_flat = np.lexsort(vertices.T), len(flat)
-            vertices, faces = vertices[order], np.argsort(order)[faces]
-        edges = edges_of(faces)
-        at_sides, unsplit = edges.of_sides.reshape(-1, 3), len(edges.ends)
-        longest = lengths[flat].argmax(axis=1)
-        third = np.full(unsplit, len(vertices))
-        np.minimum.at(third, at_sides[flat, longest], faces[flat, (longest + 2) % 3])
-        chosen = np.where(third < len(vertices), np.arange(unsplit), unsplit)[at_sides]
-        first = chosen.min(axis=1, keepdims=True)
-        third[at_sides[chosen > first]] = len(vertices)  # a triangle changes once in a round
-        face, side = np.nonzero(third[at_sides] < len(vertices))
-        start, end, opposite = (faces[face, (side + k) % 3] for k in range(3))
-        middle = third[at_sides[face, side]]
-        halves = np.concatenate(
-            [np.stack([start, middle, opposite]), np.stack([middle, end, opposite])], axis=1
-        ).T
-        faces = np.concatenate([np.delete(faces, face, axis=0), _proper(halves)])
+        if number == 0:
+            n_flat = len(flat)
+            order = np.lexsort(vertices.T)
+            vertices = vertices[order]
+            faces = np.argsort(order)[faces]
+        faces = _split_at_flat(faces, flat, longest, len(vertices))
     raise InvalidMesh("triangles without area cannot be removed", "remove or re-export the mesh")
 
 
+def _flat_triangles(corners: FloatArray, height: float) -> tuple[IntArray, IntArray]:
+    """Return the triangles at most as high as a height, and the longest side of each."""
+    lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    doubled_areas = np.linalg.norm(normals, axis=1)
+    flat = np.flatnonzero(doubled_areas <= height * lengths.max(axis=1))
+    return flat, lengths[flat].argmax(axis=1)
+
+
+def _split_at_flat(faces: IntArray, flat: IntArray, longest: IntArray, n_vertices: int) -> IntArray:
+    """Return the triangles after a round of splitting; each changes at most once.
+
+    Parameters
+    ----------
+    faces
+        All triangles.
+    flat, longest
+        Those that are flat, and the longest side of each.
+    n_vertices
+        Number of vertices.
+    """
+    edges = edges_of(faces)
+    at_sides = edges.of_sides.reshape(-1, 3)
+    n_edges = len(edges.ends)
+    # The vertex at which each edge is split; n_vertices for none.
+    third = np.full(n_edges, n_vertices)
+    np.minimum.at(third, at_sides[flat, longest], faces[flat, (longest + 2) % 3])
+    chosen = np.where(third < n_vertices, np.arange(n_edges), n_edges)[at_sides]
+    first = chosen.min(axis=1, keepdims=True)
+    third[at_sides[chosen > first]] = n_vertices  # a triangle changes once in a round
+    face, side = np.nonzero(third[at_sides] < n_vertices)
+    start = faces[face, side]
+    end = faces[face, (side + 1) % 3]
+    opposite = faces[face, (side + 2) % 3]
+    middle = third[at_sides[face, side]]
+    halves = np.concatenate(
+        [np.stack([start, middle, opposite]), np.stack([middle, end, opposite])], axis=1
+    ).T
+    return np.concatenate([np.delete(faces, face, axis=0), _proper(halves)])
+
+
 def _fans(faces: IntArray, edges: Edges) -> tuple[IntArray, IntArray]:
-    """Label each corner with its fan (edge-connected faces around its vertex), shape (3 m,); and the vertex of each."""
+    """Return the fan of each corner, shape (3 m,), and the vertex of each fan.
+
+    A fan is what edges connect of the faces around a vertex.
+    """
     # Consecutive sides of an edge share both end points; non-manifold edges chain all their faces.
     sides = np.delete(edges.grouped_sides, edges.first)
     previous = np.delete(edges.grouped_sides, edges.first + edges.counts - 1)
     vertex = faces.ravel()
     corners = np.stack(sides_of(np.arange(len(vertex)).reshape(-1, 3)))
-    corners = np.take_along_axis(
-        corners, vertex[corners].argsort(axis=0), axis=0
-    )  # of each side, smaller vertex first
+    smaller_first = vertex[corners].argsort(axis=0)
+    corners = np.take_along_axis(corners, smaller_first, axis=0)
     fan = component_labels(corners[:, sides].ravel(), corners[:, previous].ravel(), len(vertex))
     owner = np.zeros(int(fan.max(initial=-1)) + 1, dtype=np.int64)
     owner[fan] = vertex
@@ -388,10 +461,12 @@ def _fans(faces: IntArray, edges: Edges) -> tuple[IntArray, IntArray]:
 
 
 def component_labels(tails: IntArray, heads: IntArray, count: int) -> IntArray:
-    """Return the connected component of each of ``count`` nodes of a graph from its edges, in order of first nodes."""
+    """Return the connected component of each of ``count`` nodes of a graph from its edges.
+
+    Components are numbered by their first nodes.
+    """
     from scipy.sparse import coo_array, csgraph  # lazy: the import takes a third of a second
 
     graph = coo_array((np.ones(len(tails), dtype=np.int8), (tails, heads)), shape=(count, count))
-    return np.asarray(
-        csgraph.connected_components(graph.tocsr(), directed=False)[1], dtype=np.int64
-    )
+    _, labels = csgraph.connected_components(graph.tocsr(), directed=False)
+    return np.asarray(labels, dtype=np.int64)

@@ -1,4 +1,4 @@
-"""Copies of a surface in one mesh, such as levels of detail, colliders and variants: they are refused.
+"""Copies of a surface in one mesh, such as levels of detail and colliders, which are refused.
 
 Two pieces are copies if each runs along the other over most of its area. A bridge between them
 would make a body of twice the area, and which of the two is meant nobody can know.
@@ -60,17 +60,17 @@ def _check_pieces(mesh: Mesh, piece: IntArray) -> None:
     """Raise ``InvalidMesh`` if two large pieces run along each other."""
     areas = np.bincount(piece, mesh.face_areas)
     largest = np.argsort(-areas, kind="stable")[:_MOST_PIECES]
-    large = [int(one) for one in largest if areas[one] > _LEAST * areas.sum()]
-    points = {one: _points_on(mesh, np.flatnonzero(piece == one)) for one in large}
+    large = [int(number) for number in largest if areas[number] > _LEAST * areas.sum()]
+    points = {number: _points_on(mesh, np.flatnonzero(piece == number)) for number in large}
     for first, second in combinations(large, 2):
         near = NEAR * np.sqrt(min(areas[first], areas[second]))
-        shares = (
+        share = min(
             _share_along(points[first], points[second], near),
             _share_along(points[second], points[first], near),
         )
-        if min(shares) > MOST:
+        if share > MOST:
             problem = (
-                f"two of its {len(areas)} pieces run along each other over {min(shares):.0%} of their "
+                f"two of its {len(areas)} pieces run along each other over {share:.0%} of their "
                 "area: a copy, such as a level of detail, a collider or a variant"
             )
             raise InvalidMesh(problem, "export the surface once")

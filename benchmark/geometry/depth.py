@@ -1,4 +1,4 @@
-"""Views of a shape from a single depth camera: a depth image, and the open 2.5-D surface behind its pixels.
+"""Views of a shape from a single depth camera: a depth image, and the open surface behind it.
 
 Rendering and back-projection share one convention. The camera is orthographic. Its frame is
 right-handed, with *x* to the right, *y* up and *z* towards the camera, and its origin at the centre
@@ -31,31 +31,39 @@ SAMPLES = 2000
 """Target number of vertices of a back-projected surface, as for a prepared mesh."""
 
 JUMP = 0.05
-"""Maximum depth difference along an edge of the back-projected surface, as a fraction of the half width."""
+"""Largest depth difference along an edge of the back-projected surface.
+
+As a fraction of the half width.
+"""
 
 FILL = 0.9
 """Fraction of the frame filled by the largest shape of a data set."""
 
 OUTSIZE = 5.0
-"""Maximum width of a shape, as a multiple of the median width, for it to affect the frame of its data set.
+"""Maximum width of a shape, as a multiple of the median width, for it to affect the common frame.
 
 Wrong units differ by factors of ten or more; children and adults, or a cat and a gorilla, by less
-than three. In the widest possible frame, the median shape still spans 90 of the 500 pixels. """
+than three. In the widest possible frame, the median shape still spans 90 of the 500 pixels.
+"""
 
 FEWEST_PIXELS = 200
 """Minimum number of foreground pixels: a tenth of the target number of samples of the surface."""
 
+#: Tolerance for equal depths in the choice of a diagonal: ten times the rounding error of an image.
 _TIE = 1e-6
-"""Tolerance for equal depths in the choice of a diagonal: ten times the rounding error of an image."""
 
-LARGEST_LOSS = 0.5
+LARGEST_VIEW_LOSS = 0.5
 """Maximum fraction of the visible surface that a view may lose, so that the larger part remains.
 
 Cutting at depth jumps also removes surface at grazing angles, so even valid shapes lose some: a
-sphere that fills the frame 26 %; ordinary data sets far less, see ``docs/data.md``. """
+sphere that fills the frame 26 %; ordinary data sets far less, see ``docs/data.md``.
+"""
 
 SPECK = 8
-"""Minimum number of vertices of a piece; smaller pieces are dropped: slivers at grazing silhouettes, not limbs."""
+"""Least number of vertices of a piece.
+
+Smaller pieces are dropped: slivers at grazing silhouettes, not limbs.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,9 +130,8 @@ def fit_half_width(mesh: Mesh, camera: Camera) -> float:
     """
     extent = float(np.abs(camera_coordinates(mesh, camera)).max())
     if extent == 0:
-        raise DatasetError(
-            "the shape has no extent, so no frame fits", "check that the mesh is not empty"
-        )
+        problem = "the shape has no extent, so no frame fits"
+        raise DatasetError(problem, "check that the mesh is not empty")
     return extent / FILL
 
 
@@ -176,15 +183,19 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
         If the shape has no faces, or does not fit the frame.
     """
     if mesh.n_faces == 0:
-        raise UnsupportedShape(
-            "a mesh without faces casts no depth image", "pass a surface, not a point cloud"
-        )
+        problem = "a mesh without faces casts no depth image"
+        raise UnsupportedShape(problem, "pass a surface, not a point cloud")
     points = camera_coordinates(mesh, camera) / half_width
     extent = float(np.abs(points).max())
     if not extent < 1:
-        problem = f"the shape extends to {extent:.4g} of the half width {half_width:g} of the camera's frame"
-        least = f"{extent * half_width / FILL:.6g}"
-        hint = f"check its unit and look for stray vertices, or give the data set a half width of at least {least}"
+        problem = (
+            f"the shape extends to {extent:.4g} of the half width {half_width:g} "
+            "of the camera's frame"
+        )
+        hint = (
+            "check its unit and look for stray vertices, or give the data set a half width "
+            f"of at least {extent * half_width / FILL:.6g}"
+        )
         raise UnsupportedShape(problem, hint)
     x, y, z = points.T
     pixels = np.stack([(1 + x) * (size / 2), (1 - y) * (size / 2), -z], axis=1)
@@ -234,20 +245,16 @@ def back_project(
     UnsupportedShape
         If the image is empty, or has too few samples for a surface.
     """
-    if (
-        depth.ndim != 2
-        or depth.shape[0] != depth.shape[1]
-        or not ((depth >= 0) & (depth <= 1)).all()
-    ):
+    is_square = depth.ndim == 2 and depth.shape[0] == depth.shape[1]
+    if not is_square or not ((depth >= 0) & (depth <= 1)).all():
         problem = (
             f"a depth image of shape {depth.shape} is not square, or holds values outside [0, 1]"
         )
         raise InvalidMesh(problem, "normalise it as `render_depth` does, with 0 outside")
     foreground = int(np.count_nonzero(depth))
     if foreground == 0:
-        raise UnsupportedShape(
-            "the depth image is empty", "check the camera and the half width of the data set"
-        )
+        problem = "the depth image is empty"
+        raise UnsupportedShape(problem, "check the camera and the half width of the data set")
     if stride is None:
         stride = max(1, round(math.sqrt(foreground / SAMPLES)))
     samples = depth[stride // 2 :: stride, stride // 2 :: stride].astype(np.float64)
@@ -257,26 +264,28 @@ def back_project(
     mesh, pieces, specks = _without_specks(points, _triangulate(samples, jump / 2))
     if mesh.n_faces == 0:
         problem = f"{foreground} pixels of foreground hold no piece of {SPECK} samples"
-        raise UnsupportedShape(
-            problem, "check the half width of the data set or sample with a smaller stride"
-        )
+        hint = "check the half width of the data set or sample with a smaller stride"
+        raise UnsupportedShape(problem, hint)
     sampled = int(np.count_nonzero(samples))
     lost = sampled - len(np.unique(mesh.vertices[:, :2], axis=0))
     mesh, gaps = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
-    counts = {
+    return mesh, {
         "foreground": foreground,
         "stride": stride,
         "pieces": pieces,
         "bridges": len(gaps),
         "specks": specks,
+        "lost_samples": lost,
+        "lost_area": round(lost / sampled, 6),
     }
-    return mesh, {**counts, "lost_samples": lost, "lost_area": round(lost / sampled, 6)}
 
 
 def depth_surface(
     mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None
 ) -> View:
-    """Render a shape and back-project its depth image; see :func:`render_depth` and :func:`back_project`.
+    """Return what a camera sees of a shape: its depth image, and the surface behind it.
+
+    See :func:`render_depth` and :func:`back_project`.
 
     Parameters
     ----------
@@ -288,8 +297,8 @@ def depth_surface(
     Raises
     ------
     UnsupportedShape
-        If fewer than ``FEWEST_PIXELS`` pixels show the shape, or more than ``LARGEST_LOSS`` of its
-        samples are lost.
+        If fewer than ``FEWEST_PIXELS`` pixels show the shape, or more than ``LARGEST_VIEW_LOSS`` of
+        its samples are lost.
     """
     depth = render_depth(mesh, camera, half_width)
     if sensor is not None:
@@ -299,21 +308,30 @@ def depth_surface(
         problem = f"the camera sees {foreground} pixels of the shape, fewer than {FEWEST_PIXELS}"
         raise UnsupportedShape(problem, "check its unit against the other shapes of the data set")
     surface, report = back_project(depth, half_width)
-    if report["lost_area"] > LARGEST_LOSS:
-        problem = f"{report['lost_area']:.0%} of what the camera sees belongs to no piece of {SPECK} samples"
-        hint = "join what belongs together, remove what does not, or set a camera that sees it from another side"
+    if report["lost_area"] > LARGEST_VIEW_LOSS:
+        problem = (
+            f"{report['lost_area']:.0%} of what the camera sees belongs to no piece "
+            f"of {SPECK} samples"
+        )
+        hint = (
+            "join what belongs together, remove what does not, "
+            "or set a camera that sees it from another side"
+        )
         raise UnsupportedShape(problem, hint)
     return View(depth, surface, report)
 
 
 def _triangulate(samples: Points, jump: float) -> Faces:
-    """Return the triangles of the samples without background corners and without depth differences above ``jump``."""
+    """Return the triangles between samples without background corners.
+
+    Those with a depth difference above ``jump`` are left out.
+    """
     index = np.arange(samples.size, dtype=np.int32).reshape(samples.shape)
-    # Corners of each block, counter-clockwise in the image: a top left, b bottom left, c bottom
-    # right, d top right.
-    a, b, c, d = (
-        block.ravel() for block in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:])
-    )
+    # Corners of each block, counter-clockwise in the image.
+    a = index[:-1, :-1].ravel()  # top left
+    b = index[1:, :-1].ravel()  # bottom left
+    c = index[1:, 1:].ravel()  # bottom right
+    d = index[:-1, 1:].ravel()  # top right
     z = samples.ravel()
     seen = z > 0
     # Exclude diagonals with a background end, so that the triangle of the other three corners
@@ -330,7 +348,10 @@ def _triangulate(samples: Points, jump: float) -> Faces:
 
 
 def _without_specks(points: Points, faces: Faces) -> tuple[Mesh, int, int]:
-    """Return the mesh without stray samples and small pieces, and the numbers of pieces kept and dropped."""
+    """Return the mesh without stray samples and small pieces.
+
+    With it come the numbers of pieces kept and dropped.
+    """
     # Patches that touch in a single sample are separate: a surface pinched to a point is not a
     # manifold.
     surface = make_manifold(compact(points, faces))

@@ -24,5 +24,6 @@ def oriented(points: Points, areas: Points) -> Points:
     """
     centred = points - areas @ points / areas.sum()
     signs = np.where(areas @ centred**3 < 0, -1.0, 1.0)
-    signs[2] = -1.0 if areas @ (centred * [signs[0], signs[1], 1.0]).prod(axis=1) < 0 else 1.0
+    mixed_moment = areas @ (centred * [signs[0], signs[1], 1.0]).prod(axis=1)
+    signs[2] = -1.0 if mixed_moment < 0 else 1.0
     return points * signs

@@ -8,10 +8,20 @@ from scipy.sparse import csr_array
 
 from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, sides_of
 
-# Default number of windows per vertex; and that of thin meshes, of which a tenth of the triangles
-# are longer than THIN times their height: rings reach far along them, not across. Measured in
-# docs/measurements.md.
-WINDOWS, WINDOWS_OF_THIN, THIN = 800, 2**16, 7.0
+#: Default number of windows per vertex.
+WINDOWS = 800
+
+#: The same for thin meshes: rings reach far along their triangles, not across. Measured in
+#: docs/measurements.md.
+WINDOWS_OF_THIN = 2**16
+
+#: A mesh is thin if a tenth of its triangles are longer than so many times their height.
+THIN = 7.0
+
+#: Tangent of the angle below which a vertex lies on the boundary ray of a window, not inside the
+#: window. The ray runs through a vertex, whose own windows cover the surface behind it. Regular
+#: triangulations put many vertices on such rays; without this margin, rounding would decide which
+#: of them split a window and thus how far windows reach.
 
 # Tangent of the angle below which a vertex lies on the boundary ray of a window, not inside the
 # window. The ray runs through a vertex, whose own windows cover the surface behind it. Regular
@@ -65,30 +75,47 @@ def geodesic_graph(mesh: Mesh, windows: int | None = None) -> csr_array:
     ends = np.empty((0, 2), np.int64)
     if windows == WINDOWS_OF_THIN:
         ends = np.stack((sides.starts, sides.ends, sides.ends, sides.starts), axis=1).reshape(-1, 2)
-    known = (*_first_windows(sides, opposite), *_passages(sides))
-    tails, heads, lengths = _follow_windows(*known, ends, first, windows, room)
+    first_names, first_plane = _first_windows(sides, opposite)
+    passages, moves = _passages(sides)
+    tails, heads, lengths = _follow_windows(
+        first_names, first_plane, passages, moves, ends, first, windows, room
+    )
     return _undirected(mesh.n_vertices, tails, heads, lengths)
 
 
 def _first_windows(sides: _Sides, opposite: IntArray) -> tuple[IntArray, FloatArray]:
-    """Return, for each side opposite a vertex, its ends P and Q and the passage through it; and coordinates of P, Q."""
-    starts, ends, x, y = (
-        sides.starts[opposite],
-        sides.ends[opposite],
-        sides.apex_x[opposite],
-        sides.apex_y[opposite],
-    )
-    names = np.stack((starts, ends, _passage(sides, sides.twins[opposite], starts)), axis=1)
+    """Return the first window through each side opposite a vertex.
+
+    Returns
+    -------
+    names : numpy.ndarray
+        Ends P and Q of the side, and the passage through it, shape (sides, 3).
+    plane : numpy.ndarray
+        Coordinates of P and of Q, shape (sides, 4).
+    """
+    starts = sides.starts[opposite]
+    x = sides.apex_x[opposite]
+    y = sides.apex_y[opposite]
+    passages = _passage(sides, sides.twins[opposite], starts)
+    names = np.stack((starts, sides.ends[opposite], passages), axis=1)
     return names, np.stack((-x, -y, sides.lengths[opposite] - x, -y), axis=1)
 
 
 def _passages(sides: _Sides) -> tuple[IntArray, FloatArray]:
-    """Return, for each passage, the third corner and the next passages past P and past Q; and the corner's coordinates.
+    """Return where each passage through a side leads.
 
     Passage 2 s enters through side s with P at its start, passage 2 s + 1 with P at its end.
-    Coordinates are parallel and perpendicular to the vector from P to Q, in units of its length.
+
+    Returns
+    -------
+    names : numpy.ndarray
+        The third corner, and the next passages past P and past Q, shape (passages, 3).
+    moves : numpy.ndarray
+        Coordinates of the third corner parallel and perpendicular to the vector from P to Q, in
+        units of its length, shape (passages, 2).
     """
-    last, following = _turn(sides.twins, 2), _turn(sides.twins, 1)
+    last = _turn(sides.twins, 2)
+    following = _turn(sides.twins, 1)
     forward = (
         sides.apexes,
         _passage(sides, last, sides.starts),
@@ -100,13 +127,14 @@ def _passages(sides: _Sides) -> tuple[IntArray, FloatArray]:
         _passage(sides, last, sides.apexes),
     )
     width = np.where(sides.lengths > 0, sides.lengths, 1.0)
-    along, beside = sides.apex_x / width, sides.apex_y / width
+    along = sides.apex_x / width
+    beside = sides.apex_y / width
     names = np.stack((*forward, *backward), axis=1).reshape(-1, 3)
     return names, np.stack((along, beside, 1.0 - along, beside), axis=1).reshape(-1, 2)
 
 
 def _passage(sides: _Sides, twins: IntArray, start: IntArray) -> IntArray:
-    """Return the passages through the given sides with P at the given vertex; -1 if there is no side."""
+    """Return the passages through sides with P at a given vertex of each; -1 without a side."""
     return np.where(twins >= 0, 2 * twins + (sides.starts[twins] != start), -1)
 
 
@@ -136,30 +164,35 @@ class _Sides:
 
         edges = mesh.edges
         pair = edges.first[edges.counts == 2]
-        first, second = edges.grouped_sides[pair], edges.grouped_sides[pair + 1]
+        first = edges.grouped_sides[pair]
+        second = edges.grouped_sides[pair + 1]
         proper = self.lengths[first] > 0
         self.twins = np.full(len(self.starts), -1, dtype=np.int64)
-        self.twins[first[proper]], self.twins[second[proper]] = second[proper], first[proper]
+        self.twins[first[proper]] = second[proper]
+        self.twins[second[proper]] = first[proper]
 
 
 def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArray) -> csr_array:
-    """Build a graph from arcs, at most one from each vertex to each other; opposite arcs get the shorter length."""
+    """Build a graph from arcs, at most one from each vertex to each other.
+
+    Opposite arcs get the shorter length.
+    """
     # In a sparse matrix, no entry means 0: the shorter arc needs the larger value. Bits of lengths
     # rise with them.
     largest = np.iinfo(np.int64).max
     arcs = csr_array((largest - lengths.view(np.int64), (tails, heads)), shape=(count, count))
     both = arcs.maximum(arcs.T.tocsr())
-    return csr_array(
-        ((largest - both.data).view(np.float64), both.indices, both.indptr), shape=(count, count)
-    )
+    shortest = (largest - both.data).view(np.float64)
+    return csr_array((shortest, both.indices, both.indptr), shape=(count, count))
 
 
 @njit(cache=True, nogil=True)
 def _follow_windows(first_names, first_plane, passages, moves, ends, first, budget, room):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Collect the arcs of :func:`geodesic_graph`; the source lies at the origin of every unfolded plane.
+    """Collect the arcs of :func:`geodesic_graph`.
 
-    A window consists of a passage through a side PQ and, in the plane, P, Q and the two rays that
-    bound the cone. Q is anticlockwise of P as seen from the source.
+    The source lies at the origin of every unfolded plane. A window consists of a passage through a
+    side PQ and, in the plane, P, Q and the two rays that bound the cone. Q is anticlockwise of P as
+    seen from the source.
     """
     count = first.size - 1
     # Room for 64 arcs per vertex to begin with; the arrays grow below if there are more.
@@ -179,7 +212,8 @@ def _follow_windows(first_names, first_plane, passages, moves, ends, first, budg
         n_seen, queued = _begin_windows(
             first_names[near], first_plane[near], seen, best, queue, plane
         )
-        window = ring_end = 0
+        window = 0
+        ring_end = 0
         last_ring = False
         while window < queued:
             if window == ring_end:
@@ -188,31 +222,29 @@ def _follow_windows(first_names, first_plane, passages, moves, ends, first, budg
                 ring_end = queued
                 last_ring = ring_end >= budget
             passage = queue[window]
-            p_x, p_y, q_x, q_y = (
-                plane[window, 0],
-                plane[window, 1],
-                plane[window, 2],
-                plane[window, 3],
-            )
-            low_x, low_y, high_x, high_y = (
-                plane[window, 4],
-                plane[window, 5],
-                plane[window, 6],
-                plane[window, 7],
-            )
+            p_x = plane[window, 0]
+            p_y = plane[window, 1]
+            q_x = plane[window, 2]
+            q_y = plane[window, 3]
+            low_x = plane[window, 4]
+            low_y = plane[window, 5]
+            high_x = plane[window, 6]
+            high_y = plane[window, 7]
             is_detour = len(ends) and _is_detour(
                 best[ends[passage, 0]], best[ends[passage, 1]], plane[window]
             )
             window += 1
             if is_detour:
                 continue
-            apex, past_p, past_q = passages[passage, 0], passages[passage, 1], passages[passage, 2]
-            along, beside = moves[passage, 0], moves[passage, 1]
-            width_x, width_y = q_x - p_x, q_y - p_y
-            a_x, a_y = (
-                p_x + along * width_x + beside * width_y,
-                p_y + along * width_y - beside * width_x,
-            )
+            apex = passages[passage, 0]
+            past_p = passages[passage, 1]
+            past_q = passages[passage, 2]
+            along = moves[passage, 0]
+            beside = moves[passage, 1]
+            width_x = q_x - p_x
+            width_y = q_y - p_y
+            a_x = p_x + along * width_x + beside * width_y
+            a_y = p_y + along * width_y - beside * width_x
             beyond_low = low_x * a_y - low_y * a_x > GRAZING * abs(low_x * a_x + low_y * a_y)
             before_high = a_x * high_y - a_y * high_x > GRAZING * abs(a_x * high_x + a_y * high_y)
             # The apex side is unpredictable: writing first and counting afterwards is faster than
@@ -224,38 +256,21 @@ def _follow_windows(first_names, first_plane, passages, moves, ends, first, budg
             best[apex] = min(best[apex], square)
             if last_ring:
                 continue
+            # The window between P and the apex, then that between the apex and Q.
+            ray_x = a_x if visible else high_x
+            ray_y = a_y if visible else high_y
             queue[queued] = past_p
-            _place(
-                plane[queued],
-                p_x,
-                p_y,
-                a_x,
-                a_y,
-                low_x,
-                low_y,
-                a_x if visible else high_x,
-                a_y if visible else high_y,
-            )
+            _place(plane[queued], p_x, p_y, a_x, a_y, low_x, low_y, ray_x, ray_y)
             queued += beyond_low & (past_p >= 0)
+            ray_x = a_x if visible else low_x
+            ray_y = a_y if visible else low_y
             queue[queued] = past_q
-            _place(
-                plane[queued],
-                a_x,
-                a_y,
-                q_x,
-                q_y,
-                a_x if visible else low_x,
-                a_y if visible else low_y,
-                high_x,
-                high_y,
-            )
+            _place(plane[queued], a_x, a_y, q_x, q_y, ray_x, ray_y, high_x, high_y)
             queued += before_high & (past_q >= 0)
         if arcs + n_seen > tails.size:
-            tails, heads, squares = (
-                _enlarged(tails, n_seen),
-                _enlarged(heads, n_seen),
-                _enlarged(squares, n_seen),
-            )
+            tails = _enlarged(tails, n_seen)
+            heads = _enlarged(heads, n_seen)
+            squares = _enlarged(squares, n_seen)
         _store_arcs(source, seen[:n_seen], best, tails[arcs:], heads[arcs:], squares[arcs:])
         arcs += n_seen
     return tails[:arcs], heads[:arcs], np.sqrt(squares[:arcs])
@@ -263,19 +278,29 @@ def _follow_windows(first_names, first_plane, passages, moves, ends, first, budg
 
 @njit(cache=True, nogil=True)
 def _begin_windows(names, ends, seen, best, queue, plane):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write the windows through the sides opposite a source, and see their ends; return the number of both."""
-    n_seen = queued = 0
-    for at in range(len(names)):
-        p_x, p_y, q_x, q_y = ends[at, 0], ends[at, 1], ends[at, 2], ends[at, 3]
+    """Write the windows through the sides opposite a source, and see their ends.
+
+    Returns
+    -------
+    n_seen, queued : int
+        Number of seen vertices, and of windows.
+    """
+    n_seen = 0
+    queued = 0
+    for number in range(len(names)):
+        p_x = ends[number, 0]
+        p_y = ends[number, 1]
+        q_x = ends[number, 2]
+        q_y = ends[number, 3]
         for vertex, square in (
-            (names[at, 0], p_x * p_x + p_y * p_y),
-            (names[at, 1], q_x * q_x + q_y * q_y),
+            (names[number, 0], p_x * p_x + p_y * p_y),
+            (names[number, 1], q_x * q_x + q_y * q_y),
         ):
             seen[n_seen] = vertex
             n_seen += (square < np.inf) & (best[vertex] == np.inf)
             best[vertex] = min(best[vertex], square)
-        if names[at, 2] >= 0:
-            queue[queued] = names[at, 2]
+        if names[number, 2] >= 0:
+            queue[queued] = names[number, 2]
             _place(plane[queued], p_x, p_y, q_x, q_y, p_x, p_y, q_x, q_y)
             queued += 1
     return n_seen, queued
@@ -283,37 +308,61 @@ def _begin_windows(names, ends, seen, best, queue, plane):  # type: ignore[no-un
 
 @njit(cache=True, nogil=True)
 def _enlarged(values, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return an array of twice the size, with ``count`` more entries."""
     return np.concatenate((values, np.empty(values.size + count, values.dtype)))
 
 
 @njit(cache=True, nogil=True)
 def _is_detour(square_p, square_q, row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return whether all points behind a window are nearer by way of P or of Q [Xin and Wang 2009, theorem 3.2]."""
+    """Return whether all points behind a window are nearer by way of P or of Q.
+
+    This is theorem 3.2 of Xin and Wang [2009].
+
+    Parameters
+    ----------
+    square_p, square_q
+        Squares of the least known distances of P and Q from the source.
+    row
+        P, Q and the two rays of the window.
+    """
     p_x, p_y, q_x, q_y = row[0], row[1], row[2], row[3]
     low_x, low_y, high_x, high_y = row[4], row[5], row[6], row[7]
     for square, v_x, v_y, ray_x, ray_y in (
         (square_p, p_x, p_y, high_x, high_y),
         (square_q, q_x, q_y, low_x, low_y),
     ):
-        from_p, from_q = ray_x * p_y - ray_y * p_x, ray_x * q_y - ray_y * q_x
+        from_p = ray_x * p_y - ray_y * p_x
+        from_q = ray_x * q_y - ray_y * q_x
         if square < np.inf and from_p != from_q:
+            # Where the farther ray crosses PQ.
             share = from_p / (from_p - from_q)
-            x, y = p_x + share * (q_x - p_x), p_y + share * (q_y - p_y)
+            x = p_x + share * (q_x - p_x)
+            y = p_y + share * (q_y - p_y)
             if np.sqrt(square) + np.hypot(x - v_x, y - v_y) < (1.0 - GRAZING) * np.hypot(x, y):
                 return True
     return False
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _place(row, a, b, c, d, e, f, g, h):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7] = a, b, c, d, e, f, g, h
+def _place(row, p_x, p_y, q_x, q_y, low_x, low_y, high_x, high_y):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Write P, Q and the two rays of a window."""
+    row[0] = p_x
+    row[1] = p_y
+    row[2] = q_x
+    row[3] = q_y
+    row[4] = low_x
+    row[5] = low_y
+    row[6] = high_x
+    row[7] = high_y
 
 
 @njit(cache=True, nogil=True)
 def _store_arcs(source, seen, best, tails, heads, squares):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Write the arcs from the source to the seen vertices, and forget them."""
-    for at in range(seen.size):
-        vertex = seen[at]
-        tails[at], heads[at], squares[at] = source, vertex, best[vertex]
+    for number in range(seen.size):
+        vertex = seen[number]
+        tails[number] = source
+        heads[number] = vertex
+        squares[number] = best[vertex]
         best[vertex] = np.inf
     best[source] = np.inf

@@ -18,10 +18,10 @@ from benchmark.geometry.mesh import FloatArray, IntArray, Mesh
 #: The graph of the latest mesh, for methods that request a few rows at a time.
 _graph_of = lru_cache(maxsize=1)(geodesic_graph)
 
-# Number of sources processed together. Their distances to a vertex are contiguous in memory, so the
-# processor adds and compares eight at a time. Changed neighbours are looked up once per block: with
-# 1000 sources, that is cheap compared to the arithmetic. Not a power of two, for which all entries
-# of a column would compete for the same places in a cache.
+#: Number of sources processed together. Their distances to a vertex are contiguous in memory, so
+#: the processor adds and compares eight at a time. Changed neighbours are looked up once per block:
+#: with 1000 sources, that is cheap compared to the arithmetic. Not a power of two, for which all
+#: entries of a column would compete for the same places in a cache.
 _BLOCK = 1000
 
 
@@ -77,7 +77,10 @@ def from_sources(mesh: Mesh, sources: ArrayLike) -> FloatArray:
     components = int(connected_components(mesh).max(initial=-1)) + 1
     if components != 1:
         problem = f"the mesh has {components} components, so some geodesic distances do not exist"
-        hint = "join them (benchmark.geometry.bridging) or keep the largest, and drop unreferenced vertices"
+        hint = (
+            "join them (benchmark.geometry.bridging) or keep the largest, "
+            "and drop unreferenced vertices"
+        )
         raise UnsupportedShape(problem, hint)
     return shortest_paths(_graph_of(mesh), indices)
 
@@ -113,16 +116,17 @@ def shortest_paths(graph: csr_array, sources: IntArray) -> FloatArray:
         Shape (k, n), rounded to single precision at each arc; infinite if there is no path.
     """
     sources = np.asarray(sources, dtype=np.int64)
+    starts = graph.indptr
+    heads = graph.indices
     # A common unit prevents overflow in single precision; a power of two keeps all digits.
-    longest, starts, heads = float(graph.data.max(initial=0.0)), graph.indptr, graph.indices
+    longest = float(graph.data.max(initial=0.0))
     unit = 2.0 ** np.floor(np.log2(longest)) if longest > 0 else 1.0
     lengths = (graph.data / unit).astype(np.float32)
+    single = csr_array((lengths, heads, starts), shape=graph.shape)
     distances = np.empty((len(sources), len(starts) - 1))
     waiting = np.arange(len(sources))
     while len(waiting):
-        reference = dijkstra(
-            csr_array((lengths, heads, starts), shape=graph.shape), indices=sources[waiting[0]]
-        )
+        reference = dijkstra(single, indices=sources[waiting[0]])
         nearest = np.argsort(reference[sources[waiting]], kind="stable")[:_BLOCK]
         block = waiting[nearest]
         rows = _relax(starts, heads, lengths, np.argsort(reference, kind="stable"), sources[block])
@@ -133,6 +137,17 @@ def shortest_paths(graph: csr_array, sources: IntArray) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Return the distances of all vertices, by rows, from each source, by columns.
+
+    Parameters
+    ----------
+    starts, heads, lengths
+        The graph: the first arc of each vertex, and head and length of each arc.
+    order
+        Vertices in the order of the first sweep.
+    sources
+        Vertex indices.
+    """
     count = order.size
     rows = np.full((count, sources.size), np.float32(np.inf))
     changed = np.zeros(count, np.int64)  # time of the last change of a row
@@ -159,27 +174,37 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
 # Distances are never NaN; without that guarantee, the compiler would not vectorise the inner loop.
 @njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    arcs, count = np.empty(starts[vertex + 1] - starts[vertex] + 3, np.int64), 0
+    """Shorten the distances of a vertex by way of neighbours that changed since a time.
+
+    Returns whether any is shorter now.
+    """
+    arcs = np.empty(starts[vertex + 1] - starts[vertex] + 3, np.int64)
+    count = 0
     for arc in range(starts[vertex], starts[vertex + 1]):
         arcs[count] = arc
         count += changed[heads[arc]] > since
     arcs[count : count + 3] = arcs[0]  # an arc that is used twice changes nothing
-    row, improved = rows[vertex], False
+    row = rows[vertex]
+    improved = False
     for at in range(0, count, 4):  # four at a time: the row is read and written a quarter as often
         i, j, k, m = arcs[at], arcs[at + 1], arcs[at + 2], arcs[at + 3]
-        first, second, third, fourth = (
-            rows[heads[i]],
-            rows[heads[j]],
-            rows[heads[k]],
-            rows[heads[m]],
-        )
-        to_first, to_second, to_third, to_fourth = lengths[i], lengths[j], lengths[k], lengths[m]
+        first = rows[heads[i]]
+        second = rows[heads[j]]
+        third = rows[heads[k]]
+        fourth = rows[heads[m]]
+        to_first = lengths[i]
+        to_second = lengths[j]
+        to_third = lengths[k]
+        to_fourth = lengths[m]
         shorter = 0
         for column in range(row.size):
-            one, two = first[column] + to_first, second[column] + to_second
-            three, four = third[column] + to_third, fourth[column] + to_fourth
-            one, three = one if one < two else two, three if three < four else four
-            candidate = one if one < three else three
+            by_first = first[column] + to_first
+            by_second = second[column] + to_second
+            by_third = third[column] + to_third
+            by_fourth = fourth[column] + to_fourth
+            by_either = by_first if by_first < by_second else by_second
+            by_other = by_third if by_third < by_fourth else by_fourth
+            candidate = by_either if by_either < by_other else by_other
             shorter |= candidate < row[column]
             row[column] = candidate if candidate < row[column] else row[column]
         improved |= shorter > 0

@@ -14,16 +14,19 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-# Beyond this, an angle is below 0.06 degrees: one sliver would outweigh ten thousand good triangles
-# and, with an obtuse neighbour, make the matrix indefinite by rounding.
+#: Beyond this, an angle is below 0.06 degrees: one sliver would outweigh ten thousand good
+#: triangles and, with an obtuse neighbour, make the matrix indefinite by rounding.
 _LARGEST_COTANGENT = 1e3
-# An isolated or flattened vertex would have zero mass and an infinite eigenvalue.
+#: An isolated or flattened vertex would have zero mass and an infinite eigenvalue.
 _SMALLEST_SHARE_OF_MEAN_MASS = 1e-6
+
+#: Below so many vertices, a dense solver finds the eigenpairs.
+_DENSE = 64
 
 
 @dataclass(frozen=True, eq=False)
 class Laplacian:
-    """Discretisation of the Laplace-Beltrami operator by linear finite elements; its arrays are read-only.
+    """The Laplace-Beltrami operator by linear finite elements; its arrays are read-only.
 
     Parameters
     ----------
@@ -42,8 +45,8 @@ class Laplacian:
     def __post_init__(self) -> None:
         matrix = self.stiffness
         arrays = [read_only(array) for array in (matrix.data, matrix.indices, matrix.indptr)]
-        own = type(matrix)(tuple(arrays), shape=matrix.shape, copy=False)
-        object.__setattr__(self, "stiffness", own)
+        stiffness = type(matrix)(tuple(arrays), shape=matrix.shape, copy=False)
+        object.__setattr__(self, "stiffness", stiffness)
         object.__setattr__(self, "mass", read_only(self.mass))
 
     def shared(self) -> Laplacian:
@@ -75,40 +78,37 @@ def cotangent_laplacian(mesh: Mesh) -> Laplacian:
     UnsupportedShape
         If the mesh has no area.
     """
-    count = mesh.n_vertices
+    from scipy.sparse import csr_array, diags_array  # lazy: the import takes a third of a second
+
     if not mesh.area > 0:
-        raise UnsupportedShape(
-            "the mesh has no area", "pass a surface with at least one proper triangle"
-        )
+        problem = "the mesh has no area"
+        raise UnsupportedShape(problem, "pass a surface with at least one proper triangle")
+    # The cotangent at a corner weighs the opposite edge.
+    weights = 0.5 * _cotangents(mesh).ravel()
+    start = np.roll(mesh.faces, -1, axis=1).ravel()
+    end = np.roll(mesh.faces, 1, axis=1).ravel()
+    both_weights = np.concatenate((weights, weights))
+    rows = np.concatenate((start, end))
+    columns = np.concatenate((end, start))
+    adjacency = csr_array((both_weights, (rows, columns)), shape=(mesh.n_vertices, mesh.n_vertices))
+    adjacency.sum_duplicates()
+    stiffness = csr_array(diags_array(adjacency.sum(axis=1)) - adjacency)
+    mass = mesh.vertex_areas
+    return Laplacian(stiffness, np.maximum(mass, _SMALLEST_SHARE_OF_MEAN_MASS * mass.mean()))
+
+
+def _cotangents(mesh: Mesh) -> FloatArray:
+    """Return the cotangent at each corner of each triangle, shape (m, 3); 0 without area."""
     corners = mesh.vertices[mesh.faces]
     towards_next = np.roll(corners, -1, axis=1) - corners
     towards_previous = np.roll(corners, 1, axis=1) - corners
     double_areas = 2.0 * mesh.face_areas
     flat = double_areas <= np.finfo(np.float64).eps * (towards_next**2).sum(axis=2).max(axis=1)
-    cotangents = (towards_next * towards_previous).sum(axis=2) / np.where(
-        flat, np.inf, double_areas
-    )[:, None]
-    cotangents *= np.minimum(
-        1.0, _LARGEST_COTANGENT / np.maximum(np.abs(cotangents).max(axis=1, keepdims=True), 1.0)
-    )
-
-    # The cotangent at a corner weighs the opposite edge.
-    start, end = np.roll(mesh.faces, -1, axis=1).ravel(), np.roll(mesh.faces, 1, axis=1).ravel()
-    weights = 0.5 * cotangents.ravel()
-    from scipy.sparse import csr_array, diags_array  # lazy: the import takes a third of a second
-
-    adjacency = csr_array(
-        (
-            np.concatenate((weights, weights)),
-            (np.concatenate((start, end)), np.concatenate((end, start))),
-        ),
-        shape=(count, count),
-    )
-    adjacency.sum_duplicates()
-    stiffness = csr_array(diags_array(adjacency.sum(axis=1)) - adjacency)
-
-    mass = mesh.vertex_areas
-    return Laplacian(stiffness, np.maximum(mass, _SMALLEST_SHARE_OF_MEAN_MASS * mass.mean()))
+    divisors = np.where(flat, np.inf, double_areas)[:, None]
+    cotangents = (towards_next * towards_previous).sum(axis=2) / divisors
+    largest = np.maximum(np.abs(cotangents).max(axis=1, keepdims=True), 1.0)
+    cotangents *= np.minimum(1.0, _LARGEST_COTANGENT / largest)
+    return np.asarray(cotangents)
 
 
 def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
@@ -138,18 +138,17 @@ def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
     UnsupportedShape
         If the mesh has fewer than ``k`` vertices.
     """
-    count = len(laplacian.mass)
-    if not 1 <= k <= count:
-        raise UnsupportedShape(
-            f"{k} eigenpairs of a mesh with {count} vertices", f"ask for 1 to {count}"
-        )
     from scipy.sparse import diags_array
     from scipy.sparse.linalg import eigsh
 
+    count = len(laplacian.mass)
+    if not 1 <= k <= count:
+        problem = f"{k} eigenpairs of a mesh with {count} vertices"
+        raise UnsupportedShape(problem, f"ask for 1 to {count}")
     root = 1.0 / np.sqrt(laplacian.mass)
     scaling = diags_array(root)
     symmetric = (scaling @ laplacian.stiffness @ scaling).tocsc()
-    if k > count // 2 or count < 64:
+    if k > count // 2 or count < _DENSE:
         values, vectors = np.linalg.eigh(symmetric.toarray())
     else:
         # The shift is below the spectrum by a fraction of its scale 1/area, which makes the

@@ -1,4 +1,4 @@
-"""Triangle meshes: validated read-only arrays, edges, and a vertex order that depends on positions only."""
+"""Triangle meshes: validated read-only arrays, edges, and a vertex order by positions alone."""
 
 from __future__ import annotations
 
@@ -14,9 +14,12 @@ from benchmark.errors import InvalidMesh
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
+#: Numbers in double precision; what each holds is said where it stands.
 FloatArray = NDArray[np.float64]
+#: Coordinates, shape (n, 3).
 Points = FloatArray
 IntArray = NDArray[np.int64]
+#: Corners of triangles, shape (m, 3).
 Faces = NDArray[np.int32]
 
 
@@ -44,12 +47,13 @@ class Mesh:
     def __post_init__(self) -> None:
         object.__setattr__(self, "vertices", _checked(self.vertices, np.float64, "vertices", "fiu"))
         object.__setattr__(self, "faces", _checked(self.faces, np.int32, "faces", "iu"))
-        if not np.isfinite(self.vertices).all():
-            bad = int((~np.isfinite(self.vertices).all(axis=1)).sum())
-            problem = f"{bad} of {self.n_vertices} vertices are NaN or infinite"
+        is_finite = np.isfinite(self.vertices).all(axis=1)
+        if not is_finite.all():
+            problem = f"{int((~is_finite).sum())} of {self.n_vertices} vertices are NaN or infinite"
             raise InvalidMesh(problem, "repair or re-export the mesh")
         if self.n_faces and self.faces.max() >= self.n_vertices:
-            low, high = self.faces.min(), self.faces.max()
+            low = self.faces.min()
+            high = self.faces.max()
             raise InvalidMesh(
                 f"faces name vertices {low} to {high} of {self.n_vertices}, counted from 0",
                 "check whether the file counts from 1 or was truncated",
@@ -68,7 +72,9 @@ class Mesh:
     @cached_property
     def face_normals(self) -> Points:
         """Normal of each triangle, twice as long as its area, shape (m, 3); read-only."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        a = self.vertices[self.faces[:, 0]]
+        b = self.vertices[self.faces[:, 1]]
+        c = self.vertices[self.faces[:, 2]]
         return read_only(np.cross(b - a, c - a))
 
     @cached_property
@@ -78,11 +84,13 @@ class Mesh:
 
     @cached_property
     def vertex_areas(self) -> Points:
-        """A third of the area of the triangles around each vertex, shape (n,), in squared units; read-only."""
+        """A third of the area of the triangles around each vertex, shape (n,); read-only.
+
+        In squared units of the coordinates.
+        """
         shares = np.repeat(self.face_areas / 3, 3)
-        return read_only(
-            np.asarray(np.bincount(self.faces.ravel(), shares, self.n_vertices), dtype=np.float64)
-        )
+        areas = np.bincount(self.faces.ravel(), shares, self.n_vertices)
+        return read_only(np.asarray(areas, dtype=np.float64))
 
     @property
     def area(self) -> float:
@@ -105,10 +113,8 @@ class Mesh:
         from scipy.sparse import csr_array  # lazy
 
         tails, heads = np.concatenate([self.edges.ends, self.edges.ends[:, ::-1]]).T
-        return csr_array(
-            (np.tile(self.edge_lengths, 2), (tails, heads)),
-            shape=(self.n_vertices, self.n_vertices),
-        )
+        lengths = np.tile(self.edge_lengths, 2)
+        return csr_array((lengths, (tails, heads)), shape=(self.n_vertices, self.n_vertices))
 
     def with_vertices(self, vertices: ArrayLike) -> Mesh:
         """Return a mesh with the same triangles and new vertex positions."""
@@ -116,7 +122,7 @@ class Mesh:
 
 
 def vertex_normals(mesh: Mesh) -> Points:
-    """Return the unit normals of the vertices, weighted by area, shape (n, 3); 0 where there is none."""
+    """Return the unit normals of the vertices, weighted by area, shape (n, 3); 0 without one."""
     normals = np.zeros((mesh.n_vertices, 3))
     for corner in range(3):
         np.add.at(normals, mesh.faces[:, corner], mesh.face_normals)
@@ -136,6 +142,7 @@ def read_only(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _is_of_bytes(array: NDArray[Any]) -> bool:
+    """Return whether the numbers of an array lie in ``bytes``."""
     base = array.base
     while isinstance(base, np.ndarray):
         base = base.base
@@ -143,30 +150,39 @@ def _is_of_bytes(array: NDArray[Any]) -> bool:
 
 
 def _checked(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[Any]:
+    """Return the numbers of an array, shape (count, 3), read-only; raise ``InvalidMesh`` if unfit.
+
+    Parameters
+    ----------
+    array
+        What somebody passes.
+    dtype
+        Type of the numbers.
+    what
+        What an error calls them: ``"vertices"``.
+    kinds
+        Accepted kinds of numbers, as in ``numpy.dtype.kind``.
+    """
     try:
         values = np.ma.filled(array, np.nan)  # of masked numbers
     except (TypeError, ValueError, RuntimeError) as error:
-        raise InvalidMesh(
-            f"{what} are no array: {error}", "pass an array of shape (count, 3)"
-        ) from error
+        problem = f"{what} are no array: {error}"
+        raise InvalidMesh(problem, "pass an array of shape (count, 3)") from error
     if values.size == 0:
         values = np.empty((0, 3), dtype)
     if values.ndim != 2 or values.shape[1] != 3:
-        raise InvalidMesh(
-            f"{what} have shape {values.shape}, not (count, 3)",
-            "pass triangles in three dimensions",
-        )
+        problem = f"{what} have shape {values.shape}, not (count, 3)"
+        raise InvalidMesh(problem, "pass triangles in three dimensions")
+    is_index = "f" not in kinds
     if values.dtype.kind not in kinds:
-        expected = "real numbers" if "f" in kinds else "integers"
+        expected = "integers" if is_index else "real numbers"
         raise InvalidMesh(f"{what} are of type {values.dtype}, not {expected}", f"pass {expected}")
-    if (
-        "f" not in kinds
-        and values.size
-        and not 0 <= values.min() <= values.max() <= np.iinfo(dtype).max
-    ):
-        raise InvalidMesh(
-            f"{what} name vertices {values.min()} to {values.max()}", "count the vertices from 0"
-        )
+    if is_index and values.size:
+        low = values.min()
+        high = values.max()
+        if not 0 <= low <= high <= np.iinfo(dtype).max:
+            problem = f"{what} name vertices {low} to {high}"
+            raise InvalidMesh(problem, "count the vertices from 0")
     return read_only(np.asarray(values, dtype=dtype, order="C"))
 
 
@@ -230,19 +246,24 @@ def edges_of(faces: NDArray[np.integer]) -> Edges:
     keys = np.minimum(starts, ends) * base + np.maximum(starts, ends)
     edges, of_sides, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return Edges(
-        np.stack(np.divmod(edges, base), axis=1), counts, of_sides, np.argsort(keys, kind="stable")
+        ends=np.stack(np.divmod(edges, base), axis=1),
+        counts=counts,
+        of_sides=of_sides,
+        grouped_sides=np.argsort(keys, kind="stable"),
     )
 
 
 def halved(mesh: Mesh) -> Mesh:
-    """Split each triangle into four at the edge midpoints, which follow the vertices in the order of the edges."""
+    """Split each triangle into four at the edge midpoints.
+
+    These follow the vertices in the order of the edges.
+    """
     edges = mesh.edges
-    of_sides = edges.of_sides.reshape(-1, 3) + mesh.n_vertices
     middles = (mesh.vertices[edges.ends[:, 0]] + mesh.vertices[edges.ends[:, 1]]) / 2
-    (a, b, c), (ab, bc, ca) = mesh.faces.T.astype(np.int64), of_sides.T
-    faces = np.concatenate(
-        [np.stack(f, axis=1) for f in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))]
-    )
+    a, b, c = mesh.faces.T.astype(np.int64)
+    ab, bc, ca = (edges.of_sides.reshape(-1, 3) + mesh.n_vertices).T
+    quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+    faces = np.concatenate([np.stack(corners, axis=1) for corners in quarters])
     return Mesh(np.concatenate([mesh.vertices, middles]), faces)
 
 
@@ -251,12 +272,15 @@ CELL = 1 / 256
 #: Offset of the grid in cells, which keeps coordinates of mirrored and regular shapes off the cell
 #: borders.
 _OFFSET = (0.137, 0.389, 0.713)
+#: Bits of a coordinate on the grid: three of them fit into 64.
 _BITS = 21
+
+#: Decimals of coordinates that break ties within a cell.
 _DECIMALS = 6
 
 
 def in_spatial_order(mesh: Mesh) -> Mesh:
-    """Sort the vertices of a prepared mesh along a Z-order curve, and its triangles by their vertices.
+    """Sort the vertices of a prepared mesh along a Z-order curve, and triangles by their vertices.
 
     Ties within a cell are broken by coordinates, and ties in position by the adjacent triangles, so
     that the result does not depend on the numbering in the file. Each triangle begins with its
@@ -275,10 +299,10 @@ def in_spatial_order(mesh: Mesh) -> Mesh:
 
 
 def measurements(mesh: Mesh) -> str:
-    """Return vertex and triangle counts, and moments of the distances from the centre over their root mean square.
+    """Return vertex and triangle counts, and moments of the distances from the centre.
 
-    Moments are rounded to six decimals and invariant to rigid motions, reflections, scaling and
-    renumbering.
+    The moments are of the distances over their root mean square, rounded to six decimals, and
+    invariant to rigid motions, reflections, scaling and renumbering.
     """
     distances = np.linalg.norm(mesh.vertices - mesh.vertices.mean(axis=0), axis=1)
     relative = distances / (np.sqrt(np.mean(distances**2)) or 1.0)
@@ -287,13 +311,17 @@ def measurements(mesh: Mesh) -> str:
 
 
 def _places_on_curve(vertices: Points) -> NDArray[np.uint64]:
-    """Return the Morton code of the cell of each vertex, shape (n,): the interleaved bits of its coordinates."""
+    """Return the Morton code of the cell of each vertex, shape (n,).
+
+    It interleaves the bits of the coordinates.
+    """
     cells = np.floor(vertices / CELL + _OFFSET)
     cells = np.clip(cells - cells.min(axis=0), 0, 2**_BITS - 1).astype(np.uint64)
     places = np.zeros(len(cells), dtype=np.uint64)
     for bit in range(_BITS):
         for axis in range(3):
-            places |= (cells[:, axis] >> np.uint64(bit) & np.uint64(1)) << np.uint64(3 * bit + axis)
+            bits = cells[:, axis] >> np.uint64(bit) & np.uint64(1)
+            places |= bits << np.uint64(3 * bit + axis)
     return places
 
 
@@ -302,6 +330,5 @@ def _means_around(mesh: Mesh) -> Points:
     corners = mesh.faces.ravel()
     sums = np.zeros((mesh.n_vertices, 3))
     np.add.at(sums, corners, np.repeat(mesh.vertices[mesh.faces].sum(axis=1), 3, axis=0))
-    return np.asarray(
-        sums / np.maximum(3 * np.bincount(corners, minlength=mesh.n_vertices), 1)[:, np.newaxis]
-    )
+    counts = np.maximum(3 * np.bincount(corners, minlength=mesh.n_vertices), 1)
+    return np.asarray(sums / counts[:, np.newaxis])

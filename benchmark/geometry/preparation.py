@@ -1,4 +1,4 @@
-"""Mesh preparation for all methods (one component, unit area, about 2000 vertices), and re-meshing."""
+"""Preparation of meshes (one component, unit area, about 2000 vertices), and re-meshing."""
 
 from __future__ import annotations
 
@@ -15,17 +15,24 @@ from benchmark.geometry import cleaning
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points, in_spatial_order
 
+#: Largest fraction of the area in components that are dropped, smallest first; the others are parts
+#: of the shape.
 DEBRIS = 0.01
-"""Maximum fraction of the area in components that are dropped, smallest first; the others are parts of the shape."""
 
+#: Largest fraction of triangles with zero area; beyond it, a stray vertex has dwarfed the rest of
+#: the shape.
 LARGEST_DEGENERATE_SHARE = 0.5
-"""Maximum fraction of triangles with zero area; beyond it, a stray vertex has dwarfed the rest of the shape."""
 
-DECIMALS = 6
-"""Decimals of coordinates, in units of the root of the area: what a file says beyond seven digits is not the shape."""
+#: Decimals of coordinates, in units of the root of the area: what a file says beyond seven digits
+#: is not the shape.
+_DECIMALS = 6
 
+#: Largest surplus of vertices after decimation, as a fraction of their number.
 _LARGEST_MISS = 0.01
+
+#: Most rounds of decimation.
 _MOST_ROUNDS = 8
+#: Fewest vertices of a prepared mesh: those of a tetrahedron.
 _FEWEST_VERTICES = 4
 
 
@@ -61,32 +68,45 @@ class Prepared:
 
     @property
     def notes(self) -> dict[str, float]:
-        """What a user should know: ``joined_pieces`` and the ``largest_gap`` between them, in units of the file."""
-        gap, bridges = self.scale * self.report["largest_gap"], self.report["bridges"]
-        return {"joined_pieces": bridges + 1, "largest_gap": gap} if bridges else {}
+        """What a user should know of joined pieces; empty if there are none.
+
+        ``joined_pieces``, and the ``largest_gap`` between them in units of the file.
+        """
+        bridges = self.report["bridges"]
+        if not bridges:
+            return {}
+        return {
+            "joined_pieces": bridges + 1,
+            "largest_gap": self.scale * self.report["largest_gap"],
+        }
+
+    def in_unit_area(self, mesh: Mesh) -> Points:
+        """Return the vertices of the file in the coordinates of the prepared mesh."""
+        return np.asarray((mesh.vertices - self.centre) / self.scale)
 
     def numbers_of(self, mesh: Mesh) -> IntArray | None:
-        """Return the vertex of the prepared mesh at each vertex of the file, shape (n,); None if it was decimated."""
-        distances, nearest = cKDTree(self.mesh.vertices).query(
-            (mesh.vertices - self.centre) / self.scale
-        )
-        return nearest if distances.max(initial=0.0) <= cleaning.SEAM * cleaning.COPIES else None
+        """Return the vertex of the prepared mesh at each vertex of the file, shape (n,).
+
+        None if the mesh was decimated.
+        """
+        distances, nearest = cKDTree(self.mesh.vertices).query(self.in_unit_area(mesh))
+        is_decimated = distances.max(initial=0.0) > cleaning.SEAM * cleaning.COPIES
+        return None if is_decimated else nearest
 
     def vertex_map(self, mesh: Mesh) -> IntArray:
         """Return the nearest vertex of the file at each vertex of the prepared mesh, shape (n,)."""
-        tree = cKDTree(
-            (mesh.vertices - self.centre) / self.scale, balanced_tree=False, compact_nodes=False
-        )
+        tree = cKDTree(self.in_unit_area(mesh), balanced_tree=False, compact_nodes=False)
         return np.asarray(tree.query(self.mesh.vertices)[1])
 
 
 def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
-    """Clean, decimate and scale a mesh; the result depends on the shape alone, not on unit, place or order of the file.
+    """Clean, decimate and scale a mesh.
 
-    The steps are: remove duplicates; centre, scale to unit area and round; sort by position; open
-    non-manifold edges and vertices; drop the smallest components, up to one per cent of the area in
-    all; decimate to ``n_vertices`` by quadric edge collapse [Garland and Heckbert 1997] (smaller
-    meshes keep all vertices); bridge the other components; scale to unit area and sort again.
+    The result depends on the shape alone, not on unit, place or order of the file. The steps are:
+    remove duplicates; centre, scale to unit area and round; sort by position; open non-manifold
+    edges and vertices; drop the smallest components, up to one per cent of the area in all;
+    decimate to ``n_vertices`` by quadric edge collapse [Garland and Heckbert 1997] (smaller meshes
+    keep all vertices); bridge the other components; scale to unit area and sort again.
 
     Parameters
     ----------
@@ -104,7 +124,7 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     ------
     InvalidMesh
         If the mesh has no area, most of its triangles have no area, fewer than four vertices
-        remain, or the area loss exceeds ``LARGEST_LOSS``.
+        remain, or the area loss exceeds ``LARGEST_AREA_LOSS``.
     """
     # Prevents underflow of areas in any file unit; a power of two keeps all digits, so duplicates
     # stay equal.
@@ -113,32 +133,25 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
     if not cleaned.n_faces or removed["degenerate_faces"] > LARGEST_DEGENERATE_SHARE * mesh.n_faces:
         problem = f"{removed['degenerate_faces']} of {mesh.n_faces} triangles have no area"
         raise InvalidMesh(problem, "pass a surface, look for stray vertices, or export it again")
-    centre, size = cleaned.vertices.mean(axis=0), np.sqrt(cleaned.area)
+    centre = cleaned.vertices.mean(axis=0)
+    size = np.sqrt(cleaned.area)
     scaled = cleaned.with_vertices((cleaned.vertices - centre) / size)
-    whole = in_spatial_order(scaled.with_vertices(np.round(scaled.vertices, DECIMALS)))
+    whole = in_spatial_order(scaled.with_vertices(np.round(scaled.vertices, _DECIMALS)))
     counts = cleaning.topology(whole)
+
     is_manifold = counts["non_manifold_edges"] == counts["non_manifold_vertices"] == 0
     manifold = whole if is_manifold else cleaning.make_manifold(whole)
     areas, piece = cleaning.component_areas(manifold)
     oriented, turned, one_sided = cleaning.orient(manifold, areas, piece)
     parts, dropped = _without_debris(oriented, areas, piece)
-    parts = in_spatial_order(parts) if turned else parts
-    reduced = opened = decimate(parts, n_vertices)
-    if reduced is not parts:
-        opened = cleaning.make_manifold(cleaning.clean(reduced)[0])
-    lost = max(0.0, round(1 - parts.area / whole.area * (opened.area / reduced.area), 6))
-    if lost > cleaning.LARGEST_LOSS:
-        problem = f"preparation would lose {lost:.0%} of the area: triangles overlap in edges"
-        raise InvalidMesh(
-            problem, "join what belongs together, and remove what does not belong to the shape"
-        )
-    joined, gaps = bridge_components(opened)
-    if gaps:  # bridges may bring copies and triangles without area
-        again = cleaning.make_manifold(cleaning.clean(joined)[0])
-        joined = joined if cleaning.connected_components(again).any() else again
+    if turned:
+        parts = in_spatial_order(parts)
+    opened, lost = _decimated(parts, n_vertices, whole.area)
+    joined, gaps = _joined(opened)
     if joined.n_vertices < _FEWEST_VERTICES:
         problem = f"{joined.n_vertices} vertices remain after preparation"
         raise InvalidMesh(problem, f"pass a surface of at least {_FEWEST_VERTICES} vertices")
+
     growth = np.sqrt(joined.area)
     result = in_spatial_order(joined.with_vertices(joined.vertices / growth))
     report: dict[str, float] = {
@@ -155,21 +168,59 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
         "faces": result.n_faces,
         "euler_characteristic": result.n_vertices - len(result.edges.ends) + result.n_faces,
     }
-    report = {name: float(value) for name, value in report.items()}
-    surface, area = parts.with_vertices(parts.vertices / growth), parts.area * (unit * size) ** 2
-    return Prepared(result, surface, area, unit * centre, float(unit * size * growth), report)
+    return Prepared(
+        mesh=result,
+        surface=parts.with_vertices(parts.vertices / growth),
+        source_area=parts.area * (unit * size) ** 2,
+        centre=unit * centre,
+        scale=float(unit * size * growth),
+        report={name: float(value) for name, value in report.items()},
+    )
+
+
+def _decimated(parts: Mesh, n_vertices: int, whole_area: float) -> tuple[Mesh, float]:
+    """Return a decimated manifold mesh, and the fraction of the whole area that is lost.
+
+    Raises
+    ------
+    InvalidMesh
+        If that is more than ``LARGEST_AREA_LOSS``.
+    """
+    reduced = decimate(parts, n_vertices)
+    opened = reduced
+    if reduced is not parts:
+        opened = cleaning.make_manifold(cleaning.clean(reduced)[0])
+    lost = max(0.0, round(1 - parts.area / whole_area * (opened.area / reduced.area), 6))
+    if lost > cleaning.LARGEST_AREA_LOSS:
+        problem = f"preparation would lose {lost:.0%} of the area: triangles overlap in edges"
+        hint = "join what belongs together, and remove what does not belong to the shape"
+        raise InvalidMesh(problem, hint)
+    return opened, lost
+
+
+def _joined(mesh: Mesh) -> tuple[Mesh, list[float]]:
+    """Return a mesh whose components are joined by bridges, and the lengths of these."""
+    joined, gaps = bridge_components(mesh)
+    if not gaps:
+        return joined, gaps
+    # Bridges may bring copies and triangles without area; cleaning may divide the mesh again.
+    cleaned = cleaning.make_manifold(cleaning.clean(joined)[0])
+    if cleaning.connected_components(cleaned).any():
+        return joined, gaps
+    return cleaned, gaps
 
 
 def _without_debris(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int]:
-    """Return the mesh without its smallest components, at most :data:`DEBRIS` of the area, and their number."""
+    """Return the mesh without its smallest components, and their number.
+
+    They have at most :data:`DEBRIS` of the area.
+    """
     order = np.argsort(areas, kind="stable")
     debris = order[np.cumsum(areas[order]) <= DEBRIS * areas.sum()]
+    if not len(debris):
+        return mesh, 0
     kept = ~np.isin(piece, debris)
-    return (
-        (cleaning.compact(mesh.vertices, mesh.faces[kept]), len(debris))
-        if len(debris)
-        else (mesh, 0)
-    )
+    return cleaning.compact(mesh.vertices, mesh.faces[kept]), len(debris)
 
 
 def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
@@ -195,17 +246,21 @@ def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
         return mesh
     boundary = len(mesh.edges.boundary)
     target = mesh.n_faces + boundary - 2 * (mesh.n_vertices - n_vertices)
+    # Rounds end well within the largest miss.
+    largest_surplus = _LARGEST_MISS * n_vertices / 4
     for _ in range(_MOST_ROUNDS):
         mesh = _collapse(mesh, target)
         surplus = mesh.n_vertices - n_vertices
-        if surplus <= _LARGEST_MISS * n_vertices / 4 or mesh.n_faces > target + 2:
+        # Each collapse removes two faces: topology allows no further one.
+        is_stuck = mesh.n_faces > target + 2
+        if surplus <= largest_surplus or is_stuck:
             break
         target = mesh.n_faces - round(surplus * mesh.n_faces / mesh.n_vertices)
     return mesh
 
 
 def filtered(mesh: Mesh, name: str, **parameters: object) -> Mesh:
-    """Apply a pymeshlab filter; pass all its parameters, because pymeshlab keeps them between calls."""
+    """Apply a pymeshlab filter with all its parameters, which pymeshlab keeps between calls."""
     pymeshlab = import_pymeshlab()
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
@@ -217,7 +272,10 @@ def filtered(mesh: Mesh, name: str, **parameters: object) -> Mesh:
 def import_pymeshlab() -> Any:
     """Return the package; raise ``ConfigurationError`` where it cannot be loaded, or not safely."""
     if "pymeshlab" not in sys.modules and threading.current_thread() is not threading.main_thread():
-        problem = "pymeshlab corrupts the memory of a process that loads it first in another thread than the main one"
+        problem = (
+            "pymeshlab corrupts the memory of a process that loads it first "
+            "in another thread than the main one"
+        )
         raise ConfigurationError(problem, "write 'import pymeshlab' in the main thread before")
     try:
         import pymeshlab
@@ -228,6 +286,7 @@ def import_pymeshlab() -> Any:
 
 
 def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
+    """Collapse edges until so many faces remain, if the topology allows it."""
     return filtered(
         mesh,
         "meshing_decimation_quadric_edge_collapse",

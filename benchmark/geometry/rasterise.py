@@ -94,16 +94,19 @@ def draw_triangles(
         for row in range(first, last + 1):
             y = row + 0.5
             t = (y - y0) / (y2 - y0)
-            left, left_depth = x0 + t * (x2 - x0), z0 + t * (z2 - z0)
+            left = x0 + t * (x2 - x0)
+            left_depth = z0 + t * (z2 - z0)
             # At the height of the middle vertex, use both short edges: a neighbour may share either
             # of them.
             if y <= y1 and y0 != y1:
                 t = (y - y0) / (y1 - y0)
-                right, right_depth = x0 + t * (x1 - x0), z0 + t * (z1 - z0)
+                right = x0 + t * (x1 - x0)
+                right_depth = z0 + t * (z1 - z0)
                 _draw_span(image, behind, row, width, left, left_depth, right, right_depth)
             if y >= y1 and y1 != y2:
                 t = (y - y1) / (y2 - y1)
-                right, right_depth = x1 + t * (x2 - x1), z1 + t * (z2 - z1)
+                right = x1 + t * (x2 - x1)
+                right_depth = z1 + t * (z2 - z1)
                 _draw_span(image, behind, row, width, left, left_depth, right, right_depth)
 
 
@@ -118,6 +121,7 @@ def _draw_span(
     x1: float,
     z1: float,
 ) -> None:
+    """Draw a row of a triangle, which has depths z0 and z1 at its ends x0 and x1."""
     if x1 < x0:
         x0, x1, z0, z1 = x1, x0, z1, z0
     first = max(0, int(np.ceil(x0 - 0.5)))
@@ -127,6 +131,5 @@ def _draw_span(
         depth = z0 + (column + 0.5 - x0) * slope
         image[row, column] = min(np.float32(depth), image[row, column])
         if behind.shape[0]:
-            behind[row, width - 1 - column] = min(
-                np.float32(1.0 - depth), behind[row, width - 1 - column]
-            )
+            opposite = width - 1 - column
+            behind[row, opposite] = min(np.float32(1.0 - depth), behind[row, opposite])

@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import MISSING, dataclass, field, replace
 from pathlib import Path
 from types import FunctionType
-from typing import Any, Literal, Self
+from typing import Any, Literal, NamedTuple, Self
 
 from benchmark.api.contracts import Descriptor, Method, MethodInfo, canonical_form
 from benchmark.api.parameters import (
@@ -32,15 +32,32 @@ Kind = Literal["method", "scorer"]
 #: Process of the objects of a Python program: the program itself.
 THIS_PROCESS = "this process"
 
-#: For each kind of class: the type of its ``info``, what an object must be, and what it lacks
-#: otherwise.
-_CONTRACTS: Mapping[Kind, tuple[type[Any], tuple[type[Any], ...], str]] = {
-    "method": (
+
+class _Contract(NamedTuple):
+    """What a component of a kind must be.
+
+    Parameters
+    ----------
+    info_type
+        Type of its ``info``.
+    protocols
+        Types of which an object must be one.
+    lacking
+        What an object of none of them lacks.
+    """
+
+    info_type: type[Any]
+    protocols: tuple[type[Any], ...]
+    lacking: str
+
+
+_CONTRACTS: Mapping[Kind, _Contract] = {
+    "method": _Contract(
         MethodInfo,
         (Method, Descriptor),
         "neither 'canonicalise' nor 'describe' and 'distances'",
     ),
-    "scorer": (ScorerInfo, (Scorer,), "no 'signature' or no 'compare'"),
+    "scorer": _Contract(ScorerInfo, (Scorer,), "no 'signature' or no 'compare'"),
 }
 
 
@@ -89,11 +106,17 @@ class Component:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the object of a program out where another process gets the description."""
-        return vars(self) | ({"given": None, "parameters": {}} if self.is_unknown else {})
+        state = dict(vars(self))
+        if self.is_unknown:
+            state |= {"given": None, "parameters": {}}
+        return state
 
     @property
     def process(self) -> str:
-        """Whose process it runs in: "" for the suite, the class of a plugin, or that of the program itself."""
+        """Whose process it runs in.
+
+        "" for the suite, the class of a plugin, or that of the program itself.
+        """
         if self.is_unknown:
             return THIS_PROCESS
         return "" if self.of_suite else self.target
@@ -111,20 +134,20 @@ class Component:
         return f"{self.info.title} ({chosen})" if chosen else str(self.info.title)
 
     def _chosen(self, separator: str) -> str:
-        texts = {
-            key: quoted(v) if isinstance(v, str) else format_value(v)
-            for key, v in self.parameters.items()
-        }
-        return separator.join(f"{key}={text}" for key, text in texts.items())
+        """Return the parameters that differ from their defaults as text."""
+        texts = []
+        for name, value in self.parameters.items():
+            text = quoted(value) if isinstance(value, str) else format_value(value)
+            texts.append(f"{name}={text}")
+        return separator.join(texts)
 
     @property
     def defaults(self) -> dict[str, Any]:
         """Parameters that have their defaults."""
-        every = declared_parameters(self.load()).items()
         return {
-            name: value
-            for name, (_, value) in every
-            if name not in self.parameters and value is not MISSING
+            name: default
+            for name, (_, default) in declared_parameters(self.load()).items()
+            if name not in self.parameters and default is not MISSING
         }
 
     @property
@@ -144,7 +167,10 @@ class Component:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Other files of its code: those that any class of a plugin file names, since they share its variables."""
+        """Other files of its code.
+
+        Those that any class of a plugin file names, since they share its variables.
+        """
         return named_files(load_module(self.target)) if self.plugin else self.info.files
 
     @property
@@ -172,18 +198,15 @@ class Component:
         """
         if self.given is not None:
             return type(self.given)
-        attribute = self.target.rpartition(":")[2]
-        found = getattr(load_module(self.target), attribute, None)
-        if found is None:
-            raise ConfigurationError(
-                f"{self.target.rpartition(':')[0]} has no '{attribute}'", "correct the name"
-            )
-        info_type = _CONTRACTS[self.kind][0]
-        if not isinstance(getattr(found, "info", None), info_type):
-            raise ConfigurationError(
-                f"{self.target} has no 'info: ClassVar[{info_type.__name__}]'", "add one"
-            )
-        return found
+        module, _, attribute = self.target.rpartition(":")
+        cls = getattr(load_module(self.target), attribute, None)
+        if cls is None:
+            raise ConfigurationError(f"{module} has no '{attribute}'", "correct the name")
+        info_type = _CONTRACTS[self.kind].info_type
+        if not isinstance(getattr(cls, "info", None), info_type):
+            problem = f"{self.target} has no 'info: ClassVar[{info_type.__name__}]'"
+            raise ConfigurationError(problem, "add one")
+        return cls
 
     def create(self) -> Any:
         """Create an object with the parameters.
@@ -195,7 +218,8 @@ class Component:
         """
         if self.given is not None:
             return self.given
-        if missing := self.missing_packages():
+        missing = self.missing_packages()
+        if missing:
             problem = f"{self.kind} '{self.base_name}' needs {', '.join(missing)}"
             raise ConfigurationError(problem, f"pip install {' '.join(missing)}")
         try:
@@ -203,19 +227,15 @@ class Component:
         except BenchmarkError:
             raise
         except (Exception, SystemExit) as error:
-            hint = (
-                "choose other parameters"
-                if self.parameters
-                else "give every parameter a valid default"
-            )
-            raise ConfigurationError(
-                f"{self.name} cannot be created: {locate(error)}", hint
-            ) from error
-        _, contract, lacking = _CONTRACTS[self.kind]
-        if not isinstance(created, contract):
-            raise ConfigurationError(
-                f"{self.target} has {lacking}", "add it: see docs/reference/plugins.md"
-            )
+            hint = "give every parameter a valid default"
+            if self.parameters:
+                hint = "choose other parameters"
+            problem = f"{self.name} cannot be created: {locate(error)}"
+            raise ConfigurationError(problem, hint) from error
+        contract = _CONTRACTS[self.kind]
+        if not isinstance(created, contract.protocols):
+            problem = f"{self.target} has {contract.lacking}"
+            raise ConfigurationError(problem, "add it: see docs/reference/plugins.md")
         return created
 
     def missing_packages(self) -> tuple[str, ...]:
@@ -224,23 +244,36 @@ class Component:
         return tuple(name for name in requires if importlib.util.find_spec(name) is None)
 
     def in_this_process(self) -> Self:
-        """Return it as an object of this process, where it can be debugged; as it is if it is of the suite."""
+        """Return it as an object of this process, where it can be debugged.
+
+        What is of the suite is returned as it is.
+        """
         if self.of_suite or self.given is not None or self.missing_packages():
             return self
         return replace(self, given=self.create(), state=secrets.token_hex(8), is_unknown=True)
 
     def with_parameters(self, parameters: Mapping[str, Any]) -> Self:
-        """Return the same component with additional parameters, as text or values; raise for a given object."""
+        """Return the same component with additional parameters, as text or values.
+
+        Raises
+        ------
+        ConfigurationError
+            If it is an object of a Python program, which has parameters already.
+        """
         if self.given is not None:
-            raise ConfigurationError(
-                f"'{self.name}' is an object with parameters of its own", "create another one"
-            )
+            problem = f"'{self.name}' is an object with parameters of its own"
+            raise ConfigurationError(problem, "create another one")
         return replace(self, parameters={**self.parameters, **parameters})
 
     def code(self) -> dict[str, str]:
-        """Return what its code consists of, with ``info.files``; see :func:`benchmark.code_digest.code_of`."""
-        of_object = {"its code": self.state} if self.state else {}
-        return of_object | ({} if self.is_unknown else code_of(self.target, self.files))
+        """Return what its code consists of, with ``info.files``.
+
+        See :func:`benchmark.code_digest.code_of`.
+        """
+        code = {"its code": self.state} if self.state else {}
+        if not self.is_unknown:
+            code |= code_of(self.target, self.files)
+        return code
 
     def key(self) -> dict[str, Any]:
         """Return what determines its results; the path of a plugin file does not count."""
@@ -256,16 +289,26 @@ class Component:
 def watching_component(
     component: Component, allowed: Iterable[Path] = ()
 ) -> AbstractContextManager[object]:
-    """Return the context in which the code of a plugin is watched; see :func:`benchmark.reads.watching`."""
+    """Return the context in which the code of a plugin is watched.
+
+    See :func:`benchmark.reads.watching`.
+
+    Parameters
+    ----------
+    component
+        A component.
+    allowed
+        Files and folders that it may read beside those that it declares.
+    """
     if component.is_unknown or not component.plugin:
         return nullcontext()
-    return watching(
-        component.target, [*(component.plugin.parent / name for name in component.files), *allowed]
-    )
+    folder = component.plugin.parent
+    declared = [folder / name for name in component.files]
+    return watching(component.target, [*declared, *allowed])
 
 
 def component_of(value: Any) -> Component:
-    """Return the component for a method or scorer, its class, or a function from a shape to positions.
+    """Return the component for a method or scorer, its class, or a function to positions.
 
     Raises
     ------
@@ -274,39 +317,49 @@ def component_of(value: Any) -> Component:
     """
     if isinstance(value, Component):
         return value
-    if isinstance(value, FunctionType) and value.__name__ != "<lambda>":
-        title = value.__name__.replace("_", " ").strip()
-        value = canonical_form(name=title.replace(" ", "-").lower(), title=title.capitalize())(
-            value
-        )
-    try:
-        value = value() if isinstance(value, type) else value
-    except Exception as error:
-        raise ConfigurationError(
-            f"{value} cannot be created: {locate(error)}", "pass an object of it"
-        ) from error
-    info, cls = getattr(value, "info", None), type(value)
+    value = _object_of(value)
+    info = getattr(value, "info", None)
+    cls = type(value)
     kind: Kind = "scorer" if isinstance(info, ScorerInfo) else "method"
-    info_type, contract, lacking = _CONTRACTS[kind]
-    if not (isinstance(value, contract) and isinstance(info, info_type)):
+    contract = _CONTRACTS[kind]
+    if not (isinstance(value, contract.protocols) and isinstance(info, contract.info_type)):
         problem = (
-            f"an object of type {cls.__name__} is no method or scorer: it has {lacking}, or no info"
+            f"an object of type {cls.__name__} is no method or scorer: "
+            f"it has {contract.lacking}, or no info"
         )
-        raise ConfigurationError(
-            problem, "pass a function with a name or a dataclass: see docs/reference/plugins.md"
-        )
-    parameters, attributes = parameter_values(value), getattr(value, "__dict__", None)
-    chosen, target = non_default_values(cls, parameters), f"{cls.__module__}:{cls.__qualname__}"
+        hint = "pass a function with a name or a dataclass: see docs/reference/plugins.md"
+        raise ConfigurationError(problem, hint)
+    parameters = parameter_values(value)
+    attributes = getattr(value, "__dict__", None)
+    chosen = non_default_values(cls, parameters)
+    target = f"{cls.__module__}:{cls.__qualname__}"
+    if hasattr(value, "train") and _has_more_than(parameters, attributes or {}):
+        problem = f"'{info.name}' has a model already, and a run looks for it"
+        raise ConfigurationError(problem, "pass it without one")
     is_plain = attributes == parameters
-    if hasattr(value, "train") and any(
-        of for name, of in (attributes or {}).items() if name not in parameters
-    ):
-        raise ConfigurationError(
-            f"'{info.name}' has a model already, and a run looks for it", "pass it without one"
-        )
     if is_plain and is_installed(cls.__module__ or "__main__"):
         return Component(kind, str(info.name), target, chosen)  # its name says all
     # An object of the user depends on whatever the program may change, so it is never known again.
     return Component(
         kind, str(info.name), target, chosen, value, secrets.token_hex(8), is_unknown=True
     )
+
+
+def _object_of(value: Any) -> Any:
+    """Return the object that a program passes as a function or as a class."""
+    if isinstance(value, FunctionType) and value.__name__ != "<lambda>":
+        title = value.__name__.replace("_", " ").strip()
+        name = title.replace(" ", "-").lower()
+        value = canonical_form(name=name, title=title.capitalize())(value)
+    if not isinstance(value, type):
+        return value
+    try:
+        return value()
+    except Exception as error:
+        problem = f"{value} cannot be created: {locate(error)}"
+        raise ConfigurationError(problem, "pass an object of it") from error
+
+
+def _has_more_than(parameters: Mapping[str, Any], attributes: Mapping[str, Any]) -> bool:
+    """Return whether an object has attributes that are not empty beside its parameters."""
+    return any(value for name, value in attributes.items() if name not in parameters)

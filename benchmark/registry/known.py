@@ -52,27 +52,32 @@ SCORERS: dict[str, str] = {DEFAULT_SCORER: "retrieval.cmbof:CMBOF"}
 
 
 class Known(dict[str, Component]):
-    """Components of one kind by name, in the order of the tables; an unknown name raises an error with a hint."""
+    """Components of one kind by name, in the order of the tables.
+
+    An unknown name raises an error with a hint.
+    """
 
     def __init__(self, kind: Kind, components: Iterable[Component]) -> None:
         super().__init__()
         self._kind = kind
         for component in components:
-            if component.name == ALL_METHODS:
-                raise ConfigurationError(
-                    f"a {kind} is called '{ALL_METHODS}', which stands for all", "rename it"
-                )
-            if component.name in self:
-                both = f"{self[component.name].target} and {component.target}"
-                raise ConfigurationError(
-                    f"two {kind}s are called '{component.name}': {both}", "rename one"
-                )
-            self[component.name] = component
+            name = component.name
+            if name == ALL_METHODS:
+                problem = f"a {kind} is called '{ALL_METHODS}', which stands for all"
+                raise ConfigurationError(problem, "rename it")
+            if name in self:
+                both = f"{self[name].target} and {component.target}"
+                problem = f"two {kind}s are called '{name}': {both}"
+                raise ConfigurationError(problem, "rename one")
+            self[name] = component
 
     def __missing__(self, name: str) -> NoReturn:
-        error, file = did_you_mean(self._kind, name, self), Path(f"{name.replace('-', '_')}.py")
-        own = f"{error.hint} (for one of your own, pass --plugin FILE)"
-        raise ConfigurationError(error.problem, f"pass --plugin {file}" if file.is_file() else own)
+        error = did_you_mean(self._kind, name, self)
+        file = Path(f"{name.replace('-', '_')}.py")
+        hint = f"{error.hint} (for one of your own, pass --plugin FILE)"
+        if file.is_file():
+            hint = f"pass --plugin {file}"
+        raise ConfigurationError(error.problem, hint)
 
 
 def by_name(kind: Kind, plugins: Iterable[Path] = ()) -> Known:
@@ -83,12 +88,11 @@ def by_name(kind: Kind, plugins: Iterable[Path] = ()) -> Known:
     ConfigurationError
         If two of them have the same name, or a plugin file cannot be imported or defines nothing.
     """
-    built_in = BUILT_IN if kind == "method" else SCORERS
-    ours = [Component(kind, name, target) for name, target in built_in.items()]
-    of_files = [
-        component for path in plugins for component in in_file(path) if component.kind == kind
-    ]
-    return Known(kind, [*ours, *of_files])
+    targets = BUILT_IN if kind == "method" else SCORERS
+    components = [Component(kind, name, target) for name, target in targets.items()]
+    for path in plugins:
+        components += [component for component in in_file(path) if component.kind == kind]
+    return Known(kind, components)
 
 
 def in_file(path: Path) -> list[Component]:
@@ -106,14 +110,13 @@ def in_file(path: Path) -> list[Component]:
         problem = f"{path} is a link to {resolved}, which is no Python file"
         raise ConfigurationError(problem, "name the .py file of a plugin")
     target = str(resolved)
-    module, components = load_module(target), []
+    module = load_module(target)
+    components = []
     for attribute, value in vars(module).items():
         if isinstance(value, ShapeSet):
             problem = f"{path} makes a data set, which is a folder of meshes and no plugin"
-            hint = (
-                "write a folder, as examples/bent_ellipsoids.py does: python bent_ellipsoids.py DIR"
-            )
-            raise ConfigurationError(problem, hint)
+            example = "examples/bent_ellipsoids.py does: python bent_ellipsoids.py DIR"
+            raise ConfigurationError(problem, f"write a folder, as {example}")
         info = getattr(value, "info", None)
         is_own = isinstance(value, type) and value.__module__ == module.__name__
         if is_own and isinstance(info, MethodInfo | ScorerInfo):

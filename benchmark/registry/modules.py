@@ -7,7 +7,7 @@ import importlib.util
 import os
 import sys
 import threading
-from collections.abc import Iterable
+from collections.abc import Container, Iterable, Set
 from contextlib import chdir, redirect_stdout, suppress
 from pathlib import Path
 from types import ModuleType
@@ -33,7 +33,7 @@ _importing = threading.RLock()
 
 
 def load_module(target: str) -> ModuleType:
-    """Import the module of a target such as ``"baselines.gps:GPS"`` or ``"/path/smooth.py:Smooth"``.
+    """Import the module of a target: ``"baselines.gps:GPS"`` or ``"/path/smooth.py:Smooth"``.
 
     A plugin file gets a name of its own, so that ``random.py`` does not replace the standard
     module. If its code, or a file that its methods name, was edited since it was imported, it is
@@ -51,36 +51,38 @@ def load_module(target: str) -> ModuleType:
         if path is None:
             return importlib.import_module(name)
         with _importing:
-            known = sys.modules.get(name)
-            if known and _imported.get(name) == _contents(target, named_files(known)):
-                return known
+            imported = sys.modules.get(name)
+            if imported and _imported.get(name) == _contents(target, named_files(imported)):
+                return imported
             with redirect_stdout(Printed()):
                 return _import_anew(target, name, path.resolve())
     except UndeclaredFile:
         raise
     except (Exception, SystemExit) as error:
-        hint = (
-            "" if isinstance(error, BenchmarkError) else "correct it"
-        )  # which has a hint of its own
-        if isinstance(error, ModuleNotFoundError) and error.name:
-            hint = (
-                f"install '{error.name}', or put {error.name.partition('.')[0]}.py beside the file"
-            )
-        if "relative import" in str(error):
-            hint = (
-                "a plugin is one file and no part of a package: write 'from core import X' for "
-                "'from .core import X', with core.py beside the file"
-            )
-        raise ConfigurationError(
-            f"{path or name} cannot be imported: {locate(error)}", hint
-        ) from error
+        problem = f"{path or name} cannot be imported: {locate(error)}"
+        raise ConfigurationError(problem, _cure_of(error)) from error
+
+
+def _cure_of(error: BaseException) -> str:
+    """Return what to do about an error of an import; "" for one with a hint of its own."""
+    if "relative import" in str(error):
+        return (
+            "a plugin is one file and no part of a package: write 'from core import X' for "
+            "'from .core import X', with core.py beside the file"
+        )
+    if isinstance(error, ModuleNotFoundError) and error.name:
+        file = f"{error.name.partition('.')[0]}.py"
+        return f"install '{error.name}', or put {file} beside the file"
+    return "" if isinstance(error, BenchmarkError) else "correct it"
 
 
 def environment() -> dict[str, str]:
-    """Return the environment of other processes: what a plugin changes in it is for its own, which imports it anew."""
-    return {
-        variable: value for variable, value in (os.environ | _changed).items() if value is not None
-    }
+    """Return the environment of other processes.
+
+    What a plugin changes in it is for its own process, which imports it anew.
+    """
+    original = os.environ | _changed
+    return {variable: value for variable, value in original.items() if value is not None}
 
 
 def import_plugins_anew() -> None:
@@ -93,18 +95,9 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     _imported.pop(name, None)  # until this ends well
     _check_helpers(path)
     importlib.invalidate_caches()
-    sources = {*sources_of(target)}.difference(suite_sources())
-    for source in sources:  # compiled code of the same second and size may be of an earlier edit
-        with suppress(OSError):
-            Path(importlib.util.cache_from_source(source)).unlink(missing_ok=True)
-    remove_kernels(sources)
-    names, files = {source.name for source in sources}, {source.resolve() for source in sources}
-    for known in [
-        known for known, module in sys.modules.items() if _file_of(module, names) in files
-    ]:
-        if not is_installed(known):
-            del sys.modules[known]
-    contents, before = _contents(target), dict(os.environ)
+    _forget({*sources_of(target)}.difference(suite_sources()))
+    contents = _contents(target)
+    before = dict(os.environ)
     with chdir("."), watching(target) as declared:  # which it may change
         module = _execute(name, path)
         declared += [path.parent / file for file in named_files(module)]
@@ -115,47 +108,60 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     return module
 
 
-def _file_of(module: ModuleType, names: set[str]) -> Path | None:
+def _forget(sources: Set[Path]) -> None:
+    """Remove the compiled code, kernels and imported modules of some source files."""
+    for source in sources:  # compiled code of the same second and size may be of an earlier edit
+        with suppress(OSError):
+            Path(importlib.util.cache_from_source(source)).unlink(missing_ok=True)
+    remove_kernels(sources)
+    names = {source.name for source in sources}
+    files = {source.resolve() for source in sources}
+    for name, module in list(sys.modules.items()):
+        if _file_of(module, names) in files and not is_installed(name):
+            del sys.modules[name]
+
+
+def _file_of(module: ModuleType, names: Container[str]) -> Path | None:
     """Return the file of a module that has one of some names."""
     file = getattr(module, "__file__", None) or ""
-    return Path(os.path.realpath(file)) if os.path.basename(file) in names else None  # noqa: PTH119  # of thousands
+    if os.path.basename(file) not in names:  # noqa: PTH119  # of thousands
+        return None
+    return Path(os.path.realpath(file))
 
 
 def _unique_name(path: Path) -> str:
+    """Return the name that the module of a plugin file gets."""
     return f"plugin_{path.stem}_{hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:8]}"
 
 
 def _contents(target: str, files: Iterable[str] = ()) -> list[str]:
-    """Return the digests of the sources of a plugin, itself first, and of files that it declares."""
+    """Return the digests of the sources of a plugin, itself first, and of its declared files."""
     sources = sources_of(target)
-    paths = *sources, *(sources[0].parent / file for file in files)
-    return [file_digest(path, None) for path in paths if path.is_file()]
+    declared = [sources[0].parent / file for file in files]
+    return [file_digest(path, None) for path in (*sources, *declared) if path.is_file()]
 
 
 def named_files(module: ModuleType) -> tuple[str, ...]:
     """Return the files that the methods and scorers of a plugin name, relative to its folder."""
-    own = (
-        value
-        for value in vars(module).values()
-        if getattr(value, "__module__", "") == module.__name__
-    )
-    return tuple(
-        {name: None for value in own for name in getattr(getattr(value, "info", None), "files", ())}
-    )
+    files: dict[str, None] = {}
+    for value in vars(module).values():
+        if getattr(value, "__module__", "") == module.__name__:
+            files |= dict.fromkeys(getattr(getattr(value, "info", None), "files", ()))
+    return tuple(files)
 
 
 def _check_helpers(path: Path) -> None:
-    """Raise ``ConfigurationError`` if a module beside a plugin file has the name of another module."""
+    """Raise ``ConfigurationError`` if a module beside a plugin file has the name of another one."""
     for helper, file in modules_beside(path).items():
         spec = importlib.util.find_spec(helper)
         if spec is not None and Path(spec.origin or "").resolve() != file.resolve():
             other = spec.origin or "another package"
-            raise ConfigurationError(
-                f"{path} imports {file}, but '{helper}' is also the name of {other}", "rename one"
-            )
+            problem = f"{path} imports {file}, but '{helper}' is also the name of {other}"
+            raise ConfigurationError(problem, "rename one")
 
 
 def _execute(name: str, path: Path) -> ModuleType:
+    """Execute a plugin file as a module, beside which others can be imported."""
     if str(path.parent) not in sys.path:
         sys.path.append(str(path.parent))
     spec: Any = importlib.util.spec_from_file_location(name, path)

@@ -17,7 +17,9 @@ _NAME = re.compile(r"([^\[\]]+)(?:\[([^\[\]]*)\])?")
 
 
 def split_parameters(name: str) -> tuple[str, str]:
-    """Split a name from the text in its brackets, "" if there are none; unbalanced ones are part of the name.
+    """Split a name from the text in its brackets, "" if there are none.
+
+    Unbalanced brackets are part of the name.
 
     Examples
     --------
@@ -56,11 +58,11 @@ def combinations(text: str) -> list[dict[str, str]]:
     >>> combinations("start=mesh|classic,size=3")
     [{'start': 'mesh', 'size': '3'}, {'start': 'classic', 'size': '3'}]
     """
-    given = assignments(text)
-    values = {name: _values(name, split(text, "|") or [""]) for name, text in given.items()}
-    return [
-        dict(zip(values, chosen, strict=True)) for chosen in itertools.product(*values.values())
-    ]
+    values = {}
+    for name, alternatives in assignments(text).items():
+        values[name] = _values(name, split(alternatives, "|") or [""])
+    choices = itertools.product(*values.values())
+    return [dict(zip(values, choice, strict=True)) for choice in choices]
 
 
 def quoted(text: str) -> str:
@@ -72,12 +74,15 @@ def quoted(text: str) -> str:
 
 
 def _values(name: str, parts: list[str]) -> list[str]:
+    """Return the values of a parameter without blanks and quotes around them."""
     texts = [part.strip() for part in parts]
     if len(texts) > 1 and not all(texts):
-        raise ConfigurationError(
-            f"'{name}' has an empty value", "write VALUE|VALUE, or '' for an empty text"
-        )
-    return [
-        text[1:-1] if len(text) > 1 and text[0] in "'\"" and text[0] == text[-1] else text
-        for text in texts
-    ]
+        hint = "write VALUE|VALUE, or '' for an empty text"
+        raise ConfigurationError(f"'{name}' has an empty value", hint)
+    return list(map(_unquoted, texts))
+
+
+def _unquoted(text: str) -> str:
+    """Return a text without the quotes around it, if there are any."""
+    is_quoted = len(text) > 1 and text[0] in "'\"" and text[0] == text[-1]
+    return text[1:-1] if is_quoted else text

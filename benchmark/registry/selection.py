@@ -35,32 +35,32 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
     chosen: list[Component] = []
     for name in names:
         if not isinstance(name, str):
-            chosen.append(component_of(name))
-            if (base := chosen[-1].base_name) in known and known[base].load() is not chosen[
-                -1
-            ].load():
-                raise ConfigurationError(
-                    f"there is another method '{base}', {known[base].target}", "rename yours"
-                )
+            chosen.append(_new_object(name, known))
+        elif name.strip() == ALL_METHODS:
+            chosen += known.values()
         else:
-            chosen += known.values() if name.strip() == ALL_METHODS else variants(name, known)
-    named = {component.plugin for component in chosen}
-    chosen += [
-        component
-        for component in known.values()
-        if component.plugin and component.plugin not in named
-    ]
-    order = list(known)
-    chosen.sort(
-        key=lambda component: (
-            order.index(component.base_name) if component.base_name in known else len(order)
-        )
-    )
+            chosen += variants(name, known)
+    named_files = {component.plugin for component in chosen}
+    for component in known.values():
+        if component.plugin and component.plugin not in named_files:
+            chosen.append(component)
+    places = {name: place for place, name in enumerate(known)}
+    chosen.sort(key=lambda component: places.get(component.base_name, len(places)))
     selected: dict[str, Component] = {}
     for component in chosen or known.values():
         if selected.setdefault(component.name, component) != component:
             raise ConfigurationError(f"two methods are called '{component.name}'", "rename one")
     return [*selected.values()]
+
+
+def _new_object(value: Any, known: Mapping[str, Component]) -> Component:
+    """Return the component for an object; raise if it has the name of another method."""
+    component = component_of(value)
+    name = component.base_name
+    if name in known and known[name].load() is not component.load():
+        problem = f"there is another method '{name}', {known[name].target}"
+        raise ConfigurationError(problem, "rename yours")
+    return component
 
 
 def are_named(names: Sequence[Any]) -> bool:
@@ -78,23 +78,26 @@ def select_one(name: str, plugins: Iterable[Path] = (), kind: Kind = "method") -
     """
     first, *others = variants(name, by_name(kind, plugins))
     if others:
-        raise ConfigurationError(
-            f"'{name}' stands for {len(others) + 1} {kind}s", f"name one: {first.name}"
-        )
+        problem = f"'{name}' stands for {len(others) + 1} {kind}s"
+        raise ConfigurationError(problem, f"name one: {first.name}")
     return first
 
 
 def variants(name: str, known: Mapping[str, Component]) -> list[Component]:
-    """Return the components for a name with parameters, one for each combination of their values, each once."""
+    """Return the components for a name with parameters, each once.
+
+    There is one for each combination of the values of its parameters.
+    """
     base, inside = split_parameters(name)
     component = known[base]
-    chosen = [
-        component.with_parameters(given) if given else component for given in combinations(inside)
-    ]
-    for variant in chosen:
+    by_variant: dict[str, Component] = {}
+    for parameters in combinations(inside):
+        variant = component.with_parameters(parameters) if parameters else component
+        by_variant[variant.name] = variant
+    for variant in by_variant.values():
         if variant.parameters and not variant.missing_packages():
             variant.create()  # lets the class refuse invalid combinations now
-    return list({variant.name: variant for variant in chosen}.values())
+    return list(by_variant.values())
 
 
 def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
@@ -115,15 +118,24 @@ def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
     """
     base, inside = split_parameters(name)
     if base.endswith(".py"):
-        components = in_file(Path(base))
-        own = {component.name: component for component in components if component.kind == "method"}
-        return (
-            [variant for c in own for variant in variants(f"{c}[{inside}]", own)]
-            if inside
-            else components
-        )
-    groups = [by_name(kind, plugins) for kind in get_args(Kind)]
-    having = [known for known in groups if base in known] or groups[
-        :1
-    ]  # which says what an unknown name may mean
-    return [component for known in having for component in variants(name, known)]
+        return _in_file_with(Path(base), inside)
+    kinds = [by_name(kind, plugins) for kind in get_args(Kind)]
+    having = [known for known in kinds if base in known]
+    if not having:
+        having = kinds[:1]  # which says what an unknown name may mean
+    components: list[Component] = []
+    for known in having:
+        components += variants(name, known)
+    return components
+
+
+def _in_file_with(path: Path, parameters: str) -> list[Component]:
+    """Return the components of a plugin file; with parameters its methods, which take them."""
+    components = in_file(path)
+    if not parameters:
+        return components
+    methods = {component.name: component for component in components if component.kind == "method"}
+    selected: list[Component] = []
+    for name in methods:
+        selected += variants(f"{name}[{parameters}]", methods)
+    return selected

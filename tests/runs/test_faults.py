@@ -325,7 +325,7 @@ PREPARATION, GEODESICS = (
     "benchmark.pipeline.prepared:prepare_mesh",
     "benchmark.geometry.geodesics:all_pairs",
 )
-READING, UNREADABLE = "benchmark.formats.reading:load", OSError(5, "Input/output error")
+READING, UNREADABLE = "benchmark.formats.reading:read_unpacked", OSError(5, "Input/output error")
 
 
 @pytest.fixture(scope="module")
