@@ -1,4 +1,7 @@
-"""Networks with one code: all predicted images come from a few hundred numbers, so no pixel of a pose leaks through."""
+"""Networks with one code: predicted images come from a few hundred numbers.
+
+So no pixel of a pose leaks through.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from torch.nn import functional
 
 from learned.paper_network import SLOPE, initialise
 
-RESOLUTION = 128
+CODE_RESOLUTION = 128
 """Pixels per side of an image."""
 
 _INNERMOST = 4
@@ -47,6 +50,8 @@ class CodeNetwork(nn.Module):
                 initialise(self, self.head)
 
     def _encoder(self) -> nn.Sequential:
+        """Return the blocks that each halve the size of an image."""
+
         def block(before: int, after: int) -> nn.Sequential:
             convolution = nn.Conv2d(before, after, 4, stride=2, padding=1)
             return nn.Sequential(convolution, nn.GroupNorm(8, after), nn.LeakyReLU(SLOPE))
@@ -54,11 +59,12 @@ class CodeNetwork(nn.Module):
         return nn.Sequential(*map(block, [1, *self.widths[:-1]], self.widths))
 
     def _decoder(self) -> nn.Sequential:
-        return _doublings(
-            [*self.widths[::-1], self.widths[0]], lambda channels: nn.GroupNorm(8, channels)
-        )
+        """Return the blocks that each double the size of an image."""
+        widths = [*self.widths[::-1], self.widths[0]]
+        return _doublings(widths, lambda channels: nn.GroupNorm(8, channels))
 
     def _head(self) -> nn.Module:
+        """Return what makes depths and the mask of the last features."""
         return nn.Conv2d(self.widths[0], 2, 3, padding=1)
 
     def forward(self, image: Tensor) -> Tensor:
@@ -81,53 +87,58 @@ class CodeNetwork(nn.Module):
         return torch.cat([raw[:, :-1], torch.sigmoid(raw[:, -1:])], dim=1)
 
     def _finished(self, raw: Tensor) -> Tensor:
+        """Return the output of the head as depths and the log-odds of the mask."""
         return raw
 
 
 class PeopleNetwork(CodeNetwork):
-    """The network of people of unknown size: residual blocks without normalisation, front and back depth.
+    """The network of people of unknown size, which predicts the depth of front and back.
 
-    The last two doublings rearrange 16 channels into 16 pixels, and the decoder adds to images of
-    the average body.
+    It has residual blocks without normalisation. The last two doublings rearrange 16 channels into
+    16 pixels, and the decoder adds to images of the average body.
     """
 
     def __init__(self, width: int = 16, code_size: int = 256) -> None:
         super().__init__(width, code_size)
-        self.average = nn.Parameter(torch.zeros(3, RESOLUTION, RESOLUTION))
+        self.average = nn.Parameter(torch.zeros(3, CODE_RESOLUTION, CODE_RESOLUTION))
 
     def _encoder(self) -> nn.Sequential:
+        """Return strided convolutions, with residual blocks behind the second and the third."""
         stages: list[nn.Module] = []
-        for place, (before, after) in enumerate(
-            zip([1, *self.widths[:-1]], self.widths, strict=True)
-        ):
+        inputs = [1, *self.widths[:-1]]
+        for number, (before, after) in enumerate(zip(inputs, self.widths, strict=True)):
             convolution = StandardisedConv2d(before, after, 4, stride=2, padding=1)
             stages.append(nn.Sequential(convolution, nn.Identity(), nn.LeakyReLU(SLOPE)))
-            if place in (1, 2):
+            if number in (1, 2):
                 stages.append(ResidualBlock(after))
         return nn.Sequential(*stages)
 
     def _decoder(self) -> nn.Sequential:
+        """Return doublings without normalisation, all but the last two."""
         return _doublings(self.widths[:0:-1], nn.Identity)
 
     def _head(self) -> nn.Module:
+        """Return what makes two depths and the mask, four times as large as the features."""
         return nn.Sequential(nn.Conv2d(self.widths[1], 3 * 16, 3, padding=1), nn.PixelShuffle(4))
 
     def _finished(self, raw: Tensor) -> Tensor:
+        """Return the output of the head, added to images of the average body."""
         return raw + 10 * self.average
 
 
 def _doublings(widths: Sequence[int], norm: Callable[[int], nn.Module]) -> nn.Sequential:
-    """Return blocks that double the size of an image, and lead from each number of channels to the next."""
-    deconvolutions = (
-        nn.ConvTranspose2d(*pair, 4, stride=2, padding=1) for pair in pairwise(widths)
-    )
-    return nn.Sequential(
-        *(nn.Sequential(each, norm(each.out_channels), nn.ReLU()) for each in deconvolutions)
-    )
+    """Return blocks that double the size of an image, from each number of channels to the next."""
+    blocks = []
+    for before, after in pairwise(widths):
+        deconvolution = nn.ConvTranspose2d(before, after, 4, stride=2, padding=1)
+        blocks.append(nn.Sequential(deconvolution, norm(after), nn.ReLU()))
+    return nn.Sequential(*blocks)
 
 
 class StandardisedConv2d(nn.Conv2d):
-    """Convolution whose weights have mean 0 and a fixed variance for each output channel, times a learned gain.
+    """Convolution whose weights have mean 0 and a fixed variance, times a learned gain.
+
+    Both are those of each output channel.
 
     References
     ----------
@@ -152,9 +163,8 @@ class ResidualBlock(nn.Module):
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.first, self.second = (
-            StandardisedConv2d(channels, channels, 3, padding=1) for _ in range(2)
-        )
+        self.first = StandardisedConv2d(channels, channels, 3, padding=1)
+        self.second = StandardisedConv2d(channels, channels, 3, padding=1)
         self.share = nn.Parameter(torch.full((), 0.1))
 
     def forward(self, x: Tensor) -> Tensor:

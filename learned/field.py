@@ -1,4 +1,4 @@
-"""Deformation field: the canonical position of each vertex of a complete surface, with the detail of the input.
+"""Deformation field: the canonical position of each vertex, with the detail of the input.
 
 A surface is seen in the frame of its principal axes, and sampled evenly. Positions and rotations
 that the network (:mod:`learned.field_network`) predicts attract a deformation that is as rigid as
@@ -18,19 +18,22 @@ from benchmark.api.contracts import FloatArray, Shape
 from benchmark.errors import UnsupportedShape
 from benchmark.geometry.laplacian import Laplacian
 from benchmark.geometry.mesh import Mesh, Points, vertex_normals
-from learned.field_network import POINTS, FieldNetwork
+from learned.field_network import N_POINTS, FieldNetwork
 
 MOST_VERTICES = 50_000
 """Largest number of vertices; meshes prepared for a comparison have 2000."""
 
 INSIDE_OUT = 1e-9
-"""Size of a negative volume, in units of sqrt(area)^3, above which a surface faces inward; a flat one has no volume."""
+"""Size of a negative volume above which a surface faces inward, in units of sqrt(area)^3.
+
+A flat one has no volume.
+"""
 
 FLAT = 1e-9
 """Share of the variance below which a surface has no extent along an axis."""
 
+#: Positions that are decoded together, which bounds the memory for large meshes.
 _AT_ONCE = 4096
-"""Positions that are decoded together, which bounds the memory for large meshes."""
 
 
 def form_of(
@@ -61,11 +64,11 @@ def form_of(
     vertices = with_detail(framed.vertices, shape.laplacian(), positions, rotations, reach, rounds)
     area = mesh.with_vertices(vertices).area if np.isfinite(vertices).all() else 0.0
     if not area > 0:
-        raise UnsupportedShape(
-            "the network leaves no surface of this shape", "pass one like those it was trained on"
-        )
+        problem = "the network leaves no surface of this shape"
+        raise UnsupportedShape(problem, "pass one like those it was trained on")
     vertices = np.asarray(vertices / area**0.5)
-    before, after = framed.edge_lengths, mesh.with_vertices(vertices).edge_lengths
+    before = framed.edge_lengths
+    after = mesh.with_vertices(vertices).edge_lengths
     notes: dict[str, float | str] = {
         "edge_strain": float(np.abs(after - before).sum() / before.sum()),
         "mean_correction": float(np.linalg.norm(vertices - positions, axis=1).mean()),
@@ -75,7 +78,7 @@ def form_of(
 
 @torch.inference_mode()
 def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
-    """Predict canonical positions of vertices, shape (n, 3), and rotations to the canonical pose, shape (n, 3, 3).
+    """Predict the canonical positions of vertices, and the rotations around them.
 
     Parameters
     ----------
@@ -83,27 +86,46 @@ def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
         The field.
     mesh
         A surface in its own frame.
+
+    Returns
+    -------
+    positions, rotations : numpy.ndarray
+        Shapes (n, 3) and (n, 3, 3).
     """
-
-    def row(array: FloatArray) -> Tensor:
-        return torch.from_numpy(np.array(array, dtype=np.float64))[None]
-
-    tokens = network.encoded(*map(row, even_samples(mesh, POINTS)))
+    points, facing = even_samples(mesh, N_POINTS)
+    tokens = network.encoded(_batch_of_one(points), _batch_of_one(facing))
     normals = vertex_normals(mesh)
-    positions, rotations = [], []
+    positions = []
+    rotations = []
     for first in range(0, mesh.n_vertices, _AT_ONCE):
         some = slice(first, first + _AT_ONCE)
-        place, rotation = network.decoded(tokens, row(mesh.vertices[some]), row(normals[some]))
+        place, rotation = network.decoded(
+            tokens, _batch_of_one(mesh.vertices[some]), _batch_of_one(normals[some])
+        )
         positions.append(place[0].numpy())
         rotations.append(rotation[0].numpy())
     return np.concatenate(positions), np.concatenate(rotations)
 
 
+def _batch_of_one(array: FloatArray) -> Tensor:
+    """Return an array as a batch of one item."""
+    return torch.from_numpy(np.array(array, dtype=np.float64))[None]
+
+
 def _outward(mesh: Mesh) -> Mesh:
-    """Return the surface with its triangles flipped if its volume is negative: bodies face outward."""
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
+    """Return the surface with its triangles flipped if its volume is negative.
+
+    Bodies face outward.
+    """
+    a, b, c = _corners(mesh)
     volume = float(np.einsum("mk,mk->", a, np.cross(b, c)) / 6)
     return Mesh(mesh.vertices, mesh.faces[:, ::-1]) if volume < -INSIDE_OUT else mesh
+
+
+def _corners(mesh: Mesh) -> tuple[Points, Points, Points]:
+    """Return the positions of the first, second and third corner of each triangle."""
+    first, second, third = mesh.faces.T
+    return mesh.vertices[first], mesh.vertices[second], mesh.vertices[third]
 
 
 # Frame
@@ -111,11 +133,11 @@ def _outward(mesh: Mesh) -> Mesh:
 
 
 def in_frame(mesh: Mesh) -> Mesh:
-    """Return the surface in the frame of its principal axes, longest first, of unit area and with centroid 0.
+    """Return the surface in the frame of its principal axes, of unit area and with centroid 0.
 
-    Moments are integrals over the triangles, so the triangulation does not matter. The two axes
-    with the largest skewness point to the side of the positive third moment; the third axis makes
-    the frame right-handed.
+    The longest axis comes first. Moments are integrals over the triangles, so the triangulation
+    does not matter. The two axes with the largest skewness point to the side of the positive third
+    moment; the third axis makes the frame right-handed.
 
     Raises
     ------
@@ -127,16 +149,15 @@ def in_frame(mesh: Mesh) -> Mesh:
     if not np.isfinite(total):
         raise UnsupportedShape("the coordinates are too large to compute with", "scale the mesh")
     if not total > 0:
-        raise UnsupportedShape(
-            "the mesh has no area", "pass a surface with at least one proper triangle"
-        )
+        problem = "the mesh has no area"
+        raise UnsupportedShape(problem, "pass a surface with at least one proper triangle")
     shares = areas / total
-    a, b, c = (mesh.vertices[mesh.faces[:, k]] for k in range(3))
-    origin, unit = shares @ (a + b + c) / 3, total**0.5
+    a, b, c = _corners(mesh)
+    origin = shares @ (a + b + c) / 3
+    unit = total**0.5
     corners = [(corner - origin) / unit for corner in (a, b, c)]
-    covariance = (
-        sum((shares[:, None] * vectors).T @ vectors for vectors in (*corners, sum(corners))) / 12
-    )
+    moments = [(shares[:, None] * v).T @ v for v in (*corners, sum(corners))]
+    covariance = sum(moments) / 12
     axes = np.linalg.eigh(covariance)[1].T[::-1].copy()
     skewness = _skewness([corner @ axes.T for corner in corners], shares)
     axes[skewness < 0] *= -1
@@ -146,19 +167,27 @@ def in_frame(mesh: Mesh) -> Mesh:
 
 
 def _skewness(corners: list[Points], shares: FloatArray) -> FloatArray:
-    """Return the third standardised moment along each axis, shape (3,), of triangles with these shares of the area.
+    """Return the third standardised moment along each axis, shape (3,), of triangles.
 
     The mean of t^3 over a triangle is a tenth of the complete homogeneous polynomial of its
     corners.
+
+    Parameters
+    ----------
+    corners
+        First, second and third corners.
+    shares
+        Shares of the triangles of the area.
     """
     a, b, c = corners
-    first, second, third = a + b + c, a * a + b * b + c * c, a * a * a + b * b * b + c * c * c
+    first = a + b + c
+    second = a * a + b * b + c * c
+    third = a * a * a + b * b * b + c * c * c
     homogeneous = (first * (first * first + 3 * second) + 2 * third) / 6
     variance = shares @ (first * first + second) / 12
     # Along the normal of a flat surface there are only rounding errors.
-    return np.asarray(
-        shares @ homogeneous / 10 / np.maximum(variance, FLAT * variance.sum()) ** 1.5
-    )
+    least = np.maximum(variance, FLAT * variance.sum())
+    return np.asarray(shares @ homogeneous / 10 / least**1.5)
 
 
 # Samples
@@ -168,20 +197,22 @@ PER_POINT = 4
 """Candidates per sampled point."""
 
 MOST_PER_TRIANGLE = 64
-"""Largest number of candidates along the side of a triangle, that of a triangle with the whole area."""
+"""Largest number of candidates along the side of a triangle, that of one with the whole area."""
 
 TIE = 1e-6
 """Relative difference below which squared distances are equal, far above rounding errors."""
 
+#: Direction perpendicular to no edge of a regular shape; the component along it breaks ties between
+#: distances.
 _TIE_BREAKER = np.array([1.0, 0.7390851332, 0.5671432904])
-"""Direction perpendicular to no edge of a regular shape; the component along it breaks ties between distances."""
 
 
 def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
-    """Sample a surface by farthest point sampling, independently of the order of its vertices and triangles.
+    """Sample a surface by farthest point sampling.
 
-    Each triangle gets candidates according to its area, at the centres of the small triangles into
-    which it is divided. These do not depend on the order of its corners.
+    The samples do not depend on the order of vertices and triangles. Each triangle gets candidates
+    according to its area, at the centres of the small triangles into which it is divided. These do
+    not depend on the order of its corners.
 
     Parameters
     ----------
@@ -200,59 +231,71 @@ def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
     # Each triangle is divided into k^2; the margin gives triangles of equal area the same k.
     parts = np.ceil(np.sqrt(areas / areas.sum() * PER_POINT * count) * (1 - TIE)).astype(np.int64)
     parts = np.where(areas > 0, np.clip(parts, 1, MOST_PER_TRIANGLE), 0)
-    points, owners = [], []
+    points = []
+    owners = []
     for k in np.unique(parts[parts > 0]):
-        of_size = np.flatnonzero(parts == k)
+        divided = np.flatnonzero(parts == k)
         weights = _centres(int(k))
-        points.append(
-            np.einsum("wc,mcx->mwx", weights, mesh.vertices[mesh.faces[of_size]]).reshape(-1, 3)
-        )
-        owners.append(np.repeat(of_size, len(weights)))
+        centres = np.einsum("wc,mcx->mwx", weights, mesh.vertices[mesh.faces[divided]])
+        points.append(centres.reshape(-1, 3))
+        owners.append(np.repeat(divided, len(weights)))
     candidates = np.concatenate(points)
     chosen = _farthest_points(candidates, candidates @ _TIE_BREAKER, count)
     normals = mesh.face_normals[np.concatenate(owners)[chosen]]
-    return candidates[chosen], normals / np.linalg.norm(normals, axis=1, keepdims=True).clip(
-        min=1e-300
-    )
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True).clip(min=1e-300)
+    return candidates[chosen], normals / lengths
 
 
 def _centres(k: int) -> FloatArray:
-    """Return the barycentric coordinates of the centres of the k^2 parts of a triangle, shape (k^2, 3)."""
-    i, j = (indices.ravel() for indices in np.indices((k, k)))
-    upright, inverted = i + j < k, i + j < k - 1
+    """Return the barycentric coordinates of the centres of the k^2 parts of a triangle.
+
+    The shape is (k^2, 3).
+    """
+    rows, columns = np.indices((k, k))
+    i = rows.ravel()
+    j = columns.ravel()
+    upright = i + j < k
+    inverted = i + j < k - 1
     first = np.concatenate([i[upright] + 1 / 3, i[inverted] + 2 / 3])
     second = np.concatenate([j[upright] + 1 / 3, j[inverted] + 2 / 3])
     return np.stack([first, second, k - first - second], axis=1) / k
 
 
 def _farthest_points(points: FloatArray, keys: FloatArray, count: int) -> NDArray[np.int64]:
-    """Select points by farthest point sampling, starting farthest from the origin; the larger key breaks ties.
+    """Select points by farthest point sampling, starting farthest from the origin.
 
-    If there are fewer points than requested, points repeat.
+    The larger key breaks ties. If there are fewer points than requested, points repeat.
     """
-
-    def squares_from(place: FloatArray) -> FloatArray:
-        x, y, z = (points - place).T
-        return np.asarray(x * x + y * y + z * z)
-
-    chosen, squares = np.zeros(count, dtype=np.int64), squares_from(np.zeros(3))
+    chosen = np.zeros(count, dtype=np.int64)
+    squares = _squares_from(points, np.zeros(3))
     for number in range(count):
         tied = np.flatnonzero(squares >= squares.max() * (1.0 - TIE))
         chosen[number] = tied[keys[tied].argmax()]
-        nearer = squares_from(points[chosen[number]])
-        squares = np.minimum(squares, nearer) if number else nearer
+        from_chosen = _squares_from(points, points[chosen[number]])
+        squares = np.minimum(squares, from_chosen) if number else from_chosen
     return chosen
+
+
+def _squares_from(points: FloatArray, place: FloatArray) -> FloatArray:
+    """Return the squared distances of points from a place."""
+    x, y, z = (points - place).T
+    return np.asarray(x * x + y * y + z * z)
 
 
 # Detail
 # ------------------------------------------------------------------------------------------------
 
-WEIGHT_FLOOR = 1e-2
-"""Smallest edge weight, as a share of the mean weight: cotangents of obtuse pairs are negative or zero."""
+LEAST_WEIGHT = 1e-2
+"""Smallest edge weight, as a share of the mean weight.
+
+Cotangents of obtuse pairs are negative or zero.
+"""
 
 INERTIA = 1e-3
-"""Weight of the previous rotation of a cell, as a share of the weight of its edges: a cell whose edges do not determine
-its rotation keeps the previous one."""
+"""Weight of the previous rotation of a cell, as a share of the weight of its edges.
+
+A cell whose edges do not determine its rotation keeps the previous one.
+"""
 
 
 def with_detail(
@@ -267,7 +310,9 @@ def with_detail(
 
     Minimise
 
-    .. math:: \frac12 \sum_{ij} w_{ij} \|(x_i - x_j) - R_i (p_i - p_j)\|^2 + \rho^{-2} \sum_i m_i \|x_i - y_i\|^2
+    .. math::
+        \frac12 \sum_{ij} w_{ij} \|(x_i - x_j) - R_i (p_i - p_j)\|^2
+        + \rho^{-2} \sum_i m_i \|x_i - y_i\|^2
 
     over the positions :math:`x` for the predicted rotations :math:`R`, and then alternately over
     rotations and positions: as-rigid-as-possible deformation [Sorkine & Alexa 2007, equations 3 and
@@ -296,24 +341,31 @@ def with_detail(
     """
     if reach == 0:
         return positions
-    weights = csr_array(-laplacian.stiffness)
-    weights.setdiag(0)
-    weights.eliminate_zeros()
-    weights.sort_indices()
-    weights.data = np.maximum(weights.data, 0.0)
-    weights.data = np.maximum(weights.data, WEIGHT_FLOOR * weights.data.mean())
-    screen = laplacian.mass / laplacian.mass.sum() / reach**2
-    matrix = csc_array(diags_array(weights.sum(axis=1) + screen) - weights)
+    weights = _edge_weights(laplacian)
+    attraction = laplacian.mass / laplacian.mass.sum() / reach**2
+    matrix = csc_array(diags_array(weights.sum(axis=1) + attraction) - weights)
     factors = splu(
         matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )
     cells = _Cells(rest, weights)
-    held = screen[:, None] * positions
-    refined = factors.solve(cells.load(rotations) + held)
+    attracted = attraction[:, None] * positions
+    refined = factors.solve(cells.load(rotations) + attracted)
     for _ in range(rounds):
         rotations = cells.rotations(refined, rotations)
-        refined = factors.solve(cells.load(rotations) + held)
+        refined = factors.solve(cells.load(rotations) + attracted)
     return np.asarray(refined)
+
+
+def _edge_weights(laplacian: Laplacian) -> csr_array:
+    """Return the weights of edges, none of which is negative or much below the mean."""
+    weights = csr_array(-laplacian.stiffness)
+    weights.setdiag(0)
+    weights.eliminate_zeros()
+    weights.sort_indices()
+    # First without negative ones, so that these do not lower the mean.
+    weights.data = np.maximum(weights.data, 0.0)
+    weights.data = np.maximum(weights.data, LEAST_WEIGHT * weights.data.mean())
+    return weights
 
 
 class _Cells:
@@ -326,7 +378,8 @@ class _Cells:
 
     def __init__(self, rest: Points, graph: csr_array) -> None:
         self.starts = np.repeat(np.arange(graph.shape[0]), np.diff(graph.indptr))
-        self.ends, self.weights = graph.indices, graph.data
+        self.ends = graph.indices
+        self.weights = graph.data
         self.edges = rest[self.starts] - rest[self.ends]
         n_edges = len(self.starts)
         entries = (np.ones(n_edges), np.arange(n_edges), graph.indptr)
@@ -340,15 +393,11 @@ class _Cells:
 
     def rotations(self, positions: Points, before: FloatArray) -> FloatArray:
         """Return the best-fitting rotations of the cells, shape (n, 3, 3); see :data:`INERTIA`."""
-        now = positions[self.starts] - positions[self.ends]
-        products = (self.weights[:, None, None] * now[:, :, None] * self.edges[:, None, :]).reshape(
-            -1, 9
-        )
+        edges = positions[self.starts] - positions[self.ends]
+        products = self.weights[:, None, None] * edges[:, :, None] * self.edges[:, None, :]
         size = self.sums @ (self.weights * (self.edges**2).sum(axis=1))
         size = np.maximum(size, np.finfo(float).tiny)
-        covariances = (self.sums @ products).reshape(-1, 3, 3) / size[
-            :, None, None
-        ] + INERTIA * before
-        left, _, right = np.linalg.svd(covariances)
+        sums = (self.sums @ products.reshape(-1, 9)).reshape(-1, 3, 3)
+        left, _, right = np.linalg.svd(sums / size[:, None, None] + INERTIA * before)
         left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
         return np.asarray(left @ right)

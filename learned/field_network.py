@@ -1,4 +1,4 @@
-"""Network of the deformation field: from points of a surface to tokens, and from positions to the canonical pose.
+"""Network of the deformation field: from a surface to tokens, and from positions to canonical ones.
 
 Neighbourhoods become tokens as in PointNet++ [Qi et al. 2017, section 3.2]. Tokens attend to each
 other, and positions to tokens [Vaswani et al. 2017, section 3.2]. As in deformation fields
@@ -15,22 +15,46 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-POINTS, TOKENS, NEIGHBOURS = 1024, 128, 32
-"""Points of a surface, neighbourhoods, and points in each."""
+N_POINTS = 1024
+"""Points of a surface."""
 
-WIDTH, HEADS = 192, 6
-"""Features of a token, and heads of an attention layer."""
+N_TOKENS = 128
+"""Neighbourhoods."""
 
-ENCODER_LAYERS, DECODER_LAYERS = 6, 2
+N_NEIGHBOURS = 32
+"""Points in each neighbourhood."""
+
+TOKEN_WIDTH = 192
+"""Features of a token."""
+
+HEADS = 6
+"""Heads of an attention layer."""
+
+ENCODER_LAYERS = 6
+"""Attention layers among tokens."""
+
+DECODER_LAYERS = 2
+"""Attention layers from positions to tokens."""
 FREQUENCIES = 5
 """Octaves of the positional encoding [Mildenhall et al. 2020, equation 4]."""
 
-REACH = 0.15
-"""Unit of relative positions in a neighbourhood, in units of sqrt(area): about the radius of one of a hundred."""
+_RADIUS = 0.15
+"""Unit of relative positions in a neighbourhood, in units of sqrt(area).
+
+It is about the radius of one of a hundred neighbourhoods.
+"""
 
 
 class Tokens(NamedTuple):
-    """Features, shape (n, tokens + 1, width), the first without a position, and positions, shape (n, tokens, 3)."""
+    """Code of a surface.
+
+    Parameters
+    ----------
+    features
+        Shape (n, tokens + 1, width); the first token has no position.
+    positions
+        Shape (n, tokens, 3).
+    """
 
     features: Tensor
     positions: Tensor
@@ -40,20 +64,26 @@ class FieldNetwork(nn.Module):
     """Encoder of points and decoder of positions."""
 
     def __init__(self) -> None:
+        # The names of these layers stand in files of weights.
         super().__init__()
-        written = 3 * (2 + 2 * FREQUENCIES)
+        n_inputs = 3 * (2 + 2 * FREQUENCIES)
         self.neighbourhood = nn.Sequential(
-            nn.Linear(9, WIDTH // 3), nn.ReLU(), nn.Linear(WIDTH // 3, WIDTH), nn.ReLU()
+            nn.Linear(9, TOKEN_WIDTH // 3),
+            nn.ReLU(),
+            nn.Linear(TOKEN_WIDTH // 3, TOKEN_WIDTH),
+            nn.ReLU(),
         )
-        self.gathered = nn.Linear(WIDTH, WIDTH)
-        self.placed = nn.Linear(written, WIDTH)
-        self.whole = nn.Parameter(torch.zeros(1, 1, WIDTH))
+        self.gathered = nn.Linear(TOKEN_WIDTH, TOKEN_WIDTH)
+        self.placed = nn.Linear(n_inputs, TOKEN_WIDTH)
+        self.whole = nn.Parameter(torch.zeros(1, 1, TOKEN_WIDTH))
         self.encoder = nn.ModuleList(Attention() for _ in range(ENCODER_LAYERS))
-        self.asked_norms = nn.ModuleList(nn.LayerNorm(WIDTH) for _ in range(ENCODER_LAYERS))
-        self.code_norm = nn.LayerNorm(WIDTH)
-        self.asking = nn.Sequential(nn.Linear(written, WIDTH), nn.GELU(), nn.Linear(WIDTH, WIDTH))
+        self.asked_norms = nn.ModuleList(nn.LayerNorm(TOKEN_WIDTH) for _ in range(ENCODER_LAYERS))
+        self.code_norm = nn.LayerNorm(TOKEN_WIDTH)
+        self.asking = nn.Sequential(
+            nn.Linear(n_inputs, TOKEN_WIDTH), nn.GELU(), nn.Linear(TOKEN_WIDTH, TOKEN_WIDTH)
+        )
         self.decoder = nn.ModuleList(Attention() for _ in range(DECODER_LAYERS))
-        self.head = nn.Sequential(nn.LayerNorm(WIDTH), nn.Linear(WIDTH, 9))
+        self.head = nn.Sequential(nn.LayerNorm(TOKEN_WIDTH), nn.Linear(TOKEN_WIDTH, 9))
 
     def encoded(self, points: Tensor, normals: Tensor) -> Tokens:
         """Encode shapes to tokens.
@@ -66,9 +96,10 @@ class FieldNetwork(nn.Module):
         normals
             Unit normals there, shape (n, m, 3).
         """
-        positions, facing = points[:, :TOKENS], normals[:, :TOKENS]
+        positions = points[:, :N_TOKENS]
+        facing = normals[:, :N_TOKENS]
         gathered = self.gathered(self._neighbourhoods(points, normals, positions, facing))
-        features = gathered + self.placed(_written(positions, facing))
+        features = gathered + self.placed(_positional_encoding(positions, facing))
         features = torch.cat([self.whole.expand(len(features), -1, -1), features], dim=1)
         squares = functional.pad(_squares(positions, positions), (1, 0, 1, 0))
         for layer, norm in zip(self.encoder, self.asked_norms, strict=True):
@@ -85,7 +116,7 @@ class FieldNetwork(nn.Module):
             of the surface around each position to the canonical pose, shape (n, q, 3, 3).
         """
         squares = functional.pad(_squares(positions, tokens.positions), (1, 0))
-        features = self.asking(_written(positions, normals))
+        features = self.asking(_positional_encoding(positions, normals))
         for layer in self.decoder:
             features = layer(features, tokens.features, squares)
         raw = self.head(features)
@@ -99,53 +130,60 @@ class FieldNetwork(nn.Module):
         The weight of a point falls to zero towards the rim of the neighbourhood, so ties between
         the farthest points do not matter.
         """
-        nearest, which = _squares(positions, points).topk(NEIGHBOURS, dim=-1, largest=False)
+        nearest, which = _squares(positions, points).topk(N_NEIGHBOURS, dim=-1, largest=False)
         n, t, k = which.shape
         rows = which.reshape(n, t * k, 1).expand(-1, -1, 3)
         around = points.gather(1, rows).view(n, t, k, 3) - positions[:, :, None]
-        theirs = normals.gather(1, rows).view(n, t, k, 3)
-        own = facing[:, :, None].expand_as(theirs)
-        weights = (
-            1 - nearest / nearest[..., -1:].clamp(min=torch.finfo(nearest.dtype).tiny)
-        ).clamp(min=0)
-        seen = self.neighbourhood(torch.cat([around / REACH, theirs, own], dim=-1))
-        return cast(Tensor, (seen * weights[..., None]).amax(dim=2))
+        normals_around = normals.gather(1, rows).view(n, t, k, 3)
+        normals_at_token = facing[:, :, None].expand_as(normals_around)
+        farthest = nearest[..., -1:].clamp(min=torch.finfo(nearest.dtype).tiny)
+        weights = (1 - nearest / farthest).clamp(min=0)
+        inputs = torch.cat([around / _RADIUS, normals_around, normals_at_token], dim=-1)
+        features = self.neighbourhood(inputs)
+        return cast(Tensor, (features * weights[..., None]).amax(dim=2))
 
 
 class Attention(nn.Module):
-    """Attention that decays with distance, at a learned rate per head, followed by a two-layer perceptron."""
+    """Attention that decays with distance, and a two-layer perceptron.
+
+    It decays at a learned rate per head.
+    """
 
     def __init__(self) -> None:
         super().__init__()
-        self.norm = nn.LayerNorm(WIDTH)
-        self.query = nn.Linear(WIDTH, WIDTH)
-        self.key_value = nn.Linear(WIDTH, 2 * WIDTH)
-        self.out = nn.Linear(WIDTH, WIDTH)
+        self.norm = nn.LayerNorm(TOKEN_WIDTH)
+        self.query = nn.Linear(TOKEN_WIDTH, TOKEN_WIDTH)
+        self.key_value = nn.Linear(TOKEN_WIDTH, 2 * TOKEN_WIDTH)
+        self.out = nn.Linear(TOKEN_WIDTH, TOKEN_WIDTH)
         self.log_sharpness = nn.Parameter(torch.linspace(0, math.log(200), HEADS))
         self.mlp = nn.Sequential(
-            nn.LayerNorm(WIDTH), nn.Linear(WIDTH, 4 * WIDTH), nn.GELU(), nn.Linear(4 * WIDTH, WIDTH)
+            nn.LayerNorm(TOKEN_WIDTH),
+            nn.Linear(TOKEN_WIDTH, 4 * TOKEN_WIDTH),
+            nn.GELU(),
+            nn.Linear(4 * TOKEN_WIDTH, TOKEN_WIDTH),
         )
 
-    def forward(self, asking: Tensor, asked: Tensor, squares: Tensor) -> Tensor:
+    def forward(self, queries: Tensor, context: Tensor, squares: Tensor) -> Tensor:
         """Return new features, shape (n, q, width).
 
         Parameters
         ----------
-        asking
+        queries
             Features of the queries, shape (n, q, width).
-        asked
+        context
             Normalised features of the keys and values, shape (n, t, width).
         squares
             Squared distances between them, shape (n, q, t); 0 for a token without position.
         """
-        query = self._of_heads(self.query(self.norm(asking)))
-        key, value = (self._of_heads(part) for part in self.key_value(asked).chunk(2, dim=-1))
+        query = self._of_heads(self.query(self.norm(queries)))
+        key, value = (self._of_heads(part) for part in self.key_value(context).chunk(2, dim=-1))
         bias = -self.log_sharpness.exp()[:, None, None] * squares[:, None]
         attended = functional.scaled_dot_product_attention(query, key, value, attn_mask=bias)
-        asking = asking + self.out(attended.transpose(1, 2).flatten(2))
-        return cast(Tensor, asking + self.mlp(asking))
+        queries = queries + self.out(attended.transpose(1, 2).flatten(2))
+        return cast(Tensor, queries + self.mlp(queries))
 
     def _of_heads(self, features: Tensor) -> Tensor:
+        """Return features divided among the heads, shape (n, heads, q, width / heads)."""
         return features.unflatten(-1, (HEADS, -1)).transpose(1, 2)
 
 
@@ -168,13 +206,19 @@ def rotations_of(raw: Tensor) -> Tensor:
     return torch.stack([first, second, torch.linalg.cross(first, second)], dim=-1)
 
 
-def _written(positions: Tensor, normals: Tensor) -> Tensor:
-    """Return positions, normals, and octaves of sines and cosines, shape (n, q, 3 (2 + 2 frequencies))."""
+def _positional_encoding(positions: Tensor, normals: Tensor) -> Tensor:
+    """Return positions, normals, and octaves of sines and cosines of positions.
+
+    The shape is (n, q, 3 (2 + 2 frequencies)).
+    """
     octaves = 2.0 ** torch.arange(FREQUENCIES) * (math.pi / 2)
     phases = (positions[..., None] * octaves).flatten(-2)
     return torch.cat([positions, normals, phases.sin(), phases.cos()], dim=-1)
 
 
-def _squares(one: Tensor, other: Tensor) -> Tensor:
-    """Return squared distances between points, shape (n, a, b), from differences to avoid cancellation."""
-    return sum((one[:, :, None, k] - other[:, None, :, k]).square() for k in range(3))
+def _squares(points: Tensor, others: Tensor) -> Tensor:
+    """Return squared distances between points, shape (n, a, b).
+
+    They come from differences, to avoid cancellation.
+    """
+    return sum((points[:, :, None, k] - others[:, None, :, k]).square() for k in range(3))

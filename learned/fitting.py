@@ -18,8 +18,8 @@ from benchmark.api.learning import CARD, FROZEN_AT, TrainingData
 from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError
 from benchmark.machine import available_cores, describe_machine
-from learned.code_network import RESOLUTION as CODE_PIXELS
-from learned.models import CONFIGURATIONS, Configuration, load, save
+from learned.code_network import CODE_RESOLUTION
+from learned.models import CONFIGURATIONS, Configuration, load_model, save_model
 from learned.pairs import AnyPairs, gather, keep
 from learned.paper_network import RESOLUTIONS
 from learned.training import (
@@ -33,13 +33,16 @@ from learned.training import (
     resolved,
 )
 
-TRAINABLE: Mapping[str, Sequence[int]] = {"progressive": RESOLUTIONS, "global-code": (CODE_PIXELS,)}
+TRAINABLE: Mapping[str, Sequence[int]] = {
+    "progressive": RESOLUTIONS,
+    "global-code": (CODE_RESOLUTION,),
+}
 """Architectures that this code trains, and the pixels per side that each supports."""
 
 DEFAULTS: Mapping[str, Mapping[str, Any]] = {
     "without_weighting": {"early_epochs": 0},
     "wide-extra": {
-        "resolution": CODE_PIXELS,
+        "resolution": CODE_RESOLUTION,
         "epochs": 8,
         "early_epochs": 0,
         "batch": 32,
@@ -51,12 +54,15 @@ DEFAULTS: Mapping[str, Mapping[str, Any]] = {
 """Schedule of a network where it is not the paper's."""
 
 SECONDS_AN_IMAGE: Mapping[str, float] = {"progressive": 0.043, "global-code": 0.021}
-"""Seconds of a core for an image of 128 x 128 pixels, on an Intel Xeon with bfloat16 in hardware (AMX)."""
+"""Seconds of a core for an image of 128 x 128 pixels.
+
+Measured on an Intel Xeon with bfloat16 in hardware (AMX).
+"""
 
 SLOWER = 10.0
 """How many times as long it takes in single precision."""
 
-SAMPLES = 60
+MEASURED_PAIRS = 60
 """Pairs of each kind that are predicted for measures at the end."""
 
 
@@ -79,23 +85,24 @@ def train(
     """Train a model into a folder; see :meth:`learned.methods.TrainedNetwork.train`."""
     configuration = CONFIGURATIONS[name]
     if configuration.architecture not in TRAINABLE:
-        raise ConfigurationError(
-            f"network '{name}' comes trained", f"train it at commit {FROZEN_AT}"
-        )
-    own = {key: value for key, value in options.items() if key in Machine.__dataclass_fields__}
-    machine = Machine(**checked(Machine, own, "the training"))
+        problem = f"network '{name}' comes trained"
+        raise ConfigurationError(problem, f"train it at commit {FROZEN_AT}")
+    of_machine = {
+        key: value for key, value in options.items() if key in Machine.__dataclass_fields__
+    }
+    of_schedule = {key: value for key, value in options.items() if key not in of_machine}
+    machine = Machine(**checked(Machine, of_machine, "the training"))
     device = device_named(machine.device)
-    chosen = {key: value for key, value in options.items() if key not in own}
-    schedule = resolved(_schedule(name, chosen), device)
+    schedule = resolved(_schedule(name, of_schedule), device)
     resolutions = TRAINABLE[configuration.architecture]
     if schedule.resolution not in resolutions:
         hint = f"pass -o resolution=N, {resolutions[0]} to {resolutions[-1]}"
         raise ConfigurationError(f"the network has no resolution {schedule.resolution}", hint)
-    words, network = schedule.in_words(), configuration.build(seed)
+    network = configuration.build(seed)
     recipe = asdict(schedule) | {"seed": seed, "shapes": list(data.identifiers)}
     _check_finished(folder, recipe)
     torch.set_num_threads(machine.threads or available_cores())
-    say(f"training '{name}', seed {seed}: {words}; {data.title}")
+    say(f"training '{name}', seed {seed}: {schedule.in_words()}; {data.title}")
     pairs = _pairs(configuration, data, schedule, folder, say)
     recipe["images"] = pairs.digest()
     if _check_finished(folder, recipe):
@@ -113,15 +120,15 @@ def train(
         "seed": seed,
         "data_digest": recipe["images"],
         "depth_scale": msgspec.to_builtins(pairs.scale),
-        "schedule_in_words": f"{words}, {describe_machine()}",
+        "schedule_in_words": f"{schedule.in_words()}, {describe_machine()}",
         "extra_data": data.extra_data,
         "machine": describe_machine(),
         "core_seconds": round(seconds),
         "training_measures": _measured(network, pairs),
         "validation_measures": _measured(network, unseen),
     }
-    save(network, configuration, data, schedule, history, folder, facts)
-    load(folder)
+    save_model(network, configuration, data, schedule, history, folder, facts)
+    load_model(folder)  # which checks what was written
     (folder / CHECKPOINT).unlink(missing_ok=True)
     say(f"finished; the losses of the last epoch are {json.dumps(history[-1])}")
 
@@ -132,9 +139,12 @@ def _schedule(name: str, options: Mapping[str, Any]) -> Schedule:
 
 
 def estimated_seconds(name: str, n_pairs: int, options: Mapping[str, Any]) -> float:
-    """Return about how many seconds a core of this machine takes for a training, without its images."""
+    """Return about how many seconds a core of this machine takes for a training.
+
+    What makes its images is not included.
+    """
     schedule = resolved(_schedule(name, options), torch.device("cpu"))
-    pixels = (schedule.resolution / CODE_PIXELS) ** 2
+    pixels = (schedule.resolution / CODE_RESOLUTION) ** 2
     seconds = SECONDS_AN_IMAGE[CONFIGURATIONS[name].architecture] * pixels
     if schedule.precision == "float32":
         seconds *= SLOWER
@@ -149,39 +159,47 @@ def _pairs(
     say: Callable[[str], None],
 ) -> AnyPairs:
     """Return the pairs of a training, in memory or beside its models on disk."""
-    resolution, crop = schedule.resolution, configuration.crop
+    resolution = schedule.resolution
+    crop = configuration.crop
     pairs: AnyPairs
     if data.bodies is None:
         pairs = gather(data.pairs(), data.n_pairs, resolution, crop)
     else:
-        kept = folder.parent / f"pairs-{resolution}{'-cropped' if crop else ''}"
+        suffix = "-cropped" if crop else ""
+        kept = folder.parent / f"pairs-{resolution}{suffix}"
         pairs = keep(data.bodies, resolution, crop, kept, say)
     return pairs.stretched() if schedule.stretch_depth else pairs
 
 
 def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
-    """Return whether a folder holds a finished model; raise ``ConfigurationError`` if it is of another recipe."""
+    """Return whether a folder holds a finished model.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is of another recipe.
+    """
     if not (folder / CARD).is_file():
         return False
     card = json.loads((folder / CARD).read_bytes())
+    stored = {**asdict(Schedule()), **(card.get("schedule") or {})}
     facts = {"seed": "seed", "shapes": "identifiers", "images": "data_digest"}
-    known = {name: card.get(fact) for name, fact in facts.items() if name in recipe}
-    made = {**asdict(Schedule()), **(card.get("schedule") or {}), **known}
-    if changed := differences(made, recipe):
+    for name, fact in facts.items():
+        if name in recipe:
+            stored[name] = card.get(fact)
+    changed = differences(stored, recipe)
+    if changed:
         problem = f"{folder} holds a finished model of another training, with another {changed}"
-        raise ConfigurationError(
-            problem, "delete the folder to train anew, or name other --results"
-        )
+        hint = "delete the folder to train anew, or name other --results"
+        raise ConfigurationError(problem, hint)
     return True
 
 
 @torch.inference_mode()
 def _measured(network: nn.Module, pairs: AnyPairs) -> dict[str, float]:
     """Return the measures of some predictions of the finished network."""
-    rows = torch.from_numpy(
-        np.linspace(0, len(pairs) - 1, min(SAMPLES, len(pairs))).round().astype(np.int64)
-    )
+    numbers = np.linspace(0, len(pairs) - 1, min(MEASURED_PAIRS, len(pairs)))
+    rows = torch.from_numpy(numbers.round().astype(np.int64))
     images, targets = pairs[rows]
-    return measures(
-        torch.cat([network(image[None]) for image in images]), targets, pairs.scale.factor
-    )
+    predictions = torch.cat([network(image[None]) for image in images])
+    return measures(predictions, targets, pairs.scale.factor)

@@ -1,9 +1,9 @@
-"""Depth images for networks: resampling, cropping to the foreground, and enlarging of predictions."""
+"""Depth images for networks: resampled, cropped to the foreground, and predictions enlarged."""
 
 from __future__ import annotations
 
 import math
-from typing import Self
+from typing import Any, Self
 
 import msgspec
 import numpy as np
@@ -16,22 +16,20 @@ from torch.nn import functional
 from benchmark.errors import InvalidMesh, UnsupportedShape
 from benchmark.geometry.depth import SIZE, DepthImage
 
-Floats = NDArray[np.float32]
-
 COVERED = 0.5
-"""Share of a coarse pixel that the shape must cover, and mask probability above which a pixel is foreground."""
+"""Share of a coarse pixel that the shape must cover; probability above which it is in a mask."""
 
-FILL = 0.9
-"""Share of the frame that the longer side of the foreground's bounding box fills in a cropped image."""
+CROP_FILL = 0.9
+"""Share of the frame that the longer side of the foreground's bounding box fills when cropped."""
 
 LEAST_DEPTH = 1e-3
 """Smallest depth of the foreground, because 0 is the background."""
 
+#: Difference below which shares are equal, far above the rounding errors of a sum of pixels.
 _TIE = 1e-6
-"""Difference below which shares are equal, far above the rounding errors of a sum of pixels."""
 
 
-def checked_image(image: DepthImage) -> Floats:
+def checked_image(image: DepthImage) -> DepthImage:
     """Return the image as float32 if a network can read it.
 
     Raises
@@ -49,13 +47,12 @@ def checked_image(image: DepthImage) -> Floats:
         problem = "the depth image holds NaN or values outside [0, 1]"
         raise InvalidMesh(problem, "normalise it as `render_depth` does, with 0 outside")
     if not image.any():
-        raise UnsupportedShape(
-            "the depth image is empty", "check the camera and the half width of the data set"
-        )
+        problem = "the depth image is empty"
+        raise UnsupportedShape(problem, "check the camera and the half width of the data set")
     return image
 
 
-def resampled(image: Floats, resolution: int, crop: bool = False) -> Floats:
+def resampled(image: DepthImage, resolution: int, crop: bool = False) -> DepthImage:
     """Resample a depth image for a network.
 
     A pixel gets the mean depth of the foreground that it covers; a mixture with the background
@@ -77,29 +74,49 @@ def resampled(image: Floats, resolution: int, crop: bool = False) -> Floats:
     numpy.ndarray
         Shape (2, r, r), float32: depth and binary mask.
     """
-    size, seen = image.shape[-1], image > 0
-    starts, length = _window(seen) if crop else ((0.0, 0.0), float(size))
-    rows, columns = (_shares(start, length, size, resolution) for start in starts)
-    # A sparse product adds in the same order on every machine.
-    cover, depth = ((columns @ (rows @ array.astype(np.float64)).T).T for array in (seen, image))
+    size = image.shape[-1]
+    seen = image > 0
+    first_row = 0.0
+    first_column = 0.0
+    length = float(size)
+    if crop:
+        first_row, first_column, length = _window(seen)
+    rows = _shares(first_row, length, size, resolution)
+    columns = _shares(first_column, length, size, resolution)
+
+    def summed(pixels: NDArray[Any]) -> NDArray[np.float64]:
+        # A sparse product adds in the same order on every machine.
+        return np.asarray((columns @ (rows @ pixels.astype(np.float64)).T).T)
+
+    cover = summed(seen)
     mask = cover >= COVERED - _TIE
-    depth = depth / np.where(mask, cover, 1)
+    depth = summed(image) / np.where(mask, cover, 1)
     if crop:
         depth = 0.5 + (depth - float(image[seen].mean(dtype=np.float64))) * (size / length)
     depth = np.where(mask, np.clip(depth, LEAST_DEPTH, 1), 0)
     return np.ascontiguousarray(np.stack([depth, mask]), dtype=np.float32)
 
 
-def _window(seen: NDArray[np.bool_]) -> tuple[tuple[float, float], float]:
-    """Return first row, first column and side, in pixels, of the frame that the foreground fills."""
-    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
-    length = float(max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1) / FILL
-    first, second = (float(ends[0] + ends[-1] + 1 - length) / 2 for ends in (rows, columns))
-    return (first, second), length
+def _window(seen: NDArray[np.bool_]) -> tuple[float, float, float]:
+    """Return first row, first column and side, in pixels, of the frame around the foreground."""
+    rows = np.flatnonzero(seen.any(axis=1))
+    columns = np.flatnonzero(seen.any(axis=0))
+    length = float(max(rows[-1] - rows[0], columns[-1] - columns[0]) + 1) / CROP_FILL
+    first_row = float(rows[0] + rows[-1] + 1 - length) / 2
+    first_column = float(columns[0] + columns[-1] + 1 - length) / 2
+    return first_row, first_column, length
 
 
 def _shares(start: float, length: float, size: int, resolution: int) -> csr_array:
-    """Return the share of each new pixel that each old one covers, shape (resolution, size), sparse."""
+    """Return the share of each new pixel that each old one covers, shape (resolution, size).
+
+    Parameters
+    ----------
+    start, length
+        Where the new pixels begin, and the length of all of them, in old pixels.
+    size, resolution
+        Number of old and of new pixels.
+    """
     edges = start + length * np.arange(resolution + 1) / resolution
     first = np.floor(edges[:-1]).astype(np.int64)
     old = first[:, None] + np.arange(math.ceil(length / resolution) + 2)
@@ -110,7 +127,7 @@ def _shares(start: float, length: float, size: int, resolution: int) -> csr_arra
     return csr_array((shares[covered], old[covered], begins), shape=(resolution, size))
 
 
-def enlarged(prediction: Tensor) -> Floats:
+def enlarged(prediction: Tensor) -> DepthImage:
     """Upsample a prediction to the size of a camera image.
 
     Depths are interpolated between pixels inside the mask only, so the rim does not fall off
@@ -128,23 +145,26 @@ def enlarged(prediction: Tensor) -> Floats:
     """
     depth, mask = prediction.double()
     inside = (mask > COVERED).double()
-    coarse = torch.stack([depth * inside, inside, mask])[None]
-    depth, weight, mask = functional.interpolate(
-        coarse, size=(SIZE, SIZE), mode="bilinear", align_corners=False
-    )[0]
+    coarse = torch.stack([depth * inside, inside, mask])
+    depth, weight, mask = _at_full_size(coarse)
     # If the fine mask exceeds a half, so does one of the coarse pixels around it, except for
     # rounding errors.
     seen = (mask > COVERED) & (weight > 0)
-    return np.asarray(
-        torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), 0.0).numpy(), dtype=np.float32
-    )
+    fine = torch.where(seen, (depth / weight).clamp(LEAST_DEPTH, 1.0), 0.0)
+    return np.asarray(fine.numpy(), dtype=np.float32)
+
+
+def _at_full_size(images: Tensor) -> Tensor:
+    """Return images, shape (k, r, r), interpolated to the size of a camera image."""
+    size = (SIZE, SIZE)
+    return functional.interpolate(images[None], size=size, mode="bilinear", align_corners=False)[0]
 
 
 class DepthScale(msgspec.Struct, frozen=True):
-    """Linear map of depths, .5 + factor (depth - mean), by which the targets of a training fill the range .1 to .9.
+    """Linear map of depths, .5 + factor (depth - mean).
 
-    The frame is as deep as it is wide, so the depths of a standing body fill less than a tenth of
-    [0, 1].
+    By it, the targets of a training fill the range .1 to .9. The frame is as deep as it is wide, so
+    the depths of a standing body fill less than a tenth of [0, 1].
 
     Parameters
     ----------
@@ -181,7 +201,9 @@ class DepthScale(msgspec.Struct, frozen=True):
 
 
 def undecided(mask: Tensor, decided: Tensor, tolerance: float) -> Tensor:
-    """Return the pixels of a mask, shape (k, 2), on which pixels near the threshold of its enlargement depend.
+    """Return the pixels of a mask, shape (k, 2), that may decide a pixel of its enlargement.
+
+    That pixel is near the threshold.
 
     Parameters
     ----------
@@ -192,19 +214,18 @@ def undecided(mask: Tensor, decided: Tensor, tolerance: float) -> Tensor:
     tolerance
         Largest distance from the threshold.
     """
-    fine = functional.interpolate(
-        mask[None, None], size=(SIZE, SIZE), mode="bilinear", align_corners=False
-    )[0, 0]
+    fine = _at_full_size(mask[None])[0]
     near = ((fine - COVERED).abs() < tolerance).nonzero()
     places = ((near + 0.5) * (len(mask) / SIZE) - 0.5).floor().clamp(min=0).long()
     return places[~decided[tuple(places.T)]]
 
 
 def outline_blur(mask: Tensor) -> float:
-    """Return the mean width in pixels of the uncertain rim of a predicted mask, shape (r, r); 0 for an empty one.
+    """Return the mean width in pixels of the uncertain rim of a predicted mask, shape (r, r).
 
-    A network predicts sharp outlines for shapes like those in its training. The width is the sum of
-    4 m (1 - m) over all pixels m, divided by the length of the outline in pixel sides.
+    0 for an empty one. A network predicts sharp outlines for shapes like those in its training. The
+    width is the sum of 4 m (1 - m) over all pixels m, divided by the length of the outline in pixel
+    sides.
     """
     inside = mask > COVERED
     length = sum(int(torch.count_nonzero(inside.diff(dim=axis))) for axis in (0, 1))

@@ -39,6 +39,7 @@ ConfigurationName = Literal[
 ]
 """A key of ``learned.models.CONFIGURATIONS``, whose import takes a second."""
 
+#: Depth inside the predicted mask.
 Relief = Literal["predicted", "average", "flat"]
 
 
@@ -81,10 +82,9 @@ class TrainedNetwork(CheckedParameters):
     @property
     def model_folder(self) -> Path:
         """Folder of the loaded model, or else of the shipped one."""
-        return (
-            self.model
-            or self.shipped_models / (self.training or self.default_training) / self.model_name
-        )
+        if self.model:
+            return self.model
+        return self.shipped_models / (self.training or self.default_training) / self.model_name
 
     def load(self, folder: Path) -> Self:
         """Return the method with the model in ``folder``.
@@ -95,11 +95,12 @@ class TrainedNetwork(CheckedParameters):
             If the weights are damaged, have another digest than their card says, or belong to
             another configuration.
         """
-        from learned.models import load
+        from learned.models import load_model
 
-        _, card = load(folder)
-        if card.configuration.name != self.configuration:
-            problem = f"the model in {folder} holds '{card.configuration.name}', not '{self.configuration}'"
+        _, card = load_model(folder)
+        name = card.configuration.name
+        if name != self.configuration:
+            problem = f"the model in {folder} holds '{name}', not '{self.configuration}'"
             raise ConfigurationError(problem, "name the folder of another model")
         loaded = copy(self)
         object.__setattr__(loaded, "model", folder)
@@ -146,7 +147,7 @@ class TrainedNetwork(CheckedParameters):
 
 @dataclass(frozen=True, kw_only=True)
 class Learned(TrainedNetwork):
-    """Depth image of the canonical pose, predicted from a depth image by a convolutional network, and back-projected.
+    """Depth image of the canonical pose, predicted by a convolutional network, and back-projected.
 
     "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic
     Vision and SLAM-Aware Perception", section III; see :mod:`learned.paper_network`.
@@ -174,18 +175,18 @@ class Learned(TrainedNetwork):
             "share."
         ),
         departs=(
-            "The source counts the short-range blocks in three ways; here they are nine convolutions. Widths, "
-            "the slope of LeakyReLU (.2), initial weights (He et al. 2015), output functions, range of depths, camera "
-            "and canonical pose, which it leaves open, are ours. It is trained in bfloat16, for Table II on ten "
-            "instead of fifteen subjects, and, unless 'as_printed' is chosen, with fewer pixels and, on people, fewer "
-            "epochs."
+            "The source counts the short-range blocks in three ways; here they are nine "
+            "convolutions. Widths, the slope of LeakyReLU (.2), initial weights (He et al. 2015), "
+            "output functions, range of depths, camera and canonical pose, which it leaves open, "
+            "are ours. It is trained in bfloat16, for Table II on ten instead of fifteen subjects, "
+            "and, unless 'as_printed' is chosen, with fewer pixels and, on people, fewer epochs."
         ),
         requires=("torch", "safetensors"),
         inputs=("view",),
         scale="invariant",
     )
     usual_blur: ClassVar[float] = math.inf
-    """Outline width in pixels that 90 % of the validation images of the shipped model do not exceed, if known."""
+    """Width in pixels of outlines of validation images, which 90 % do not exceed, if known."""
 
     configuration: ConfigurationName = "literal"
     relief: Relief = "predicted"
@@ -218,7 +219,10 @@ class Learned(TrainedNetwork):
         return CanonicalForm(surface.vertices, surface.faces, {**notes, **self._fit(mask)})
 
     def predict(self, depth: DepthImage) -> Tensor:
-        """Return the depth of each side and the mask, shape (sides + 1, r, r), predicted from a depth image."""
+        """Return the depth of each side and the mask, predicted from a depth image.
+
+        The shape is (sides + 1, r, r).
+        """
         import torch
 
         from learned.models import average_body, predict
@@ -226,10 +230,11 @@ class Learned(TrainedNetwork):
         prediction = predict(self.model_folder, depth)
         if self.relief == "predicted":
             return prediction
-        mask, folder = prediction[-1], self.model_folder
-        return torch.stack(
-            [average_body(folder, len(mask)) if self.relief == "average" else mask * 0 + 0.5, mask]
-        )
+        mask = prediction[-1]
+        relief = mask * 0 + 0.5
+        if self.relief == "average":
+            relief = average_body(self.model_folder, len(mask))
+        return torch.stack([relief, mask])
 
     def _fit(self, mask: Tensor) -> dict[str, float | str]:
         """Return the width of a predicted outline in pixels, and a doubt if it is unusual."""
@@ -268,9 +273,8 @@ def _row(
         departs=departs or Learned.info.departs,
         cite=Learned.info.cite if is_paper_network else "",
     )
-    info = (
-        replace(info, files=("models/average-bodies.safetensors",)) if relief == "average" else info
-    )
+    if relief == "average":
+        info = replace(info, files=("models/average-bodies.safetensors",))
     row = make_dataclass(
         title.title().replace(" ", ""),
         [("configuration", ConfigurationName, configuration), ("relief", Relief, relief)],
@@ -376,8 +380,9 @@ class DeformationField(TrainedNetwork):
             "all people share."
         ),
         departs=(
-            "A network of our own: the source deforms a template's distance field, here a field moves the vertices of "
-            "the input, and an energy that is as rigid as possible keeps their detail."
+            "A network of our own: the source deforms a template's distance field, here a field "
+            "moves the vertices of the input, and an energy that is as rigid as possible keeps "
+            "their detail."
         ),
         requires=("torch", "safetensors"),
         inputs=("mesh",),
@@ -401,8 +406,8 @@ class DeformationField(TrainedNetwork):
             If there is no model.
         """
         from learned.field import form_of
-        from learned.models import load
+        from learned.models import load_model
 
-        network, _ = load(self.model_folder)
+        network, _ = load_model(self.model_folder)
         vertices, notes = form_of(cast(Any, network), shape, self.reach, self.rounds)
         return shape.form(vertices, **notes)

@@ -15,7 +15,7 @@ import msgspec
 import torch
 from safetensors import SafetensorError
 from safetensors.torch import load as tensors_in
-from safetensors.torch import save as saved
+from safetensors.torch import save as bytes_of
 from torch import Tensor, nn
 
 from benchmark.api import learning
@@ -23,7 +23,7 @@ from benchmark.api.learning import CARD, WEIGHTS, TrainingData, checked_weights,
 from benchmark.errors import ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.geometry.depth import DepthImage
-from learned.code_network import CodeNetwork, PeopleNetwork
+from learned.code_network import CODE_RESOLUTION, CodeNetwork, PeopleNetwork
 from learned.field_network import FieldNetwork
 from learned.images import DepthScale, checked_image, resampled, undecided
 from learned.paper_network import PaperNetwork, window_around
@@ -33,16 +33,20 @@ if TYPE_CHECKING:
 
 HISTORY = "history.csv"
 
+#: Beginnings of the names of weights of outputs that only losses used.
 _TRAINING_ONLY = ("places.", "points.")
-"""Weights of outputs that only losses used."""
 
+#: Rows of a convolution that are computed together: their patches of a feature image fit into the
+#: cache.
 _ROWS = 8
-"""Rows of a convolution that are computed together: their patches of a feature image fit into the cache."""
 
 
-ROUNDING = 1e-7
-"""Bound of the error of a mask in single precision near its threshold, per pixel of a side. In views of people, scans
-and TOSCA, errors were at most 9e-6 at 128 pixels (the bound is 1.3e-5) and 3.5e-5 at 500 (5e-5)."""
+MASK_ROUNDING = 1e-7
+"""Bound of the error of a mask in single precision near its threshold, per pixel of a side.
+
+In views of people, scans and TOSCA, errors were at most 9e-6 at 128 pixels (the bound is 1.3e-5)
+and 3.5e-5 at 500 (5e-5).
+"""
 
 _Size = Annotated[int, msgspec.Meta(ge=1, le=4096)]
 
@@ -79,27 +83,31 @@ class Configuration(msgspec.Struct, frozen=True, kw_only=True):
         return {"people": PeopleNetwork, "field": FieldNetwork}[self.architecture]()
 
 
+_CONFIGURATIONS = (
+    Configuration(name="literal"),
+    Configuration(name="as_printed"),
+    Configuration(name="without_srf", short_range=False),
+    Configuration(name="without_lrf", long_range=False),
+    Configuration(name="without_weighting"),
+    Configuration(name="size_free", crop=True),
+    Configuration(name="wide-extra", architecture="global-code"),
+    Configuration(name="streamed-people", architecture="people", crop=True),
+    Configuration(name="field-plain", architecture="field"),
+)
+
 CONFIGURATIONS: Mapping[str, Configuration] = {
-    each.name: each
-    for each in (
-        Configuration(name="literal"),
-        Configuration(name="as_printed"),
-        Configuration(name="without_srf", short_range=False),
-        Configuration(name="without_lrf", long_range=False),
-        Configuration(name="without_weighting"),
-        Configuration(name="size_free", crop=True),
-        Configuration(name="wide-extra", architecture="global-code"),
-        Configuration(name="streamed-people", architecture="people", crop=True),
-        Configuration(name="field-plain", architecture="field"),
-    )
+    configuration.name: configuration for configuration in _CONFIGURATIONS
 }
+"""Networks by name."""
 
 
 class _Scale(msgspec.Struct, frozen=True):
+    """What a prediction needs of the schedule on a card."""
+
     resolution: _Size
 
 
-class Card(learning.Card, frozen=True, kw_only=True):
+class NetworkCard(learning.Card, frozen=True, kw_only=True):
     """Card of a network; the file has more facts for readers, such as losses and hardware."""
 
     configuration: Configuration
@@ -110,7 +118,7 @@ class Card(learning.Card, frozen=True, kw_only=True):
     """Map of the depths that it predicts."""
 
 
-def load(folder: Path) -> tuple[nn.Module, Card]:
+def load_model(folder: Path) -> tuple[nn.Module, NetworkCard]:
     """Return the network in a folder, ready to predict in double precision, and its card.
 
     Raises
@@ -118,7 +126,7 @@ def load(folder: Path) -> tuple[nn.Module, Card]:
     ConfigurationError
         If the card or the weights are missing, damaged, or of different networks.
     """
-    card = read_card(folder, Card)
+    card = read_card(folder, NetworkCard)
     return _load(folder, card.configuration, card.digest), card
 
 
@@ -126,6 +134,19 @@ def load(folder: Path) -> tuple[nn.Module, Card]:
 def _load(
     folder: Path, configuration: Configuration, _digest: str, dtype: torch.dtype = torch.float64
 ) -> nn.Module:
+    """Return the network in a folder, ready to predict.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    configuration
+        The network that it should hold.
+    _digest
+        Digest of the weights, which tells another model in the folder.
+    dtype
+        Type of the weights.
+    """
     network = configuration.build().to(dtype=dtype, memory_format=torch.channels_last)
     try:
         tensors = {
@@ -135,9 +156,8 @@ def _load(
         }
         network.load_state_dict(tensors)
     except (KeyError, TypeError, SafetensorError) as error:
-        raise ConfigurationError(
-            f"the model in {folder} is damaged: {error}", "train it again"
-        ) from error
+        problem = f"the model in {folder} is damaged: {error}"
+        raise ConfigurationError(problem, "train it again") from error
     except RuntimeError as error:
         problem = f"the weights in {folder} belong to another network than '{configuration.name}'"
         raise ConfigurationError(problem, "train it again") from error
@@ -149,21 +169,20 @@ def _load(
 
 def _in_stripes(module: nn.Conv2d, x: Tensor, weight: Tensor, bias: Tensor | None) -> Tensor:
     """Convolve a few rows at a time, which takes torch half as long in double precision."""
-    (above, beside), (dilation, _) = module.padding, module.dilation
+    above, beside = module.padding
+    dilation, _ = module.dilation
     x = nn.functional.pad(x, (beside, beside, above, above))
     reach = dilation * (weight.shape[-2] - 1)
-    stripes = [
-        nn.functional.conv2d(
-            x[:, :, first : first + _ROWS + reach], weight, bias, 1, 0, module.dilation
-        )
-        for first in range(0, x.shape[-2] - reach, _ROWS)
-    ]
+    stripes = []
+    for first in range(0, x.shape[-2] - reach, _ROWS):
+        rows = x[:, :, first : first + _ROWS + reach]
+        stripes.append(nn.functional.conv2d(rows, weight, bias, 1, 0, module.dilation))
     return torch.cat(stripes, dim=2)
 
 
 @torch.inference_mode()
 def predict(folder: Path, image: DepthImage) -> Tensor:
-    """Predict the depth of each side and the mask, shape (sides + 1, r, r), with the network in a folder.
+    """Predict the depth of each side and the mask with the network in a folder.
 
     In single precision, the last bits of sums depend on the processor. The paper's network, for
     which it saves most of the time, predicts in it, and again in double precision around pixels of
@@ -176,52 +195,62 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
     image
         Depth image, shape (500, 500).
 
+    Returns
+    -------
+    torch.Tensor
+        Shape (sides + 1, r, r).
+
     Raises
     ------
     InvalidMesh, UnsupportedShape
         See :func:`learned.images.checked_image`.
     """
-    card = read_card(folder, Card)
-    resolution = card.schedule.resolution if card.schedule else 128
-    pixels = torch.from_numpy(
-        resampled(checked_image(image), resolution, card.configuration.crop)[:1]
-    )[None]
+    card = read_card(folder, NetworkCard)
+    resolution = card.schedule.resolution if card.schedule else CODE_RESOLUTION
+    depth = resampled(checked_image(image), resolution, card.configuration.crop)[:1]
+    pixels = torch.from_numpy(depth)[None]
 
     def computed(window: Tensor, dtype: torch.dtype) -> Tensor:
         network = _load(folder, card.configuration, card.digest, dtype)
         return cast(Tensor, network(window.to(dtype=dtype, memory_format=torch.channels_last))[0])
 
-    is_exact = card.configuration.architecture != "progressive"
-    prediction = computed(pixels, torch.float64 if is_exact else torch.float32).double()
-    decided = torch.full((resolution, resolution), is_exact)
-    while len(places := undecided(prediction[-1], decided, ROUNDING * resolution)):
-        outer, inner, within = zip(
-            *(window_around(place, resolution) for place in places[0].tolist()), strict=True
-        )
+    if card.configuration.architecture != "progressive":
+        return card.depth_scale.undo(computed(pixels, torch.float64))
+    prediction = computed(pixels, torch.float32).double()
+    decided = torch.zeros((resolution, resolution), dtype=torch.bool)
+    tolerance = MASK_ROUNDING * resolution
+    places = undecided(prediction[-1], decided, tolerance)
+    while len(places):
+        windows = [window_around(place, resolution) for place in places[0].tolist()]
+        outer = [window for window, _, _ in windows]
+        inner = [part for _, part, _ in windows]
+        within = [part for _, _, part in windows]
         prediction[..., *inner] = computed(pixels[..., *outer], torch.float64)[..., *within]
-        decided[inner] = True
+        decided[*inner] = True
+        places = undecided(prediction[-1], decided, tolerance)
     return card.depth_scale.undo(prediction)
 
 
 def average_body(folder: Path, resolution: int) -> Tensor:
-    """Return the mean depth of the bodies that a model was trained on; outside of all, that of the nearest pixel.
+    """Return the mean depth of the bodies that a model was trained on.
+
+    Outside of all bodies, it is that of the nearest pixel.
 
     Raises
     ------
     ConfigurationError
         If the average body of its training is not known at this resolution.
     """
-    training = read_card(folder, Card).data
-    bodies = tensors_in(
-        Path(__file__).with_name("models").joinpath("average-bodies.safetensors").read_bytes()
-    )
+    training = read_card(folder, NetworkCard).data
+    path = Path(__file__).with_name("models") / "average-bodies.safetensors"
+    bodies = tensors_in(path.read_bytes())
     if training not in bodies or len(bodies[training]) != resolution:
         problem = f"training '{training}' has no average body of {resolution} x {resolution} pixels"
         raise ConfigurationError(problem, f"take the model of a training among {', '.join(bodies)}")
     return bodies[training].double() + 0.5
 
 
-def save(
+def save_model(
     network: nn.Module,
     configuration: Configuration,
     data: TrainingData,
@@ -252,7 +281,7 @@ def save(
         name: tensor.detach().cpu().half().contiguous()
         for name, tensor in network.state_dict().items()
     }
-    content: bytes = saved(halves)
+    content: bytes = bytes_of(halves)
     card = {
         "digest": hashlib.sha256(content).hexdigest(),
         "configuration": msgspec.to_builtins(configuration),
@@ -275,9 +304,11 @@ def save(
     losses = pandas.DataFrame(history).to_csv(index=False, float_format="%.6g", lineterminator="\n")
     _write(folder / HISTORY, losses.encode())
     # A line an entry keeps long lists of shapes on one line.
-    lines = (f" {json.dumps(name)}: {json.dumps(value)}" for name, value in card.items())
-    _write(folder / CARD, ("{\n" + ",\n".join(lines) + "\n}\n").encode())
+    lines = [f" {json.dumps(name)}: {json.dumps(value)}" for name, value in card.items()]
+    text = ",\n".join(lines)
+    _write(folder / CARD, f"{{\n{text}\n}}\n".encode())
 
 
 def _write(path: Path, content: bytes) -> None:
+    """Write a file of a model, which survives a power failure."""
     write_atomically(path, lambda file: file.write(content), durable=True)

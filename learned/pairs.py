@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -18,17 +18,18 @@ from torch import Tensor
 from benchmark.api.learning import Bodies, TrainingPair
 from benchmark.errors import TrainingError
 from benchmark.files import write_atomically, write_text
-from learned.images import DepthScale, Floats, checked_image, resampled
+from benchmark.geometry.depth import DepthImage
+from learned.images import DepthScale, checked_image, resampled
 
 KEEPING_SECONDS = 60.0
 """Seconds between two notes of how many pairs are on disk, which is what an interruption costs."""
 
+#: Depth that is 0 on disk: near it, where all bodies are, half precision is finest.
 _MIDDLE = 0.5
-"""Depth that is 0 on disk: near it, where all bodies are, half precision is finest."""
 
 
 @dataclass(frozen=True, eq=False)
-class Pairs:
+class PairsInMemory:
     """All pairs of a training at its resolution.
 
     Parameters
@@ -58,18 +59,20 @@ class Pairs:
         """Return images and targets of some pairs."""
         return self.images[rows], self.targets[self.target_of[rows]]
 
-    def to(self, device: torch.device) -> Pairs:
+    def to(self, device: torch.device) -> PairsInMemory:
         """Return a copy on a device."""
-        places = {
-            name: getattr(self, name).to(device) for name in ("images", "targets", "target_of")
-        }
-        return replace(self, **places)
+        return replace(
+            self,
+            images=self.images.to(device),
+            targets=self.targets.to(device),
+            target_of=self.target_of.to(device),
+        )
 
-    def scaled(self, scale: DepthScale) -> Pairs:
+    def scaled(self, scale: DepthScale) -> PairsInMemory:
         """Return the pairs with the depths of targets mapped."""
         return replace(self, targets=scale.apply(self.targets), scale=scale)
 
-    def stretched(self) -> Pairs:
+    def stretched(self) -> PairsInMemory:
         """Return the pairs with the depths of targets stretched to .1 to .9."""
         return self.scaled(DepthScale.of(self.targets))
 
@@ -83,8 +86,10 @@ class Pairs:
 
 def gather(
     pairs: Iterable[TrainingPair], n_pairs: int, resolution: int, crop: bool = False
-) -> Pairs:
-    """Load all pairs into memory, at the resolution of the network; each distinct target is kept once.
+) -> PairsInMemory:
+    """Load all pairs into memory, at the resolution of the network.
+
+    Each distinct target is kept once.
 
     Parameters
     ----------
@@ -104,23 +109,24 @@ def gather(
     """
     images = np.empty((n_pairs, 1, resolution, resolution), dtype=np.float32)
     names: list[str] = []
-    targets: list[Floats] = []
-    row: dict[str, int] = {}
+    targets: list[DepthImage] = []
+    row_of: dict[str, int] = {}
     target_of: list[int] = []
     for pair in pairs:
         images[len(names)] = resampled(checked_image(pair.image), resolution, crop)[:1]
         names.append(pair.identifier)
-        target_of.append(row.setdefault(pair.target_identifier, len(targets)))
-        if target_of[-1] == len(targets):
+        row = row_of.setdefault(pair.target_identifier, len(targets))
+        target_of.append(row)
+        if row == len(targets):  # a new one
             targets.append(resampled(checked_image(pair.target), resolution, crop))
     if not names:
         raise TrainingError("there is no pair to train on", "check the data set with 'data check'")
-    tensors = (
-        torch.from_numpy(images[: len(names)]),
-        torch.from_numpy(np.stack(targets)),
-        torch.tensor(target_of),
+    return PairsInMemory(
+        names=tuple(names),
+        images=torch.from_numpy(images[: len(names)]),
+        targets=torch.from_numpy(np.stack(targets)),
+        target_of=torch.tensor(target_of),
     )
-    return Pairs(tuple(names), *tensors)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,9 +190,8 @@ class PairsOnDisk:
             count += len(depths)
             least = min(least, depths.min())
             largest = max(largest, depths.max())
-        return self.scaled(
-            DepthScale.between(least + _MIDDLE, largest + _MIDDLE, total / count / 2**24 + _MIDDLE)
-        )
+        mean = total / count / 2**24
+        return self.scaled(DepthScale.between(least + _MIDDLE, largest + _MIDDLE, mean + _MIDDLE))
 
     def digest(self) -> str:
         """Return the digest of names and pixels, 64 hexadecimal digits."""
@@ -197,13 +202,15 @@ class PairsOnDisk:
         return digest.hexdigest()
 
 
-AnyPairs = Pairs | PairsOnDisk
+AnyPairs = PairsInMemory | PairsOnDisk
 
 
 def keep(
     bodies: Bodies, resolution: int, crop: bool, folder: Path, say: Callable[[str], None]
 ) -> PairsOnDisk:
-    """Return the pairs of bodies that are too many for memory, from a folder, where they are made once.
+    """Return the pairs of bodies that are too many for memory.
+
+    They are made once, in a folder.
 
     Parameters
     ----------
@@ -224,14 +231,8 @@ def keep(
         If the folder holds the pairs of other bodies or of other code.
     """
     note = folder / "progress.json"
-    made = {"recipe": bodies.recipe, "resolution": resolution, "crop": crop}
-    finished = 0
-    if note.is_file():
-        stored = json.loads(note.read_text(encoding="utf-8"))
-        finished = stored.pop("bodies")
-        if stored != made:
-            problem = f"the pairs in {folder} were made by other code"
-            raise TrainingError(problem, "delete that folder to make them again")
+    recipe = {"recipe": bodies.recipe, "resolution": resolution, "crop": crop}
+    finished = _finished_bodies(note, recipe)
     folder.mkdir(parents=True, exist_ok=True)
     n_images = bodies.n_images
     path = folder / "depths.npy"
@@ -242,7 +243,7 @@ def keep(
 
     def note_finished(count: int) -> None:
         depths.flush()
-        write_text(note, json.dumps({**made, "bodies": count}))
+        write_text(note, json.dumps({**recipe, "bodies": count}))
 
     noted = time.perf_counter()
     for number in range(finished, len(bodies.names)):
@@ -257,6 +258,24 @@ def keep(
         note_finished(len(bodies.names))
     rows = torch.arange(len(depths))
     return PairsOnDisk(bodies.identifiers(), depths, rows // n_images * n_images)
+
+
+def _finished_bodies(note: Path, recipe: Mapping[str, Any]) -> int:
+    """Return how many bodies are on disk, as a note says; 0 without one.
+
+    Raises
+    ------
+    TrainingError
+        If they are of another recipe.
+    """
+    if not note.is_file():
+        return 0
+    stored = json.loads(note.read_text(encoding="utf-8"))
+    finished = int(stored.pop("bodies"))
+    if stored != recipe:
+        problem = f"the pairs in {note.parent} were made by other code"
+        raise TrainingError(problem, "delete that folder to make them again")
+    return finished
 
 
 def _write_empty(file: BinaryIO, shape: tuple[int, ...]) -> None:

@@ -1,4 +1,4 @@
-"""The paper's network: short-range features, long-range features, and an encoder-decoder for depth and mask.
+"""The paper's network: short-range and long-range features, and an encoder-decoder.
 
 "Deep Learning for Canonical Reconstruction of Deformable Objects from Depth Images in Robotic
 Vision and SLAM-Aware Perception", section III. Y_SRF = SRF(I), Y_LRF = LRF(I, Y_SRF), (depth, mask)
@@ -18,26 +18,34 @@ SLOPE = 0.2
 """Slope of LeakyReLU below zero."""
 
 SHORT_RANGE = (1,) * 9
+"""Dilations of SRF."""
 LONG_RANGE = (2, 2, 3, 3, 4, 4, 5, 5, 6, 6)
-"""Dilations of LRF: each of its five blocks has a convolution and, by the caption of the figure, a transposed one."""
+"""Dilations of LRF.
+
+Each of its five blocks has a convolution and, by the caption of the figure, a transposed one.
+"""
 
 RESOLUTIONS = range(32, 2049)
 """Pixels per side of an image."""
 
 MASK_LOGIT = -2.5
-"""Initial logit of the mask, about the share of a frame that a shape covers. Without it, the first steps, which see
-mostly background, saturate the sigmoid, and the mask stays at zero."""
+"""Initial logit of the mask, about the share of a frame that a shape covers.
+
+Without it, the first steps, which see mostly background, saturate the sigmoid, and the mask stays
+at zero.
+"""
 
 
-REACH = 80
-"""Pixels of the input around those of an output on which they depend, besides whole blocks that are pooled."""
+#: Pixels of the input around those of an output on which they depend, besides whole blocks that are
+#: pooled.
+_REACH = 80
 
+#: Pixels of a side that are pooled to one.
 _POOLED = 16
-"""Pixels of a side that are pooled to one."""
 
 
 def window_around(place: int, size: int) -> tuple[slice, slice, slice]:
-    """Return a window along one side of an image, its part that depends on nothing else, and that within the window.
+    """Return a window along one side of an image, and its part that depends on nothing else.
 
     Parameters
     ----------
@@ -45,27 +53,41 @@ def window_around(place: int, size: int) -> tuple[slice, slice, slice]:
         First of two pixels that must be in the part.
     size
         Length of the side.
+
+    Returns
+    -------
+    window, part, within : slice
+        The window, its part, and the place of the part within the window.
     """
-    first = max(place - REACH, 0) // _POOLED * _POOLED
-    last = min((place + 2 + REACH + _POOLED - 1) // _POOLED * _POOLED, size)
-    start, stop = first + REACH if first else 0, last - REACH if last < size else size
+    first = max(place - _REACH, 0) // _POOLED * _POOLED
+    last = min((place + 2 + _REACH + _POOLED - 1) // _POOLED * _POOLED, size)
+    # Nothing lies beyond the ends of the image.
+    start = first + _REACH if first else 0
+    stop = last - _REACH if last < size else size
     return slice(first, last), slice(start, stop), slice(start - first, stop - first)
 
 
 def _block(before: int, after: int, dilation: int = 1) -> nn.Sequential:
-    # In place, because no gradient needs the input of the activation.
+    """Return a convolution that keeps the size of an image, and its activation."""
     convolution = nn.Conv2d(before, after, 3, padding=dilation, dilation=dilation)
+    # In place, because no gradient needs the input of the activation.
     return nn.Sequential(convolution, nn.LeakyReLU(SLOPE, inplace=True))
 
 
 def convolutions(channels_in: int, width: int, dilations: tuple[int, ...]) -> nn.Sequential:
-    """Return SRF or LRF: convolutions at full size with these dilations, the last with one output channel."""
+    """Return SRF or LRF: convolutions at full size with these dilations.
+
+    The last has one output channel.
+    """
     channels = [channels_in, *[width] * (len(dilations) - 1), 1]
     return nn.Sequential(*map(_block, channels[:-1], channels[1:], dilations))
 
 
 class EncoderDecoder(nn.Module):
-    """DPR: four blocks of convolution, LeakyReLU and max-pooling, four of transposed convolution and ReLU, a 1x1 head.
+    """DPR: an encoder-decoder to depth and mask.
+
+    Four blocks of convolution, LeakyReLU and max-pooling, four of transposed convolution and ReLU,
+    and a 1x1 head.
 
     Parameters
     ----------
@@ -89,20 +111,21 @@ class EncoderDecoder(nn.Module):
         self.head = nn.Conv2d(width, 2, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Map features, shape (n, channels, h, w), to depth and the log-odds of the mask, shape (n, 2, h, w)."""
+        """Map features, shape (n, channels, h, w), to depth and log-odds of the mask.
+
+        These have shape (n, 2, h, w).
+        """
         sizes = []
         for block in self.encoder:
             sizes.append(x.shape[-2:])
             # Rounding up keeps the last row and column of an odd size, so that the decoder can
             # restore it.
             x = functional.max_pool2d(block(x), 2, ceil_mode=True)
-        for deconvolution, (height, width) in zip(self.decoder, reversed(sizes), strict=True):
+        for deconvolution, size in zip(self.decoder, reversed(sizes), strict=True):
             x = deconvolution(x)
-            if x.shape[-2:] != (
-                height,
-                width,
-            ):  # an empty cut would cost two copies in the backward pass
-                x = x[..., :height, :width]
+            # An empty cut would cost two copies in the backward pass.
+            if x.shape[-2:] != size:
+                x = x[..., : size[0], : size[1]]
             x = functional.relu(x)
         return cast(Tensor, self.head(x))
 
@@ -127,11 +150,10 @@ class PaperNetwork(nn.Module):
         super().__init__()
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)
+            channels = 1 + int(short_range)
             self.short_range = convolutions(1, width, SHORT_RANGE) if short_range else None
-            self.long_range = (
-                convolutions(1 + short_range, width, LONG_RANGE) if long_range else None
-            )
-            self.reconstruction = EncoderDecoder(1 + short_range + long_range, 2 * width)
+            self.long_range = convolutions(channels, width, LONG_RANGE) if long_range else None
+            self.reconstruction = EncoderDecoder(channels + int(long_range), 2 * width)
             initialise(self, self.reconstruction.head)
 
     def forward(self, image: Tensor) -> Tensor:
@@ -156,7 +178,10 @@ class PaperNetwork(nn.Module):
 
 
 def initialise(network: nn.Module, head: nn.Conv2d) -> None:
-    """Draw the weights of all convolutions but the head, whose mask starts at about the share that a shape covers."""
+    """Draw the weights of all convolutions but the head.
+
+    The mask of the head starts at about the share that a shape covers.
+    """
     for module in network.modules():
         if isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)) and module is not head:
             # Products per output pixel; a stride spreads those of a transposed convolution.

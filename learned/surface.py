@@ -16,16 +16,20 @@ from benchmark.geometry.mesh import Mesh
 Notes = dict[str, float | str]
 
 THINNEST = 0.004
-"""Smallest distance between front and back, as a share of half the frame: less than that between two samples, so that a
-surface is thin, not inside out, where its predicted sides cross."""
+"""Smallest distance between front and back, as a share of half the frame.
+
+It is less than that between two samples, so that a surface is thin, not inside out, where its
+predicted sides cross.
+"""
 
 
 def open_surface(front: DepthImage) -> tuple[Mesh, Notes]:
-    """Return the surface of unit area behind a predicted image, sampled like the view input, and notes about it.
+    """Return the surface of unit area behind a predicted image, and notes about it.
 
-    In a camera image, only a jump in depth shows that one part hides another, so the view input is
-    cut at jumps. A predicted image has a mask that was trained to show the surface, and its depth
-    noise is as large as such jumps: cuts would tear the surface to pieces.
+    It is sampled like the view input. In a camera image, only a jump in depth shows that one part
+    hides another, so the view input is cut at jumps. A predicted image has a mask that was trained
+    to show the surface, and its depth noise is as large as such jumps: cuts would tear the surface
+    to pieces.
 
     Parameters
     ----------
@@ -65,45 +69,51 @@ def closed_surface(front: DepthImage, back: DepthImage) -> tuple[Mesh, Notes]:
     # Each side gets half of the vertices of a form.
     stride = max(1, round(math.sqrt(np.count_nonzero(seen) / (SAMPLES / 2))))
     side, report = back_project(front, 1.0, stride=stride, jump=math.inf)
-    behind = np.minimum(2 * _below(side.vertices, back, seen) - 1, side.vertices[:, 2] - THINNEST)
+    farthest = side.vertices[:, 2] - THINNEST
+    behind = np.minimum(2 * _below(side.vertices, back, seen) - 1, farthest)
     twins = np.column_stack([side.vertices[:, :2], behind])
     surface = Mesh(np.concatenate([side.vertices, twins]), _joined(side))
-    notes = _notes(report) | {
-        "predicted_crossings": float(np.mean(behind == side.vertices[:, 2] - THINNEST))
-    }
+    notes = _notes(report)
+    notes["predicted_crossings"] = float(np.mean(behind == farthest))
     return surface.with_vertices(surface.vertices / surface.area**0.5), notes
 
 
 def _check_mask(front: DepthImage) -> None:
+    """Raise ``UnsupportedShape`` if the mask is empty."""
     if not front.any():
-        raise UnsupportedShape(
-            "the network predicts an empty mask", "train it for longer or on shapes like this one"
-        )
+        problem = "the network predicts an empty mask"
+        raise UnsupportedShape(problem, "train it for longer or on shapes like this one")
 
 
 def _notes(report: Mapping[str, float]) -> Notes:
+    """Return what a form says of the report of its back-projection."""
     return {f"predicted_{name}": report[name] for name in ("foreground", "pieces", "bridges")}
 
 
 def _below(
     vertices: NDArray[np.float64], back: DepthImage, seen: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """Return the depth of the back at vertices of the front; on bridges outside the mask, at the nearest mask pixel."""
+    """Return the depth of the back at vertices of the front.
+
+    On bridges outside the mask, it is that at the nearest pixel of the mask.
+    """
     rows, columns = distance_transform_edt(~seen, return_distances=False, return_indices=True)
     # Vertices are centres of pixels, so rounding down is far from a tie.
-    column, row = np.clip(
-        ((vertices[:, :2] * [1, -1] + 1) * (SIZE / 2)).astype(np.int64), 0, SIZE - 1
-    ).T
+    pixels = ((vertices[:, :2] * [1, -1] + 1) * (SIZE / 2)).astype(np.int64)
+    column, row = np.clip(pixels, 0, SIZE - 1).T
     return np.asarray(back[rows[row, column], columns[row, column]], dtype=np.float64)
 
 
 def _joined(side: Mesh) -> NDArray[np.int32]:
-    """Return the triangles of the front, the back, and the wall along every border, shape (m, 3)."""
+    """Return the triangles of front, back, and the wall along every border, shape (m, 3)."""
     count = side.n_vertices
-    tails, heads = side.faces.ravel(), np.roll(side.faces, -1, axis=1).ravel()
+    tails = side.faces.ravel()
+    heads = np.roll(side.faces, -1, axis=1).ravel()
     forward = tails.astype(np.int64) * count + heads
-    single = ~np.isin(forward, heads.astype(np.int64) * count + tails)
-    i, j = tails[single], heads[single]
+    backward = heads.astype(np.int64) * count + tails
+    single = ~np.isin(forward, backward)
+    i = tails[single]
+    j = heads[single]
     wall = np.concatenate(
         [np.stack([j, i, i + count], axis=1), np.stack([j, i + count, j + count], axis=1)]
     )

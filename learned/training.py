@@ -1,4 +1,7 @@
-"""Training of a network on pairs of depth images, with the paper's losses and schedule (sections III-D and IV-A)."""
+"""Training of a network on pairs of depth images, with the paper's losses and schedule.
+
+These are in its sections III-D and IV-A.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from torch import Tensor, nn
 from benchmark.api.contracts import Interval
 from benchmark.errors import ConfigurationError, TrainingError
 from learned.images import COVERED
-from learned.pairs import AnyPairs, Pairs
+from learned.pairs import AnyPairs, PairsInMemory
 
 CHECKPOINT = "checkpoint.pt"
 
@@ -29,7 +32,20 @@ CHECKPOINT_SECONDS = 60.0
 VALIDATIONS = 25
 """Number of evaluations of the validation pairs during a training."""
 
+#: Characters of two values that are named beside an option, at most.
+_LONGEST_VALUES = 40
+
+#: Seconds between two lines of progress.
+_PROGRESS_SECONDS = 20
+
+#: Parameters of mallopt: most regions of memory that are mapped, and bytes above which freed memory
+#: is given back; -1 for never.
+_M_MMAP_MAX = -4
+_M_TRIM_THRESHOLD = -1
+
 Device = Literal["auto", "cpu", "cuda", "mps"]
+
+#: Numbers of each epoch by name.
 History = list[dict[str, float]]
 
 
@@ -80,7 +96,7 @@ class Schedule:
     repeat: Annotated[int, Interval(1)] = 1
 
     def step_size(self, step: int, steps: int) -> float:
-        """Return the step size of Adam in a step, counted from 0, of a training of so many steps."""
+        """Return the step size of Adam in a step, counted from 0, of so many steps."""
         if not self.cosine:
             return self.learning_rate
         return self.learning_rate * (1 + math.cos(math.pi * step / steps)) / 2
@@ -92,23 +108,26 @@ class Schedule:
 
     def in_words(self) -> str:
         """Describe the schedule in one clause, with what differs from the paper's."""
-        text = f"{self.resolution} x {self.resolution} pixels, {self.epochs} epochs"
         paper = Schedule(resolution=self.resolution, epochs=self.epochs, precision=self.precision)
-        changed = (
-            f"{name} {value}"
-            for name, value in asdict(self).items()
-            if value != getattr(paper, name)
-        )
-        return ", ".join([text, *changed])
+        words = [f"{self.resolution} x {self.resolution} pixels", f"{self.epochs} epochs"]
+        for name, value in asdict(self).items():
+            if value != getattr(paper, name):
+                words.append(f"{name} {value}")
+        return ", ".join(words)
 
 
 def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """Name what differs between two trainings, with values that are short; an absent option is False."""
-    names = sorted(
-        name for name in {*before, *now} if before.get(name, False) != now.get(name, False)
-    )
-    values = {name: f" ({before.get(name)}, not {now.get(name)})" for name in names}
-    return ", ".join(name + values[name] * (len(values[name]) < 40) for name in names)
+    """Name what differs between two trainings, with values that are short.
+
+    An absent option is False.
+    """
+    words = []
+    for name in sorted({*before, *now}):
+        if before.get(name, False) != now.get(name, False):
+            values = f" ({before.get(name)}, not {now.get(name)})"
+            is_short = len(values) < _LONGEST_VALUES
+            words.append(name + values if is_short else name)
+    return ", ".join(words)
 
 
 def losses(prediction: Tensor, target: Tensor, masked_depth: bool = False) -> tuple[Tensor, Tensor]:
@@ -124,20 +143,26 @@ def losses(prediction: Tensor, target: Tensor, masked_depth: bool = False) -> tu
 
 
 def measures(predictions: Tensor, targets: Tensor, factor: float = 1.0) -> dict[str, float]:
-    """Return mean mask overlap (intersection over union), and mean depth error inside both masks, if any.
+    """Return mean mask overlap, and mean depth error inside both masks, if they overlap.
 
-    Depths, stretched by a factor, and masks have shape (n, 2, r, r); the error is a share of the
-    frame's depth.
+    The overlap is intersection over union; the error is a share of the frame's depth.
+
+    Parameters
+    ----------
+    predictions, targets
+        Depths and masks, shape (n, 2, r, r).
+    factor
+        Factor by which the depths are stretched.
     """
-    predicted, true = predictions[:, 1] > COVERED, targets[:, 1] > COVERED
+    predicted = predictions[:, 1] > COVERED
+    true = targets[:, 1] > COVERED
     both = predicted & true
     shares = both.sum(dim=(1, 2)) / (predicted | true).sum(dim=(1, 2)).clamp(min=1)
-    found = {"mask overlap": float(shares.mean())}
+    numbers = {"mask overlap": float(shares.mean())}
     if both.any():
-        found["depth error"] = (
-            float((predictions[:, 0] - targets[:, 0]).abs()[both].mean()) / factor
-        )
-    return found
+        errors = (predictions[:, 0] - targets[:, 0]).abs()[both]
+        numbers["depth error"] = float(errors.mean()) / factor
+    return numbers
 
 
 def device_named(name: Device) -> torch.device:
@@ -156,9 +181,8 @@ def device_named(name: Device) -> torch.device:
     if name == "auto":
         name = next(kind for kind in ("cuda", "mps", "cpu") if present[kind])
     if not present[name]:
-        raise ConfigurationError(
-            f"this torch has no device '{name}' here", "pass -o device=cpu or -o device=auto"
-        )
+        problem = f"this torch has no device '{name}' here"
+        raise ConfigurationError(problem, "pass -o device=cpu or -o device=auto")
     return torch.device(name)
 
 
@@ -171,7 +195,8 @@ def resolved(schedule: Schedule, device: torch.device) -> Schedule:
         half = torch.cuda.is_bf16_supported(including_emulation=False)
     else:
         half = device.type == "cpu" and bool(torch.ops.mkldnn._is_mkldnn_bf16_supported())
-    return replace(schedule, precision="bfloat16" if half else "float32")
+    precision: Literal["float32", "bfloat16"] = "bfloat16" if half else "float32"
+    return replace(schedule, precision=precision)
 
 
 class Fitted(NamedTuple):
@@ -192,7 +217,7 @@ class Fitted(NamedTuple):
 def fit(
     network: nn.Module,
     pairs: AnyPairs,
-    validation: Pairs | None,
+    validation: PairsInMemory | None,
     schedule: Schedule,
     folder: Path,
     *,
@@ -200,7 +225,9 @@ def fit(
     device: torch.device,
     log: Callable[[str], None],
 ) -> Fitted:
-    """Train a network in place; on the same machine, an interrupted training ends with the same weights.
+    """Train a network in place.
+
+    On the same machine, an interrupted training ends with the same weights.
 
     Parameters
     ----------
@@ -232,31 +259,26 @@ def fit(
     _keep_freed_memory()
     torch.set_flush_denormal(True)
     network.to(device, memory_format=torch.channels_last)
-    state = _State(
-        network,
-        torch.optim.Adam(network.parameters(), lr=schedule.learning_rate),
-        folder / CHECKPOINT,
-    )
+    optimizer = torch.optim.Adam(network.parameters(), lr=schedule.learning_rate)
+    state = _State(network, optimizer, folder / CHECKPOINT)
     release = torch.__version__.partition("+")[0]  # a training may go on with another build
     state.resume(asdict(schedule) | {"data": pairs.digest(), "seed": seed, "torch": release})
     steps = math.ceil(len(pairs) * schedule.repeat / schedule.batch)
     begun = state.epoch + state.step / steps
     if begun:
         log(f"going on after epoch {round(begun, 2):g} of {schedule.epochs}")
-    pairs, validation = pairs.to(device), validation.to(device) if validation else None
+    pairs = pairs.to(device)
+    if validation:
+        validation = validation.to(device)
     progress = _Progress(schedule.epochs, begun, log)
     for epoch in range(state.epoch, schedule.epochs):
         _train_epoch(state, pairs, schedule, seed, epoch, progress)
         row = state.finished_epoch(len(pairs) * schedule.repeat)
-        if validation and (
-            (epoch + 1) % max(1, schedule.epochs // VALIDATIONS) == 0
-            or epoch + 1 == schedule.epochs
-        ):
-            row |= {
-                f"validation {name}": value
-                for name, value in _evaluated(network, validation, schedule).items()
-            }
         is_last = epoch + 1 == schedule.epochs
+        is_validated = (epoch + 1) % max(1, schedule.epochs // VALIDATIONS) == 0
+        if validation and (is_validated or is_last):
+            for name, value in _evaluated(network, validation, schedule).items():
+                row[f"validation {name}"] = value
         state.save_if_due(at_once=is_last)
         progress.show(epoch + 1, row, at_once=is_last or epoch == int(begun))
     return Fitted(state.history, state.seconds)
@@ -270,7 +292,23 @@ def _train_epoch(
     epoch: int,
     progress: _Progress,
 ) -> None:
-    network, optimizer = state.network.train(), state.optimizer
+    """Train on all pairs once, in an order of the epoch; an interrupted epoch goes on.
+
+    Parameters
+    ----------
+    state
+        The training.
+    pairs
+        Training pairs.
+    schedule, seed
+        As for :func:`fit`.
+    epoch
+        Number of the epoch, from 0.
+    progress
+        Shows a line of progress.
+    """
+    network = state.network.train()
+    optimizer = state.optimizer
     device = next(network.parameters()).device
     drawn = np.random.default_rng([seed, epoch]).permutation(len(pairs) * schedule.repeat)
     batches = torch.from_numpy(drawn % len(pairs)).split(schedule.batch)
@@ -292,15 +330,16 @@ def _train_epoch(
 
 
 def _predicted(network: nn.Module, image: Tensor, schedule: Schedule) -> Tensor:
-    with torch.autocast(
-        image.device.type, torch.bfloat16, enabled=schedule.precision == "bfloat16"
-    ):
+    """Return what a network predicts for images, in the arithmetic of a schedule."""
+    is_half = schedule.precision == "bfloat16"
+    with torch.autocast(image.device.type, torch.bfloat16, enabled=is_half):
         prediction: Tensor = network(image.contiguous(memory_format=torch.channels_last))
     return prediction.float()
 
 
 @torch.no_grad()
-def _evaluated(network: nn.Module, pairs: Pairs, schedule: Schedule) -> dict[str, float]:
+def _evaluated(network: nn.Module, pairs: PairsInMemory, schedule: Schedule) -> dict[str, float]:
+    """Return the measures of predictions for all pairs."""
     network.eval()
     predictions = torch.cat(
         [_predicted(network, images, schedule) for images in pairs.images.split(8)]
@@ -320,9 +359,13 @@ class _State:
     """
 
     def __init__(self, network: nn.Module, optimizer: torch.optim.Optimizer, path: Path) -> None:
-        self.network, self.optimizer, self.path = network, optimizer, path
+        self.network = network
+        self.optimizer = optimizer
+        self.path = path
         self.recipe: Mapping[str, Any] = {}
-        self.epoch = self.step = 0
+        # Finished epochs, steps of the present one, and sums of its losses.
+        self.epoch = 0
+        self.step = 0
         self.sums = torch.zeros(2)
         self.saved = time.perf_counter()
         self.history: History = []
@@ -336,31 +379,35 @@ class _State:
             return
         try:
             with zipfile.ZipFile(self.path) as archive:  # torch does not compare its checksums
-                if damaged := archive.testzip():
+                damaged = archive.testzip()
+                if damaged:
                     raise ValueError(damaged)
             state = torch.load(self.path, map_location="cpu", weights_only=True)
-            if changed := differences({**asdict(Schedule()), **state["recipe"]}, recipe):
+            changed = differences({**asdict(Schedule()), **state["recipe"]}, recipe)
+            if changed:
                 problem = f"{self.path} was made with another {changed}"
-                raise TrainingError(
-                    problem, "train with the same options, or delete the folder to begin anew"
-                )
+                hint = "train with the same options, or delete the folder to begin anew"
+                raise TrainingError(problem, hint)
             self.network.load_state_dict(state["network"])
             self.optimizer.load_state_dict(state["optimizer"])
-            self.epoch, self.step = state["epoch"], state["step"]
-            self.sums, self.history = state["sums"], state["history"]
+            self.epoch = state["epoch"]
+            self.step = state["step"]
+            self.sums = state["sums"]
+            self.history = state["history"]
             self.seconds = state.get("seconds", 0.0)
         except TrainingError:
             raise
         except Exception as error:  # torch raises errors of many types for a damaged file
-            raise TrainingError(
-                f"checkpoint {self.path} is damaged", "delete it and train again"
-            ) from error
+            problem = f"checkpoint {self.path} is damaged"
+            raise TrainingError(problem, "delete it and train again") from error
 
     def finished_epoch(self, n_pairs: int) -> dict[str, float]:
         """Add a row to the history, and return it."""
         depth, mask = (self.sums / n_pairs).tolist()
         self._check_sums()
-        self.epoch, self.step, self.sums = self.epoch + 1, 0, torch.zeros(2)
+        self.epoch += 1
+        self.step = 0
+        self.sums = torch.zeros(2)
         self.history.append({"epoch": self.epoch, "depth loss": depth, "mask loss": mask})
         return self.history[-1]
 
@@ -373,51 +420,85 @@ class _State:
         self.saved = now
         self.seconds += time.process_time() - self.began
         self.began = time.process_time()
-        state = {"network": self.network.state_dict(), "optimizer": self.optimizer.state_dict()}
-        state |= {
-            name: getattr(self, name)
-            for name in ("recipe", "epoch", "step", "sums", "history", "seconds")
+        state = {
+            "network": self.network.state_dict(),
+            "optimizer": self.optimizer.state_dict(),
+            "recipe": self.recipe,
+            "epoch": self.epoch,
+            "step": self.step,
+            "sums": self.sums,
+            "history": self.history,
+            "seconds": self.seconds,
         }
         partial = self.path.with_suffix(".tmp")
         try:
             torch.save(state, partial)
             partial.replace(self.path)
         except (OSError, RuntimeError) as error:
-            raise TrainingError(
-                f"cannot write {self.path}: {error}", "free some space and train again"
-            ) from error
+            problem = f"cannot write {self.path}: {error}"
+            raise TrainingError(problem, "free some space and train again") from error
 
     def _check_sums(self) -> None:
+        """Raise ``TrainingError`` if a loss is not a number."""
         if not torch.isfinite(self.sums).all():
             problem = f"the loss of epoch {self.epoch + 1} is not a number"
             raise TrainingError(problem, "lower the step size: -o learning_rate=3e-4")
 
 
 class _Progress:
-    """A line of progress with the time left, at most every 20 seconds and after the first and the last epoch."""
+    """A line of progress with the time left.
+
+    It is shown at most every 20 seconds, and after the first and the last epoch.
+
+    Parameters
+    ----------
+    epochs
+        Epochs of the training.
+    first
+        How many were done before.
+    log
+        Called with each line.
+    """
 
     def __init__(self, epochs: int, first: float, log: Callable[[str], None]) -> None:
-        self.epochs, self.first, self.log = epochs, first, log
-        self.began = self.shown = time.perf_counter()
+        self.epochs = epochs
+        self.first = first
+        self.log = log
+        self.began = time.perf_counter()
+        self.last_line = self.began
 
     def show(self, epochs: float, row: Mapping[str, float] = {}, at_once: bool = False) -> None:
-        """Show how many epochs are done, a part of the present one included, and the losses of the last."""
+        """Show how many epochs are done, with a part of the present one.
+
+        Parameters
+        ----------
+        epochs
+            Their number.
+        row
+            Losses of the last one.
+        at_once
+            Whether not to wait until a line is due.
+        """
         now = time.perf_counter()
-        if now - self.shown < 20 and not at_once:
+        if now - self.last_line < _PROGRESS_SECONDS and not at_once:
             return
-        self.shown = now
-        left = (now - self.began) / (epochs - self.first) * (self.epochs - epochs)
-        losses = [f"{name} {value:.5f}" for name, value in row.items() if name != "epoch"]
+        self.last_line = now
+        seconds_an_epoch = (now - self.began) / (epochs - self.first)
+        seconds_left = seconds_an_epoch * (self.epochs - epochs)
+        numbers = [f"{name} {value:.5f}" for name, value in row.items() if name != "epoch"]
         bar = "#" * round(20 * epochs / self.epochs)
         place = f"epoch {round(epochs, 2):g}/{self.epochs}"
-        self.log("  ".join([f"[{bar:20}] {place}", *losses, f"{left:.0f} s left"]))
+        self.log("  ".join([f"[{bar:20}] {place}", *numbers, f"{seconds_left:.0f} s left"]))
 
 
 def _keep_freed_memory() -> None:
-    """Make the C library of Linux keep the memory of freed tensors, which saves up to a quarter of the time."""
-    if sys.platform == "linux" and hasattr(library := ctypes.CDLL(None), "mallopt"):
-        for parameter, value in (
-            (-4, 0),
-            (-1, -1),
-        ):  # M_MMAP_MAX and M_TRIM_THRESHOLD, see mallopt(3)
-            library.mallopt(parameter, value)
+    """Make the C library of Linux keep the memory of freed tensors.
+
+    It saves up to a quarter of the time.
+    """
+    if sys.platform != "linux":
+        return
+    library = ctypes.CDLL(None)
+    if hasattr(library, "mallopt"):  # see mallopt(3)
+        library.mallopt(_M_MMAP_MAX, 0)
+        library.mallopt(_M_TRIM_THRESHOLD, -1)

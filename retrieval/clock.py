@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+#: Numbers and occurrences of words and views.
 Counts = NDArray[np.int32]
+
+#: Places in arrays, without a sign.
 Indices = NDArray[np.uint32]
+#: Numbers of occurrences, for products.
 Singles = NDArray[np.float32]
 
 
@@ -50,12 +53,14 @@ def count_words(words: NDArray[np.int32], view_offsets: Counts, n_words: int) ->
         Size of the codebook.
     """
     sizes = np.diff(view_offsets)
-    keys, counts = np.unique(
-        np.repeat(np.arange(len(sizes)), sizes) * n_words + words, return_counts=True
-    )
+    view_of_word = np.repeat(np.arange(len(sizes)), sizes)
+    keys, counts = np.unique(view_of_word * n_words + words, return_counts=True)
     views, distinct = np.divmod(keys, n_words)
     return Histograms(
-        distinct.astype(np.int32), counts.astype(np.int32), views.astype(np.int32), sizes
+        words=distinct.astype(np.int32),
+        counts=counts.astype(np.int32),
+        views=views.astype(np.int32),
+        view_sizes=sizes,
     )
 
 
@@ -93,8 +98,8 @@ def match(
     """
     n_views = permutations.shape[1]
     orbit, place = _orbits(permutations)
+    n_orbits = int(orbit.max()) + 1
     width = int(place.max()) + 1
-    n_cells = n_words * (int(orbit.max()) + 1)
     # A slot is a view of a column and one of the row that it may meet; no rotation takes a view out
     # of its orbit.
     slots = np.arange(n_views) * width + place[permutations]
@@ -107,31 +112,30 @@ def match(
     )
 
     def cells(form: Histograms) -> Indices:
-        return (form.words * np.int32(n_cells // n_words) + orbit[form.views]).astype(np.uint32)
-
-    def joined(of_forms: Iterable[NDArray[Any]], dtype: type) -> NDArray[Any]:
-        return np.concatenate([array.astype(dtype) for array in of_forms])
+        """Return the cell of each entry: a word in an orbit."""
+        return (form.words * np.int32(n_orbits) + orbit[form.views]).astype(np.uint32)
 
     ends = np.cumsum([0, *(len(form.words) for form in columns)])
     entries = (
-        joined(map(cells, columns), np.uint32),
-        joined((form.views * width for form in columns), np.uint32),
-        joined((form.counts for form in columns), np.float32),
+        np.concatenate([cells(form) for form in columns]),
+        np.concatenate([(form.views * width).astype(np.uint32) for form in columns]),
+        np.concatenate([form.counts.astype(np.float32) for form in columns]),
     )
     sizes = np.array([form.view_sizes for form in columns], dtype=np.float64)
     distances = np.zeros((len(rows), len(columns)))
     for index, row in enumerate(rows):
-        order = np.argsort(cells(row), kind="stable")
-        begins = np.searchsorted(cells(row)[order], np.arange(n_cells + 1)).astype(np.uint32)
-        own = (
-            begins,
+        row_cells = cells(row)
+        order = np.argsort(row_cells, kind="stable")
+        begins = np.searchsorted(row_cells[order], np.arange(n_words * n_orbits + 1))
+        row_entries = (
+            begins.astype(np.uint32),
             place[row.views][order].astype(np.uint32),
             row.counts[order].astype(np.float32),
         )
-        own_sizes = np.append(row.view_sizes, 0).astype(np.float64)[partner]
+        row_sizes = np.append(row.view_sizes, 0).astype(np.float64)[partner]
         first = index + 1 if rows is columns else 0
         shared = _largest_similarities(
-            own, own_sizes, entries, ends[first:], sizes[first:], first_turns, turns
+            row_entries, row_sizes, entries, ends[first:], sizes[first:], first_turns, turns
         )
         distances[index, first:] = n_views - shared
     return distances + distances.T if rows is columns else distances
@@ -140,10 +144,9 @@ def match(
 def _orbits(permutations: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """Return the orbit of each view under the rotations, and its place therein, shape (V,) each."""
     smallest = permutations.min(axis=0)
-    place = [int((smallest[:view] == orbit).sum()) for view, orbit in enumerate(smallest)]
-    return np.unique(smallest, return_inverse=True)[1].astype(np.int32), np.array(
-        place, dtype=np.int32
-    )
+    places = [int((smallest[:view] == orbit).sum()) for view, orbit in enumerate(smallest)]
+    _, orbits = np.unique(smallest, return_inverse=True)
+    return orbits.astype(np.int32), np.array(places, dtype=np.int32)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -172,7 +175,8 @@ def _largest_similarities(
     first_turns, turns
         Rotations that bring the views of each slot together.
     """
-    (begins, places, own_counts), (cells, bases, counts) = own, entries
+    begins, places, own_counts = own
+    cells, bases, counts = entries
     n_slots = len(own_sizes)
     width = len(own_sizes) // sizes.shape[1]
     shared = np.zeros(n_slots, dtype=np.float32)

@@ -119,20 +119,18 @@ class CMBOF(CheckedParameters):
         The codebook is drawn from the forms of the gallery alone.
         """
         codebook = sample_codebook((form["descriptors"] for form in gallery), self.n_words, draw)
-        of_columns = _histograms(gallery, codebook)
-        of_rows = of_columns if queries is gallery else _histograms(queries, codebook)
+        n_words = len(codebook)
+        columns = _histograms(gallery, codebook)
+        rows = columns if queries is gallery else _histograms(queries, codebook)
         turns = self.views.permutations
-        distances = match(of_rows, of_columns, turns, len(codebook))
+        distances = match(rows, columns, turns, n_words)
         if self.allow_mirror:
             reflected = self.views.permutation_of(REFLECTION)
-            to_mirrored = match(
-                of_rows, _histograms(gallery, codebook, reflected), turns, len(codebook)
-            )
+            to_mirrored = match(rows, _histograms(gallery, codebook, reflected), turns, n_words)
             of_mirrored = to_mirrored.T
             if queries is not gallery:
-                of_mirrored = match(
-                    _histograms(queries, codebook, reflected), of_columns, turns, len(codebook)
-                )
+                mirrored_rows = _histograms(queries, codebook, reflected)
+                of_mirrored = match(mirrored_rows, columns, turns, n_words)
             distances = np.minimum(distances, np.minimum(to_mirrored, of_mirrored))
         return distances
 
@@ -143,10 +141,12 @@ def _histograms(
     reflected: NDArray[np.int32] | None = None,
 ) -> list[Histograms]:
     """Return the words of forms, or of their mirror images."""
-    seen = forms if reflected is None else [mirrored(form, reflected) for form in forms]
-    by_integers = sum(len(form["descriptors"]) for form in seen) >= MANY and integers_pay()
-    words = (nearest_words(form["descriptors"], codebook, by_integers=by_integers) for form in seen)
-    return [
-        count_words(of, form["view_offsets"], len(codebook))
-        for of, form in zip(words, seen, strict=True)
-    ]
+    if reflected is not None:
+        forms = [mirrored(form, reflected) for form in forms]
+    n_descriptors = sum(len(form["descriptors"]) for form in forms)
+    by_integers = n_descriptors >= MANY and integers_pay()
+    histograms = []
+    for form in forms:
+        words = nearest_words(form["descriptors"], codebook, by_integers=by_integers)
+        histograms.append(count_words(words, form["view_offsets"], len(codebook)))
+    return histograms

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from benchmark.errors import DatasetError
 
+#: Descriptors of keypoints, shape (k, 128).
 Descriptors = NDArray[np.uint8]
 
 #: Number of descriptors compared with the codebook at once: 1024 x 1500 scores stay in the cache.
@@ -104,13 +105,16 @@ def nearest_words(
 
 
 def _single_products(descriptors: Descriptors, words: Descriptors) -> NDArray[np.float32]:
+    """Return the products of descriptors and words, both less 128, in single precision."""
     return (descriptors.astype(np.float32) - 128) @ (words.astype(np.float32) - 128).T
 
 
 def _integer_products(descriptors: Descriptors, words: Descriptors) -> NDArray[np.int32]:
+    """Return the products of descriptors and words, both less 128, of signed bytes."""
     import torch  # lazy: it takes a second
 
-    left, right = (torch.from_numpy((rows ^ 128).view(np.int8)) for rows in (descriptors, words))
+    left = torch.from_numpy((descriptors ^ 128).view(np.int8))
+    right = torch.from_numpy((words ^ 128).view(np.int8))
     return np.asarray(torch._int_mm(left, right.T).numpy())
 
 
@@ -121,9 +125,11 @@ def integers_pay() -> bool:
     Without VNNI, sums of products overflow.
     """
     random = np.random.default_rng(0)
-    seconds = list[float]()
-    products = list[NDArray[Any]]()
-    extremes, words = (random.choice(np.array([0, 255], np.uint8), (n, 128)) for n in (BLOCK, 1500))
+    ends = np.array([0, 255], np.uint8)
+    extremes = random.choice(ends, (BLOCK, 128))
+    words = random.choice(ends, (1500, 128))
+    seconds: list[float] = []
+    products: list[NDArray[Any]] = []
     for multiply in (_integer_products, _single_products):
         multiply(extremes, words)  # the first use takes longer
         start = time.perf_counter()
@@ -159,6 +165,7 @@ def _hash(rows: Descriptors, seed: int) -> NDArray[np.uint64]:
 
 
 def _mix(state: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """Return numbers of 64 bits, of which each bit depends on all bits of the given ones."""
     state = state + np.uint64(0x9E3779B97F4A7C15)
     state = (state ^ (state >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     state = (state ^ (state >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from retrieval.gradient_histograms import (
     DESCRIPTOR_SIZE,
     MAX_ORIENTATIONS,
-    describe,
     gradients,
     orientations,
+    write_descriptor,
 )
 from retrieval.scale_space import (
     BASE_SCALE,
@@ -41,6 +41,7 @@ from retrieval.scale_space import (
     octave_in,
 )
 
+#: Largest ratio of the principal curvatures at a keypoint.
 EDGE_RATIO = 10.0
 
 
@@ -63,10 +64,11 @@ def mirrored(
     flipped = cells[:, ::-1, :, (-np.arange(8)) % 8].reshape(-1, DESCRIPTOR_SIZE)
     per_view = np.split(flipped, features["view_offsets"][1:-1])
     source = np.argsort(view_permutation)
-    offsets = np.concatenate([[0], np.cumsum(np.diff(features["view_offsets"])[source])]).astype(
-        np.int32
-    )
-    return {"descriptors": np.concatenate([per_view[v] for v in source]), "view_offsets": offsets}
+    sizes = np.diff(features["view_offsets"])[source]
+    return {
+        "descriptors": np.concatenate([per_view[view] for view in source]),
+        "view_offsets": np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32),
+    }
 
 
 def detect_views(
@@ -100,9 +102,16 @@ def detect_views(
 def _detect_all(
     images: NDArray[np.float32], background: np.float32, peak_threshold: float, edge_ratio: float
 ) -> tuple[NDArray[np.float64], NDArray[np.uint8], NDArray[np.int32]]:
-    """Return frames (k, 4) of x, y, scale, angle; descriptors (k, 128).
+    """Return the keypoints of all images, one image after the other.
 
-    Offsets of the images' keypoints.
+    Returns
+    -------
+    frames : numpy.ndarray
+        x, y, scale and angle of each keypoint, shape (k, 4).
+    descriptors : numpy.ndarray
+        Shape (k, 128).
+    offsets : numpy.ndarray
+        First keypoint of each image, and the number of all.
     """
     n_images, height, width = images.shape
     frames = np.empty((4096, 4))
@@ -120,16 +129,20 @@ def _detect_all(
         base_row = 0
         base_column = 0
         top, bottom, left, right = _foreground(images[index], background)
-        for octave in range(len(backgrounds) if top < bottom else 0):
+        n_octaves = len(backgrounds) if top < bottom else 0
+        for octave in range(n_octaves):
             pixel = 2**octave
             row0 = max(top // pixel - MARGIN, 0)
             row1 = min(bottom // pixel + MARGIN + 1, height // pixel)
             column0 = max(left // pixel - MARGIN, 0)
             column1 = min(right // pixel + MARGIN + 1, width // pixel)
-            h, w = row1 - row0, column1 - column0
+            h = row1 - row0
+            w = column1 - column0
             bordered, pixels = octave_in(room, h, w)
             differences = pixels[N_GAUSSIANS:]
-            start = pixels[0 if octave else -1, :h, :w]
+            # The first octave begins with the image, the others with a Gaussian level.
+            begin = 0 if octave else -1
+            start = pixels[begin, :h, :w]
             _paste(base, base_row, base_column, start, row0, column0, backgrounds[octave])
             build_octave(bordered, run, octave == 0)
             n_points = find_extrema(differences, peak_threshold, edge_ratio, points)
@@ -137,10 +150,8 @@ def _detect_all(
             if n_points > len(points):
                 points = np.empty((2 * n_points, 4))
                 n_points = find_extrema(differences, peak_threshold, edge_ratio, points)
-            magnitudes, angles = (
-                gradient_room[0, : h * w].reshape(h, w),
-                gradient_room[1, : h * w].reshape(h, w),
-            )
+            magnitudes = gradient_room[0, : h * w].reshape(h, w)
+            angles = gradient_room[1, : h * w].reshape(h, w)
             done = np.zeros(h, dtype=np.bool_)
             level_done = 0
             for k in range(n_points):
@@ -156,14 +167,16 @@ def _detect_all(
                     if count == len(frames):
                         frames = np.concatenate((frames, np.empty_like(frames)))
                         descriptors = np.concatenate((descriptors, np.empty_like(descriptors)))
-                    frames[count, 0], frames[count, 1] = pixel * (x + column0), pixel * (y + row0)
+                    frames[count, 0] = pixel * (x + column0)
+                    frames[count, 1] = pixel * (y + row0)
                     frames[count, 2] = pixel * sigma
                     frames[count, 3] = peaks[a]
-                    describe(magnitudes, angles, x, y, sigma, peaks[a], descriptors[count])
+                    write_descriptor(magnitudes, angles, x, y, sigma, peaks[a], descriptors[count])
                     count += 1
             # The level of twice the base scale, every second pixel, starts the next octave.
             base = pixels[LEVELS, row0 % 2 : h : 2, column0 % 2 : w : 2]
-            base_row, base_column = (row0 + 1) // 2, (column0 + 1) // 2
+            base_row = (row0 + 1) // 2
+            base_column = (column0 + 1) // 2
         offsets[index + 1] = count
     return frames[:count].copy(), descriptors[:count].copy(), offsets
 
@@ -203,19 +216,25 @@ def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int
 def _backgrounds(background: np.float32, side: int) -> NDArray[np.float32]:
     """Return the background in each octave.
 
-    Blur changes the last bits of the background; beside the original value, an edge would be found.
+    Blur changes its last bits, and beside the original value, an edge would be found. So an image
+    of one pixel, with its border, goes through all octaves.
     """
     n_octaves = 1
     while side >> n_octaves >= SMALLEST_SIDE:
         n_octaves += 1
-    found = np.full(n_octaves, background, dtype=np.float32)
+    values = np.full(n_octaves, background, dtype=np.float32)
     room, run = octave_buffers(1, 1)
     bordered, pixels = octave_in(room, 1, 1)
+    image = len(pixels) - 1
     for octave in range(1, n_octaves):
-        pixels[-1 if octave == 1 else 0, 0, 0] = found[octave - 1]
-        build_octave(bordered, run, octave == 1)
-        found[octave] = pixels[LEVELS, 0, 0]
-    return found
+        # The first octave begins with an image, the others with a Gaussian level; both lie in the
+        # memory that build_octave fills.
+        is_first = octave == 1
+        begin = image if is_first else 0
+        pixels[begin, 0, 0] = values[octave - 1]
+        build_octave(bordered, run, is_first)
+        values[octave] = pixels[LEVELS, 0, 0]
+    return values
 
 
 @njit(cache=True, nogil=True)
@@ -228,15 +247,18 @@ def _paste(
     target_column: int,
     beyond: np.float32,
 ) -> None:
-    """Copy the overlap of two windows; each is given by the place of its first pixel."""
+    """Copy the overlap of two windows; each is given by the place of its first pixel.
+
+    The rest of the target gets the value ``beyond``.
+    """
     row0 = max(source_row, target_row)
     row1 = min(source_row + source.shape[0], target_row + target.shape[0])
     column0 = max(source_column, target_column)
     column1 = min(source_column + source.shape[1], target_column + target.shape[1])
-    own = source[
+    overlap = source[
         row0 - source_row : row1 - source_row, column0 - source_column : column1 - source_column
     ]
     target[:, :] = beyond
     target[
         row0 - target_row : row1 - target_row, column0 - target_column : column1 - target_column
-    ] = own
+    ] = overlap

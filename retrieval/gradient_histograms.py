@@ -6,26 +6,44 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-SingleArray = NDArray[np.float32]
-Flags = NDArray[np.bool_]
+from benchmark.geometry.mesh import FloatArray
+from retrieval.scale_space import SingleArray
 
+#: Bins of the histogram of directions around a keypoint.
 ORIENTATION_BINS = 36
+
 #: A second peak of the orientation histogram gives a second keypoint if it exceeds this share of
 #: the highest one.
 SECONDARY_PEAK = 0.8
+
+#: Most directions of a keypoint.
 MAX_ORIENTATIONS = 4
+
+#: Spatial bins of a descriptor along each side.
 SPATIAL_BINS = 4
+
+#: Directions of each spatial bin.
 ANGULAR_BINS = 8
+
+#: Spatial bins along a side with one at each end, which takes the spill of interpolation.
 PADDED = SPATIAL_BINS + 2
+
+#: Numbers of a descriptor.
 DESCRIPTOR_SIZE = SPATIAL_BINS * SPATIAL_BINS * ANGULAR_BINS
+
 #: Width of a spatial bin in units of the keypoint's scale.
 MAGNIFICATION = 3.0
+
 #: Standard deviation of the descriptor's window, in spatial bins.
 WINDOW = 2.0
+
+#: Largest entry of a unit vector before it is normalised again.
 CLIP = 0.2
+
 #: Offsets, in bins, of four neighbouring cells from the first.
 CORNERS = np.array([0, 1, PADDED, PADDED + 1], dtype=np.uint64) * np.uint64(ANGULAR_BINS)
+
+#: A full turn in radians.
 TURN = np.float32(2.0 * np.pi)
 
 
@@ -34,7 +52,7 @@ def gradients(
     gaussian: SingleArray,
     y: float,
     sigma: float,
-    done: Flags,
+    done: NDArray[np.bool_],
     magnitudes: SingleArray,
     angles: SingleArray,
 ) -> None:
@@ -67,11 +85,15 @@ def gradients(
         right = gaussian[row, 2:]
         above = gaussian[row - 1, 1 : width - 1]
         below = gaussian[row + 1, 1 : width - 1]
-        magnitude, angle = magnitudes[row, 1 : width - 1], angles[row, 1 : width - 1]
+        magnitude = magnitudes[row, 1 : width - 1]
+        angle = angles[row, 1 : width - 1]
         for x in range(width - 2):
-            gx, gy = half * (right[x] - left[x]), half * (below[x] - above[x])
+            gx = half * (right[x] - left[x])
+            gy = half * (below[x] - above[x])
             magnitude[x] = np.sqrt(gx * gx + gy * gy)
-            ax, ay = abs(gx), abs(gy)
+            # The angle, by a polynomial for that of the first eighth of a turn.
+            ax = abs(gx)
+            ay = abs(gy)
             larger, smaller = (ax, ay) if ax > ay else (ay, ax)
             ratio = smaller / (larger + np.float32(1e-30))
             square = ratio * ratio
@@ -110,7 +132,8 @@ def orientations(
     height, width = magnitudes.shape
     spread = 1.5 * sigma
     radius = max(int(np.floor(3.0 * spread)), 1)
-    column, row = int(x + 0.5), int(y + 0.5)
+    column = int(x + 0.5)
+    row = int(y + 0.5)
     # Angles lie in [0, 2 pi], so places lie in [0.5, 36.5]: the lower bin is at most 36, its
     # neighbour 37.
     histogram = np.zeros(ORIENTATION_BINS + 2, dtype=np.float32)
@@ -131,7 +154,8 @@ def orientations(
         first = max(int(np.ceil(x - reach)), column - radius, 1)
         last = min(int(x + reach), column + radius, width - 2)
         count = max(last + 1 - first, 0)
-        magnitude, angle = magnitudes[r, first : first + count], angles[r, first : first + count]
+        magnitude = magnitudes[r, first : first + count]
+        angle = angles[r, first : first + count]
         window = window_x[first - column + radius : first - column + radius + count]
         for s in range(count):
             # Shifted by one bin, so that both neighbours of the first and the last bin exist.
@@ -174,7 +198,7 @@ def _peaks(histogram: FloatArray, peaks: FloatArray) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def describe(
+def write_descriptor(
     magnitudes: SingleArray,
     angles: SingleArray,
     x: float,
@@ -198,9 +222,11 @@ def describe(
     height, width = magnitudes.shape
     bin_width = MAGNIFICATION * sigma
     reach = 0.5 * (SPATIAL_BINS + 1)
-    cosine, sine = np.cos(angle) / bin_width, np.sin(angle) / bin_width
+    cosine = np.cos(angle) / bin_width
+    sine = np.sin(angle) / bin_width
     radius = int(np.ceil(reach * bin_width * (abs(np.cos(angle)) + abs(np.sin(angle)))))
-    column, row = int(x + 0.5), int(y + 0.5)
+    column = int(x + 0.5)
+    row = int(y + 0.5)
     decay = -0.5 / (WINDOW * bin_width) ** 2
     window_x = np.exp(decay * (np.arange(column - radius, column + radius + 1) - x) ** 2).astype(
         np.float32
@@ -216,11 +242,9 @@ def describe(
     # Buffers of one row, at most as wide as the window, for the vectorised work before samples are
     # added to the bins.
     room = len(window_x)
-    cells, bins, shares = (
-        np.empty(room, np.int32),
-        np.empty(room, np.int32),
-        np.empty(room, np.float32),
-    )
+    cells = np.empty(room, np.int32)
+    bins = np.empty(room, np.int32)
+    shares = np.empty(room, np.float32)
     weights = np.empty((4, room), np.float32)
     for r in range(max(row - radius, 1), min(row + radius, height - 2) + 1):
         dy = r - y
@@ -237,10 +261,8 @@ def describe(
         start_v = np.float32(cosine * dy + reach + sine * x)
         begin = int(np.ceil(first + x))
         count = max(int(np.floor(last + x)) + 1 - begin, 0)
-        magnitude, direction = (
-            magnitudes[r, begin : begin + count],
-            angles[r, begin : begin + count],
-        )
+        magnitude = magnitudes[r, begin : begin + count]
+        direction = angles[r, begin : begin + count]
         window = window_x[begin - column + radius : begin - column + radius + count]
         for s in range(count):
             w = (direction[s] - turned) * per_radian
@@ -251,7 +273,8 @@ def describe(
             # Rounding may move a sample slightly outside the square.
             i = min(max(np.int32(u), np.int32(0)), np.int32(SPATIAL_BINS))
             j = min(max(np.int32(v), np.int32(0)), np.int32(SPATIAL_BINS))
-            u, v = u - np.float32(i), v - np.float32(j)
+            u = u - np.float32(i)
+            v = v - np.float32(j)
             cells[s] = (j * np.int32(PADDED) + i) * np.int32(ANGULAR_BINS)
             weight = magnitude[s] * window_y * window[s]
             upper = weight * v
@@ -295,6 +318,6 @@ def _span(
     """Narrow the interval [first, last] to the t with abs(constant + slope * t) <= reach."""
     if abs(slope) < 1e-12:
         return (first, last) if abs(constant) <= reach else (1.0, 0.0)
-    one = (-reach - constant) / slope
-    other = (reach - constant) / slope
-    return max(first, min(one, other)), min(last, max(one, other))
+    end = (-reach - constant) / slope
+    other_end = (reach - constant) / slope
+    return max(first, min(end, other_end)), min(last, max(end, other_end))

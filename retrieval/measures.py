@@ -24,8 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import ConfigurationError
-
-FloatArray = NDArray[np.float64]
+from benchmark.geometry.mesh import FloatArray
 
 #: Decimals of the measures of single queries in records.
 DECIMALS = 6
@@ -94,33 +93,40 @@ class Measure:
 
 
 def _nearest_neighbour(results: RankedList) -> float:
+    """Return NN."""
     return float(results.gains[0])
 
 
 def _first_tier(results: RankedList) -> float:
+    """Return FT."""
     return float(results.gains[: results.n_relevant].sum() / results.n_relevant)
 
 
 def _second_tier(results: RankedList) -> float:
+    """Return ST."""
     return float(results.gains[: 2 * results.n_relevant].sum() / results.n_relevant)
 
 
 def _gain_of_princeton(results: RankedList) -> float:
+    """Return DCG, as the Princeton Shape Benchmark defines it."""
     weights = 1 / np.log2(np.maximum(results.ranks, 2))
     return float(weights @ results.gains / weights[: results.n_relevant].sum())
 
 
 def _e_measure(results: RankedList) -> float:
+    """Return E."""
     depth = min(E_MEASURE_DEPTH, len(results.gains))
     return float(2 * results.gains[:depth].sum() / (depth + results.n_relevant))
 
 
 def _normalised_gain(results: RankedList) -> float:
+    """Return nDCG."""
     weights = 1 / np.log2(results.ranks + 1)
     return float(weights @ results.gains / weights[: results.n_relevant].sum())
 
 
 def _average_precision(results: RankedList) -> float:
+    """Return mAP of one query."""
     return float((results.gains * results.hits / results.ranks).sum() / results.n_relevant)
 
 
@@ -232,35 +238,48 @@ def evaluate(
     """
     names = np.asarray(labels)
     gallery = targets or Targets(names, np.arange(len(names)), answered)
-    rows, columns = (
-        _places(one, of) for one, of in ((answered, names), (gallery.answered, gallery.labels))
-    )
+    rows = _places(answered, names)
+    columns = _places(gallery.answered, gallery.labels)
     matrix = check_distances(distances, (len(rows), len(columns)), is_square=targets is None)
-    classes = np.unique(np.concatenate([names, np.asarray(gallery.labels)]), return_inverse=True)[1]
-    of_gallery = classes[len(names) :]
-    own = np.broadcast_to(gallery.own, names.shape)
-    others = np.arange(len(of_gallery)) != own[:, None]
-    relevant = (classes[: len(names), None] == of_gallery) & others
+    of_queries, of_gallery = _numbered_classes(names, gallery.labels)
+    left_out = np.broadcast_to(gallery.own, names.shape)
+    others = np.arange(len(of_gallery)) != left_out[:, None]
+    relevant = (of_queries[:, None] == of_gallery) & others
     values = np.zeros((len(names), len(MEASURES)))
-    tied = 0
+    n_tied = 0
     for row, query in zip(matrix, rows, strict=True):
         # Shapes without a result rank last.
         whole = np.full(len(of_gallery), 2.0 * np.abs(row).max() + 1.0)
         whole[columns] = row
         if relevant[query].any():
             values[query], is_tied = _of_query(whole[others[query]], relevant[query][others[query]])
-            tied += is_tied
+            n_tied += is_tied
     values[~relevant.any(axis=1)] = np.nan
     return Scores(
         means=_means(values, has_targets=targets is not None),
         per_query=dict(zip(MEASURES, values.T, strict=True)),
-        tied_queries=tied,
+        tied_queries=n_tied,
         lone_queries=int(np.isnan(values[:, 0]).sum()),
     )
 
 
+def _numbered_classes(
+    queries: NDArray[Any], gallery: ArrayLike
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the class of each query, and of each shape of the gallery, as a number."""
+    both = np.concatenate([queries, np.asarray(gallery)])
+    classes = np.unique(both, return_inverse=True)[1]
+    return classes[: len(queries)], classes[len(queries) :]
+
+
 def _means(values: FloatArray, *, has_targets: bool) -> dict[str, float]:
-    """Return the mean of each measure over the queries that are not NaN; raise ``ConfigurationError`` without one."""
+    """Return the mean of each measure over the queries that are not NaN.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such query.
+    """
     if np.isnan(values).all():
         problem = "no class has two members"
         if has_targets:
@@ -270,11 +289,10 @@ def _means(values: FloatArray, *, has_targets: bool) -> dict[str, float]:
 
 
 def _places(answered: ArrayLike | None, labels: ArrayLike) -> NDArray[np.intp]:
-    return (
-        np.arange(len(np.asarray(labels)))
-        if answered is None
-        else np.asarray(answered, dtype=np.intp)
-    )
+    """Return the indices of the shapes that have a result: all, if none are named."""
+    if answered is None:
+        return np.arange(len(np.asarray(labels)))
+    return np.asarray(answered, dtype=np.intp)
 
 
 def score_draws(
@@ -305,26 +323,28 @@ def score_draws(
         As for :func:`evaluate`.
     """
     draws = [evaluate(matrix, labels, answered, targets) for matrix in matrices]
-    queries = {
-        name: np.mean([draw.per_query[name] for draw in draws], axis=0)
-        for name in draws[0].per_query
-    }
+    scores: dict[str, float] = {}
+    per_query: dict[str, list[float | None]] = {}
+    draw_errors: dict[str, float] = {}
+    for name in draws[0].means:
+        means = [draw.means[name] for draw in draws]
+        scores[name] = float(np.mean(means))
+        if len(draws) > 1:
+            draw_errors[name] = float(np.std(means, ddof=1) / len(draws) ** 0.5)
+        of_queries = np.mean([draw.per_query[name] for draw in draws], axis=0)
+        per_query[name] = [_in_record(value) for value in of_queries]
     return {
-        "scores": {
-            name: float(np.mean([draw.means[name] for draw in draws])) for name in draws[0].means
-        },
-        "per_query": {
-            name: [None if np.isnan(value) else round(float(value), DECIMALS) for value in values]
-            for name, values in queries.items()
-        },
-        "draw_errors": {
-            name: float(np.std([draw.means[name] for draw in draws], ddof=1) / len(draws) ** 0.5)
-            for name in draws[0].means
-            if len(draws) > 1
-        },
+        "scores": scores,
+        "per_query": per_query,
+        "draw_errors": draw_errors,
         "tied_queries": max(draw.tied_queries for draw in draws),
         "lone_queries": draws[0].lone_queries,
     }
+
+
+def _in_record(value: float) -> float | None:
+    """Return a measure of a query as records hold it; None for NaN."""
+    return None if np.isnan(value) else round(float(value), DECIMALS)
 
 
 def chance_levels(labels: ArrayLike, targets: Targets | None = None) -> dict[str, float]:
@@ -335,13 +355,12 @@ def chance_levels(labels: ArrayLike, targets: Targets | None = None) -> dict[str
     """
     names = np.asarray(labels)
     gallery = targets or Targets(names, np.arange(len(names)))
-    every = np.concatenate([names, np.asarray(gallery.labels)])
-    classes = np.unique(every, return_inverse=True)[1]
-    of_queries, of_gallery = classes[: len(names)], classes[len(names) :]
+    of_queries, of_gallery = _numbered_classes(names, gallery.labels)
+    n_classes = max(of_queries.max(initial=-1), of_gallery.max(initial=-1)) + 1
     own = np.broadcast_to(gallery.own, names.shape)
     is_left_out = own >= 0
     loses_one = is_left_out & (of_gallery[own] == of_queries)
-    n_relevant = np.bincount(of_gallery, minlength=classes.max() + 1)[of_queries] - loses_one
+    n_relevant = np.bincount(of_gallery, minlength=n_classes)[of_queries] - loses_one
     n_results = len(of_gallery) - is_left_out
     values = np.full((len(names), len(MEASURES)), np.nan)
     sizes, places = np.unique(np.column_stack([n_results, n_relevant]), axis=0, return_inverse=True)
@@ -366,31 +385,33 @@ def check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: 
     if matrix.shape != shape:
         problem = f"{shape[0]} queries and {shape[1]} shapes have distances of shape {matrix.shape}"
         raise ConfigurationError(problem, "compare all pairs")
-    if len(wrong := np.argwhere(~np.isfinite(matrix))):
+    wrong = np.argwhere(~np.isfinite(matrix))
+    if len(wrong):
         row, column = wrong[0] + 1
         problem = f"distances are NaN or infinite, the first in row {row}, column {column}"
-        raise ConfigurationError(
-            problem, "use a distance larger than all others if a method has no result"
-        )
-    largest = np.abs(matrix).max(
-        initial=0.0, where=~np.eye(*shape, dtype=bool) if is_square else True
-    )
+        hint = "use a distance larger than all others if a method has no result"
+        raise ConfigurationError(problem, hint)
+    is_compared = ~np.eye(*shape, dtype=bool) if is_square else True
+    largest = np.abs(matrix).max(initial=0.0, where=is_compared)
     if matrix.min(initial=0.0) < -ASYMMETRY * largest:
-        raise ConfigurationError(
-            f"a distance is negative ({matrix.min():.3g})", "subtract similarities from the largest"
-        )
-    difference = float(np.abs(matrix - matrix.T).max(initial=0.0)) if is_square else 0.0
-    if difference > ASYMMETRY * largest:
-        raise ConfigurationError(
-            f"the distances are not symmetric (largest difference {difference:.3g})",
-            "average them with the transpose",
-        )
-    if is_square and (itself := matrix.diagonal().max(initial=0.0)) > SELF_DISTANCE * largest:
-        problem = f"a shape is at a distance of {itself:.3g} from itself"
-        raise ConfigurationError(
-            problem, "return distances, not similarities, with a diagonal of 0"
-        )
+        problem = f"a distance is negative ({matrix.min():.3g})"
+        raise ConfigurationError(problem, "subtract similarities from the largest")
+    if is_square:
+        _check_square(matrix, largest)
     return matrix
+
+
+def _check_square(matrix: FloatArray, largest: float) -> None:
+    """Raise ``ConfigurationError`` unless a matrix is symmetric with a diagonal of 0."""
+    difference = float(np.abs(matrix - matrix.T).max(initial=0.0))
+    if difference > ASYMMETRY * largest:
+        problem = f"the distances are not symmetric (largest difference {difference:.3g})"
+        raise ConfigurationError(problem, "average them with the transpose")
+    itself = matrix.diagonal().max(initial=0.0)
+    if itself > SELF_DISTANCE * largest:
+        problem = f"a shape is at a distance of {itself:.3g} from itself"
+        hint = "return distances, not similarities, with a diagonal of 0"
+        raise ConfigurationError(problem, hint)
 
 
 def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[float], bool]:
@@ -398,19 +419,19 @@ def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[
     order = np.argsort(distances, kind="stable")
     hits = relevant[order].astype(np.float64)
     n_results = len(order)
-    c = int(hits.sum())
     # Each rank lies in a group of equal distances: its first rank, its size, and the hits in it and
     # before it.
     starts = np.flatnonzero(np.diff(distances[order], prepend=-np.inf) > 0)
     sizes = np.diff(starts, append=n_results)
     group_hits = np.add.reduceat(hits, starts)
-    size, in_group = np.repeat(sizes, sizes), np.repeat(group_hits, sizes)
+    size = np.repeat(sizes, sizes)
+    in_group = np.repeat(group_hits, sizes)
     gains = in_group / size
     # Given a hit at this rank, the earlier ranks of its group hold (h - 1) / (t - 1) hits each, on
     # average.
     inside = np.arange(n_results) - np.repeat(starts, sizes)
     before = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
     hits_up_to = before + 1 + inside * (in_group - 1) / np.maximum(size - 1, 1)
-    results = RankedList(gains, hits_up_to, c)
+    results = RankedList(gains, hits_up_to, int(hits.sum()))
     values = [measure.of_query(results) for measure in MEASURES.values()]
     return values, bool(((group_hits > 0) & (group_hits < sizes)).any())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numba import njit
@@ -23,8 +24,9 @@ GRID = 9
 #: Number of best grid rotations from which the pattern search starts.
 STARTS = 8
 
-#: First and last step of the pattern search, in radians.
+#: First step of the pattern search, in radians.
 FIRST_STEP = 0.1
+#: Step at which it ends, in radians.
 LAST_STEP = 1e-6
 
 #: Rotations whose areas are summed together: all turns of all starts about one axis.
@@ -57,9 +59,8 @@ def to_unit_sphere(mesh: Mesh) -> Mesh:
         If there are no triangles or all vertices coincide.
     """
     if mesh.n_faces == 0:
-        raise InvalidMesh(
-            "the form has no triangles", "return the triangles of the input with the new positions"
-        )
+        problem = "the form has no triangles"
+        raise InvalidMesh(problem, "return the triangles of the input with the new positions")
     used = np.unique(mesh.faces)
     centred = mesh.vertices - mesh.vertices[used].mean(axis=0)
     radius = np.linalg.norm(centred[used], axis=1).max()
@@ -96,13 +97,13 @@ def rectilinearity_rotation(mesh: Mesh) -> Matrix:
     """
     area_vectors = 0.5 * mesh.face_normals
     ticks = np.linspace(-1.0, 1.0, GRID) * (np.sqrt(2.0) - 1.0)
-    grid = np.array(
-        [_turned(np.eye(3), np.array([x, y, z])) for x in ticks for y in ticks for z in ticks]
-    )
+    vectors = product(ticks, repeat=3)
+    grid = np.array([_turned(np.eye(3), np.array(vector)) for vector in vectors])
     areas = _projected_areas(area_vectors, grid)
     best = np.sort(np.argsort(areas, kind="stable")[:STARTS])
-    found, areas = _refined(area_vectors, grid[best], areas[best])
-    return np.asarray(found[np.flatnonzero(areas <= areas.min() * (1.0 + EQUALLY_RECTILINEAR))[0]])
+    rotations, areas = _refined(area_vectors, grid[best], areas[best])
+    equal = np.flatnonzero(areas <= areas.min() * (1.0 + EQUALLY_RECTILINEAR))
+    return np.asarray(rotations[equal[0]])
 
 
 @njit(cache=True, nogil=True)
@@ -159,7 +160,8 @@ def _refined(
 
     The second value are the areas.
     """
-    rotations, areas = rotations.copy(), areas.copy()
+    rotations = rotations.copy()
+    areas = areas.copy()
     steps = np.full(len(rotations), FIRST_STEP)
     candidates = np.empty((2, *rotations.shape))
     while (steps > LAST_STEP).any():
@@ -172,11 +174,15 @@ def _refined(
                     # Half the angle approximates its tangent well enough.
                     turn[axis] = (side - 0.5) * steps[start]
                     candidates[side, start] = _turned(rotations[start], turn)
-            found = _projected_areas(area_vectors, candidates.reshape(-1, 3, 3)).reshape(2, -1)
+            turned_areas = _projected_areas(area_vectors, candidates.reshape(-1, 3, 3))
+            turned_areas = turned_areas.reshape(2, -1)
             for start in range(len(rotations)):
-                for side in range(2 * active[start]):
-                    if found[side, start] < areas[start]:
-                        rotations[start], areas[start] = candidates[side, start], found[side, start]
+                if not active[start]:
+                    continue
+                for side in range(2):
+                    if turned_areas[side, start] < areas[start]:
+                        rotations[start] = candidates[side, start]
+                        areas[start] = turned_areas[side, start]
                         improved[start] = True
                         break
         steps = np.where(improved, steps, 0.5 * steps)
@@ -205,16 +211,21 @@ def normalise(mesh: Mesh, candidates: Sequence[str], image_size: int) -> Mesh:
     InvalidMesh
         If the form has no triangles or no extent.
     """
-    best = centred = _rounded(to_unit_sphere(mesh))
+    centred = _rounded(to_unit_sphere(mesh))
+    best = centred
     fewest = np.inf
     for name in candidates:
-        turned = _rounded(centred.with_vertices(centred.vertices @ ROTATIONS[name](centred).T))
-        pixels = int((render(turned, image_size, view_sphere(0))[::2] != BACKGROUND).sum())
+        rotation = ROTATIONS[name](centred)
+        turned = _rounded(centred.with_vertices(centred.vertices @ rotation.T))
+        axis_views = render(turned, image_size, view_sphere(0))[::2]
+        pixels = int((axis_views != BACKGROUND).sum())
         if pixels <= fewest * (1.0 + EQUALLY_LARGE):
-            best, fewest = turned, pixels
+            best = turned
+            fewest = pixels
     return best
 
 
 def _rounded(mesh: Mesh) -> Mesh:
+    """Return a form with its coordinates rounded to :data:`RESOLUTION`."""
     # Adding 0.0 makes negative zeros positive.
     return mesh.with_vertices(np.round(mesh.vertices / RESOLUTION) * RESOLUTION + 0.0)

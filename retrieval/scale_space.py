@@ -12,13 +12,20 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from benchmark.geometry.mesh import FloatArray
+
+#: Pixels, and what is computed of them, in single precision.
 SingleArray = NDArray[np.float32]
 
+#: Levels per octave.
 LEVELS = 3
+#: Gaussian levels of an octave.
 N_GAUSSIANS = LEVELS + 3
+#: Ratio of the scales of neighbouring levels.
 STEP = 2.0 ** (1.0 / LEVELS)
+#: Scale of the first Gaussian level of an octave, in its pixels.
 BASE_SCALE = 1.6
+#: Blur of an image before the first octave, in pixels.
 NOMINAL_BLUR = 0.5
 #: Gaussians are cut off at this many standard deviations.
 SUPPORT = 4.0
@@ -27,9 +34,10 @@ SUPPORT = 4.0
 MARGIN = 17
 #: Pixels, in whole rows, that are blurred in both directions at once: what they need stays in the
 #: nearest cache.
-TOGETHER = 2048
+_BLOCK = 2048
 #: Octaves stop when the shorter side of the image falls below 16 pixels.
 SMALLEST_SIDE = 16
+#: Most moves of an extremum to the next pixel.
 REFINEMENT_STEPS = 5
 
 
@@ -40,13 +48,16 @@ def _half_kernels() -> SingleArray:
     """
     kernels = np.zeros((N_GAUSSIANS, MARGIN))
     for level, kernel in enumerate(kernels):
-        sigma = BASE_SCALE * STEP ** (level - 1) * np.sqrt(STEP**2 - 1.0)
-        sigma = sigma if level else np.sqrt(BASE_SCALE**2 - NOMINAL_BLUR**2)
+        if level == 0:
+            sigma = np.sqrt(BASE_SCALE**2 - NOMINAL_BLUR**2)
+        else:
+            sigma = BASE_SCALE * STEP ** (level - 1) * np.sqrt(STEP**2 - 1.0)
         half = np.exp(-0.5 * (np.arange(int(np.ceil(SUPPORT * sigma)) + 1) / sigma) ** 2)
         kernel[: len(half)] = half / (2.0 * half.sum() - half[0])
     return kernels.astype(np.float32)
 
 
+#: Half of each Gaussian, and how many weights of it are not zero.
 KERNELS = _half_kernels()
 SIZES = (KERNELS > 0).sum(axis=1)
 
@@ -69,7 +80,7 @@ def octave_in(room: SingleArray, height: int, width: int) -> tuple[SingleArray, 
         Shape (12, height + 2 MARGIN, width + 2 MARGIN): six Gaussian levels, their five
         differences, and the image.
     numpy.ndarray
-        Of the same shape, a view whose first rows and columns are the pixels.
+        Of the same shape, a view of the same memory whose first rows and columns are the pixels.
     """
     shape = len(room), height + 2 * MARGIN, width + 2 * MARGIN
     size = shape[0] * shape[1] * shape[2]
@@ -91,30 +102,49 @@ def build_octave(octave: SingleArray, half: SingleArray, is_first: bool) -> None
     is_first
         Whether this is the first octave.
     """
-    for level in range(0 if is_first else 1, N_GAUSSIANS):
-        _blur(
-            octave[level - 1], octave[level], octave[N_GAUSSIANS - 1 + max(level, 1)], half, level
-        )
+    first = 0 if is_first else 1
+    for level in range(first, N_GAUSSIANS):
+        # Of level 0, there is no difference: it is overwritten by that of level 1.
+        difference = octave[N_GAUSSIANS - 1 + max(level, 1)]
+        _blur(octave[level - 1], octave[level], difference, half, level)
 
 
 @njit(cache=True, nogil=True)
 def _blur(
     image: SingleArray, blurred: SingleArray, difference: SingleArray, half: SingleArray, level: int
 ) -> None:
-    """Convolve an image with a separable Gaussian; the border is repeated."""
+    """Convolve an image with a separable Gaussian; the border is repeated.
+
+    Parameters
+    ----------
+    image
+        The image with its border, which is filled.
+    blurred, difference
+        Overwritten with the result, and with the result less the image.
+    half
+        Memory for what is blurred in one direction.
+    level
+        Number of the Gaussian.
+    """
     height, stride = image.shape
-    source, target, result = image.ravel(), blurred.ravel(), difference.ravel()
+    source = image.ravel()
+    target = blurred.ravel()
+    result = difference.ravel()
     for row in range(MARGIN):
-        image[row], image[height - 1 - row] = image[MARGIN], image[height - MARGIN - 1]
-    for top in range(MARGIN, height - MARGIN, max(TOGETHER // stride, 1)):
+        image[row] = image[MARGIN]
+        image[height - 1 - row] = image[height - MARGIN - 1]
+    n_rows = max(_BLOCK // stride, 1)
+    for top in range(MARGIN, height - MARGIN, n_rows):
         first = top * stride
-        count = min(max(TOGETHER // stride, 1), height - MARGIN - top) * stride
+        count = min(n_rows, height - MARGIN - top) * stride
         _convolve(source, first, stride, half, MARGIN, count, level)
         for row in range(MARGIN, MARGIN + count, stride):
             half[row : row + MARGIN] = half[row + MARGIN]
             half[row + stride - MARGIN : row + stride] = half[row + stride - MARGIN - 1]
         _convolve(half, MARGIN, 1, target, first, count, level)
-        before, after, out = source[first:], target[first:], result[first:]
+        before = source[first:]
+        after = target[first:]
+        out = result[first:]
         for x in range(count):
             out[x] = after[x] - before[x]
 
@@ -129,12 +159,26 @@ def _convolve(
     count: int,
     level: int,
 ) -> None:
-    """Add up weighted pixels before and after each, in the order of half a kernel."""
+    """Add up weighted pixels before and after each, in the order of half a kernel.
+
+    Parameters
+    ----------
+    source, start
+        Pixels, and the first of them that is convolved.
+    step
+        Distance between neighbours.
+    target, begin
+        Where the sums are written.
+    count
+        Number of the pixels.
+    level
+        Number of the kernel.
+    """
     kernel = KERNELS[level]
-    own = source[start : start + count]
+    centre = source[start : start + count]
     total = target[begin : begin + count]
     for x in range(count):
-        total[x] = kernel[0] * own[x]
+        total[x] = kernel[0] * centre[x]
     for j in range(1, SIZES[level], 2):  # two in one pass; weights beyond the kernel are zero
         near = kernel[j]
         far = kernel[j + 1]
@@ -170,7 +214,8 @@ def find_extrema(
         Number of extrema; those beyond the capacity are counted but not stored.
     """
     count = 0
-    height, width = differences.shape[1] - 2 * MARGIN, differences.shape[2] - 2 * MARGIN
+    height = differences.shape[1] - 2 * MARGIN
+    width = differences.shape[2] - 2 * MARGIN
     candidate_threshold = np.float32(0.8 * peak_threshold)
     marks = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
     eights = marks.view(np.uint64)
@@ -216,15 +261,13 @@ def _mark_candidates(
     lower = differences[level - 1, row, 1:]
     upper = differences[level + 1, row, 1:]
     for x in range(width):
-        value, a, b, c, d, e, f = (
-            middle[x],
-            left[x],
-            right[x],
-            above[x],
-            below[x],
-            lower[x],
-            upper[x],
-        )
+        value = middle[x]
+        a = left[x]
+        b = right[x]
+        c = above[x]
+        d = below[x]
+        e = lower[x]
+        f = upper[x]
         high = (value > a) & (value > b) & (value > c) & (value > d) & (value > e) & (value > f)
         low = (value < a) & (value < b) & (value < c) & (value < d) & (value < e) & (value < f)
         marks[x] = high | low
@@ -234,6 +277,7 @@ def _mark_candidates(
 def _is_extremum(
     differences: SingleArray, level: int, row: int, column: int, value: np.float32
 ) -> bool:
+    """Return whether the value at a pixel exceeds or falls below all its 26 neighbours."""
     sign = np.float32(1.0) if value > 0 else np.float32(-1.0)
     value = sign * value
     # The row neighbours in the same level reject nearly every pixel.
@@ -261,8 +305,10 @@ def _refine(
 
     Returns (good, x, y, offset of the level).
     """
-    height, width = differences.shape[1] - 2 * MARGIN, differences.shape[2] - 2 * MARGIN
-    move_x = move_y = 0
+    height = differences.shape[1] - 2 * MARGIN
+    width = differences.shape[2] - 2 * MARGIN
+    move_x = 0
+    move_y = 0
     # Moves precede fits, so that the last fit belongs to the last pixel.
     for _ in range(REFINEMENT_STEPS):
         column += move_x
@@ -302,7 +348,8 @@ def _refine(
         determinant <= 0 or (hxx + hyy) ** 2 * edge_ratio >= (edge_ratio + 1.0) ** 2 * determinant
     )
     near = max(abs(dx), abs(dy), abs(ds)) < 1.5
-    x, y = column + dx, row + dy
+    x = column + dx
+    y = row + dy
     inside = 0.0 <= x <= width - 1.0 and 0.0 <= y <= height - 1.0 and level + ds >= 0.0
     return near and inside and not on_edge and abs(value) > peak_threshold, x, y, ds
 
@@ -313,11 +360,15 @@ def _solve_symmetric(
 ) -> tuple[bool, float, float, float]:
     """Solve a symmetric 3 x 3 system given by its upper triangle; returns (solvable, x, y, z)."""
     a, b, c, d, e, f = matrix
-    c00, c01, c02 = d * f - e * e, c * e - b * f, b * e - c * d
+    c00 = d * f - e * e
+    c01 = c * e - b * f
+    c02 = b * e - c * d
     determinant = a * c00 + b * c01 + c * c02
     if determinant == 0.0:
         return False, 0.0, 0.0, 0.0
-    c11, c12, c22 = a * f - c * c, b * c - a * e, a * d - b * b
+    c11 = a * f - c * c
+    c12 = b * c - a * e
+    c22 = a * d - b * b
     x = (c00 * u + c01 * v + c02 * w) / determinant
     y = (c01 * u + c11 * v + c12 * w) / determinant
     z = (c02 * u + c12 * v + c22 * w) / determinant

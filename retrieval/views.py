@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from benchmark.geometry.mesh import Mesh, halved
 from benchmark.geometry.rasterise import draw_triangles
 
+#: Depth of pixels that show no surface.
 BACKGROUND = 1.0
 
 
@@ -64,11 +65,11 @@ class ViewSphere:
 def view_sphere(subdivisions: int) -> ViewSphere:
     """Return the views from the vertices of a subdivided octahedron: 6, 18, 66, 258 ....
 
-    Each extends the previous one.
-
-    The 66 of two subdivisions are 6 corners, 12 and 48 edge midpoints.
+    Each extends the previous one. The 66 of two subdivisions are 6 corners, 12 and 48 edge
+    midpoints.
     """
-    corners = np.array([np.eye(3)[axis] * sign for axis in range(3) for sign in (1.0, -1.0)])
+    axes = np.eye(3)
+    corners = np.array([axes[0], -axes[0], axes[1], -axes[1], axes[2], -axes[2]])
     sphere = Mesh(corners, np.array([*product((0, 1), (2, 3), (4, 5))]))
     for _ in range(subdivisions):
         finer = halved(sphere)
@@ -78,14 +79,14 @@ def view_sphere(subdivisions: int) -> ViewSphere:
     return ViewSphere(sphere.vertices)
 
 
-#: The symmetries of the cube, shape (48, 3, 3): signed permutation matrices.
-CUBE_SYMMETRIES = np.array(
-    [
-        np.eye(3)[list(order)] * signs
-        for order in permutations(range(3))
-        for signs in product((1, -1), repeat=3)
-    ]
-)
+def _symmetries_of_cube() -> NDArray[np.float64]:
+    """Return the symmetries of the cube, shape (48, 3, 3): signed permutation matrices."""
+    signs = np.array([*product((1, -1), repeat=3)])
+    matrices = [np.eye(3)[list(order)] * signs[:, np.newaxis] for order in permutations(range(3))]
+    return np.concatenate(matrices)
+
+
+CUBE_SYMMETRIES = _symmetries_of_cube()
 #: Its rotations, shape (24, 3, 3).
 CUBE_ROTATIONS = CUBE_SYMMETRIES[np.linalg.det(CUBE_SYMMETRIES) > 0]
 

@@ -45,7 +45,7 @@ from benchmark.registry import select_one
 from benchmark.report.formats import markdown_table
 from learned.images import resampled
 from learned.methods import Learned
-from learned.models import load
+from learned.models import load_model
 from retrieval.clock import Histograms, count_words, match
 from retrieval.cmbof import CMBOF
 from retrieval.codebook import integers_pay, nearest_words, sample_codebook
@@ -313,7 +313,7 @@ def of_network() -> Iterator[Row]:
     torch.set_num_threads(1)
     image = person()
     for method in (Learned(), Learned(configuration="as_printed")):
-        network, card = load(method.model_folder)
+        network, card = load_model(method.model_folder)
         resolution = card.schedule.resolution if card.schedule else 128
         small = torch.from_numpy(resampled(image, resolution)[:1]).double()[None]
         with FlopCounterMode(display=False) as counter:

@@ -38,7 +38,7 @@ from benchmark.protocols.trainings import TRAININGS
 from learned import fitting, training
 from learned.images import COVERED, DepthScale, checked_image, enlarged, resampled
 from learned.methods import Learned
-from learned.models import CONFIGURATIONS, load, save
+from learned.models import CONFIGURATIONS, load_model, save_model
 from learned.pairs import gather
 from learned.surface import open_surface
 from retrieval.cmbof import CMBOF
@@ -238,7 +238,7 @@ def go_on(results: Path, targets: str) -> None:
             log=print,
         )
         facts = {"seed": FURTHER_SEED, "depth_scale": msgspec.to_builtins(scale)}
-        save(network.eval(), configuration, data, schedule, history, folder, facts)
+        save_model(network.eval(), configuration, data, schedule, history, folder, facts)
     truth = true_images(schedule.resolution)
     before, new = (
         predictions(Learned(configuration="as_printed").load(each)) for each in (AS_PRINTED, folder)
@@ -316,7 +316,7 @@ def lengthen(results: Path, earlier: Path) -> None:
         place = results / f"epoch-{epoch}"
         digest = hashlib.sha256((place / WEIGHTS).read_bytes()).hexdigest()
         (place / CARD).write_text(json.dumps({**card, "digest": digest}))
-        load(place)
+        load_model(place)
         evaluate(0, 0, place, earlier, -epoch)  # negative: of the long training
 
 

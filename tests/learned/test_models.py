@@ -22,7 +22,7 @@ from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.machine import describe_machine
 from learned.fitting import train
 from learned.images import resampled
-from learned.models import HISTORY, load, predict
+from learned.models import HISTORY, load_model, predict
 from tests.learned.toy import (
     BUILDS,
     OPTIONS,
@@ -80,7 +80,7 @@ def test_predictions_are_those_of_the_weights_on_disk(trained: Path) -> None:
     network.load_state_dict({name: tensor.float() for name, tensor in stored.items()})
     with torch.no_grad():
         torch.testing.assert_close(
-            load(trained)[0](IMAGE), network.double()(IMAGE), rtol=0, atol=1e-12
+            load_model(trained)[0](IMAGE), network.double()(IMAGE), rtol=0, atol=1e-12
         )
 
 
@@ -90,9 +90,9 @@ def test_pixels_that_rounding_may_decide_are_predicted_in_double_precision(
     depth = ellipsoid(0.5, 0.7)
     image = torch.from_numpy(resampled(depth, 32)[:1]).double()[None]
     with torch.no_grad():
-        expected = load(trained)[0](image)[0]
+        expected = load_model(trained)[0](image)[0]
     for rounding, is_exact in ((1.0, True), (0.0, False)):
-        monkeypatch.setattr("learned.models.ROUNDING", rounding)
+        monkeypatch.setattr("learned.models.MASK_ROUNDING", rounding)
         error = float((predict(trained, depth) - expected).abs().max())
         assert error < 1e-5
         assert (error < 1e-12) == is_exact
@@ -128,13 +128,13 @@ def test_a_card_without_a_scale_changes_no_bit(copied: Path) -> None:
 
 
 def test_a_folder_whose_model_was_replaced_is_read_again(copied: Path) -> None:
-    before = load(copied)[0]
+    before = load_model(copied)[0]
     replace_weights(
         copied,
         save({name: tensor.half() for name, tensor in TINY.build(seed=5).state_dict().items()}),
     )
     with torch.no_grad():
-        assert not torch.equal(load(copied)[0](IMAGE), before(IMAGE))
+        assert not torch.equal(load_model(copied)[0](IMAGE), before(IMAGE))
 
 
 def flip_last_bit(file: Path) -> None:
@@ -175,7 +175,7 @@ def test_a_damaged_model_is_refused(
 ) -> None:
     damage(copied)
     with pytest.raises(ConfigurationError, match=message):
-        load(copied)
+        load_model(copied)
 
 
 UNBUILDABLE = [
@@ -216,7 +216,7 @@ def test_a_card_that_lacks_a_field_or_names_another_network_is_refused(
 ) -> None:
     edit_card(copied, edit)
     with pytest.raises(ConfigurationError, match=message):
-        load(copied)
+        load_model(copied)
 
 
 def darker() -> Iterator[TrainingPair]:

@@ -18,18 +18,18 @@ from benchmark.pipeline.views import prepare_view
 from benchmark.protocols.trainings import SUBJECT_FOLDS
 from learned.images import resampled
 from learned.methods import Learned, Streamed
-from learned.models import Card, average_body, load
+from learned.models import NetworkCard, average_body, load_model
 
 MEBIBYTES, ALL_MEBIBYTES = 20, 95
 CARDS = {
-    path.parent: read_card(path.parent, Card)
+    path.parent: read_card(path.parent, NetworkCard)
     for path in sorted(Learned.shipped_models.glob(f"*/*/{CARD}"))
 }
 SUBJECTS = PEOPLE[0]
 NAMES = list(SUBJECTS)
 
 
-def cards_of(pattern: str) -> list[Card]:
+def cards_of(pattern: str) -> list[NetworkCard]:
     """Cards of the models whose training has a name that matches."""
     matching = [card for folder, card in CARDS.items() if re.fullmatch(pattern, folder.parent.name)]
     assert matching, f"no model is shipped that was trained on {pattern}"
@@ -38,7 +38,7 @@ def cards_of(pattern: str) -> list[Card]:
 
 def test_every_model_is_the_one_that_its_card_describes() -> None:
     for folder, card in CARDS.items():
-        load(folder)
+        load_model(folder)
         assert folder.parent.name == card.data
         assert folder.name.startswith(f"{card.configuration.name}-seed")
         assert max(path.stat().st_size for path in folder.iterdir()) <= MEBIBYTES * 2**20

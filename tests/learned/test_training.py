@@ -11,7 +11,7 @@ import torch
 
 from benchmark.errors import ConfigurationError, TrainingError
 from learned import fitting, training
-from learned.pairs import Pairs, gather
+from learned.pairs import PairsInMemory, gather
 from learned.training import (
     CHECKPOINT,
     Fitted,
@@ -34,12 +34,12 @@ TARGET = torch.tensor([[[1.0, 0.25], [0.0, 0.0]], [[1.0, 1.0], [0.0, 0.0]]])
 
 
 @pytest.fixture(scope="module")
-def pairs() -> Pairs:
+def pairs() -> PairsInMemory:
     return gather(toy_pairs(BUILDS), 6, 32)
 
 
 def run(
-    pairs: Pairs, folder: Path, plan: Schedule = PLAN, seed: int = 0
+    pairs: PairsInMemory, folder: Path, plan: Schedule = PLAN, seed: int = 0
 ) -> tuple[torch.nn.Module, History]:
     folder.mkdir(exist_ok=True)
     network = TINY.build(seed)
@@ -88,7 +88,7 @@ def one_weight(
 ) -> tuple[OneWeight, History]:
     """Train one weight on images whose true depth is -1 and true mask 2."""
     target = torch.tensor([-1.0, 2.0])[None, :, None, None].expand(1, 2, 2, 2).contiguous()
-    pairs = Pairs(
+    pairs = PairsInMemory(
         tuple("abcdef"[: len(images)]), images, target, torch.zeros(len(images), dtype=torch.long)
     )
     network = OneWeight()
@@ -177,7 +177,7 @@ def test_the_step_size_falls_along_half_a_cosine() -> None:
 
 
 def test_steps_have_the_step_size_of_their_place_in_the_whole_training(
-    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pairs: PairsInMemory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[tuple[int, int]] = []
 
@@ -191,12 +191,14 @@ def test_steps_have_the_step_size_of_their_place_in_the_whole_training(
 
 
 def test_a_repeated_pair_occurs_as_often_as_others_in_an_epoch(
-    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pairs: PairsInMemory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[int] = []
-    read = Pairs.__getitem__
+    read = PairsInMemory.__getitem__
     monkeypatch.setattr(
-        Pairs, "__getitem__", lambda pairs, rows: seen.extend(rows.tolist()) or read(pairs, rows)
+        PairsInMemory,
+        "__getitem__",
+        lambda pairs, rows: seen.extend(rows.tolist()) or read(pairs, rows),
     )
     run(pairs, tmp_path, replace(PLAN, epochs=1, batch=5, repeat=3))
     assert sorted(seen) == sorted(3 * [*range(6)])
@@ -214,7 +216,7 @@ def test_measures_by_hand() -> None:
 
 
 def test_every_pair_counts_the_same_in_the_losses_of_an_epoch(
-    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pairs: PairsInMemory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Six pairs in batches of four and two, whose losses are made to be 1 and 4.
     made = lambda prediction, *_: (0 * prediction.sum() + (1 if len(prediction) == 4 else 4),) * 2  # noqa: E731
@@ -224,7 +226,7 @@ def test_every_pair_counts_the_same_in_the_losses_of_an_epoch(
 
 
 def test_rows_hold_the_measures_of_their_epochs(
-    pairs: Pairs, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    pairs: PairsInMemory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(training, "VALIDATIONS", 2)
     history = fit(
@@ -242,7 +244,7 @@ def test_rows_hold_the_measures_of_their_epochs(
 
 @pytest.mark.parametrize("precision", ["float32", "bfloat16"])
 def test_a_training_that_stops_anywhere_ends_with_the_same_weights(
-    pairs: Pairs,
+    pairs: PairsInMemory,
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     precision: Literal["float32", "bfloat16"],
@@ -281,20 +283,22 @@ def test_a_training_that_stops_anywhere_ends_with_the_same_weights(
     ],
 )
 def test_a_checkpoint_of_another_training_is_refused_by_name(
-    pairs: Pairs, tmp_path: Path, changes: dict[str, float], seed: int, named: str
+    pairs: PairsInMemory, tmp_path: Path, changes: dict[str, float], seed: int, named: str
 ) -> None:
     run(pairs, tmp_path, replace(PLAN, epochs=4))
     with pytest.raises(
         TrainingError, match=f"was made with another {named}; train with the same options"
     ):
         run(pairs, tmp_path, replace(PLAN, **changes), seed)
-    other = Pairs(pairs.names, pairs.images + 1e-6, pairs.targets, pairs.target_of)
+    other = PairsInMemory(pairs.names, pairs.images + 1e-6, pairs.targets, pairs.target_of)
     with pytest.raises(TrainingError, match="was made with another data"):
         run(other, tmp_path)
 
 
 @pytest.mark.parametrize("content", [b"", b"noise", b"PK\x03\x04"])
-def test_a_damaged_checkpoint_is_named(pairs: Pairs, tmp_path: Path, content: bytes) -> None:
+def test_a_damaged_checkpoint_is_named(
+    pairs: PairsInMemory, tmp_path: Path, content: bytes
+) -> None:
     run(pairs, tmp_path)
     (tmp_path / CHECKPOINT).write_bytes(content)
     with pytest.raises(TrainingError, match="is damaged; delete it and train again"):
@@ -302,7 +306,7 @@ def test_a_damaged_checkpoint_is_named(pairs: Pairs, tmp_path: Path, content: by
 
 
 def test_a_checkpoint_with_a_flipped_bit_is_refused_or_the_same(
-    pairs: Pairs, tmp_path: Path
+    pairs: PairsInMemory, tmp_path: Path
 ) -> None:
     expected, _ = run(pairs, tmp_path)
     content, refused = (tmp_path / CHECKPOINT).read_bytes(), 0
@@ -317,13 +321,15 @@ def test_a_checkpoint_with_a_flipped_bit_is_refused_or_the_same(
     assert refused > 8
 
 
-def test_a_checkpoint_that_cannot_be_written_is_named(pairs: Pairs, tmp_path: Path) -> None:
+def test_a_checkpoint_that_cannot_be_written_is_named(pairs: PairsInMemory, tmp_path: Path) -> None:
     (tmp_path / CHECKPOINT).with_suffix(".tmp").mkdir()
     with pytest.raises(TrainingError, match="cannot write .*; free some space and train again"):
         run(pairs, tmp_path)
 
 
-def test_a_loss_that_is_no_number_leaves_the_last_checkpoint(pairs: Pairs, tmp_path: Path) -> None:
+def test_a_loss_that_is_no_number_leaves_the_last_checkpoint(
+    pairs: PairsInMemory, tmp_path: Path
+) -> None:
     with pytest.raises(TrainingError, match=r"loss of epoch 1 is not a number; .*learning_rate"):
         run(pairs, tmp_path, replace(PLAN, learning_rate=1e30))
     assert not list(tmp_path.iterdir())
