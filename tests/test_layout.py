@@ -40,11 +40,6 @@ PENDING = frozenset(
         "benchmark/report/verdicts.py",
         "baselines/feature_preserved.py",
         "baselines/mesh_unfolding.py",
-        "learned/field.py",
-        "learned/field_network.py",
-        "retrieval/measures.py",
-        "retrieval/pose.py",
-        "retrieval/views.py",
         "tools/documentation.py",
     }
 )
