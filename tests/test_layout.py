@@ -35,6 +35,7 @@ PENDING = frozenset(
         "benchmark/report/frames.py",
         "benchmark/report/notes.py",
         "benchmark/report/pages.py",
+        "benchmark/report/play.py",
         "benchmark/report/results.py",
         "benchmark/report/tables.py",
         "benchmark/report/verdicts.py",
