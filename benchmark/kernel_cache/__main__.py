@@ -1,5 +1,7 @@
 """Compile all kernels before the first run: ``python -m benchmark.kernel_cache``.
 
+With ``--quick``, it compiles those of a quick run.
+
 Kernels are compiled on first use and cached beside the code. The workers of a run start together,
 so each would compile all of them. Here one process compiles them by the steps of a run, so that
 they fit the types of its arrays.
@@ -7,6 +9,7 @@ they fit the types of its arrays.
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -31,14 +34,22 @@ class Step(NamedTuple):
     compute: Callable[[], object]
 
 
-def steps() -> list[Step]:
-    """Return steps of a run that use kernels: those of methods, generated data sets and the scorer."""
+def steps(*, quick: bool = False) -> list[Step]:
+    """Return steps that use kernels: those of methods, generated data sets and the scorer.
+
+    With ``quick``, they are the steps of a quick run that compile any: no network has a kernel, and
+    no scan is simulated.
+    """
     from benchmark.datasets.catalogue import CATALOGUE
+    from benchmark.protocols.galleries import QUICK_ROWS
     from benchmark.registry import by_name
 
-    found = [Step(name, partial(_apply, method)) for name, method in by_name("method").items()]
+    found: list[Step] = []
+    for name, method in by_name("method").items():
+        if not quick or (name in QUICK_ROWS and not method.learns):
+            found.append(Step(name, partial(_apply, method)))
     for name, known_set in CATALOGUE.items():
-        if not known_set.folder:
+        if not (quick or known_set.folder):
             found.append(Step(name, partial(_load_bent_shape, name)))
     return [*found, Step(DEFAULT_SCORER, _compare_figures)]
 
@@ -89,18 +100,18 @@ def _compare_figures() -> None:
     scorer.compare(signatures, 0)
 
 
-def main() -> None:
-    """Compile all kernels."""
+def main(*, quick: bool = False) -> None:
+    """Compile all kernels, or those of a quick run."""
     pin_threads()
     from benchmark.cli.progress import counting
 
     drop_stale_kernels()
     start = time.monotonic()
-    for step in counting("compiling kernels", steps(), name=lambda step: step.name):
+    for step in counting("compiling kernels", steps(quick=quick), name=lambda step: step.name):
         with suppress(BenchmarkError):  # missing packages and models are left for the run to report
             step.compute()
     say(f"kernels compiled after {time.monotonic() - start:.0f} s", err=True)
 
 
 if __name__ == "__main__":
-    main()
+    main(quick="--quick" in sys.argv[1:])
