@@ -548,15 +548,14 @@ def export(
     cannot be written.
     """
     from benchmark.cli.progress import counting
+    from benchmark.commands.export import export
     from benchmark.commands.selection import data_folder, shadowed_folders
-    from benchmark.datasets.catalogue import open_dataset
-    from benchmark.datasets.export import export
 
     root = data_folder(selection.data_root)
     for note in shadowed_folders([name], root):
         say(note, err=True)
     watched = partial(counting, f"writing {name}")
-    written, problems = export(open_dataset(name, root), output, watched=watched)
+    written, problems = export(name, output, data_root=root, watched=watched)
     for problem in problems:
         say(f"not written: {problem}", err=True)
     say(f"wrote {len(written)} files to {output}; use them with -d {output}")

@@ -6,7 +6,7 @@ import json
 import re
 import tempfile
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,9 +17,12 @@ from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import ConfigurationError, DatasetError, ShapeError
 from benchmark.geometry.camera import Camera
 
+#: Writes further files into the folder of a set, given the shape in each file, and returns their names.
+Describe = Callable[[Path, Mapping[str, Entry]], Sequence[str]]
+
 
 def export(
-    dataset: ShapeSet, folder: Path, *, watched: Watched = iter
+    dataset: ShapeSet, folder: Path, *, watched: Watched = iter, describe: Describe | None = None
 ) -> tuple[tuple[str, ...], list[str]]:
     """Write the readable shapes as ``CLASS/POSE.off``; cameras and poses in ``dataset.toml``.
 
@@ -34,6 +37,8 @@ def export(
         Target folder, new or empty.
     watched
         Progress wrapper; see :data:`~benchmark.datasets.base.Watched`.
+    describe
+        Writes what describes the set beside it.
 
     Returns
     -------
@@ -61,11 +66,12 @@ def export(
             target = Path(name) / "set"
             written, problems = _write_meshes(dataset, names, target, watched)
             (target / SETTINGS_FILE).write_bytes(_settings(dataset, written).encode())
+            further = describe(target, written) if describe else ()
             target.replace(folder)
     except OSError as error:
         problem = f"cannot write to {folder}: {error.strerror}"
         raise ConfigurationError(problem, "choose another folder") from error
-    return (*written, SETTINGS_FILE), problems
+    return (*written, SETTINGS_FILE, *further), problems
 
 
 def _write_meshes(
