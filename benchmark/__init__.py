@@ -11,6 +11,9 @@ _OFFERED = {
     "canonicalise": "benchmark.commands.canonicalise",
     "compare": "benchmark.commands.compare",
     "demo": "benchmark.commands.demo",
+    "describe": "benchmark.commands.listing",
+    "forget": "benchmark.commands.forget",
+    "listing": "benchmark.commands.listing",
     "merge": "benchmark.commands.merge",
     "open_results": "benchmark.report.results",
     "plan": "benchmark.commands.plan",
@@ -19,6 +22,8 @@ _OFFERED = {
     "score": "benchmark.commands.score",
     "side_by_side": "benchmark.commands.form",
     "tables": "benchmark.commands.tables",
+    "train": "benchmark.commands.train",
+    "write_report": "benchmark.commands.report",
 }
 
 __all__ = sorted(_OFFERED)

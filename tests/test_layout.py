@@ -14,34 +14,8 @@ FOLDERS = ("benchmark", "baselines", "learned", "retrieval", "tools")
 #: Modules that are still to be rewritten; none is added.
 PENDING = frozenset(
     {
-        "benchmark/cli/main.py",
-        "benchmark/cli/names.py",
-        "benchmark/cli/run.py",
-        "benchmark/commands/canonicalise.py",
-        "benchmark/commands/distance_files.py",
-        "benchmark/commands/listing.py",
-        "benchmark/commands/plan.py",
-        "benchmark/commands/score.py",
-        "benchmark/protocols/galleries.py",
-        "benchmark/protocols/pairs.py",
-        "benchmark/protocols/tables.py",
-        "benchmark/protocols/trainings.py",
-        "benchmark/report/columns.py",
-        "benchmark/report/comparison.py",
-        "benchmark/report/drawing.py",
-        "benchmark/report/figures.py",
-        "benchmark/report/formats.py",
-        "benchmark/report/forms.py",
-        "benchmark/report/frames.py",
-        "benchmark/report/notes.py",
-        "benchmark/report/pages.py",
-        "benchmark/report/play.py",
-        "benchmark/report/results.py",
-        "benchmark/report/tables.py",
-        "benchmark/report/verdicts.py",
         "baselines/feature_preserved.py",
         "baselines/mesh_unfolding.py",
-        "tools/documentation.py",
     }
 )
 

@@ -45,6 +45,9 @@ def test_dir_lists_what_there_is():
         "canonicalise",
         "compare",
         "demo",
+        "describe",
+        "forget",
+        "listing",
         "merge",
         "open_results",
         "plan",
@@ -53,6 +56,8 @@ def test_dir_lists_what_there_is():
         "score",
         "side_by_side",
         "tables",
+        "train",
+        "write_report",
     ]
     with pytest.raises(AttributeError, match="module 'benchmark' has no attribute 'rum'"):
         _ = benchmark.rum

@@ -20,8 +20,8 @@ from mkdocs.structure.files import File, Files
 from benchmark.pipeline.records import read_records
 from benchmark.report.data_titles import official_set
 from benchmark.report.forms import StoredForms
-from benchmark.report.pages import _data_title, fixed_file, report_files, table_html
-from benchmark.report.pages import _title as _heading
+from benchmark.report.page_builder import data_label, heading_of_table
+from benchmark.report.pages import fixed_file, report_files, table_html
 from benchmark.report.play import play_galleries, play_page, render_play_page
 from benchmark.report.tables import table_views
 
@@ -30,28 +30,28 @@ if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
     from mkdocs.structure.pages import Page
 
-ROOT = Path(__file__).resolve().parents[1]
+REPOSITORY = Path(__file__).resolve().parents[1]
 
 #: Style of the tables of a report, and what sorts them.
 OF_REPORT = ("table.css", "report.js")
 
 #: Published tables by their path; they are shown as in a report.
-TABLES = {
+PUBLISHED_TABLES = {
     f"results/tables/{view.stem}.md": view
-    for view in table_views(read_records(ROOT / "results", local=False), paper=True)
+    for view in table_views(read_records(REPOSITORY / "results", local=False), paper=True)
 }
 
 #: The report of these tables, and what links to it: in the repository, the folder of the tables.
 REPORT, REPORTED = "report/index.html", "results/tables"
 
 #: The page to play with, and the small data that it shows where no quick run is kept.
-PLAY, PLAY_DATA = "play.html", ROOT / "results" / "figures" / "play.json"
+PLAY, PLAY_DATA = "play.html", REPOSITORY / "results" / "figures" / "play.json"
 
 #: Examples that are pages of the site, by their path.
 EXAMPLES = {
-    path.relative_to(ROOT).as_posix(): f"examples/{path.name.replace('.', '-')}.md"
+    path.relative_to(REPOSITORY).as_posix(): f"examples/{path.name.replace('.', '-')}.md"
     for pattern in ("*.py", "*.cpp", "*.m")
-    for path in sorted((ROOT / "examples").glob(pattern))
+    for path in sorted((REPOSITORY / "examples").glob(pattern))
     if not path.name.startswith("test_")
 }
 
@@ -62,7 +62,7 @@ LANGUAGES = {".py": "python", ".cpp": "cpp", ".m": "matlab"}
 NAVIGATION = '<nav aria-label="Tables">'
 
 #: Files outside ``docs/`` that are pages or pictures of the site.
-BESIDE = (
+EXTRA_PAGES = (
     "*.md",
     "learned/models/README.md",
     "results/tables/*.md",
@@ -76,13 +76,17 @@ DOCUMENTED = (
     "benchmark/api/*.py",
     "benchmark/commands/canonicalise.py",
     "benchmark/commands/compare.py",
+    "benchmark/commands/forget.py",
     "benchmark/commands/form.py",
+    "benchmark/commands/listing.py",
     "benchmark/commands/merge.py",
     "benchmark/commands/plan.py",
+    "benchmark/commands/report.py",
     "benchmark/commands/retrieve.py",
     "benchmark/commands/run.py",
     "benchmark/commands/score.py",
     "benchmark/commands/tables.py",
+    "benchmark/commands/train.py",
     "benchmark/report/results.py",
     "baselines/*.py",
     "retrieval/*.py",
@@ -104,11 +108,13 @@ DISPLAYED = re.compile(r"^\.\. math::[ ]*(.*(?:\n[ ]+\S.*)*)", re.MULTILINE)
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Add the published tables and the reference of the code to the menu."""
     tables = [
-        {f"{view.table.identifier}: {_data_title(view)}": _uri(path)}
-        for path, view in TABLES.items()
+        {f"{view.table.identifier}: {data_label(view)}": _uri(path)}
+        for path, view in PUBLISHED_TABLES.items()
     ]
     tables += [
-        {_title(path): _uri(path)} for path in _paths("results/tables/*.md") if path not in TABLES
+        {_title(path): _uri(path)}
+        for path in _paths("results/tables/*.md")
+        if path not in PUBLISHED_TABLES
     ]
     packages: dict[str, list[dict[str, str]]] = {}
     for module in _modules():
@@ -127,14 +133,16 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the files outside ``docs/``, and a page for each documented module."""
     files.remove(files.src_uris["README.md"])
-    for path in [*_paths(*BESIDE), "docs/README.md"]:
-        files.append(File.generated(config, _uri(path), abs_src_path=str(ROOT / path)))
+    for path in [*_paths(*EXTRA_PAGES), "docs/README.md"]:
+        files.append(File.generated(config, _uri(path), abs_src_path=str(REPOSITORY / path)))
     files.append(File.generated(config, PLAY, content=play_page_of_site()))
     for path, uri in EXAMPLES.items():
         files.append(File.generated(config, uri, content=_example_page(path)))
     for name in OF_REPORT:
         files.append(File.generated(config, f"images/{name}", content=fixed_file(name)))
-    for name, content in report_files(ROOT / "results", list(TABLES.values())).items():
+    for name, content in report_files(
+        REPOSITORY / "results", list(PUBLISHED_TABLES.values())
+    ).items():
         if isinstance(content, str):
             content = content.replace(
                 NAVIGATION, f'{NAVIGATION}<a href="../index.html">Documentation</a>'
@@ -152,7 +160,7 @@ def play_page_of_site() -> str:
 
     The geometry of official sets is not published.
     """
-    results = ROOT / "results"
+    results = REPOSITORY / "results"
     records = [
         record
         for record in read_records(results, published=False)
@@ -166,7 +174,7 @@ def play_page_of_site() -> str:
 
 def _example_page(path: str) -> str:
     """Return the page of an example: its name and its code."""
-    code = (ROOT / path).read_text(encoding="utf-8")
+    code = (REPOSITORY / path).read_text(encoding="utf-8")
     language = LANGUAGES[Path(path).suffix]
     return f"# {Path(path).name}\n\n```{language}\n{code}```\n"
 
@@ -176,11 +184,11 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     address = page.file.src_uri
     if address.startswith("api/"):
         return markdown
-    if view := TABLES.get(address.removeprefix("repository/")):
+    if view := PUBLISHED_TABLES.get(address.removeprefix("repository/")):
         page.meta["hide"] = ["toc"]  # a wide table has the room
         report = posixpath.relpath(REPORT, posixpath.dirname(address))
         lead = f"[Classes, maps and queries]({report})"
-        return f"# {_heading(view)}\n\n{lead}\n\n{table_html(view)}"
+        return f"# {heading_of_table(view)}\n\n{lead}\n\n{table_html(view)}"
     source = next((path for path, uri in URIS.items() if uri == address), None)
     source = source or (
         address.removeprefix("repository/")
@@ -231,9 +239,9 @@ def _reference(role: re.Match[str]) -> str:
 
 def _paths(*patterns: str) -> list[str]:
     paths = [
-        path.relative_to(ROOT).as_posix()
+        path.relative_to(REPOSITORY).as_posix()
         for pattern in patterns
-        for path in sorted(ROOT.glob(pattern))
+        for path in sorted(REPOSITORY.glob(pattern))
     ]
     return list(dict.fromkeys(paths))
 

@@ -26,7 +26,7 @@ from benchmark.pipeline.records import Record, read_records
 from benchmark.report.drawing import shaded
 from benchmark.report.figures import figure_of_records
 from benchmark.report.forms import StoredForms
-from benchmark.report.grids import WIDTH, grid
+from benchmark.report.grids import TEXT_WIDTH, grid
 from benchmark.report.play import play_data, play_galleries
 from benchmark.text import say
 from retrieval.cmbof import CMBOF
@@ -139,7 +139,7 @@ def form_of(mesh: Mesh) -> Mesh:
 def figure_of_pose(*poses: Mesh) -> Figure:
     """Return two poses, coloured by the distance from one hand: through the air, and along the surface."""
     camera = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
-    side = WIDTH / 4
+    side = TEXT_WIDTH / 4
     columns = []
     for title, mesh in zip(("Standing", "Waving"), poses, strict=True):
         hand = int(mesh.vertices[:, 0].argmax())
@@ -160,7 +160,9 @@ def figure_of_views(form: Mesh) -> Figure:
     places = np.linspace(0, len(images) - 1, N_SHOWN).astype(int)
     n_columns = N_SHOWN // 2
     shown = [shade(images[place]) for place in places]
-    return grid([("", shown[column::n_columns]) for column in range(n_columns)], WIDTH / n_columns)
+    return grid(
+        [("", shown[column::n_columns]) for column in range(n_columns)], TEXT_WIDTH / n_columns
+    )
 
 
 def views_of(form: Mesh) -> NDArray[np.float32]:
@@ -179,7 +181,7 @@ def shade(image: NDArray[np.float32]) -> NDArray[np.float64]:
 
 def figure_of_features(forms: list[Mesh]) -> Figure:
     """Return one view of each form with its features."""
-    side = WIDTH / 2
+    side = TEXT_WIDTH / 2
     images = [views_of(form)[4] for form in forms]
     figure = grid([("", [shade(image)]) for image in images], side)
     for axes, image in zip(figure.axes, images, strict=True):
@@ -201,7 +203,7 @@ def figure_of_words(forms: dict[str, Mesh]) -> Figure:
     counts = {title: word_counts(found, codebook) for title, found in features.items()}
     first = next(iter(counts.values()))
     words = np.argsort(-first, kind="stable")[:N_WORDS]
-    figure = Figure((WIDTH, 2.4))
+    figure = Figure((TEXT_WIDTH, 2.4))
     rows: Any = figure.subplots(len(forms), 1, sharex=True, sharey=True)
     for axes, (title, of_words) in zip(rows, counts.items(), strict=True):
         axes.bar(range(N_WORDS), of_words[words], color="#3a82be")

@@ -19,11 +19,11 @@ import numpy as np
 from benchmark.commands.score import score
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.pipeline.records import Record, read_distances, read_records
-from benchmark.reference.paper import MEASURES
+from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.registry import select_one
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import markdown_table
-from benchmark.report.frames import hundredths
+from benchmark.report.notation import hundredths
 from benchmark.text import say
 from tools.form_costs import COSTS, METHODS, SIZES
 
@@ -113,11 +113,11 @@ def five_shapes() -> str:
         order = [int(place) for place in np.argsort(distances, kind="stable") if place != query]
         signs = ["✓" if labels[place] == labels[query] else "✗" for place in order]
         ranked = [f"{names[place]} {sign}" for place, sign in zip(order, signs, strict=True)]
-        scores = [hundredths(evaluation.queries[name].iloc[query]) for name in MEASURES]
+        scores = [hundredths(evaluation.queries[name].iloc[query]) for name in PRINTED_MEASURES]
         body.append([names[query], *ranked, *scores])
-    means = [hundredths(evaluation.scores.loc[name, "score"]) for name in MEASURES]
+    means = [hundredths(evaluation.scores.loc[name, "score"]) for name in PRINTED_MEASURES]
     body.append(["**mean**", "", "", "", "", *means])
-    return "\n".join(markdown_table(["Query", "1st", "2nd", "3rd", "4th", *MEASURES], body))
+    return "\n".join(markdown_table(["Query", "1st", "2nd", "3rd", "4th", *PRINTED_MEASURES], body))
 
 
 def departs(method: str) -> str:

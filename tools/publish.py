@@ -1,4 +1,4 @@
-"""Publish records of jobs done here, into RESULTS/records, which is committed: python -m tools.publish [RESULTS]."""
+"""Publish records of jobs done here in RESULTS/records: ``python -m tools.publish [RESULTS]``."""
 
 from __future__ import annotations
 
@@ -31,11 +31,12 @@ from benchmark.pipeline.records import (
     scan_files,
 )
 from benchmark.protocols.tables import PARTS
-from benchmark.reference.paper import MEASURES
+from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.registry import BUILT_IN, SCORERS
+from benchmark.registry.names import base_name
 from benchmark.report.drawing import OBLIQUE, shaded, webp
 from benchmark.report.forms import StoredForms, thumbnail
-from benchmark.report.frames import row_of
+from benchmark.report.record_facts import row_of
 from benchmark.text import LONGEST_NAME
 
 #: Data set whose distances are published, of surfaces and of views.
@@ -46,7 +47,7 @@ THUMBNAIL = 96
 
 
 def publish(results: Path) -> list[Record]:
-    """Write the public records made here in place of earlier ones of their rows, and return those that are new.
+    """Write the public records made here in place of earlier ones, and return those that are new.
 
     Raises
     ------
@@ -57,13 +58,7 @@ def publish(results: Path) -> list[Record]:
     if has_edits():
         raise ConfigurationError("the working tree has changes", "commit them, and run again")
     here = [record for record in read_records(results, published=False) if is_public(record)]
-    commits = defaultdict[str, set[str]](set)
-    for record in here:
-        commits[f"{record.gallery} {record.input}"].add(record.commit)
-    for name, made_at in commits.items():
-        if len(made_at) > 1 or any(commit.endswith("+") for commit in made_at):
-            problem = f"the rows of {name} were made at {', '.join(sorted(made_at))}"
-            raise ConfigurationError(problem, "run them again at one commit")
+    _check_commits(here)
     published = scan_files((results / "records").glob("*.jsonl"))
     say_skipped(published.skipped)
     if published.skipped:
@@ -79,20 +74,33 @@ def publish(results: Path) -> list[Record]:
     return [record for row, record in now.items() if record != before.get(row)]
 
 
+def _check_commits(records: Iterable[Record]) -> None:
+    """Raise ``ConfigurationError`` if the records of a gallery and input are of several commits."""
+    commits = defaultdict[str, set[str]](set)
+    for record in records:
+        commits[f"{record.gallery} {record.input}"].add(record.commit)
+    for name, made_at in commits.items():
+        if len(made_at) > 1 or any(commit.endswith("+") for commit in made_at):
+            problem = f"the rows of {name} were made at {', '.join(sorted(made_at))}"
+            raise ConfigurationError(problem, "run them again at one commit")
+
+
 def is_public(record: Record) -> bool:
-    """Return whether a record means something elsewhere: a full run of a set, a method and a scorer of the suite."""
+    """Return whether a record is a full run of a set, a method and a scorer of the suite."""
     is_whole = record.gallery.removeprefix(record.data.name).strip() in PARTS
     is_known = (
-        record.data.name.partition("[")[0] in CATALOGUE
-        and record.method.partition("[")[0] in BUILT_IN
+        base_name(record.data.name) in CATALOGUE
+        and base_name(record.method) in BUILT_IN
+        and record.scorer in ("", *SCORERS)
     )
-    is_known &= record.scorer in ("", *SCORERS)
     return is_whole and is_known and record.status != "unavailable"
 
 
 def portable(record: Record) -> Record:
     """Return a record without what means nothing on another machine."""
-    per_query = {name: values for name, values in record.per_query.items() if name in MEASURES}
+    per_query = {
+        name: values for name, values in record.per_query.items() if name in PRINTED_MEASURES
+    }
     published = {
         "per_query": per_query,
         "parts": {},
@@ -104,15 +112,16 @@ def portable(record: Record) -> Record:
 
 
 def with_distances(results: Path, record: Record) -> Record:
-    """Return a record with the digest of its distances, which are written for the public if they belong to TOSCA."""
-    is_shown = record.data.name == WITH_DISTANCES and not record.gallery_of_queries
-    distances = read_distances(results, record) if is_shown else None
+    """Return a record with the digest of its distances, which are written if they are public."""
+    if record.data.name != WITH_DISTANCES or record.gallery_of_queries:
+        return record
+    distances = read_distances(results, record)
     if distances is None or not np.array_equal(distances, distances.T):
         return record
     content = squareform(distances).astype("<f4").tobytes()
     digest = digest_of_bytes(content)
     with storing(results):
-        write_atomically(published_distances(results, digest), lambda file: file.write(content))
+        _write(published_distances(results, digest), content)
     return msgspec.structs.replace(record, distances=digest)
 
 
@@ -120,45 +129,46 @@ def write_published(results: Path, records: Iterable[Record]) -> None:
     """Write records as lines, a file for each data set, in the order of their rows."""
     files = defaultdict[str, bytes](bytes)
     for record in sorted(records, key=lambda record: record.row):
-        base = (
-            re.sub("[^A-Za-z0-9-]+", "-", record.data.name.partition("[")[0])[:LONGEST_NAME]
-            or "records"
-        )
-        files[f"{base}.jsonl"] += encode_record(record) + b"\n"
-    folder = results / "records"
+        name = re.sub("[^A-Za-z0-9-]+", "-", base_name(record.data.name))[:LONGEST_NAME]
+        files[f"{name or 'records'}.jsonl"] += encode_record(record) + b"\n"
     with storing(results):
-        for name, text in files.items():
-            write_atomically(folder / name, lambda file, text=text: file.write(text), durable=True)  # type: ignore[misc]
+        for name, lines in files.items():
+            _write(results / "records" / name, lines, durable=True)
+
+
+def _write(path: Path, content: bytes, *, durable: bool = False) -> None:
+    """Write a file in one step."""
+    write_atomically(path, lambda file: file.write(content), durable=durable)
 
 
 def has_pictures(record: Record) -> bool:
     """Return whether pictures of the forms of a record may be published."""
-    official = SETS.get(record.data.name.partition("[")[0])
+    official = SETS.get(base_name(record.data.name))
     return official is None or official.pictures
 
 
 def write_thumbnails(results: Path, records: Iterable[Record]) -> None:
-    """Write a picture of a form of each row whose forms are stored, of complete surfaces where it has both.
+    """Write a picture of a form of each row whose forms are stored, if possible of surfaces.
 
     Sets whose terms allow no pictures have none.
     """
-    forms, drawn = StoredForms(results, Path(os.environ.get(DATA_VARIABLE, "."))), set[Path]()
-    shown = [record for record in records if has_pictures(record)]
-    for record in sorted(shown, key=lambda record: (record.input, record.row)):
+    forms = StoredForms(results, Path(os.environ.get(DATA_VARIABLE, ".")))
+    drawn = set[Path]()
+    of_sets = [record for record in records if record.answered and has_pictures(record)]
+    for record in sorted(of_sets, key=lambda record: (record.input, record.row)):
         file = thumbnail(results, record.data.name, row_of(record))
-        form = (
-            forms.form(record, record.shapes[record.answered[0]])
-            if record.answered and file not in drawn
-            else None
-        )
+        if file in drawn:
+            continue
+        form = forms.form(record, record.shapes[record.answered[0]])
         if form:
-            data = webp(shaded(form.mesh, OBLIQUE, THUMBNAIL, form.values), quality=40)
-            write_atomically(file, lambda target, data=data: target.write(data))  # type: ignore[misc]
+            picture = shaded(form.mesh, OBLIQUE, THUMBNAIL, form.values)
+            _write(file, webp(picture, quality=40))
             drawn.add(file)
 
 
 if __name__ == "__main__":
     try:
-        print(f"{len(publish(Path((*sys.argv[1:], 'results')[0])))} records are new")
+        folder = sys.argv[1] if len(sys.argv) > 1 else "results"
+        print(f"{len(publish(Path(folder)))} records are new")
     except BenchmarkError as error:
         sys.exit(f"error: {error}")

@@ -1,4 +1,4 @@
-"""``python -m tools.speed [GROUP ...]``: compare the speed of this suite and of other programs in one table."""
+"""``python -m tools.speed [GROUP ...]``: compare the speed of this suite and other programs."""
 # ruff: noqa: E402
 
 from __future__ import annotations
@@ -60,11 +60,25 @@ HEADER = ("what", "ours", "limit", "other program", "its time", "ratio", "how it
 readable = EngFormatter("s", places=2)
 
 
-class Row(NamedTuple):
-    """One measurement: our work and that of another program, their numbers of units, and details of the comparison.
+class Measurement(NamedTuple):
+    """One measurement: our work, and that of another program.
 
-    The limit is the time of its floating-point operations, if their number is known, at the rate of
-    a matrix product."""
+    Parameters
+    ----------
+    name
+        What is measured.
+    ours
+        Our work.
+    peer, theirs
+        Name and work of the other program.
+    detail
+        How both were compared.
+    units, peer_units
+        Numbers of units in both works.
+    operations
+        Floating-point operations of our work, if their number is known; the limit is their time at
+        the rate of a matrix product.
+    """
 
     name: str
     ours: Work
@@ -82,19 +96,18 @@ class Row(NamedTuple):
         if self.theirs:
             theirs = least(self.theirs) / self.peer_units
             peer = (self.peer, readable(theirs), f"{theirs / ours:.2f}")
-        limit = (
-            readable(self.operations / self.units / operations_per_second())
-            if self.operations
-            else ""
-        )
+        limit = ""
+        if self.operations:
+            limit = readable(self.operations / self.units / operations_per_second())
         return (self.name, readable(ours), limit, *peer, self.detail)
 
 
 def least(work: Work) -> float:
-    """Return the least processor time of three runs (of slow work, of one), after one that compiles."""
+    """Return the least processor time of three runs, or of one slow run, after one that compiles."""
     start = time.process_time()
     work()
-    repeat = 3 if time.process_time() - start < 5 else 1
+    is_fast = time.process_time() - start < 5
+    repeat = 3 if is_fast else 1
     return min(timeit.repeat(work, timer=time.process_time, number=1, repeat=repeat))
 
 
@@ -106,11 +119,15 @@ def operations_per_second(size: int = 1024) -> float:
 
 
 def body(place: int = -1) -> Mesh:
+    """Return a generated person."""
     return people().load(people().shapes[place])
 
 
-def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
-    """Measure geodesics of prepared people; errors are relative to exact distances from some vertices."""
+def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Measurement]:
+    """Measure geodesics of prepared people.
+
+    Errors are relative to exact distances from some vertices.
+    """
     places = np.linspace(0, len(people().shapes) - 1, n_shapes).round().astype(int)
     meshes = [prepare(body(place)).mesh for place in places]
     sources = np.random.default_rng(0).choice(
@@ -119,13 +136,16 @@ def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
     exact = [exact_distances(mesh, sources) for mesh in meshes]
 
     def heat(mesh: Mesh) -> FloatArray:
+        """Return all geodesics of a mesh by the heat method."""
         solver = MeshHeatMethodDistanceSolver(mesh.vertices, mesh.faces)
         return np.stack([solver.compute_distance(source) for source in range(mesh.n_vertices)])
 
     def of_all(all_pairs: Callable[[Mesh], FloatArray]) -> list[FloatArray]:
+        """Return the geodesics of all meshes."""
         return [all_pairs(mesh) for mesh in meshes]
 
     def error(all_pairs: Callable[[Mesh], FloatArray]) -> float:
+        """Return the mean relative error of geodesics in per cent."""
         pairs = zip(of_all(all_pairs), exact, strict=True)
         errors = [
             np.abs(estimate[sources] - truth)[truth > 0] / truth[truth > 0]
@@ -134,26 +154,30 @@ def of_geodesics(n_shapes: int = 10, n_sources: int = 50) -> Iterator[Row]:
         return 100 * float(np.concatenate(errors).mean())
 
     ours = geodesics.all_pairs
-    detail = f"{n_shapes} shapes of 2000 vertices, mean error {error(ours):.3f} % (peer {error(heat):.2f} %)"
+    detail = (
+        f"{n_shapes} shapes of 2000 vertices, mean error {error(ours):.3f} % (peer "
+        f"{error(heat):.2f} %)"
+    )
     works = partial(of_all, ours), "potpourri3d heat method", partial(of_all, heat)
-    yield Row("all geodesics of one shape", *works, detail, n_shapes, n_shapes)
+    yield Measurement("all geodesics of one shape", *works, detail, n_shapes, n_shapes)
 
 
 def exact_distances(mesh: Mesh, sources: NDArray[np.int64]) -> FloatArray:
-    """Return the exact distances from some vertices of a manifold to all, shape (k, n), by libigl."""
-    faces, everywhere = mesh.faces.astype(np.int64), np.arange(mesh.n_vertices)
+    """Return the exact distances from some vertices to all, shape (k, n), by libigl."""
+    faces = mesh.faces.astype(np.int64)
+    everywhere = np.arange(mesh.n_vertices)
     return np.stack(
         [igl.exact_geodesic(mesh.vertices, faces, VS=at, VT=everywhere) for at in sources[:, None]]
     )
 
 
-def of_forms() -> Iterator[Row]:
+def of_forms() -> Iterator[Measurement]:
     """Measure methods given the geodesics, and methods that compute only a few rows of them."""
     shape = Shape(identifier="body", mesh=prepare(body()).mesh)
     distances = shape.geodesics()
     detail = "the three largest eigenpairs of 2000 vertices"
     ours, theirs = (partial(scaling, distances) for scaling in (classic_scaling, arpack_scaling))
-    yield Row(
+    yield Measurement(
         "classic-mds, given the geodesics", ours, "double centring + scipy eigsh", theirs, detail
     )
 
@@ -162,7 +186,7 @@ def of_forms() -> Iterator[Row]:
     ours = partial(form_of_distances, "least-squares-mds", shape)
     theirs = partial(sklearn_scaling, distances, start, 5000, eps=1e-6)
     detail = f"stress {ours().notes['stress']:.5f} (peer {stress_of(theirs(), distances):.5f})"
-    yield Row(
+    yield Measurement(
         "least-squares-mds, given the geodesics", ours, "sklearn.manifold.smacof", theirs, detail
     )
 
@@ -172,7 +196,9 @@ def of_forms() -> Iterator[Row]:
         ours, theirs = (partial(form_of_mesh, method, shape.mesh) for method in (method, classic))
         stresses = [stress_of(work().vertices, distances) for work in (ours, theirs)]
         detail = "stress over all pairs {:.5f} (peer {:.5f})".format(*stresses)
-        yield Row(f"{name} with its geodesics", ours, "all geodesics + classic-mds", theirs, detail)
+        yield Measurement(
+            f"{name} with its geodesics", ours, "all geodesics + classic-mds", theirs, detail
+        )
 
 
 def stress_of(points: FloatArray, distances: FloatArray) -> float:
@@ -188,6 +214,7 @@ def form_of_mesh(method: Any, mesh: Mesh) -> Any:
 
 
 def arpack_scaling(distances: FloatArray) -> FloatArray:
+    """Return positions by classical scaling with ARPACK."""
     squared = distances**2
     means = squared.mean(axis=0)
     values, vectors = eigsh(
@@ -208,6 +235,7 @@ def form_of_distances(name: str, shape: Shape) -> Any:
 
 
 def sklearn_scaling(distances: FloatArray, start: FloatArray, steps: int, eps: float) -> FloatArray:
+    """Return positions by the SMACOF of scikit-learn."""
     options = {"n_components": 3, "n_init": 1, "max_iter": steps, "eps": eps}
     return np.asarray(sklearn_smacof(distances, init=start, **options)[0])
 
@@ -217,11 +245,11 @@ FRAME = Path(__file__).parents[1] / "examples" / "depth" / "man-1" / "kneeling.p
 N_VIEWS = len(SPHERE.directions)
 
 
-def of_scorer(n_words: int = 1500, n_forms: int = 40, n_peers: int = 4) -> Iterator[Row]:
+def of_scorer(n_words: int = 1500, n_forms: int = 40, n_peers: int = 4) -> Iterator[Measurement]:
     """Measure one signature and one pair on one core."""
     scorer, form = CMBOF(), figure(0, parts=12)
     upright = normalise(form, scorer.pose, scorer.image_size)
-    yield Row(
+    yield Measurement(
         "CM-BOF signature of one form",
         lambda: scorer.signature(form),
         "trimesh + Embree, then OpenCV SIFT",
@@ -230,9 +258,10 @@ def of_scorer(n_words: int = 1500, n_forms: int = 40, n_peers: int = 4) -> Itera
     )
 
     descriptors = scorer.signature(form)["descriptors"]
-    words, n = sample_codebook([descriptors], n_words, 0), len(descriptors)
-    singles = descriptors.astype(np.float32), words.astype(np.float32)
-    yield Row(
+    words = sample_codebook([descriptors], n_words, 0)
+    n = len(descriptors)
+    singles = (descriptors.astype(np.float32), words.astype(np.float32))
+    yield Measurement(
         "nearest word of one descriptor",
         partial(nearest_words, descriptors, words, by_integers=integers_pay()),
         "OpenCV, brute force",
@@ -243,16 +272,18 @@ def of_scorer(n_words: int = 1500, n_forms: int = 40, n_peers: int = 4) -> Itera
         operations=2.0 * descriptors.size * len(words),
     )
 
-    forms, n_pairs = word_counts(n_words, n_forms), n_forms * (n_forms - 1) // 2
+    forms = word_counts(n_words, n_forms)
+    n_pairs = n_forms * (n_forms - 1) // 2
     tables = [dense_counts(form, n_words) for form in forms[: n_peers + 1]]
 
     def dense() -> list[float]:
+        """Match the first form with some others."""
         return [dense_matching(tables[0], table) for table in tables[1:]]
 
     ours = partial(match, forms, forms, SPHERE.permutations, n_words)
     miss = np.abs(ours()[0, 1 : n_peers + 1] - dense()).max()
     detail = f"{n_forms} forms, {n_words} words, largest difference {miss:.0e}"
-    yield Row(
+    yield Measurement(
         "clock matching, one pair",
         ours,
         "definition in dense numpy",
@@ -264,7 +295,7 @@ def of_scorer(n_words: int = 1500, n_forms: int = 40, n_peers: int = 4) -> Itera
 
 
 def embree_and_opencv(mesh: Mesh, size: int) -> None:
-    """Cast the rays of all views of a normalised form with Embree and describe the images with OpenCV."""
+    """Cast the rays of all views of a form with Embree, and describe the images with OpenCV."""
     cv2.setNumThreads(1)
     sift = cv2.SIFT.create()
     caster = RayMeshIntersector(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False))
@@ -281,9 +312,10 @@ def embree_and_opencv(mesh: Mesh, size: int) -> None:
 
 
 def word_counts(n_words: int, n_forms: int) -> list[Histograms]:
-    """Return histograms with as many keypoints, and as unequal (log-normal) word frequencies, as real ones."""
+    """Return histograms with as many keypoints, and as unequal word frequencies, as real ones."""
     random = np.random.default_rng(0)
-    common, forms = random.normal(size=n_words), []
+    common = random.normal(size=n_words)
+    forms = []
     for _ in range(n_forms):
         weights = np.exp(common + random.normal(size=n_words))
         sizes = random.poisson(40, N_VIEWS)
@@ -295,31 +327,37 @@ def word_counts(n_words: int, n_forms: int) -> list[Histograms]:
 
 
 def dense_counts(form: Histograms, n_words: int) -> NDArray[np.int32]:
+    """Return the word counts of all views as a table, shape (66, n_words)."""
     table = np.zeros((N_VIEWS, n_words), dtype=np.int32)
     table[form.views, form.words] = form.counts
     return table
 
 
 def dense_matching(first: NDArray[np.int32], second: NDArray[np.int32]) -> float:
-    """Return the clock matching of two tables of word counts, each of shape (66, n_words), by definition."""
+    """Return the clock matching of two tables of word counts, shape (66, n_words), by definition."""
     larger = np.maximum(first.sum(axis=1)[:, None], second.sum(axis=1))
     shared = np.array([np.minimum(view, second).sum(axis=1) for view in first])
     dissimilarity = 1 - shared / larger
     return float(min(dissimilarity[np.arange(N_VIEWS), turn].sum() for turn in SPHERE.permutations))
 
 
-def of_network() -> Iterator[Row]:
+def of_network() -> Iterator[Measurement]:
     """Measure a prediction of each size on one core."""
     torch.set_num_threads(1)
     image = person()
     for method in (Learned(), Learned(configuration="as_printed")):
         network, card = load_model(method.model_folder)
-        resolution = card.schedule.resolution if card.schedule else 128
+        resolution = 128
+        if card.schedule:
+            resolution = card.schedule.resolution
         small = torch.from_numpy(resampled(image, resolution)[:1]).double()[None]
         with FlopCounterMode(display=False) as counter:
             network(small)
-        detail = f"from depth image to depth image of 500 x 500 pixels, by a network at {resolution} x {resolution}"
-        yield Row(
+        detail = (
+            f"from depth image to depth image of 500 x 500 pixels, by a network at {resolution} x "
+            f"{resolution}"
+        )
+        yield Measurement(
             f"prediction of one image, {resolution} pixels",
             lambda method=method: method.predict(image),
             "torch, double precision, the network alone",
@@ -329,26 +367,25 @@ def of_network() -> Iterator[Row]:
         )
 
 
-def of_frames() -> Iterator[Row]:
+def of_frames() -> Iterator[Measurement]:
     """Measure one frame of a depth camera from its files."""
     torch.set_num_threads(1)
-    method, scorer = (
-        method_of_depth("learned-streamed"),
-        select_one(DEFAULT_SCORER, kind="scorer").create(),
-    )
+    method = method_of_depth("learned-streamed")
+    scorer = select_one(DEFAULT_SCORER, kind="scorer").create()
     files = FrameFiles(FRAME)
 
     def form() -> Mesh:
+        """Return the form of the frame."""
         return form_of_object(files.observe(), method).mesh
 
     steps: dict[str, Work] = {"form": form, "signature": lambda: compute_signature(scorer, form())}
     for name, work in steps.items():
-        yield Row(
+        yield Measurement(
             f"frame of a depth camera, file to {name}", work, detail="320 x 240 pixels, with a mask"
         )
 
 
-GROUPS: dict[str, Callable[[], Iterator[Row]]] = {
+MEASURED_GROUPS: dict[str, Callable[[], Iterator[Measurement]]] = {
     "geodesics": of_geodesics,
     "forms": of_forms,
     "scorer": of_scorer,
@@ -359,18 +396,18 @@ GROUPS: dict[str, Callable[[], Iterator[Row]]] = {
 
 def main() -> None:
     """Print each row to stderr as it is measured, and the table at the end."""
-    if unknown := {*sys.argv[1:]} - {*GROUPS}:
-        sys.exit(f"no group {min(unknown)}; choose from {', '.join(GROUPS)}")
+    unknown = {*sys.argv[1:]} - {*MEASURED_GROUPS}
+    if unknown:
+        sys.exit(f"no group {min(unknown)}; choose from {', '.join(MEASURED_GROUPS)}")
     rows = []
-    for group in sys.argv[1:] or GROUPS:
-        for row in GROUPS[group]():
+    for group in sys.argv[1:] or MEASURED_GROUPS:
+        for row in MEASURED_GROUPS[group]():
             rows.append(row.cells())
             print(" | ".join(rows[-1]), file=sys.stderr, flush=True)
     print("\n".join(markdown_table(HEADER, rows)))
     processor = re.search(r"model name\s*: (.*)", Path("/proc/cpuinfo").read_text())
-    print(
-        f"\nMeasured on {platform.platform()} ({processor and processor[1]}), {psutil.cpu_count()} cores."
-    )
+    name = processor[1] if processor else "unknown processor"
+    print(f"\nMeasured on {platform.platform()} ({name}), {psutil.cpu_count()} cores.")
 
 
 if __name__ == "__main__":

@@ -10,17 +10,17 @@ from pathlib import Path
 
 from benchmark.cli.options import Selection
 from benchmark.cli.progress import counting
-from benchmark.commands.demo import demo as make_demo
+from benchmark.commands.demo import demo
 from benchmark.kernel_cache.announcing import announce_compilation
 from benchmark.text import say
 
 
-def demo(
+def write_demo(
     meshes: Sequence[Path], output: Path, selection: Selection, *, is_opened: bool = True
 ) -> bool:
     """Write the page, and open it where there is a screen; return whether it has all forms."""
     announce_compilation()
-    made = make_demo(
+    page = demo(
         meshes,
         output,
         methods=selection.methods,
@@ -28,12 +28,12 @@ def demo(
         seed=selection.seed,
         watched=lambda forms: counting("computing forms", forms, name=str),
     )
-    for problem in made.problems:
+    for problem in page.problems:
         say(problem, err=True)
-    say(f"wrote {made.path}: open it in a browser, and drag the slider")
+    say(f"wrote {page.path}: open it in a browser, and drag the slider")
     if is_opened and has_screen():
-        webbrowser.open(made.path.absolute().as_uri())
-    return not made.problems
+        webbrowser.open(page.path.absolute().as_uri())
+    return not page.problems
 
 
 def has_screen() -> bool:

@@ -12,9 +12,9 @@ from benchmark.cli.printing import facts_of
 from benchmark.commands.canonicalise import (
     CameraSettings,
     FormOfFrame,
-    depth_frames,
     form_of_file,
     forms_of_frames,
+    frames_of_paths,
     is_mesh_file,
     trained_on_people,
 )
@@ -31,46 +31,60 @@ from benchmark.report.drawing import check_ending
 from benchmark.text import say, say_table
 
 
-def canonicalise(paths: Sequence[Path], method: str, options: Selection, output: Path) -> bool:
+def write_forms(paths: Sequence[Path], method: str, options: Selection, output: Path) -> bool:
     """Write the form of a mesh, or the forms of depth images; return whether all could be made."""
     announce_compilation()
-    source, *others = paths
-    absent = [path for path in paths if not path.name or not (others or path.exists())]
-    if absent:  # of several, one may be missing
-        raise ConfigurationError(f"{absent[0]} is not a file", "name a mesh or a depth image")
-    if warning := trained_on_people(select_one(method, options.plugins)):
+    _check_are_files(paths)
+    warning = trained_on_people(select_one(method, options.plugins))
+    if warning:
         say(f"{method}: {warning}", err=True)
     camera = _camera(options)
-    if others or not is_mesh_file(source):
-        return _canonicalise_frames(depth_frames(paths, camera), paths, method, options, output)
+    source = paths[0]
+    if len(paths) > 1 or not is_mesh_file(source):
+        return _write_forms_of_frames(
+            frames_of_paths(paths, camera), paths, method, options, output
+        )
     if camera.is_given:
         raise ConfigurationError(
             f"{source} is not a depth image", "omit --intrinsics, --mask and --depth-scale"
         )
+    _write_form_of_mesh(source, method, options, output)
+    return True
+
+
+def _check_are_files(paths: Sequence[Path]) -> None:
+    """Raise ``ConfigurationError`` if there is no such file; of several, one may be missing."""
+    for path in paths:
+        if not path.name or (len(paths) == 1 and not path.exists()):
+            raise ConfigurationError(f"{path} is not a file", "name a mesh or a depth image")
+
+
+def _write_form_of_mesh(source: Path, method: str, options: Selection, output: Path) -> None:
+    """Write and report the form and picture of a mesh, and which of its vertices are nearest."""
     _check_targets(output, options.picture)
     if output.exists() and output.samefile(source):
         raise ConfigurationError(f"{output} is the mesh itself", "name another file with -o")
     form = form_of_file(source, method, plugins=options.plugins, seed=options.seed)
-    told = form.write(output)
+    lost = form.write(output)
     if options.picture is not None:
         _draw_mesh(source, form, options.picture)
-    facts = [*facts_of(form.notes), *told]
+    facts = [f"{output}: {len(form.vertices)} vertices", *facts_of(form.notes), *lost]
     if form.vertex_map is not None and output.suffix.lower() != ".stl":
         numbers = output.with_suffix(".vertices.txt")
         write_text(numbers, "".join(f"{number}\n" for number in form.vertex_map))
         facts.append(f"the nearest of the file, counted from 0, in {numbers}")
-    say(", ".join([f"{output}: {len(form.vertices)} vertices", *facts]))
-    return True
+    say(", ".join(facts))
 
 
 def _camera(options: Selection) -> CameraSettings:
+    """Return what the options say of the camera."""
     return CameraSettings(
         intrinsics=options.intrinsics, mask=options.mask, depth_scale=options.depth_scale
     )
 
 
 def _check_targets(path: Path, picture: Path | None) -> None:
-    """Raise ``ConfigurationError`` if a form or its picture cannot be written to a file of this name."""
+    """Raise ``ConfigurationError`` if a form or picture cannot have a file of this name."""
     check_ending(picture)
     check_writable(path)
 
@@ -80,15 +94,16 @@ def _draw_mesh(source: Path, form: CanonicalForm, picture: Path) -> None:
     from benchmark.report import grids, sheets  # matplotlib takes half a second
 
     mesh = read_mesh(source)
-    drawn = mesh if mesh.n_vertices == len(form.vertices) else prepare(mesh, PREPARED_VERTICES).mesh
-    grids.save(sheets.mesh_picture(drawn, form.mesh), picture)
+    if mesh.n_vertices != len(form.vertices):
+        mesh = prepare(mesh, PREPARED_VERTICES).mesh
+    grids.write_figure(sheets.mesh_picture(mesh, form.mesh), picture)
 
 
 # Depth images
 # ------------------------------------------------------------------------------------------------
 
 
-def _canonicalise_frames(
+def _write_forms_of_frames(
     frames: Sequence[FrameFiles],
     paths: Sequence[Path],
     method: str,
@@ -97,34 +112,44 @@ def _canonicalise_frames(
 ) -> bool:
     """Write and report the form and picture of each depth image; return whether all have a form."""
     outputs = _outputs(frames, paths, output, options.picture)
-    is_single = len(frames) == 1
+    if len(frames) == 1:
+        (of_frame,) = forms_of_frames(frames, method, plugins=options.plugins, seed=options.seed)
+        if of_frame.error is not None:
+            raise of_frame.error
+        say(", ".join(_write_form_of_frame(of_frame, *outputs[0])))
+        return True
     failures = 0
-    made = forms_of_frames(frames, method, plugins=options.plugins, seed=options.seed)
-    for number, (of_frame, (target, picture)) in enumerate(zip(made, outputs, strict=True), 1):
-        count = "" if is_single else f"{number} of {len(frames)}  "
+    forms = forms_of_frames(frames, method, plugins=options.plugins, seed=options.seed)
+    for number, (of_frame, places) in enumerate(zip(forms, outputs, strict=True), 1):
+        count = f"{number} of {len(frames)}  "
         if of_frame.form is None:
-            if is_single and of_frame.error:
-                raise of_frame.error
             failures += 1
             say(f"{count}{of_frame.frame.image}: {of_frame.error}")
-            continue
-        told_of_file = of_frame.form.write(target)
-        if picture:
-            _draw_frame(of_frame, picture)
-        facts = [*facts_of(of_frame.form.notes), *told_of_file]
-        shown = facts if is_single else [fact for fact in facts if fact.startswith("doubt")]
-        n_vertices = len(of_frame.form.vertices)
-        told = f"{count}{target}: {n_vertices} vertices, {of_frame.seconds:.2f} s"
-        say(", ".join([told, *shown]))
+        else:
+            first, *facts = _write_form_of_frame(of_frame, *places)
+            doubts = [fact for fact in facts if fact.startswith("doubt")]
+            say(", ".join([count + first, *doubts]))
     if failures:
         say(f"{failures} of {len(frames)} images have no form", err=True)
     return not failures
 
 
+def _write_form_of_frame(of_frame: FormOfFrame, target: Path, picture: Path | None) -> list[str]:
+    """Write the form and the picture of a depth image, and return facts about them in words."""
+    form = of_frame.form
+    if form is None:
+        return []
+    lost = form.write(target)
+    if picture:
+        _draw_frame(of_frame, picture)
+    first = f"{target}: {len(form.vertices)} vertices, {of_frame.seconds:.2f} s"
+    return [first, *facts_of(form.notes), *lost]
+
+
 def _outputs(
     frames: Sequence[FrameFiles], paths: Sequence[Path], output: Path, picture: Path | None
 ) -> list[tuple[Path, Path | None]]:
-    """Return the files of the form and the picture of each image: one file, or those in a folder."""
+    """Return the files of form and picture of each image: one of each, or those in folders."""
     images = [frame.image for frame in frames]
     if len(images) == 1 and images[0] in paths:
         _check_targets(output, picture)
@@ -132,40 +157,42 @@ def _outputs(
     if output.is_file():
         raise ConfigurationError(f"{output} is a file", "name a folder for several forms with -o")
     above = os.path.commonpath([image.absolute().parent for image in images])
-    inner = [image.absolute().relative_to(above) for image in images]
-    return [
-        (output / place.with_suffix(".off"), picture and picture / place.with_suffix(".png"))
-        for place in inner
-    ]
+    outputs: list[tuple[Path, Path | None]] = []
+    for image in images:
+        place = image.absolute().relative_to(above)
+        drawing = picture / place.with_suffix(".png") if picture else None
+        outputs.append((output / place.with_suffix(".off"), drawing))
+    return outputs
 
 
 def _draw_frame(of_frame: FormOfFrame, picture: Path) -> None:
     """Draw a depth image, its object and its form."""
     from benchmark.report import grids, sheets
 
-    seen, form = of_frame.observed, of_frame.form
-    if seen and form:
-        sheet = sheets.frame_picture(seen.depths, seen.mask, seen.surface, form.mesh)
-        grids.save(sheet, picture)
+    observed = of_frame.observed
+    form = of_frame.form
+    if observed and form:
+        sheet = sheets.frame_picture(observed.depths, observed.mask, observed.surface, form.mesh)
+        grids.write_figure(sheet, picture)
 
 
 # Retrieval
 # ------------------------------------------------------------------------------------------------
 
 
-def retrieve(
-    query: Path, name: str, method: str, options: Selection, k: int, wanted: Input | None = None
+def print_matches(
+    query: Path, name: str, method: str, options: Selection, count: int, input_: Input | None
 ) -> None:
     """Print the shapes of a gallery, complete surfaces or views, that are nearest to a query."""
-    from benchmark.commands.retrieve import retrieve as matches_of  # a form needs no galleries
+    from benchmark.commands.retrieve import retrieve  # a form needs no galleries
 
     check_ending(options.picture)
-    matches = matches_of(
+    matches = retrieve(
         query,
         name,
         method,
-        count=k,
-        input=wanted,
+        count=count,
+        input=input_,
         scorer=options.scorer,
         plugins=options.plugins,
         results=options.results,
@@ -184,5 +211,5 @@ def retrieve(
     if options.picture:
         from benchmark.report import grids
 
-        grids.save(matches.picture(), options.picture)
+        grids.write_figure(matches.picture(), options.picture)
     say(f"{matches.decision}; {matches.seconds:.1f} s")

@@ -25,11 +25,15 @@ from benchmark.text import say
 #: Name of the program in messages.
 PROGRAM = "python -m benchmark"
 
-#: Exit codes: misuse, and an interruption.
-USAGE, INTERRUPTED = 2, 130
+#: Exit code of misuse.
+USAGE = 2
+
+#: Exit code of an interruption.
+INTERRUPTED = 130
 
 
 def _print_version(wanted: bool) -> None:
+    """Print the version, and end."""
     if wanted:
         say(f"canonical-forms {version('canonical-forms-benchmark')}")
         raise typer.Exit
@@ -45,7 +49,10 @@ def root(
 
 
 def program() -> None:
-    """Run the command line; an error that the user can correct is printed on one line, with exit code 2."""
+    """Run the command line.
+
+    An error that the user can correct is printed on one line, with exit code 2.
+    """
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
     pin_threads()
     choose_kernel_cache()
@@ -82,18 +89,18 @@ def _refuse_usage(error: TyperException) -> NoReturn:
 
 
 def _open_streams() -> None:
-    """Reopen closed standard streams, in the order of their numbers, so that no other file gets one of these."""
+    """Reopen closed standard streams in their order, before another file gets their numbers."""
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(
-                errors="backslashreplace"
-            )  # a character that the terminal lacks must not end a run
+            # A character that the terminal lacks must not end a run.
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _end(line: str, code: int) -> NoReturn:
+    """Print a line beside the output, and end with an exit code."""
     with suppress(OSError):
         say(line, err=True)
     sys.exit(code)

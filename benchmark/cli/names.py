@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from inspect import cleandoc
 from pathlib import Path
 
 from benchmark.cli.options import Selection
-from benchmark.commands.listing import details_of, find_component, listing, parameters_of
+from benchmark.commands.listing import (
+    KindOfName,
+    describe,
+    details_of,
+    find_component,
+    listing,
+    parameters_of,
+)
+from benchmark.registry import Component
 from benchmark.text import say, say_lines, say_table
 
 #: Columns that fit 80 characters, by kind; the JSON has all.
@@ -19,7 +27,7 @@ _COLUMNS = {
 }
 
 
-def list_(what: str, selection: Selection, *, as_json: bool) -> None:
+def print_list(what: KindOfName, selection: Selection, *, as_json: bool) -> None:
     """Print the names of a kind."""
     rows = listing(
         what,
@@ -29,31 +37,44 @@ def list_(what: str, selection: Selection, *, as_json: bool) -> None:
     )
     if as_json:
         say_lines(json.dumps(rows, indent=1))
-    else:
-        names = _COLUMNS.get(what, tuple(rows[0]))
-        table = [[row.get(name, "") for name in names] for row in rows]
-        if what == "tables":
-            table = [[name, f"{data}: {caption}"] for name, data, caption in table]
-        say_table([names, *table] if what == "datasets" else table, whole=range(len(table[0]) - 1))
-
-
-def describe(name: str, plugins: Sequence[Path], *, as_json: bool) -> None:
-    """Print the details of a method or a scorer."""
-    component = find_component(name, plugins)
-    facts, parameters = details_of(component), parameters_of(component)
-    if as_json:
-        say_lines(json.dumps({**facts, "parameters": parameters}, indent=1))
         return
-    texts = {
-        fact: value if isinstance(value, str) else " and ".join(value)
-        for fact, value in facts.items()
-    }
-    say(f"{texts.pop('name')}: {texts.pop('title')}")
-    rows = [(f"  {fact}", text) for fact, text in texts.items() if text]
+    columns = _COLUMNS.get(what, tuple(rows[0]))
+    lines = [_values_of(row, columns) for row in rows]
+    if what == "tables":
+        lines = [[name, f"{data}: {caption}"] for name, data, caption in lines]
+    n_columns = len(lines[0])
+    if what == "datasets":
+        lines.insert(0, [*columns])
+    say_table(lines, whole=range(n_columns - 1))
+
+
+def _values_of(row: Mapping[str, str], columns: Sequence[str]) -> list[str]:
+    """Return the facts of a row in some columns, and a blank for one that it lacks."""
+    return [row.get(name, "") for name in columns]
+
+
+def print_description(name: str, plugins: Sequence[Path], *, as_json: bool) -> None:
+    """Print the details of a method or a scorer."""
+    if as_json:
+        say_lines(json.dumps(describe(name, plugins), indent=1))
+        return
+    component = find_component(name, plugins)
+    facts = {}
+    for fact, value in details_of(component).items():
+        facts[fact] = value if isinstance(value, str) else " and ".join(value)
+    parameters = parameters_of(component)
+    say(f"{facts.pop('name')}: {facts.pop('title')}")
+    rows = [(f"  {fact}", text) for fact, text in facts.items() if text]
     chosen = [f"{name}={text}" for name, text in parameters.items()]
-    say_table([*rows, ("  parameters", ", ".join(chosen) or "none")], whole=(0,))
-    for text in dict.fromkeys(
-        cleandoc(base.__doc__ or "") for base in component.load().__mro__ if parameters
-    ):
+    rows.append(("  parameters", ", ".join(chosen) or "none"))
+    say_table(rows, whole=(0,))
+    if parameters:
+        _say_documented_parameters(component)
+
+
+def _say_documented_parameters(component: Component) -> None:
+    """Print the docstrings of a class and its bases that describe parameters."""
+    docstrings = [cleandoc(base.__doc__ or "") for base in component.load().__mro__]
+    for text in dict.fromkeys(docstrings):
         if "\nParameters\n" in text:
             say_lines(f"\n{text}")

@@ -6,7 +6,7 @@ Every ``--help`` imports this module, so it imports nothing heavy.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial, wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -28,15 +28,16 @@ cli.add_typer(data, name="data")
 models = _application(help="Fetch trained models.")
 cli.add_typer(models, name="models")
 
-_UNITS = {"": 1, "s": 1, "m": 60, "h": 3600}
+#: Seconds of the units of a duration.
+_SECONDS = {"": 1, "s": 1, "m": 60, "h": 3600}
 
 
-def duration(text: str | float) -> float:
+def parse_duration(text: str | float) -> float:
     """Parse a duration such as ``90``, ``90s``, ``10m`` or ``2h``; return seconds."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?)\s*([smh]?)", str(text).strip())
     if not match or float(match[1]) == 0:
         raise ValueError(f"'{text}' is not a duration; write 90s, 10m or 2h")
-    return float(match[1]) * _UNITS[match[2]]
+    return float(match[1]) * _SECONDS[match[2]]
 
 
 class Verb(TyperCommand):
@@ -46,24 +47,66 @@ class Verb(TyperCommand):
         """Parse the words of a command line."""
         _, _, given = self.make_parser(ctx).parse_args([*args])
         for option in given:
-            if given.count(option) > 1 and not (
-                getattr(option, "multiple", True) or getattr(option, "is_flag", False)
-            ):
+            is_flag = getattr(option, "is_flag", False)
+            takes_several = getattr(option, "multiple", True)
+            if given.count(option) > 1 and not (takes_several or is_flag):
                 ctx.fail(f"{max(option.opts, key=len)} is given twice")
         return super().parse_args(ctx, args)
 
 
-Method = Annotated[
+# Options of several verbs, by their types
+# ------------------------------------------------------------------------------------------------
+
+MethodOption = Annotated[
     str, Option("-m", "--method", metavar="METHOD", help="Method; see 'list methods'.")
 ]
-Force = Annotated[bool, Option("--force", help="Replace files that this verb did not write.")]
-Format = Annotated[Literal["text", "json"], Option("--format")]
-Failed = Annotated[bool, Option("--failed", help="Also show methods that fail in every job.")]
-Timeout = Annotated[
-    float, Option("--timeout", parser=duration, metavar="TIME", help="Limit: 90s, 10m, 2h.")
+ForceOption = Annotated[bool, Option("--force", help="Replace files that this verb did not write.")]
+FormatOption = Annotated[Literal["text", "json"], Option("--format")]
+FailedOption = Annotated[bool, Option("--failed", help="Also show methods that fail in every job.")]
+TimeoutOption = Annotated[
+    float, Option("--timeout", parser=parse_duration, metavar="TIME", help="Limit: 90s, 10m, 2h.")
 ]
-Traceback = Annotated[bool, Option("--traceback", help="Print errors in full.")]
-SetName = Annotated[str, Argument(metavar="NAME|FOLDER")]
+TracebackOption = Annotated[bool, Option("--traceback", help="Print errors in full.")]
+SetArgument = Annotated[str, Argument(metavar="NAME|FOLDER")]
+
+
+# Options that select
+# ------------------------------------------------------------------------------------------------
+
+#: Names of the options that select models, jobs and records, and of the arguments of commands.
+OF_MODELS = (
+    "data",
+    "methods",
+    "tables",
+    "input",
+    "plugins",
+    "results",
+    "data_root",
+    "quick",
+)
+OF_JOBS = (
+    *OF_MODELS,
+    "scorer",
+    "seed",
+    "subjects",
+    "gallery",
+    "gallery_views",
+    "same_names",
+)
+OF_RECORDS = (
+    "methods",
+    "tables",
+    "data",
+    "input",
+    "scorer",
+    "results",
+    "seed",
+    "quick",
+    "published",
+)
+
+#: Options of the verbs that read depth images.
+OF_CAMERA = ("intrinsics", "mask", "depth_scale", "picture")
 
 
 class Selection(Struct, frozen=True, kw_only=True):
@@ -79,7 +122,7 @@ class Selection(Struct, frozen=True, kw_only=True):
         list[str],
         Option("-m", "--method", metavar="METHOD", help="Method, or all; see 'list methods'."),
     ] = []
-    datasets: Annotated[
+    data: Annotated[
         list[str],
         Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set, or your folder."),
     ] = []
@@ -151,85 +194,54 @@ class Selection(Struct, frozen=True, kw_only=True):
     @property
     def is_something(self) -> bool:
         """Return whether anything is selected, or everything by name."""
-        selected = self.tables or self.methods or self.datasets or self.plugins
+        selected = self.tables or self.methods or self.data or self.plugins
         return self.everything or bool(selected)
 
-    def of_models(self) -> dict[str, Any]:
-        """Return what selects models, by the arguments of a command."""
-        return {
-            "data": self.datasets,
-            "methods": self.methods,
-            "tables": self.tables,
-            "input": self.input,
-            "plugins": self.plugins,
-            "results": self.results,
-            "data_root": self.data_root,
-            "quick": self.quick,
-        }
-
-    def of_jobs(self) -> dict[str, Any]:
-        """Return what selects jobs, by the arguments of a command."""
-        return {
-            **self.of_models(),
-            "scorer": self.scorer,
-            "seed": self.seed,
-            "subjects": self.subjects,
-            "gallery": self.gallery,
-            "gallery_views": self.gallery_views,
-            "same_names": self.same_names,
-        }
-
-    def of_records(self) -> dict[str, Any]:
-        """Return what selects records but for tables and methods, by the arguments of a command."""
-        return {
-            "results": self.results,
-            "data": self.datasets,
-            "input": self.input,
-            "scorer": self.scorer,
-            "seed": self.seed,
-            "quick": self.quick,
-            "published": self.published,
-        }
-
-    def of_tables(self) -> dict[str, Any]:
-        """Return what selects tables, by the arguments of a command."""
-        return {"names": self.tables, "methods": self.methods, **self.of_records()}
+    def arguments(self, names: Iterable[str]) -> dict[str, Any]:
+        """Return some options by their names, as the arguments of a command."""
+        return {name: getattr(self, name) for name in names}
 
 
 def verb(
-    *shared: str, app: Typer = cli
+    *names: str, app: Typer = cli
 ) -> Callable[[Callable[..., bool | None]], Callable[..., None]]:
-    """Return a decorator that adds a verb with options of :class:`Selection`, which is its first argument.
+    """Return a decorator that adds a function as a verb.
 
-    The exit code is 1 if the verb returns False: not all went well.
+    The first argument of the function is a :class:`Selection`. The verb is called like the function
+    up to its first underscore. The exit code is 1 if the function returns False: not all went well.
+
+    Parameters
+    ----------
+    names
+        Names of the options of :class:`Selection` that the verb has, beside its own.
+    app
+        The application that gets the verb.
     """
     types = get_type_hints(Selection, include_extras=True)
-    options = [
+    defaults = asdict(Selection())
+    of_selection = [
         Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=types[name])
-        for name, default in asdict(Selection()).items()
-        if name in shared
+        for name, default in defaults.items()
+        if name in names
     ]
 
     def decorate(function: Callable[..., bool | None]) -> Callable[..., None]:
+        """Add a function as a verb."""
         _, *own = signature(function, eval_str=True).parameters.values()
 
         @wraps(function)
         def run(**values: Any) -> None:
-            if (
-                function(Selection(**{name: values.pop(name) for name in shared}), **values)
-                is False
-            ):
+            """Call the function with the values of all options."""
+            selection = Selection(**{name: values.pop(name) for name in names})
+            if function(selection, **values) is False:
                 raise Exit(1)
 
-        parameters = [
-            *options,
-            *(parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in own),
-        ]
-        parameters.sort(
-            key=lambda parameter: parameter.default is not Parameter.empty
-        )  # required ones first
+        parameters = [parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in own]
+        parameters = [*of_selection, *parameters]
+        parameters.sort(key=lambda parameter: parameter.default is not Parameter.empty)
         run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        return app.command(function.__name__.partition("_")[0], cls=Verb)(run)
+        name, _, _ = function.__name__.partition("_")
+        return app.command(name, cls=Verb)(run)
 
     return decorate

@@ -29,6 +29,7 @@ def facts_of(notes: Mapping[str, float | str]) -> list[str]:
 
 
 def _fact(name: str, note: float | str) -> str:
+    """Return a note in words."""
     if name == "doubt":
         return f"doubt: {note}"
     if not isinstance(note, float):

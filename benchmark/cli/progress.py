@@ -17,9 +17,9 @@ from benchmark.runs.runner import Progress as State
 from benchmark.text import clean_text, say
 
 #: Seconds between lines of progress without a terminal.
-INTERVAL = 15.0
+SECONDS_BETWEEN_LINES = 15.0
 
-T = TypeVar("T")
+_Item = TypeVar("_Item")
 
 
 class Bar:
@@ -36,8 +36,12 @@ class Bar:
     """
 
     def __init__(self, n_jobs: int, expected: float, console: Console | None = None) -> None:
-        self._n_jobs, self._expected, self._n_ended, self._state = n_jobs, expected, 0, State(0, 0)
-        self._start = self._shown = time.monotonic()
+        self._n_jobs = n_jobs
+        self._expected = expected
+        self._n_ended = 0
+        self._state = State(0, 0)
+        self._start = time.monotonic()
+        self._last_line = self._start
         console = console or Console(file=sys.stderr)
         rest = Column(ratio=1, no_wrap=True, overflow="ellipsis")
         self._bar = Progress(
@@ -51,10 +55,12 @@ class Bar:
         self._task = self._bar.add_task("starting", total=None, counts=self._counts())
 
     def __enter__(self) -> Bar:
+        """Show the bar."""
         self._bar.start()
         return self
 
     def __exit__(self, *_: object) -> None:
+        """Take the bar away."""
         self._bar.stop()
 
     def watch(self, state: State) -> None:
@@ -70,20 +76,29 @@ class Bar:
             description=working,
         )
         now = time.monotonic()
-        if self._bar.disable and now - self._shown >= INTERVAL:
-            self._shown = now
+        if self._bar.disable and now - self._last_line >= SECONDS_BETWEEN_LINES:
+            self._last_line = now
             self._say(f"{counts}, {working}")
 
     def _counts(self) -> str:
+        """Return how many steps and jobs are done, and the time left."""
         state = self._state
-        elapsed = time.monotonic() - self._start
-        # The first forms wait for kernels to compile: until many are done, the estimate counts more
-        # than their seconds.
-        share = state.done / state.total if state.total else 0.0
-        expected = self._expected or (elapsed / share if share else 0.0)
-        left = (1 - share) * ((1 - share) * expected + elapsed) if share else expected - elapsed
-        time_left = f", {timedelta(seconds=round(left))} left" if left > 0 else ""
+        seconds = self._seconds_left()
+        time_left = f", {timedelta(seconds=round(seconds))} left" if seconds > 0 else ""
         return f"{state.done}/{state.total} steps, {self._n_ended}/{self._n_jobs} jobs{time_left}"
+
+    def _seconds_left(self) -> float:
+        """Return the seconds that the run is expected to take, 0 or less if nobody knows.
+
+        The first forms wait for kernels to compile: until many are done, the estimate counts more
+        than their seconds.
+        """
+        elapsed = time.monotonic() - self._start
+        if not self._state.done:
+            return self._expected - elapsed
+        share = self._state.done / self._state.total
+        expected = self._expected or elapsed / share
+        return (1 - share) * ((1 - share) * expected + elapsed)
 
     def ended(self, line: str) -> None:
         """Print the line of a finished job."""
@@ -92,12 +107,15 @@ class Bar:
         self._say(line)  # above the bar
 
     def _say(self, line: str) -> None:
-        with suppress(OSError):  # a closed output does not end the run
+        """Print a line; a closed output does not end the run."""
+        with suppress(OSError):
             say(line, err=True)
 
 
-def counting(what: str, items: Iterable[T], name: Callable[[T], str] | None = None) -> Iterator[T]:
-    """Yield items, such as the shapes of ``"checking people"``, and show how many are done, and the time left.
+def counting(
+    what: str, items: Iterable[_Item], name: Callable[[_Item], str] | None = None
+) -> Iterator[_Item]:
+    """Yield items, such as shapes to check, and show how many are done, and the time left.
 
     Parameters
     ----------
@@ -115,15 +133,16 @@ def counting(what: str, items: Iterable[T], name: Callable[[T], str] | None = No
         BarColumn(16),
         TimeRemainingColumn(),
     )
-    shown = -INTERVAL
+    last_line = -SECONDS_BETWEEN_LINES
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task(clean_text(what), total=len(every))
         for number, item in enumerate(every, 1):
-            named = f", {name(item)}" if name else ""
-            line = f"{what}: {number} of {len(every)}{named}"
+            line = f"{what}: {number} of {len(every)}"
+            if name:
+                line += f", {name(item)}"
             now = time.monotonic()
-            if bar.disable and now - shown >= INTERVAL:
-                shown = now
+            if bar.disable and now - last_line >= SECONDS_BETWEEN_LINES:
+                last_line = now
                 say(line, err=True)
             bar.update(task, description=clean_text(line))
             yield item

@@ -1,38 +1,115 @@
-"""``report``: pages and figures of a selection."""
+"""``tables``, ``report`` and ``compare``: print and write what finished jobs show."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Literal
 
-from benchmark.cli.options import Selection
+from benchmark.cli.options import OF_RECORDS, Selection
+from benchmark.cli.printing import print_markdown
+from benchmark.commands.tables import Tables, tables
 from benchmark.errors import ConfigurationError
-from benchmark.text import say
+from benchmark.text import say, say_lines, say_table
 
 
-def draw(options: Selection, path: Path, what: str, shapes: Sequence[str], *, force: bool) -> None:
-    """Draw a figure."""
-    from benchmark.report import figures, grids  # matplotlib takes half a second
+def print_tables(selection: Selection, format: str | None, *, paper: bool, failed: bool) -> None:
+    """Print tables in a format; Markdown by default."""
+    selected = _tables_with_notes(selection, paper=paper, failed=failed)
+    if format is None:
+        print_markdown(selected.markdown())
+    elif format == "latex":
+        say_lines(selected.latex())
+    else:
+        say_lines("\n".join(selected.texts(format)))
+
+
+def write_tables(
+    selection: Selection,
+    output: Path,
+    format: str | None,
+    *,
+    paper: bool,
+    failed: bool,
+    force: bool,
+) -> None:
+    """Write tables as files in a format, or in all."""
+    from benchmark.report.output import TABLE_FORMATS
+
+    selected = _tables_with_notes(selection, paper=paper, failed=failed)
+    formats = [format] if format else TABLE_FORMATS
+    files = selected.write(output, formats, force=force)
+    say(f"wrote {len(files)} files to {output}")
+
+
+def write_report(selection: Selection, output: Path, *, failed: bool, force: bool) -> None:
+    """Write the pages of a report."""
+    from benchmark.commands.report import write_pages
+
+    selected = _tables_with_notes(selection, paper=selection.published, failed=failed)
+    files = write_pages(
+        selected, output, results=selection.results, data_root=selection.data_root, force=force
+    )
+    say(f"wrote {output / 'index.html'} and {len(files) - 1} other files")
+
+
+def draw_figure(
+    selection: Selection,
+    path: Path,
+    kind: Literal["forms", "map"],
+    shapes: Sequence[str],
+    *,
+    force: bool,
+) -> None:
+    """Draw a figure of the first table of a selection."""
+    from benchmark.commands.report import draw_tables
     from benchmark.report.drawing import check_ending
-    from benchmark.report.forms import StoredForms
 
     check_ending(path)
     if path.exists() and not force:
         raise ConfigurationError(f"{path} is there already", "choose another file, or pass --force")
-    from benchmark.commands.tables import tables
-
-    shown = tables(**options.of_tables())
-    for note in shown.notes:
-        say(note, err=True)
-    if not shown.views:
-        raise ConfigurationError(
-            "the table of robustness has no figures", "select another one with -t"
-        )
-    view, forms = shown.views[0], StoredForms(options.results, options.data_root)
-    figure = (
-        figures.map_figure(view, forms)
-        if what == "map"
-        else figures.forms_figure(view, forms, shapes)
+    selected = _tables_with_notes(selection, paper=False, failed=False)
+    draw_tables(
+        selected,
+        path,
+        kind,
+        shapes,
+        results=selection.results,
+        data_root=selection.data_root,
     )
-    grids.save(figure, path)
     say(f"wrote {path}")
+
+
+def print_comparison(selection: Selection, first: str, second: str, format: str) -> None:
+    """Print the differences of a method to another one, or to every row of its tables."""
+    from benchmark.commands.compare import compare
+    from benchmark.report.comparison import details, summaries
+
+    of_records = selection.arguments(name for name in OF_RECORDS if name != "methods")
+    differences = compare(first, second, **of_records)
+    _say_notes(differences.attrs["notes"])
+    if format == "csv":
+        say_lines(differences.to_csv(index=False, float_format="%.6f"))
+    elif format == "json":
+        say_lines(differences.to_json(orient="records", indent=1, double_precision=6))
+    elif second:
+        for line in details(differences):
+            say(line)
+    else:
+        for heading, rows in summaries(differences):
+            say(heading)
+            say_table(rows, whole=range(1, 6))
+
+
+def _tables_with_notes(selection: Selection, *, paper: bool, failed: bool) -> Tables:
+    """Return the tables of a selection; say what was left out."""
+    of_records = selection.arguments(name for name in OF_RECORDS if name != "tables")
+    selected = tables(selection.tables, **of_records, paper=paper, failed=failed)
+    _say_notes(selected.notes)
+    return selected
+
+
+def _say_notes(notes: Iterable[str]) -> None:
+    """Print notes beside the output."""
+    for note in notes:
+        say(note, err=True)

@@ -1,21 +1,21 @@
-"""``plan`` and ``run``: print the jobs of a selection, run those that are missing, and print their tables."""
+"""``plan`` and ``run``: print the jobs of a selection, run the missing ones, print their tables."""
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Sequence
 
-from benchmark.cli.options import Selection
+from benchmark.cli.options import OF_JOBS, OF_MODELS, Selection
 from benchmark.cli.printing import print_markdown
 from benchmark.cli.progress import Bar
-from benchmark.commands import plan as planning
-from benchmark.commands.plan import Plan
+from benchmark.commands.plan import Plan, lacking, plan
 from benchmark.commands.run import records_after, run_plan, tables_of_run
 from benchmark.commands.selection import outcome
 from benchmark.errors import ConfigurationError
 from benchmark.kernel_cache import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
 from benchmark.pipeline.records import Record
+from benchmark.registry.names import base_name
 from benchmark.runs.lacking import LackingModel, train_lacking
 from benchmark.runs.planning import Estimate, Planned
 from benchmark.text import brief, counted, listed, say, say_lines, say_table
@@ -24,19 +24,22 @@ from benchmark.text import brief, counted, listed, say, say_lines, say_table
 _LISTED = 24
 
 
-def plan(selection: Selection, *, traceback: bool = False, every: bool = False) -> bool:
-    """Print the jobs, the reasons to run them, and an estimate of the time; return whether all data can be used."""
-    planned = planning.plan(**selection.of_jobs())
+def print_plan(selection: Selection, *, traceback: bool = False, every: bool = False) -> bool:
+    """Print the jobs, the reasons to run them, and an estimate of the time.
+
+    It returns whether all data sets can be used.
+    """
+    planned = plan(**selection.arguments(OF_JOBS))
     for note in planned.notes:
         say(note, err=True)
     _say_refused(planned)
-    is_short = every or len(planned.jobs) <= _LISTED
-    if is_short:
+    lists_each = every or len(planned.jobs) <= _LISTED
+    if lists_each:
         names = planned.names
         say_table([(job.state, names[job.record.key], brief(job.reason)) for job in planned.jobs])
     else:
         _say_counts(planned.jobs)
-    hint = "" if is_short else "; --jobs lists each"
+    hint = "" if lists_each else "; --jobs lists each"
     say(f"{len(planned.pending)} of {len(planned.jobs)} jobs to run{hint}")
     _say_time(planned.estimate)
     _say_lacking(_lacking(selection, planned))
@@ -47,8 +50,8 @@ def plan(selection: Selection, *, traceback: bool = False, every: bool = False) 
 
 def _lacking(selection: Selection, planned: Plan) -> list[LackingModel]:
     """Return the models that the networks of a selection lack on the data sets that can be used."""
-    usable = [name for name in selection.datasets if name not in planned.refused]
-    return planning.lacking(**{**selection.of_models(), "data": usable})
+    usable = [name for name in selection.data if name not in planned.refused]
+    return lacking(**{**selection.arguments(OF_MODELS), "data": usable})
 
 
 def _say_refused(planned: Plan) -> None:
@@ -61,7 +64,8 @@ def _say_time(expected: Estimate) -> None:
     """Print how long the jobs of a plan take at most, and how many cannot be estimated."""
     if expected.seconds:
         cores = available_cores()
-        work, wall = _roughly(expected.seconds), _roughly(expected.seconds / cores)
+        wall = _roughly(expected.seconds / cores)
+        work = _roughly(expected.seconds)
         say(f"at most about {wall} with {cores} processes ({work} of processor time)")
     if expected.unknown:
         say(f"{expected.unknown} of them cannot be estimated: no job of their method has finished")
@@ -75,7 +79,7 @@ def _say_tracebacks(records: Iterable[Record]) -> None:
             say_lines("  " + record.traceback.rstrip().replace("\n", "\n  "))
 
 
-def run(
+def run_selection(
     selection: Selection,
     *,
     size: int | None,
@@ -85,23 +89,54 @@ def run(
     forms: Sequence[str],
     train: bool = False,
 ) -> bool:
-    """Run the selected jobs, or score forms of other programs, and print tables; return whether all jobs are ok.
+    """Run the selected jobs and print tables; return whether all jobs are ok.
 
-    With ``train``, models that the networks of the selection lack are trained first.
+    Parameters
+    ----------
+    selection
+        What to run.
+    size
+        Number of processes; 0 runs in this one, None on all cores.
+    dask, timeout
+        Address of the scheduler of a dask cluster; limit in seconds.
+    rerun
+        States of jobs that run again.
+    forms
+        Words ``NAME=DIR`` for forms of other programs, which are scored instead of methods.
+    train
+        Whether models that the networks of the selection lack are trained first.
     """
     if not selection.is_something:
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
     if train:
-        lacking = _lacking(selection, planning.plan(**selection.of_jobs()))
-        _say_lacking(lacking)
-        train_lacking(lacking, selection.results, selection.data_root, say)
+        models = _lacking(selection, plan(**selection.arguments(OF_JOBS)))
+        _say_lacking(models)
+        train_lacking(models, selection.results, selection.data_root, say)
     in_this_process = size == 0 and not dask
-    planned = planning.plan(
-        **selection.of_jobs(),
+    planned = plan(
+        **selection.arguments(OF_JOBS),
         rerun=rerun,
-        forms=_forms(forms),
+        forms=_folders_of_forms(forms),
         in_this_process=in_this_process,
     )
+    _announce(planned)
+    if size is None:
+        size = available_cores()
+    ended = _run(planned, size, dask, timeout)
+    if any(record.traceback for record in ended):
+        say("'plan --traceback', with the same selection, prints errors in full", err=True)
+    records = records_after(planned, ended)
+    if selection.subjects:  # tables show whole galleries
+        for record in planned.known_records(records):
+            say(f"{planned.names[record.key]}  {outcome(record)}")
+    else:
+        _print_tables(planned, records, selection)
+    is_complete = not (planned.missed or planned.refused)
+    return is_complete and all(record.status == "ok" for record in ended)
+
+
+def _announce(planned: Plan) -> None:
+    """Print what a run will do, what it cannot do, and what it has to be known for."""
     for note in [*planned.notes, *planned.announcements()]:
         say(note, err=True)
     _say_refused(planned)
@@ -113,24 +148,15 @@ def run(
         say(f"{job.state:<11}  {name}  {brief(job.reason)}{remedy}")
     if planned.pending and not any(map(compiled_kernels, suite_sources())):
         say(
-            "the first run compiles kernels, which takes minutes; 'python -m benchmark.kernel_cache' does so in advance"
+            "the first run compiles kernels, which takes minutes; "
+            "'python -m benchmark.kernel_cache' does so in advance"
         )
-    if in_this_process:
+    if planned.in_this_process:
         say(
-            "-j 0: plugins run in this process, by one thread, without time limits; nothing of them is kept",
+            "-j 0: plugins run in this process, by one thread, without time limits; "
+            "nothing of them is kept",
             err=True,
         )
-    ended = _run(planned, available_cores() if size is None else size, dask, timeout)
-    if any(record.traceback for record in ended):
-        say("'plan --traceback', with the same selection, prints errors in full", err=True)
-    records = records_after(planned, ended)
-    if selection.subjects:  # tables show whole galleries
-        for record in planned.known_records(records):
-            say(f"{planned.names[record.key]}  {outcome(record)}")
-    else:
-        _print_tables(planned, records, selection)
-    is_complete = not (planned.missed or planned.refused)
-    return is_complete and all(record.status == "ok" for record in ended)
 
 
 def _run(planned: Plan, size: int, dask: str, timeout: float) -> list[Record]:
@@ -147,10 +173,14 @@ def _run(planned: Plan, size: int, dask: str, timeout: float) -> list[Record]:
     return ended
 
 
-def _forms(words: Sequence[str]) -> dict[str, str]:
+def _folders_of_forms(words: Sequence[str]) -> dict[str, str]:
     """Return folders of forms by title, from words ``NAME=DIR``."""
-    folders = dict(word.partition("=")[::2] for word in words)
-    if len(folders) < len(words) or not all(folders) or not all(folders.values()):
+    folders = {}
+    for word in words:
+        title, _, folder = word.partition("=")
+        folders[title] = folder
+    has_repeated = len(folders) < len(words)
+    if has_repeated or not all(folders) or not all(folders.values()):
         problem = "--forms scores the meshes of folders as forms of a data set"
         raise ConfigurationError(problem, "pass -d FOLDER --forms NAME=DIR, without -m")
     return folders
@@ -158,62 +188,74 @@ def _forms(words: Sequence[str]) -> dict[str, str]:
 
 def _print_tables(planned: Plan, records: Sequence[Record], selection: Selection) -> None:
     """Print the tables of the jobs of a run."""
-    shown = tables_of_run(
+    tables = tables_of_run(
         planned, records, quick=selection.quick, scorer=selection.scorer, seed=selection.seed
     )
     say()
-    print_markdown(shown.markdown())
+    print_markdown(tables.markdown())
     if any("|" in name for name in selection.methods):
         say(
-            "- The best of several values is tuned on these shapes; choose it on others: --subjects A,B."
+            "- The best of several values is tuned on these shapes; choose it on others: "
+            "--subjects A,B."
         )
 
 
-def _say_lacking(lacking: Sequence[LackingModel]) -> None:
+def _say_lacking(models: Sequence[LackingModel]) -> None:
     """Say how many models are lacking, and how long their trainings take."""
-    if not lacking:
+    if not models:
         return
-    counts = Counter(model.method.partition("[")[0] for model in lacking)
-    named = ", ".join(f"{count} of {name}" for name, count in counts.items())
-    known = [model.seconds for model in lacking if model.seconds is not None]
+    counts = Counter(base_name(model.method) for model in models)
+    names = ", ".join(f"{count} of {name}" for name, count in counts.items())
+    known = [model.seconds for model in models if model.seconds is not None]
     takes = f"about {_roughly(sum(known))} of processor time"
-    if len(known) < len(lacking):
-        takes += f", {len(lacking) - len(known)} of them unknown"
-    verb = "is" if len(lacking) == 1 else "are"
-    models = counted(len(lacking), "model")
-    say(f"{models} {verb} missing ({named}); 'run --train' trains first: {takes}")
+    if len(known) < len(models):
+        takes += f", {len(models) - len(known)} of them unknown"
+    verb = "is" if len(models) == 1 else "are"
+    number = counted(len(models), "model")
+    say(f"{number} {verb} missing ({names}); 'run --train' trains first: {takes}")
+
+
+#: What becomes of jobs, in the order of the columns that count them.
+_FATES = ("to run", "done", "not possible")
+
+
+def _fate(job: Planned) -> str:
+    """Return what becomes of a job."""
+    if job.is_pending:
+        return "to run"
+    if job.state == "finished":
+        return "done"
+    return "not possible"
 
 
 def _say_counts(jobs: Sequence[Planned]) -> None:
-    """Print how many methods run on each data set and input, and then which cannot, or failed, and why."""
-    counts: dict[tuple[str, str], Counter[str]] = {}
-    reasons: dict[tuple[str, str], list[str]] = {}
+    """Print how many methods run on each data set and input, which cannot or failed, and why."""
+    counts = defaultdict[tuple[str, str], Counter[str]](Counter)
+    reasons = defaultdict[tuple[str, str], list[str]](list)
     for job in jobs:
-        kind = "to run" if job.is_pending else "done" if job.state == "finished" else "not possible"
-        counts.setdefault((job.record.gallery, job.record.input), Counter())[kind] += 1
-        if kind == "not possible" or job.state in ("stale", "failed"):
-            reasons.setdefault((job.state, brief(job.reason)), []).append(job.record.method)
-    kinds = [
-        kind
-        for kind in ("to run", "done", "not possible")
-        if any(of[kind] for of in counts.values())
-    ]
-    rows = [
-        (*place, *(f"{of[kind]:>{len(kind)}}" if of[kind] else "" for kind in kinds))
-        for place, of in counts.items()
-    ]
-    say_table([("data", "input", *kinds), *rows], whole=range(1, 2 + len(kinds)))
+        fate = _fate(job)
+        counts[job.record.gallery, job.record.input][fate] += 1
+        if fate == "not possible" or job.state in ("stale", "failed"):
+            reasons[job.state, brief(job.reason)].append(job.record.method)
+    total = sum(counts.values(), Counter[str]())
+    fates = [fate for fate in _FATES if total[fate]]
+    rows = [["data", "input", *fates]]
+    for place, of_place in counts.items():
+        numbers = [str(of_place[fate] or "").rjust(len(fate)) for fate in fates]
+        rows.append([*place, *numbers])
+    say_table(rows, whole=range(1, 2 + len(fates)))
     for (state, reason), methods in reasons.items():
-        say(f"{state}: {listed(dict.fromkeys(methods))} ({counted(len(methods), 'job')}): {reason}")
+        number = counted(len(methods), "job")
+        say(f"{state}: {listed(dict.fromkeys(methods))} ({number}): {reason}")
 
 
 def _roughly(seconds: float) -> str:
     """Return a time in words: 40 s, 12 min, 2 h 10 min."""
-    minutes = round(seconds / 60)
-    return (
-        f"{round(seconds)} s"
-        if seconds < 90
-        else f"{minutes} min"
-        if minutes < 60
-        else (f"{minutes // 60} h" + f" {minutes % 60} min" * bool(minutes % 60))
-    )
+    if seconds < 90:
+        return f"{round(seconds)} s"
+    hours, minutes = divmod(round(seconds / 60), 60)
+    if not hours:
+        return f"{minutes} min"
+    if not minutes:
+        return f"{hours} h"
+    return f"{hours} h {minutes} min"

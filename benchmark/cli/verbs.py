@@ -1,56 +1,31 @@
-"""The verbs; what a verb needs is imported when it runs, so that ``--help`` is fast."""
+"""The verbs with their options.
+
+What a verb needs is imported when it runs, so that ``--help`` is fast. A verb parses its words, and
+leaves the rest to a function of this package that calls a command and prints what it returns.
+"""
 
 from __future__ import annotations
 
-import faulthandler
-import json
-import shlex
-import warnings
-from collections import Counter
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 from typer import Argument, Exit, Option
 
 from benchmark.cli import options as shared
-from benchmark.cli.options import Selection, cli, data, models, verb
-from benchmark.errors import ConfigurationError
-from benchmark.text import say, say_lines, say_table
-
-_JOBS = (
-    "everything",
-    "tables",
-    "methods",
-    "datasets",
-    "input",
-    "scorer",
-    "plugins",
-    "results",
-    "data_root",
-    "seed",
-    "quick",
-    "subjects",
-    "gallery",
-    "gallery_views",
-    "same_names",
+from benchmark.cli.options import (
+    OF_CAMERA,
+    OF_JOBS,
+    OF_RECORDS,
+    Selection,
+    cli,
+    data,
+    models,
+    verb,
 )
-_RECORDS = (
-    "tables",
-    "methods",
-    "datasets",
-    "input",
-    "scorer",
-    "results",
-    "seed",
-    "quick",
-    "published",
-)
-_CAMERA = ("intrinsics", "mask", "depth_scale", "picture")
 
 
-@verb(*_JOBS)
-def run(
+@verb("everything", *OF_JOBS)
+def run_verb(
     selection: Selection,
     jobs: Annotated[
         int | None,
@@ -61,7 +36,7 @@ def run(
     dask: Annotated[
         str, Option("--dask", metavar="URL", help="Scheduler of a dask cluster: tcp://HOST:8786.")
     ] = "",
-    timeout: shared.Timeout = "2h",  # type: ignore[assignment]  # typer parses it
+    timeout: shared.TimeoutOption = "2h",  # type: ignore[assignment]  # typer parses it
     retry: Annotated[bool, Option("--retry", help="Run failed jobs again.")] = False,
     force: Annotated[bool, Option("--force", help="Run finished jobs again, too.")] = False,
     forms: Annotated[
@@ -75,28 +50,32 @@ def run(
     ] = False,
 ) -> bool:
     """Run the missing jobs of a selection, then print its tables."""
-    from benchmark.cli.run import run
+    from benchmark.cli.run import run_selection
 
-    rerun = ["failed", "finished"] if force else ["failed"] if retry else []
-    return run(
+    rerun: list[str] = []
+    if retry or force:
+        rerun.append("failed")
+    if force:
+        rerun.append("finished")
+    return run_selection(
         selection, size=jobs, dask=dask, timeout=timeout, rerun=rerun, forms=forms, train=train
     )
 
 
-@verb(*_JOBS)
-def plan(
+@verb("everything", *OF_JOBS)
+def plan_verb(
     selection: Selection,
-    traceback: shared.Traceback = False,
+    traceback: shared.TracebackOption = False,
     every: Annotated[bool, Option("--jobs", help="List each job, also of many.")] = False,
 ) -> bool:
     """Show what would run, why, and how long it would take."""
-    from benchmark.cli.run import plan
+    from benchmark.cli.run import print_plan
 
-    return plan(selection, traceback=traceback, every=every)
+    return print_plan(selection, traceback=traceback, every=every)
 
 
-@verb(*_RECORDS)
-def tables(
+@verb(*OF_RECORDS)
+def tables_verb(
     selection: Selection,
     format: Annotated[
         Literal["latex", "markdown", "csv", "json"] | None,
@@ -108,33 +87,23 @@ def tables(
     paper: Annotated[
         bool, Option("--paper", help="Also rows of the paper that never ran.")
     ] = False,
-    force: shared.Force = False,
-    failed: shared.Failed = False,
+    force: shared.ForceOption = False,
+    failed: shared.FailedOption = False,
 ) -> None:
     """Print or write the tables of finished jobs.
 
     It needs no data.
     """
-    from benchmark.cli.printing import print_markdown
-    from benchmark.commands.tables import tables
-    from benchmark.report.output import FORMATS
+    from benchmark.cli.results import print_tables, write_tables
 
-    shown = tables(**selection.of_tables(), paper=paper, failed=failed)
-    for note in shown.notes:
-        say(note, err=True)
-    if output is not None:
-        files = shown.write(output, [format] if format else FORMATS, force=force)
-        say(f"wrote {len(files)} files to {output}")
-    elif format == "latex":
-        say_lines(shown.latex())
-    elif format:
-        say_lines("\n".join(shown.texts(format)))
+    if output is None:
+        print_tables(selection, format, paper=paper, failed=failed)
     else:
-        print_markdown(shown.markdown())
+        write_tables(selection, output, format, paper=paper, failed=failed, force=force)
 
 
-@verb(*_RECORDS, "data_root")
-def report(
+@verb(*OF_RECORDS, "data_root")
+def report_verb(
     selection: Selection,
     output: Annotated[
         Path | None,
@@ -147,87 +116,64 @@ def report(
         Option("--figure", help="Draw a .pdf, .png or .svg instead."),
     ] = None,
     shapes: Annotated[list[str], Option("--shape", metavar="NAME", help="Shape to show.")] = [],
-    force: shared.Force = False,
-    failed: shared.Failed = False,
+    force: shared.ForceOption = False,
+    failed: shared.FailedOption = False,
 ) -> None:
     """Write HTML pages, or draw a figure.
 
     Pages show tables, maps, and canonical forms in 3D.
     """
-    from benchmark.cli.results import draw
-    from benchmark.commands.tables import tables
-    from benchmark.report.output import write_files
-    from benchmark.report.pages import report_files
+    from benchmark.cli.results import draw_figure, write_report
 
-    if figure:
-        draw(selection, output or Path(f"{figure}.pdf"), figure, shapes, force=force)
-        return
-    shown = tables(**selection.of_tables(), paper=selection.published, failed=failed)
-    for note in shown.notes:
-        say(note, err=True)
-    folder = output or Path("results/report")
-    files = report_files(selection.results, shown.views, selection.data_root)
-    write_files(folder, files, force=force)
-    say(f"wrote {folder / 'index.html'} and {len(files) - 1} other files")
+    if figure is None:
+        write_report(selection, output or Path("results/report"), failed=failed, force=force)
+    else:
+        draw_figure(selection, output or Path(f"{figure}.pdf"), figure, shapes, force=force)
 
 
-@verb("tables", "datasets", "input", "scorer", "results", "seed", "quick", "published")
-def compare(
+@verb("tables", "data", "input", "scorer", "results", "seed", "quick", "published")
+def compare_verb(
     selection: Selection,
     first: Annotated[str, Argument(metavar="A")],
     second: Annotated[str, Argument(metavar="[B]")] = "",
     format: Annotated[Literal["text", "csv", "json"], Option("--format")] = "text",
 ) -> None:
     """Test the differences of a method to another one, or to every row of its tables."""
-    from benchmark.commands.compare import compare
-    from benchmark.report.comparison import details, summaries
+    from benchmark.cli.results import print_comparison
 
-    found = compare(first, second, tables=selection.tables, **selection.of_records())
-    for note in found.attrs["notes"]:
-        say(note, err=True)
-    if format == "csv":
-        say_lines(found.to_csv(index=False, float_format="%.6f"))
-    elif format == "json":
-        say_lines(found.to_json(orient="records", indent=1, double_precision=6))
-    elif second:
-        for line in details(found):
-            say(line)
-    else:
-        for heading, rows in summaries(found):
-            say(heading)
-            say_table(rows, whole=range(1, 6))
+    print_comparison(selection, first, second, format)
 
 
 @verb("plugins", "results", "data_root")
-def list_(
+def list_verb(
     selection: Selection,
     what: Annotated[
         Literal["methods", "scorers", "datasets", "tables", "models"], Argument(metavar="WHAT")
     ],
-    format: shared.Format = "text",
+    format: shared.FormatOption = "text",
 ) -> None:
     """List methods, scorers, datasets, tables or models."""
-    from benchmark.cli.names import list_
+    from benchmark.cli.names import print_list
 
-    list_(what, selection, as_json=format == "json")
+    print_list(what, selection, as_json=format == "json")
 
 
 @verb("plugins")
-def describe(
+def describe_verb(
     selection: Selection,
     name: Annotated[str, Argument(metavar="METHOD|SCORER")],
-    format: shared.Format = "text",
+    format: shared.FormatOption = "text",
 ) -> None:
     """Describe a method or a scorer: parameters, source, inputs."""
-    from benchmark.cli.names import describe
+    from benchmark.cli.names import print_description
 
-    describe(name, selection.plugins, as_json=format == "json")
+    print_description(name, selection.plugins, as_json=format == "json")
 
 
-@verb("plugins", "seed", *_CAMERA)
-def canonicalise(
+@verb("plugins", "seed", *OF_CAMERA)
+def canonicalise_verb(
     selection: Selection,
-    method: shared.Method,
+    method: shared.MethodOption,
     paths: Annotated[list[Path], Argument(metavar="IN...")],
     output: Annotated[
         Path, Option("-o", "--output", metavar="OUT", help="Mesh file, or folder for several.")
@@ -238,13 +184,13 @@ def canonicalise(
     A depth image is a 16-bit PNG, TIFF or PGM, NPY, NPZ or PFM; a folder stands for all of its
     images.
     """
-    from benchmark.cli.forms import canonicalise
+    from benchmark.cli.forms import write_forms
 
-    return canonicalise(paths, method, selection, output)
+    return write_forms(paths, method, selection, output)
 
 
 @verb("methods", "plugins", "seed")
-def demo(
+def demo_verb(
     selection: Selection,
     meshes: Annotated[
         list[Path] | None, Argument(metavar="[MESH]...", help="[a generated cat in two poses]")
@@ -255,15 +201,15 @@ def demo(
     is_closed: Annotated[bool, Option("--no-open", help="Open no browser.")] = False,
 ) -> bool:
     """Make a page on which shapes unfold into their canonical forms, and open it."""
-    from benchmark.cli.demo import demo
+    from benchmark.cli.demo import write_demo
 
-    return demo(meshes or [], output, selection, is_opened=not is_closed)
+    return write_demo(meshes or [], output, selection, is_opened=not is_closed)
 
 
-@verb("scorer", "plugins", "results", "data_root", "seed", "gallery_views", *_CAMERA)
-def retrieve(
+@verb("scorer", "plugins", "results", "data_root", "seed", "gallery_views", *OF_CAMERA)
+def retrieve_verb(
     selection: Selection,
-    method: shared.Method,
+    method: shared.MethodOption,
     dataset: Annotated[
         str, Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set or folder.")
     ],
@@ -274,13 +220,13 @@ def retrieve(
     ] = None,
 ) -> None:
     """Show the shapes that are nearest to a mesh or a depth image."""
-    from benchmark.cli.forms import retrieve
+    from benchmark.cli.forms import print_matches
 
-    retrieve(query, dataset, method, selection, k, input)
+    print_matches(query, dataset, method, selection, k, input)
 
 
-@cli.command(cls=shared.Verb)
-def score(
+@cli.command("score", cls=shared.Verb)
+def score_verb(
     distances: Annotated[Path, Argument(metavar="DISTANCES")],
     labels: Annotated[
         Path,
@@ -320,88 +266,35 @@ def score(
     DISTANCES is a symmetric N x N matrix (any M x N with --gallery): .npy, .npz, .txt, .csv, .mat,
     or .matrix of PSB.
     """
-    if gallery and results is not None:
-        raise ConfigurationError(
-            "a row that is kept has the queries as its gallery", "omit --gallery or --results"
-        )
-    if dataset and results is None:
-        raise ConfigurationError(
-            "--dataset names the data of a row that is kept", "pass --results, too"
-        )
+    from benchmark.cli.scores import print_kept_scores, print_scores_of_file
+
     title = title or distances.stem
-    record = None
-    if results is not None:
-        from benchmark.commands.external_rows import score_and_keep  # whose rows need the runner
-
-        evaluation, record = score_and_keep(
-            distances,
-            labels,
-            order or "",
-            results=results,
-            title=title,
-            dataset=dataset,
-            input=input,
+    if results is None:
+        print_scores_of_file(distances, labels, order or "", gallery, title, dataset, format)
+    else:
+        print_kept_scores(
+            distances, labels, order or "", gallery, title, dataset, format, results, input
         )
-    else:
-        from benchmark.commands.score import score
-
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # among the notes
-            evaluation = score(distances, labels, order or "", gallery)
-    for note in evaluation.notes:
-        say(note, err=True)
-    scores = evaluation.scores.rename_axis(title)
-    if format == "csv":
-        say_lines(scores.to_csv(float_format="%.6f"))
-    elif format == "json":
-        content = {
-            "title": title,
-            "n_shapes": len(evaluation.queries),
-            **scores.round(6).astype(object).where(scores.notna(), None).T.to_dict(),
-        }
-        say_lines(json.dumps(content, indent=1))
-    elif format == "latex":
-        from benchmark.report.formats import latex_of_scores
-
-        say_lines("\n".join(latex_of_scores(title, scores["score"])))
-    else:
-        say_lines(scores.to_string(float_format="{:.2f}".format, na_rep="--"))
-    if record:
-        chosen = shlex.join(["-d", record.data.name, "--results", str(results)])
-        say(f"kept as {record.method}: 'tables {chosen}' and 'report {chosen}' show it", err=True)
 
 
 @verb("plugins")
-def check(
+def check_verb(
     selection: Selection,
     target: Annotated[str, Argument(metavar="METHOD|FILE")],
-    timeout: shared.Timeout = "10m",  # type: ignore[assignment]
-    traceback: shared.Traceback = False,
+    timeout: shared.TimeoutOption = "10m",  # type: ignore[assignment]
+    traceback: shared.TracebackOption = False,
 ) -> bool:
     """Test the contract of a plugin file, or of a method.
 
     Parameters follow in brackets: FILE[power=1]. The exit code is 1 if a check fails.
     """
-    from benchmark.check import check
-    from benchmark.registry import find
+    from benchmark.cli.checks import print_check
 
-    faulthandler.enable(2)  # names the line of a crash
-    outcomes = Counter[str]()
-    for component in find(target, selection.plugins):
-        for finding in check(component, timeout):
-            say(f"{component.name}  {finding}", indent=len(component.name) + 28)
-            outcomes[finding.outcome] += 1
-            if traceback:
-                say_lines(finding.traceback)
-            elif finding.traceback:
-                say("'check --traceback' prints the error in full", err=True)
-    counts = ", ".join(f"{count} {outcome}" for outcome, count in outcomes.items())
-    say(f"{'the contract is broken' if outcomes['failed'] else 'no fault was found'}: {counts}")
-    return not outcomes["failed"]
+    return print_check(target, selection.plugins, timeout, traceback=traceback)
 
 
 @verb("plugins", "results", "data_root")
-def train(
+def train_verb(
     selection: Selection,
     method: Annotated[str, Argument(metavar="METHOD")],
     target: Annotated[
@@ -437,7 +330,7 @@ def train(
 
 
 @verb("results")
-def merge(
+def merge_verb(
     selection: Selection,
     folders: Annotated[list[Path], Argument(metavar="DIR...")],
     take: Annotated[
@@ -456,32 +349,13 @@ def merge(
     It replaces failures by results, and no result by another one unless --take says so. The exit
     code is 1 if two results of a row differ, or a record there cannot be taken.
     """
-    from benchmark.commands.merge import merge
-    from benchmark.commands.selection import outcome
+    from benchmark.cli.folders import print_merge
 
-    results = selection.results
-    merged = merge(folders, results, take=take, records=rows)
-    for existing, other in merged.conflicts:
-        say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
-        folder = other.merged_from.folder if other.merged_from else "DIR"
-        words = ["merge", folder, "--take", "theirs", "--record", str(existing.row)]
-        words += ["--results", str(results)] if results != Selection().results else []
-        say(f"the one here stays; to take the other: python -m benchmark {shlex.join(words)}")
-    for refused in merged.refused:
-        say(f"not taken: {refused.record.row}: {refused.reason}")
-    counts = [
-        f"{len(merged.added)} added",
-        f"{merged.known} known",
-        f"{len(merged.conflicts)} in conflict",
-    ]
-    if n_lost := len(merged.refused) + merged.n_skipped:
-        counts.append(f"{n_lost} not taken")
-    say(f"records: {', '.join(counts)}")
-    return not (merged.conflicts or n_lost)
+    return print_merge(folders, selection.results, take, rows)
 
 
-@verb("methods", "datasets", "results")
-def forget(
+@verb("methods", "data", "results")
+def forget_verb(
     selection: Selection,
     named: Annotated[
         list[str],
@@ -499,47 +373,26 @@ def forget(
     A file that is not used as a record stays, with all files that it names, unless --record names
     it.
     """
-    from benchmark.commands.forget import forget
-    from benchmark.commands.selection import outcome
+    from benchmark.cli.folders import print_forgotten
 
-    forgotten = forget(
-        selection.methods,
-        selection.datasets,
-        records=named,
-        unused=unused,
-        results=selection.results,
-        yes=yes,
-    )
-    for record in forgotten.records:
-        say(f"{record.row}  {outcome(record)}")
-    if not yes:
-        raise ConfigurationError(f"this deletes {forgotten}", "pass --yes")
-    say(f"deleted {forgotten}")
+    print_forgotten(selection, named, unused=unused, yes=yes)
 
 
 @verb("data_root", app=data)
-def check_data(selection: Selection, name: shared.SetName) -> bool:
+def check_data_verb(selection: Selection, name: shared.SetArgument) -> bool:
     """Check a data set.
 
     The exit code is 1 if it cannot be used.
     """
-    from benchmark.cli.progress import counting
-    from benchmark.commands.selection import data_folder, shadowed_folders
-    from benchmark.datasets.checking import check_source
+    from benchmark.cli.data import print_check_of_data
 
-    root = data_folder(selection.data_root)
-    for note in shadowed_folders([name], root):
-        say(note, err=True)
-    report = check_source(name, root, partial(counting, f"checking {name}"))
-    for line in report.lines():
-        say(line)
-    return report.usable
+    return print_check_of_data(name, selection.data_root)
 
 
 @verb("data_root", app=data)
-def export(
+def export_verb(
     selection: Selection,
-    name: shared.SetName,
+    name: shared.SetArgument,
     output: Annotated[Path, Option("-o", "--output", metavar="DIR", help="New or empty folder.")],
 ) -> bool:
     """Write a data set as files.
@@ -547,23 +400,13 @@ def export(
     '-d DIR' reads them with the same shapes, classes and cameras. The exit code is 1 if a shape
     cannot be written.
     """
-    from benchmark.cli.progress import counting
-    from benchmark.commands.export import export
-    from benchmark.commands.selection import data_folder, shadowed_folders
+    from benchmark.cli.data import write_data
 
-    root = data_folder(selection.data_root)
-    for note in shadowed_folders([name], root):
-        say(note, err=True)
-    watched = partial(counting, f"writing {name}")
-    written, problems = export(name, output, data_root=root, watched=watched)
-    for problem in problems:
-        say(f"not written: {problem}", err=True)
-    say(f"wrote {len(written)} files to {output}; use them with -d {output}")
-    return not problems
+    return write_data(name, selection.data_root, output)
 
 
 @models.command(name="fetch", cls=shared.Verb)
-def fetch_models(
+def fetch_verb(
     source: Annotated[
         str,
         Option("--from", metavar="FOLDER|URL", help="learned/models of a checkout, or a copy."),
@@ -577,13 +420,7 @@ def fetch_models(
 
     Only files with the published SHA-256 are kept. The exit code is 1 if a model cannot be had.
     """
-    from benchmark.cli.progress import counting
-    from benchmark.commands.models import fetch_models, in_words
+    from benchmark.cli.data import print_fetched_models
 
-    watched = partial(counting, f"fetching models from {source}")
-    fetched = fetch_models(source, names or [], watched=watched)
-    for model, problem in fetched.problems.items():
-        say(f"{model}: {problem}", err=True)
-    say(in_words(fetched))
-    if fetched.problems:
+    if not print_fetched_models(source, names or []):
         raise Exit(1)

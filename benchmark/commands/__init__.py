@@ -1,1 +1,1 @@
-"""What a user asks for, from Python or on the command line: functions that take values and return data."""
+"""What a user asks for, in Python or on the command line: functions that return data."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,9 @@ def canonicalise(
     n_vertices: int = 2000,
     seed: int = 0,
 ) -> Form:
-    """Return the canonical form of a surface, prepared as in a run: cleaned, in one piece, decimated, of unit area.
+    """Return the canonical form of a surface, prepared as in a run.
+
+    Cleaned, in one piece, decimated, of unit area.
 
     Parameters
     ----------
@@ -83,10 +86,19 @@ def canonicalise(
 
 
 def trained_on_people(component: Component) -> str:
-    """Return a warning if a model was trained on people only; "" otherwise, or if the table determines the model."""
-    training = "" if component.missing_packages() else people_training(component.create())
-    shown = f"its model of training '{training}' was shown people alone: it turns any other shape into a person"
-    return training and shown
+    """Return a warning if a model was trained on people only.
+
+    It is "" otherwise, or if the table determines the model.
+    """
+    if component.missing_packages():
+        return ""
+    training = people_training(component.create())
+    if not training:
+        return ""
+    return (
+        f"its model of training '{training}' was shown people alone: "
+        "it turns any other shape into a person"
+    )
 
 
 # Meshes
@@ -156,9 +168,13 @@ class CameraSettings:
 
     def of(self, frame: FrameFiles) -> FrameFiles:
         """Return a frame with these settings in place of its own."""
-        intrinsics = intrinsics_of(self.intrinsics) if self.intrinsics else frame.intrinsics
-        scale = frame.scale if self.depth_scale is None else self.depth_scale
-        return replace(frame, intrinsics=intrinsics, mask=self.mask or frame.mask, scale=scale)
+        if self.intrinsics:
+            frame = replace(frame, intrinsics=intrinsics_of(self.intrinsics))
+        if self.mask:
+            frame = replace(frame, mask=self.mask)
+        if self.depth_scale is not None:
+            frame = replace(frame, scale=self.depth_scale)
+        return frame
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +207,7 @@ def is_mesh_file(path: Path) -> bool:
     return path.suffix.lower() not in EXTENSIONS and not path.is_dir()
 
 
-def depth_frames(paths: Sequence[Path], camera: CameraSettings) -> list[FrameFiles]:
+def frames_of_paths(paths: Sequence[Path], camera: CameraSettings) -> list[FrameFiles]:
     """Return the depth images of files and folders.
 
     Raises
@@ -201,14 +217,17 @@ def depth_frames(paths: Sequence[Path], camera: CameraSettings) -> list[FrameFil
     """
     if len(paths) > 1:  # a pattern expanded by the shell also matches masks and colour images
         paths = [path for path in paths if not path.is_file() or is_depth_file(path)]
-    frames = [frame for path in paths for frame in _frames_under(path, camera)]
+    frames = [*chain.from_iterable(_frames_under(path, camera) for path in paths)]
     if not frames:
         raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
     return frames
 
 
 def _frames_under(source: Path, camera: CameraSettings) -> list[FrameFiles]:
-    """Return the depth images of a file or folder; settings replace single ones of the folder's camera."""
+    """Return the depth images of a file or folder.
+
+    Settings replace single ones of the folder's camera.
+    """
     if not source.is_dir():
         return [camera.of(FrameFiles(source))]
     dataset = folder_set(source)

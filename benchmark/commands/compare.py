@@ -10,7 +10,7 @@ from benchmark.api.contracts import Input
 from benchmark.commands.selection import RESULTS
 from benchmark.commands.tables import tables as tables_of
 from benchmark.defaults import DEFAULT_SCORER
-from benchmark.report.comparison import compare as differences
+from benchmark.report.comparison import compare_rows
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -43,7 +43,7 @@ def compare(
     Returns
     -------
     pandas.DataFrame
-        One line for each measure of each pair; see :func:`benchmark.report.comparison.compare`.
+        A line for each measure of each pair; see :func:`benchmark.report.comparison.compare_rows`.
         ``attrs["notes"]`` says which records were left out.
 
     Raises
@@ -63,6 +63,6 @@ def compare(
         published=published,
         failed=True,
     )
-    frame = differences(found.views, first, second)
+    frame = compare_rows(found.views, first, second)
     frame.attrs["notes"] = list(found.notes)
     return frame

@@ -19,7 +19,7 @@ from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.stages import Arrays
 from benchmark.pipeline.surfaces import prepare_mesh
 from benchmark.registry import Component, select_one
-from benchmark.report.forms import Drawn, seen, turned, upright
+from benchmark.report.forms import Drawn, drawn_form, drawn_from, turned_to
 from benchmark.report.play import PlayGallery, PlayMethod, PlayShape, write_play_page
 
 #: Methods of the page: all are done in seconds.
@@ -127,7 +127,9 @@ def demo(
     shapes = _shapes_of_files(meshes) if meshes else _animal_in_two_poses()
     prepared = {shape.name: _prepared(shape) for shape in shapes}
     drawn = _Drawn(
-        bodies={shape.name: seen(_mesh_of(prepared[shape.name]), shape.camera) for shape in shapes}
+        bodies={
+            shape.name: drawn_from(_mesh_of(prepared[shape.name]), shape.camera) for shape in shapes
+        }
     )
     for wanted in watched(_every_form(shapes, components)):
         surface = shape_of(prepared[wanted.shape.name], wanted.shape.name, seed)
@@ -162,10 +164,10 @@ class _Drawn:
     def add(self, wanted: DemoForm, form: Mesh) -> None:
         """Add the form of a shape."""
         shape, method = wanted.shape, wanted.method.name
-        drawn = upright(form, self.bodies[shape.name])
+        drawn = drawn_form(form, self.bodies[shape.name])
         first = self._firsts.setdefault((shape.label, method), drawn)
         if first is not drawn:
-            drawn = turned(drawn, first)
+            drawn = turned_to(drawn, first)
         self.forms[shape.name, method] = drawn
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,14 +24,16 @@ from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.records import EXTERNAL, Record, read_records, record_of, write_record
 from benchmark.registry import Component
-from benchmark.report.frames import fold_of
+from benchmark.report.record_facts import fold_of
 from benchmark.runs.tasks import STAGE_MODULES
 from benchmark.text import brief
 from retrieval.measures import score_draws
 
 
 def method_name(title: str) -> str:
-    """Return the method name of an external row: ``external-TITLE``; no method of the suite can have it.
+    """Return the method name of an external row: ``external-TITLE``.
+
+    No method of the suite can have it.
 
     Raises
     ------
@@ -54,9 +56,10 @@ def score_and_keep(
     dataset: str = "",
     input: Input = "mesh",
 ) -> tuple[Evaluation, Record]:
-    """Score distances in a file, and store them as a row; see :func:`benchmark.score` and :func:`keep_distances`.
+    """Score distances in a file, and store them as a row.
 
-    That there can be no row is said before all work.
+    See :func:`benchmark.score` and :func:`keep_distances`. That there can be no row is said before
+    all work.
     """
     row = title or distances.stem
     name = dataset or labels.resolve().stem
@@ -88,7 +91,10 @@ def keep_distances(
         If the shapes have no names, or differ from those of the other rows.
     """
     if evaluation.queries.index.dtype.kind == "i":  # numbers of rows
-        hint = "name rows and columns in a CSV, or pass labels with lines 'name label' in the order of the rows"
+        hint = (
+            "name rows and columns in a CSV, or pass labels with lines 'name label' in the order "
+            "of the rows"
+        )
         raise ConfigurationError(
             "rows are paired by the names of shapes, and these distances have none", hint
         )
@@ -96,15 +102,7 @@ def keep_distances(
     facts = _facts(record_beside(results, dataset, input_, title), dataset, labels)
     known = dict(zip(facts["shapes"], facts["labels"], strict=True))
     if known != labels:
-        other = [name for name in labels if known.get(name) != labels[name]]
-        what = (
-            f"the first that differs is '{other[0]}'"
-            if other
-            else f"they are {len(labels)}, not {len(known)}"
-        )
-        first = " ".join(next(iter(known.items())))
-        hint = f"name them with their classes as there ({first}, ...), or another --dataset"
-        raise ConfigurationError(f"the shapes are not those of '{facts['gallery']}': {what}", hint)
+        raise _other_shapes(known, labels, facts["gallery"])
     order = evaluation.queries.index.get_indexer(list(known))
     matrix = evaluation.distances[np.ix_(order, order)]
     ranking = code_of_modules([STAGE_MODULES["records"]])
@@ -136,22 +134,39 @@ def keep_distances(
     return record
 
 
+def _other_shapes(
+    known: Mapping[str, str], labels: Mapping[str, str], gallery: str
+) -> ConfigurationError:
+    """Return an error that says how labelled shapes differ from those of a gallery."""
+    different = [name for name in labels if known.get(name) != labels[name]]
+    problem = f"they are {len(labels)}, not {len(known)}"
+    if different:
+        problem = f"the first that differs is '{different[0]}'"
+    first = " ".join(next(iter(known.items())))
+    hint = f"name them with their classes as there ({first}, ...), or another --dataset"
+    return ConfigurationError(f"the shapes are not those of '{gallery}': {problem}", hint)
+
+
 def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Record | None:
-    """Return a record beside whose row an external one is shown; None for a name that makes a table of its own.
+    """Return a record beside whose row an external one is shown.
+
+    It is None for a name that makes a table of its own.
 
     Raises
     ------
     ConfigurationError
         If the name means data without a row here, or cannot be that of a table.
     """
-    every, method = read_records(results), method_name(title)
-    whole = [record for record in every if not (fold_of(record) or record.data.quick)]
-    of_data = {record.key for record in records_of(label_data_sets(whole), [dataset])}
-    of_gallery = [record for record in every if record.key in of_data or record.gallery == dataset]
-    rows = [
-        record for record in of_gallery if record.input == input_ and not record.gallery_of_queries
+    method = method_name(title)
+    beside = [
+        record
+        for record in _records_of_gallery(read_records(results), dataset)
+        if record.input == input_
+        and record.status == "ok"
+        and record.method != method
+        and not record.gallery_of_queries
     ]
-    if beside := [record for record in rows if record.status == "ok" and record.method != method]:
+    if beside:
         return beside[-1]
     if is_known(dataset) or Path(dataset).is_dir():
         problem = f"no row of '{dataset}', {input_}, is here, so its shapes are unknown"
@@ -163,13 +178,18 @@ def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Rec
     return None
 
 
+def _records_of_gallery(records: Sequence[Record], name: str) -> list[Record]:
+    """Return the records of a whole data set, or of a gallery, of this name."""
+    whole = [record for record in records if not (fold_of(record) or record.data.quick)]
+    of_data = {record.key for record in records_of(label_data_sets(whole), [name])}
+    return [record for record in records if record.key in of_data or record.gallery == name]
+
+
 def _facts(beside: Record | None, dataset: str, labels: Mapping[str, str]) -> dict[str, Any]:
     """Return the facts of the gallery of a record, or of a table of its own."""
     if beside:
-        return {
-            fact: getattr(beside, fact)
-            for fact in ("gallery", "gallery_digest", "data", "shapes", "labels")
-        }
+        names = ("gallery", "gallery_digest", "data", "shapes", "labels")
+        return {name: getattr(beside, name) for name in names}
     return {
         "gallery": dataset,
         "gallery_digest": digest([dataset, *labels.items()]),
@@ -180,8 +200,8 @@ def _facts(beside: Record | None, dataset: str, labels: Mapping[str, str]) -> di
 
 
 @dataclass(frozen=True, eq=False)
-class Forms:
-    """Forms of another program, read from the mesh files of a folder: a method of the normal runner.
+class ExternalForms:
+    """Forms of another program in the mesh files of a folder, as a method of the normal runner.
 
     Parameters
     ----------
@@ -207,24 +227,30 @@ class Forms:
 
     def file_of(self, name: str) -> Path | None:
         """Return the mesh file of a shape; None if there is none."""
-        return next(
-            filter(Path.is_file, (self.folder / f"{name}{suffix}" for suffix in READABLE)), None
-        )
+        files = (self.folder / f"{name}{suffix}" for suffix in READABLE)
+        return next(filter(Path.is_file, files), None)
 
 
 def forms_of(folder: Path, title: str) -> Component:
-    """Return the forms in a folder as a method; raise ``ConfigurationError`` if there is no such folder."""
+    """Return the forms in a folder as a method.
+
+    Raise ``ConfigurationError`` if there is no such folder.
+    """
     if not folder.is_dir():
         raise ConfigurationError(f"{folder} is not a folder", "name the folder of the forms")
     files = tuple(sorted(str(path) for path in folder.resolve().rglob("*") if path.is_file()))
     info = MethodInfo(name=method_name(title), title=brief(title), family="external", files=files)
     return Component(
-        "method", info.name, f"{__name__}:Forms", given=Forms(info, folder.resolve()), state=title
+        "method",
+        info.name,
+        f"{__name__}:ExternalForms",
+        given=ExternalForms(info, folder.resolve()),
+        state=title,
     )
 
 
-def check_forms(job: Record, before: Record | None, forms: Forms) -> None:
-    """Raise ``ConfigurationError`` if no form is of a shape of a job, or its row has the name of another one."""
+def check_forms(job: Record, before: Record | None, forms: ExternalForms) -> None:
+    """Raise ``ConfigurationError`` if no form is of a shape of a job, or its name is taken."""
     if job.gallery_of_queries:
         raise ConfigurationError(
             "forms of queries are others than those of their gallery", "omit -t or --gallery"
@@ -236,6 +262,7 @@ def check_forms(job: Record, before: Record | None, forms: Forms) -> None:
 
 
 def _check_title(record: Record, before: Record | None) -> None:
+    """Raise ``ConfigurationError`` if the row of a record is another one of the same name."""
     if before and before.title != record.title:
         problem = f"'{before.title}' and '{record.title}' have one name, {record.method}"
         raise ConfigurationError(problem, "choose another title")

@@ -33,6 +33,7 @@ class Forgotten:
     size: int
 
     def __str__(self) -> str:
+        """Return how many records and forms these are, and their size."""
         n_records = sum(path.suffix == ".json" for path in self.files)
         n_forms = sum(path.parent.name == "forms" for path in self.files)
         return f"{n_records} records, {n_forms} forms, {self.size / 1e6:.1f} MB"
@@ -75,15 +76,19 @@ def forget(
     if has_selection + bool(records) + unused != 1:
         raise ConfigurationError(
             "one selection is needed",
-            "name methods with -m or data sets with -d, name records with --record, or pass --unused",
+            "name methods with -m or data sets with -d, name records with --record, or pass "
+            "--unused",
         )
     every = read_records(folder, published=False)
     _check_known(folder, every, records)
     labelled = label_data_sets(every)
     sets = [str(name) for name in as_list(data)]
-    of_data = {record.key for record in (records_of(labelled, sets) if sets else labelled)}
+    if sets:
+        labelled = records_of(labelled, sets)
+    of_data = {record.key for record in labelled}
 
     def is_unwanted(record: Record) -> bool:
+        """Return whether a record is one of the methods and data sets that go."""
         is_selected = is_of_methods(record, chosen) or not are_named(chosen)
         return has_selection and record.key in of_data and is_selected
 
@@ -104,7 +109,8 @@ def forget(
 def _check_known(folder: Path, every: Sequence[Record], named: Sequence[str]) -> None:
     """Raise ``ConfigurationError`` if a record that is named is not in the folder."""
     known = {path.stem for path in local_files(folder)} | {str(record.row) for record in every}
-    if unknown := {*named} - known:
+    unknown = {*named} - known
+    if unknown:
         problem = f"there is no record '{min(unknown)}' under {folder}"
         hint = "name a row as 'plan' and 'merge' do, or a file of runs/records without '.json'"
         raise ConfigurationError(problem, hint)

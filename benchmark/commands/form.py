@@ -24,7 +24,7 @@ from benchmark.geometry.mesh import Mesh
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-#: Formats that trimesh writes: GLB in single precision with colours, STL without vertices of its own.
+#: Formats that trimesh writes: GLB in single precision with colours, STL without own vertices.
 BY_TRIMESH = (".glb", ".stl")
 
 #: Extensions of the files in which a form can be written.
@@ -54,11 +54,15 @@ class Form(CanonicalForm):
     title: str = ""
 
     def __repr__(self) -> str:
+        """Return its title and size."""
         return f"Form({self.title!r}, {len(self.vertices)} vertices, {len(self.faces)} faces)"
 
     @cached_property
     def outwardness(self) -> NDArray[np.float64]:
-        """How far each vertex is from the centre of the body, from 0 to 1; a part has its value in every pose."""
+        """How far each vertex is from the centre of the body, from 0 to 1.
+
+        A part has its value in every pose.
+        """
         from benchmark.report.drawing import outwardness
 
         return outwardness(self.body or self.mesh)
@@ -70,7 +74,7 @@ class Form(CanonicalForm):
         return colours_of(self.outwardness)
 
     def to_trimesh(self) -> Trimesh:
-        """Return it as a ``trimesh.Trimesh`` with the same vertices in their order, and colours by part."""
+        """Return it as a ``trimesh.Trimesh`` with the same vertices, and colours by part."""
         import trimesh  # lazy, as half a second is long for those who need none
 
         return trimesh.Trimesh(
@@ -80,7 +84,7 @@ class Form(CanonicalForm):
     def write(self, path: str | Path) -> list[str]:
         """Write it as a mesh file, and return what the format does not keep, in words.
 
-        OFF, OBJ and PLY keep coordinates in double precision. GLB has them in single precision, with
+        OFF, OBJ and PLY keep coordinates in double precision. GLB has them in single precision and
         colours by part. STL has the same triangles, whose corners it repeats.
 
         Raises
@@ -107,10 +111,14 @@ class Form(CanonicalForm):
         return webp(shaded(self.mesh, OBLIQUE, _PIXELS, self.outwardness))
 
     def _repr_html_(self) -> str:
-        """Show it in 3D, to be turned by the mouse, without a network; a picture where no script runs."""
+        """Show it in 3D, to be turned by the mouse, without a network.
+
+        Where no script runs, there is a picture.
+        """
         return surface_html(self)
 
     def _repr_png_(self) -> bytes:
+        """Show its picture."""
         from benchmark.report.drawing import OBLIQUE, shaded
 
         stream = io.BytesIO()
@@ -119,19 +127,20 @@ class Form(CanonicalForm):
 
 
 @dataclass(frozen=True)
-class Forms:
+class FormsSideBySide:
     """Forms side by side, as a notebook shows them."""
 
     forms: tuple[Form, ...]
 
     def _repr_html_(self) -> str:
-        shown = "".join(surface_html(form) for form in self.forms)
-        return f'<div style="display:flex;flex-wrap:wrap">{shown}</div>'
+        """Show each in 3D."""
+        surfaces = "".join(surface_html(form) for form in self.forms)
+        return f'<div style="display:flex;flex-wrap:wrap">{surfaces}</div>'
 
 
-def side_by_side(*forms: Form) -> Forms:
+def side_by_side(*forms: Form) -> FormsSideBySide:
     """Show forms side by side in a notebook."""
-    return Forms(forms)
+    return FormsSideBySide(forms)
 
 
 def check_writable(path: Path) -> None:
@@ -151,7 +160,9 @@ def surface_html(form: Form) -> str:
     from benchmark.report.forms import centred
 
     mesh = form.mesh
-    small = decimate(mesh, _VERTICES) if mesh.n_vertices > _VERTICES else mesh
+    small = mesh
+    if mesh.n_vertices > _VERTICES:
+        small = decimate(mesh, _VERTICES)
     _, nearest = cKDTree(mesh.vertices).query(small.vertices)
     surface: dict[str, Any] = {
         "points": _packed(centred(small).vertices.astype("<f4")),
@@ -174,4 +185,5 @@ def surface_html(form: Form) -> str:
 
 
 def _packed(values: NDArray[Any]) -> str:
+    """Return the bytes of an array as text."""
     return base64.b64encode(np.ascontiguousarray(values).tobytes()).decode("ascii")

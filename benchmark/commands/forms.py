@@ -43,7 +43,9 @@ def canonical_form_of_depth(
     half_width: float = HALF_WIDTH,
     seed: int = 0,
 ) -> Form:
-    """Return the canonical form of the object in a depth image; the model is loaded once and cached.
+    """Return the canonical form of the object in a depth image.
+
+    The model is loaded once and cached.
 
     Parameters
     ----------
@@ -85,8 +87,10 @@ def canonical_form_of_depth(
     """
     maker = method_of_depth(method)
     if not isinstance(intrinsics, Intrinsics):
-        intrinsics = camera_of(np.asarray(intrinsics, dtype=np.float64).ravel().tolist())
-    mask = None if mask is None else np.asarray(mask)
+        numbers = np.asarray(intrinsics, dtype=np.float64).ravel()
+        intrinsics = camera_of(numbers.tolist())
+    if mask is not None:
+        mask = np.asarray(mask)
     values = np.asarray(depth)
     depths = in_metres(values, scale_of(values, intrinsics, scale))
     observed = observe(depths, intrinsics, mask, up, half_width)
@@ -95,7 +99,10 @@ def canonical_form_of_depth(
 
 @functools.lru_cache(maxsize=8)
 def method_of_depth(name: str, plugins: tuple[Path, ...] = ()) -> Method:
-    """Return a method that computes forms from views; raise ``ConfigurationError`` for any other."""
+    """Return a method that computes forms from views.
+
+    Raise ``ConfigurationError`` for any other.
+    """
     component = select_one(name, plugins)
     maker = form_maker(component)
     if "view" not in component.info.inputs:
@@ -105,7 +112,10 @@ def method_of_depth(name: str, plugins: tuple[Path, ...] = ()) -> Method:
 
 
 def form_maker(component: Component) -> Method:
-    """Return a method with its default model; raise ``ConfigurationError`` if it computes no forms."""
+    """Return a method with its default model.
+
+    Raise ``ConfigurationError`` if it computes no forms.
+    """
     maker = with_model(component)
     if not isinstance(maker, Method):
         raise ConfigurationError(
@@ -144,23 +154,33 @@ def form_of_object(
     area = view.surface.area
     mesh = view.surface.with_vertices(view.surface.vertices / np.sqrt(area))
     shape = Shape(identifier=name, mesh=mesh, depth=view.depth, source_area=area, seed=seed)
-    pieces = float(view.report["pieces"])
-    joined = {"joined_pieces": pieces} if pieces > 1 else {}
-    form = form_with_notes(maker, shape, {**observed.notes, **joined})
+    notes = dict(observed.notes)
+    n_pieces = float(view.report["pieces"])
+    if n_pieces > 1:
+        notes["joined_pieces"] = n_pieces
+    form = form_with_notes(maker, shape, notes)
     doubts = [f"{what}; {hint}" for what, hint in observed.doubts]
-    doubts += [
-        str(doubt) for doubt in (small_for_person(shape, maker), form.notes.get("doubt")) if doubt
-    ]
-    return replace(form, notes={**form.notes, "doubt": "; ".join(doubts)}) if doubts else form
+    doubts += [small_for_person(shape, maker), str(form.notes.get("doubt", ""))]
+    doubt = "; ".join(filter(None, doubts))
+    if not doubt:
+        return form
+    return replace(form, notes={**form.notes, "doubt": doubt})
 
 
 def small_for_person(shape: Shape, model: object) -> str:
-    """Return a warning if a view in metres is small and a model, or that in a folder, was shown people alone; or ""."""
+    """Return a warning if a view in metres is small, and a model was shown people alone; or "".
+
+    Parameters
+    ----------
+    shape
+        The view, with the area of its source.
+    model
+        A method with a model, or the folder of a model.
+    """
     size = float(np.ptp(shape.mesh.vertices, axis=0).max() * np.sqrt(shape.source_area or 0.0))
-    is_small = people_training(model) and size < _SMALLEST_PERSON
-    return (
-        f"{size:.2g} m is small for a person, so the depth scale may be wrong" if is_small else ""
-    )
+    if size >= _SMALLEST_PERSON or not people_training(model):
+        return ""
+    return f"{size:.2g} m is small for a person, so the depth scale may be wrong"
 
 
 def form_of_surface(
@@ -191,21 +211,22 @@ def form_of_surface(
 def form_with_notes(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> Form:
     """Return the form of a shape with the given notes, and those of the method."""
     form = compute_form(maker, shape)
-    notes = {
-        name: str(note) if isinstance(note, str) else float(note)
-        for name, note in form.notes.items()
-    }
+    notes = dict(first)
+    for name, note in form.notes.items():
+        notes[name] = str(note) if isinstance(note, str) else float(note)
+    notes.update(measured_fit(maker, shape))
+    has_faces_of_shape = np.array_equal(form.faces, shape.mesh.faces)
     return Form(
         form.vertices,
         form.faces,
-        {**first, **notes, **measured_fit(maker, shape)},
-        body=shape.mesh if np.array_equal(form.faces, shape.mesh.faces) else None,
+        notes,
+        body=shape.mesh if has_faces_of_shape else None,
         title=f"{shape.identifier}, {maker.info.title}",
     )
 
 
 def measured_fit(maker: object, shape: Shape) -> dict[str, float | str]:
-    """Return the notes of a learner that measures its fit apart, as learners did before forms had these notes."""
+    """Return the notes of a learner that measures its fit apart, as learners once did."""
     if not isinstance(maker, MeasuresFit):
         return {}
     warnings.warn(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from benchmark.api.learning import CARD, read_card
 from benchmark.api.parameters import format_value
@@ -19,17 +19,21 @@ from benchmark.registry import Component, by_name, select_one
 from benchmark.registry.names import split_parameters
 from benchmark.text import clean_text
 
-Rows = list[dict[str, str]]
+#: What there are names of.
+KindOfName = Literal["methods", "scorers", "datasets", "tables", "models"]
+
+#: Facts by name, a mapping for each method, data set, ...
+_Facts = list[dict[str, str]]
 
 
 def listing(
-    what: str,
+    what: KindOfName,
     *,
-    plugins: Sequence[Path] = (),
-    results: Path = RESULTS,
-    data_root: Path | None = None,
-) -> Rows:
-    """Return the methods, scorers, datasets, tables or models that there are, a mapping of facts each.
+    plugins: Sequence[str | Path] = (),
+    results: str | Path = RESULTS,
+    data_root: str | Path | None = None,
+) -> _Facts:
+    """Return the methods, scorers, data sets, tables or models that there are.
 
     Parameters
     ----------
@@ -45,14 +49,36 @@ def listing(
     if what == "tables":
         return _tables(data_folder(data_root))
     if what == "models":
-        return _models(results)
-    return _components("method" if what == "methods" else "scorer", plugins)
+        return _models(Path(results))
+    kind: Literal["method", "scorer"] = "method" if what == "methods" else "scorer"
+    components = by_name(kind, [Path(path) for path in plugins])
+    return [_facts_of(name, component) for name, component in components.items()]
 
 
 def find_component(name: str, plugins: Sequence[Path] = ()) -> Component:
     """Return a method or a scorer by its name."""
-    is_scorer = split_parameters(name)[0] in by_name("scorer", plugins)
+    base, _ = split_parameters(name)
+    is_scorer = base in by_name("scorer", plugins)
     return select_one(name, plugins, "scorer" if is_scorer else "method")
+
+
+def describe(name: str, plugins: Sequence[str | Path] = ()) -> dict[str, Any]:
+    """Return the details of a method or a scorer, with its ``parameters`` as text.
+
+    Parameters
+    ----------
+    name
+        Its name, with parameters in brackets.
+    plugins
+        Plugin files that may define it.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such method or scorer.
+    """
+    component = find_component(name, [Path(path) for path in plugins])
+    return {**details_of(component), "parameters": parameters_of(component)}
 
 
 def parameters_of(component: Component) -> dict[str, str]:
@@ -63,57 +89,61 @@ def parameters_of(component: Component) -> dict[str, str]:
 
 def details_of(component: Component) -> dict[str, str | list[str]]:
     """Return the details of a method or a scorer by name."""
-    info, facts = component.info, dict[str, str | list[str]]()
-    kind = (
-        "learner" if component.learns else "descriptor" if component.describes else component.kind
-    )
-    if component.kind == "method":
-        facts = {
-            "departs": info.departs,
-            "inputs": list(info.inputs),
-            "scale": info.scale,
-            "random": "" if info.deterministic else "the form depends on --seed",
-            "warning": trained_on_people(component),
-        }
-    return {
+    info = component.info
+    is_method = component.kind == "method"
+    details: dict[str, str | list[str]] = {
         "name": component.name,
         "title": info.title,
         "summary": clean_text(component.summary),
-        "kind": kind,
-        "family": info.family if facts else "",
+        "kind": _kind_of(component),
+        "family": info.family if is_method else "",
         "source": source_of(info.cite) or "none",
         "cite": entry_of(info.cite)[0],
-        **(facts or {"draws": str(info.draws)}),
-        "requires": list(info.requires),
-        "missing": list(component.missing_packages()),
-        "defined in": component.target,
     }
+    if is_method:
+        details["departs"] = info.departs
+        details["inputs"] = list(info.inputs)
+        details["scale"] = info.scale
+        details["random"] = "" if info.deterministic else "the form depends on --seed"
+        details["warning"] = trained_on_people(component)
+    else:
+        details["draws"] = str(info.draws)
+    details["requires"] = list(info.requires)
+    details["missing"] = list(component.missing_packages())
+    details["defined in"] = component.target
+    return details
 
 
-def _components(kind: Literal["method", "scorer"], plugins: Sequence[Path]) -> Rows:
-    """Return methods or scorers; one that cannot be imported has the reason."""
-    rows: Rows = []
-    for name, component in by_name(kind, plugins).items():
-        try:
-            missing = component.missing_packages()
-            family = {"family": component.info.family} if component.kind == "method" else {}
-            state = f"needs {', '.join(missing)}" if missing else "available"
-            facts = {"name": name, "title": component.info.title, **family, "state": state}
-            rows.append({**facts, "summary": component.summary})
-        except ConfigurationError as error:
-            rows.append(
-                {
-                    "name": name,
-                    "title": name,
-                    "family": "",
-                    "state": "broken",
-                    "summary": str(error),
-                }
-            )
-    return rows
+def _kind_of(component: Component) -> str:
+    """Return what a component is: a learner, a descriptor, another method, or a scorer."""
+    if component.learns:
+        return "learner"
+    if component.describes:
+        return "descriptor"
+    return component.kind
 
 
-def _datasets(root: Path | None) -> Rows:
+def _facts_of(name: str, component: Component) -> dict[str, str]:
+    """Return facts about a method or a scorer; of one that cannot be imported, the reason."""
+    try:
+        facts = {"name": name, "title": component.info.title}
+        if component.kind == "method":
+            facts["family"] = component.info.family
+        missing = component.missing_packages()
+        facts["state"] = f"needs {', '.join(missing)}" if missing else "available"
+        facts["summary"] = component.summary
+    except ConfigurationError as error:
+        return {
+            "name": name,
+            "title": name,
+            "family": "",
+            "state": "broken",
+            "summary": str(error),
+        }
+    return facts
+
+
+def _datasets(root: Path | None) -> _Facts:
     """Return the data sets, official or generated, present or absent."""
     return [
         {
@@ -132,42 +162,40 @@ def _datasets(root: Path | None) -> Rows:
     ]
 
 
-def _tables(root: Path | None) -> Rows:
-    rows = []
+def _tables(root: Path | None) -> _Facts:
+    """Return the tables with the data that they would be made of here."""
+    tables = []
     for table in TABLES:
-        stand_in = (
-            f"{', '.join(table.stand_ins)} (stand-in for {table.dataset})"
-            if table.stand_ins
-            else "not here"
-        )
-        data = table.dataset if is_present(table.dataset, root) else stand_in
-        rows.append({"table": table.identifier, "dataset": data, "caption": table.caption})
-    return rows
+        data = "not here"
+        if is_present(table.dataset, root):
+            data = table.dataset
+        elif table.stand_ins:
+            data = f"{', '.join(table.stand_ins)} (stand-in for {table.dataset})"
+        tables.append({"table": table.identifier, "dataset": data, "caption": table.caption})
+    return tables
 
 
-def _models(results: Path) -> Rows:
+def _models(results: Path) -> _Facts:
     """Return finished models with their training; those trained here precede the shipped ones."""
-    folders = {results / "models": "trained here"}
-    for learner in (
-        component.create() for component in by_name("method").values() if component.learns
-    ):
+    origins = {results / "models": "trained here"}
+    for component in by_name("method").values():
+        if not component.learns:
+            continue
+        learner = component.create()
         for folder in model_places(learner):
-            folders.setdefault(
-                folder, "shipped" if folder == learner.shipped_models else MODELS_VARIABLE
-            )
-    return [
-        {
-            "training": path.parent.parent.name,
-            "model": path.parent.name,
-            "origin": origin,
-            **_model(path.parent),
-        }
-        for folder, origin in folders.items()
-        for path in sorted(folder.glob(f"*/*/{CARD}"))
-    ]
+            is_shipped = folder == learner.shipped_models
+            origins.setdefault(folder, "shipped" if is_shipped else MODELS_VARIABLE)
+    models = []
+    for folder, origin in origins.items():
+        for path in sorted(folder.glob(f"*/*/{CARD}")):
+            model = path.parent
+            facts = {"training": model.parent.name, "model": model.name, "origin": origin}
+            models.append({**facts, **_card_facts(model)})
+    return models
 
 
-def _model(folder: Path) -> dict[str, str]:
+def _card_facts(folder: Path) -> dict[str, str]:
+    """Return the digest and the schedule of a model; of an unusable one, why it is."""
     try:
         card = read_card(folder)
     except ConfigurationError as error:

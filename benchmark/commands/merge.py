@@ -18,7 +18,9 @@ def merge(
     take: Choice | None = None,
     records: Collection[str] = (),
 ) -> Merged:
-    """Add the records of other results folders to one; see :func:`benchmark.pipeline.merging.merge`.
+    """Add the records of other results folders to one.
+
+    See :func:`benchmark.pipeline.merging.merge`.
 
     Parameters
     ----------

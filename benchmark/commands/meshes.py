@@ -13,8 +13,8 @@ from benchmark.geometry.mesh import Mesh
 
 #: What is taken as a mesh, in words.
 TAKEN = (
-    "a trimesh.Trimesh, an Open3D TriangleMesh, a pymeshlab.Mesh, a pair of arrays (vertices, faces), "
-    "or the path of a mesh file"
+    "a trimesh.Trimesh, an Open3D TriangleMesh, a pymeshlab.Mesh, a pair of arrays (vertices, "
+    "faces), or the path of a mesh file"
 )
 
 
@@ -24,7 +24,7 @@ def as_mesh(given: Any, faces: Any = None) -> Mesh:
     Parameters
     ----------
     given
-        A ``trimesh.Trimesh``, an Open3D ``TriangleMesh`` (legacy or tensor), a ``pymeshlab.Mesh``, a
+        A ``trimesh.Trimesh``, an Open3D ``TriangleMesh`` of either kind, a ``pymeshlab.Mesh``, a
         pair of arrays, the path of a file, or coordinates of vertices, shape (n, 3).
     faces
         Vertex indices of the triangles, shape (m, 3), if the vertices alone are given.
@@ -44,15 +44,18 @@ def as_mesh(given: Any, faces: Any = None) -> Mesh:
         return read_surface(Path(given))
     if isinstance(given, tuple | list) and len(given) == 2:
         return Mesh(_array(given[0]), _array(given[1]))
-    vertices, triangles = _held(given)
+    vertices, triangles = _vertices_and_triangles(given)
     if vertices is None or triangles is None:
         problem = f"a {type(given).__module__}.{type(given).__name__} is no triangle mesh"
         raise InvalidMesh(problem, f"pass {TAKEN}")
     return Mesh(_array(vertices), _array(triangles))
 
 
-def _held(given: Any) -> tuple[Any, Any]:
-    """Return the vertices and the triangles that an object of another library holds; None for what it lacks."""
+def _vertices_and_triangles(given: Any) -> tuple[Any, Any]:
+    """Return the vertices and the triangles that an object of another library holds.
+
+    It is None for what it lacks.
+    """
     if hasattr(given, "to_legacy"):  # tensors of Open3D
         given = given.to_legacy()
     if hasattr(given, "vertex_matrix"):  # PyMeshLab
@@ -61,7 +64,9 @@ def _held(given: Any) -> tuple[Any, Any]:
     if vertices is None:
         return None, None
     faces = getattr(given, "faces", None)  # trimesh; its triangles are corners
-    return vertices, getattr(given, "triangles", None) if faces is None else faces
+    if faces is not None:
+        return vertices, faces
+    return vertices, getattr(given, "triangles", None)
 
 
 def _array(values: Any) -> Any:

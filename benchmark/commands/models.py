@@ -86,7 +86,9 @@ def fetch_models(
     read = _reader(source)
     named = os.environ.get(MODELS_VARIABLE)
     folder = Path(named) if named else SHIPPED
-    fetched, present, problems = list[str](), list[str](), dict[str, str]()
+    fetched: list[str] = []
+    present: list[str] = []
+    problems: dict[str, str] = {}
     for model in watched(_chosen_models(names)):
         try:
             is_new = _fetch_model(model, read, folder)
@@ -98,7 +100,8 @@ def fetch_models(
                 problem, f"name a folder of yours in {MODELS_VARIABLE}"
             ) from error
         else:
-            (fetched if is_new else present).append(model)
+            models = fetched if is_new else present
+            models.append(model)
     return FetchedModels(folder, tuple(fetched), tuple(present), problems)
 
 
@@ -146,6 +149,7 @@ def _fetch_model(model: str, read: Callable[[str], bytes], folder: Path) -> bool
 
 
 def _write(content: bytes, file: BinaryIO) -> None:
+    """Write bytes to a file."""
     file.write(content)
 
 

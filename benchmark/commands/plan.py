@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmark.api.contracts import Input
+from benchmark.api.datasets import ShapeSet
 from benchmark.commands.external_rows import check_forms, forms_of
 from benchmark.commands.selection import (
     RESULTS,
@@ -33,6 +34,10 @@ from benchmark.text import nfc
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+
+#: States of jobs that cannot run.
+_IMPOSSIBLE = ("unsupported", "unavailable")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -73,6 +78,7 @@ class Plan:
     refused: Mapping[str, BenchmarkError] = field(default_factory=dict)
 
     def __repr__(self) -> str:
+        """Return how many jobs there are to run."""
         return f"Plan({len(self.pending)} of {len(self.jobs)} jobs to run)"
 
     @property
@@ -96,22 +102,18 @@ class Plan:
 
     @property
     def missed(self) -> list[Planned]:
-        """The jobs that do not run and have no result, but those that cannot run and were not named."""
+        """The jobs without a result that do not run, but those that cannot and were not named."""
         left = [job for job in self.jobs if not job.is_pending and job.state != "finished"]
         if not self.is_narrow:
-            return [job for job in left if job.state not in ("unsupported", "unavailable")]
-        possible = {
-            job.record.method
-            for job in self.jobs
-            if job.state not in ("unsupported", "unavailable")
-        }
+            return [job for job in left if job.state not in _IMPOSSIBLE]
+        possible = {job.record.method for job in self.jobs if job.state not in _IMPOSSIBLE}
         return [
             job for job in left if job.state != "unsupported" or job.record.method not in possible
         ]
 
     @property
     def frame(self) -> DataFrame:
-        """One line a job: ``data``, ``input``, ``method``, ``state``, ``reason``, and whether a run would do it."""
+        """A line a job, with ``data``, ``input``, ``method``, ``state``, ``reason`` and ``runs``."""
         from pandas import DataFrame
 
         return DataFrame(
@@ -128,9 +130,10 @@ class Plan:
 
     def known_records(self, records: Iterable[Record] | None = None) -> list[Record]:
         """Return the records of the jobs among some records, by default those of before the run."""
+        if records is None:
+            records = self.records
         keys = {job.record.key for job in self.jobs}
-        every = self.records if records is None else records
-        return [record for record in every if record.key in keys]
+        return [record for record in records if record.key in keys]
 
     def announcements(self) -> list[str]:
         """Say which data are stand-ins, which folders are gone, and which files are not read."""
@@ -142,6 +145,7 @@ class Plan:
         ]
 
     def _folders_that_are_gone(self) -> Iterable[str]:
+        """Say which folders had the names of those of the jobs, and are no longer there."""
         every = [job.record.data for job in self.jobs]
         folders = {data.name: data.path for data in every if data.path}
         elsewhere = {
@@ -156,6 +160,7 @@ class Plan:
                 yield f"{path} is no longer there; its rows stay in tables until '{forget}'"
 
     def _stand_ins(self) -> Iterable[str]:
+        """Say which data are stand-ins."""
         stand_ins = {job.record.data.name: job.record.data.stand_in_for for job in self.jobs}
         for name, official in stand_ins.items():
             if official in CATALOGUE and name in CATALOGUE:
@@ -166,22 +171,29 @@ class Plan:
                 yield f"{name}: generated stand-in for {official}{absent}"
 
     def _queries_of_the_gallery(self) -> Iterable[str]:
+        """Say how many queries have names of shapes of their gallery."""
         keeping = [job.record for job in self.jobs if job.record.keeps_same_names]
         for gallery, record in {record.gallery: record for record in keeping}.items():
             named = len({*record.shapes} & {*record.sides[-1].shapes})
             yield (
-                f"{gallery}: {named} queries have names of its shapes; --same-names leaves these out"
+                f"{gallery}: {named} queries have names of its shapes; --same-names leaves these "
+                "out"
             )
 
     def _files_that_are_not_read(self) -> Iterable[str]:
-        galleries = [gallery for job in self.jobs for gallery in job.galleries]
-        own = {each.source: each.dataset for each in galleries if not is_known(each.source)}
-        for source, dataset in own.items():
-            found = [*unread_files(dataset), *unfinished_files(dataset, dataset.shapes)]
-            for anomaly in by_kind(found):
+        """Say which files of the folders of users are not read."""
+        folders: dict[str, ShapeSet] = {}
+        for job in self.jobs:
+            for gallery in job.galleries:
+                if not is_known(gallery.source):
+                    folders[gallery.source] = gallery.dataset
+        for source, dataset in folders.items():
+            anomalies = [*unread_files(dataset), *unfinished_files(dataset, dataset.shapes)]
+            for anomaly in by_kind(anomalies):
                 yield f"{source}: {anomaly}"
 
     def _repr_html_(self) -> str:
+        """Show the jobs as a table."""
         return str(self.frame.to_html())
 
 
@@ -205,14 +217,16 @@ def plan(
     rerun: Collection[str] = (),
     in_this_process: bool = False,
 ) -> Plan:
-    """Say what :func:`benchmark.run` would do with the same selection, why, and how long it would take.
+    """Say what :func:`benchmark.run` would do with the same selection, why, and how long it takes.
 
     Parameters
     ----------
-    data, methods, input, scorer, plugins, results, data_root, quick, gallery, gallery_views, same_names, seed
+    data, methods, input, scorer, plugins, results, data_root, quick
         As for :func:`benchmark.run`; ``input=None`` is both.
+    gallery, gallery_views, same_names, seed
+        As for :func:`benchmark.run`.
     tables
-        Identifiers of tables whose data are selected; without data and tables, I to IV and I-view to
+        Identifiers of tables whose data are selected; without data and tables, I to IV, I-view to
         III-view.
     forms
         Folders with forms of another program by title, to be scored instead of methods.
@@ -233,11 +247,13 @@ def plan(
     """
     sets = [str(name) for name in as_list(data)]
     root = data_folder(data_root)
-    of_programs = _forms(forms or {}, methods, sets)
+    of_programs = _forms_as_methods(forms or {}, methods, sets)
     chosen = of_programs or as_list(methods)
     folder = Path(results)
     records = read_records(folder)
-    wanted = subjects.split(",") if isinstance(subjects, str) else subjects
+    gallery = str(gallery)
+    if isinstance(subjects, str):
+        subjects = subjects.split(",")
     jobs_of = partial(
         plan_selection,
         folder,
@@ -252,10 +268,10 @@ def plan(
         input=input,
         quick=quick,
         data_root=root,
-        gallery=str(gallery) if gallery else "",
+        gallery=gallery,
         gallery_views=gallery_views,
         same_names=same_names,
-        subjects=[nfc(name) for name in wanted if name],
+        subjects=[nfc(name) for name in subjects if name],
     )
     refused: dict[str, BenchmarkError] = {}
     try:
@@ -277,7 +293,7 @@ def plan(
         tuple(rerun),
         is_narrow=are_named(as_list(methods)),
         in_this_process=in_this_process,
-        notes=tuple(shadowed_folders([*sets, *filter(None, [str(gallery)])], root)),
+        notes=tuple(shadowed_folders(filter(None, [*sets, gallery]), root)),
         refused=refused,
     )
 
@@ -323,8 +339,13 @@ def lacking(
     )
 
 
-def _forms(forms: Mapping[str, str | Path], methods: Any, data: Sequence[str]) -> list[Component]:
-    """Return forms of other programs as methods; raise ``ConfigurationError`` unless they alone are selected."""
+def _forms_as_methods(
+    forms: Mapping[str, str | Path], methods: Any, data: Sequence[str]
+) -> list[Component]:
+    """Return forms of other programs as methods.
+
+    Raise ``ConfigurationError`` unless they alone are selected.
+    """
     if forms and (as_list(methods) or not data):
         problem = "--forms scores the meshes of folders as forms of a data set"
         raise ConfigurationError(problem, "pass -d FOLDER --forms NAME=DIR, without -m")

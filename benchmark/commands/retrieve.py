@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,7 +34,7 @@ from benchmark.pipeline.stages import require_result
 from benchmark.pipeline.surfaces import prepare_mesh
 from benchmark.pipeline.views import prepare_view
 from benchmark.registry import Component, select_one
-from benchmark.report.forms import Drawn, StoredForms, seen, upright
+from benchmark.report.forms import Drawn, StoredForms, drawn_form, drawn_from
 from benchmark.runs.planning import Planned
 
 if TYPE_CHECKING:
@@ -82,6 +82,7 @@ class Matches:
     seconds: float
 
     def __repr__(self) -> str:
+        """Return the name of the query, and its class."""
         return f"Matches({self.name!r}, {self.decision})"
 
     @property
@@ -124,15 +125,18 @@ class Matches:
         from benchmark.report import sheets  # matplotlib takes half a second
 
         stored = StoredForms(self.results, self.data_root)
-        shape = seen(self.query.mesh, self.camera)
-        drawn = upright(self.found.form, shape) if self.found.form else shape
+        shape = drawn_from(self.query.mesh, self.camera)
+        drawn = shape
+        if self.found.form:
+            drawn = drawn_form(self.found.form, shape)
         panels: list[tuple[str, Drawn | None]] = [(f"query\n{Path(self.name).name}\n", drawn)]
         for rank, hit in enumerate(self.found.hits[: self.count], 1):
             title = f"{rank}. {hit.shape}\n{hit.subject}\n{hit.distance:.4g}"
-            panels.append((title, stored.upright(self.gallery, hit.shape)))
+            panels.append((title, stored.form_like_shape(self.gallery, hit.shape)))
         return sheets.retrieved_picture(panels)
 
     def _repr_html_(self) -> str:
+        """Show the nearest shapes as a table."""
         return str(self.frame.to_html(index=False)) + f"<p>{self.decision}</p>"
 
 
@@ -190,63 +194,70 @@ def retrieve(
     """
     start = time.perf_counter()
     path = Path(query) if isinstance(query, str | Path) else None
-    name = str(query) if path else "the query"
+    name = "the query" if path is None else str(query)
     files = [Path(plugin) for plugin in plugins]
-    camera = CameraSettings(
-        intrinsics=intrinsics, mask=Path(mask) if mask else None, depth_scale=depth_scale
-    )
+    root = data_folder(data_root)
+    folder = Path(results)
     component = select_one(method, files)
     scoring = select_one(scorer, files, "scorer").create()
-    root = data_folder(data_root)
     shapes = open_dataset(str(data), root)
     wanted: Input | None = "view" if gallery_views else input
     is_depth = path is not None and path.suffix.lower() in EXTENSIONS
     is_view = is_depth or "mesh" not in shapes.inputs or wanted == "view"
-    input_, of_gallery = _inputs(name, component, wanted, is_view=is_view)
+    of_query, of_gallery = _inputs(name, component, wanted, is_view=is_view)
     planned = plan(
         data,
         component.name,
         input=of_gallery,
         scorer=scorer,
         plugins=files,
-        results=results,
+        results=folder,
         data_root=root,
         seed=seed,
         gallery_views=gallery_views,
     )
     which = f"--gallery-views {gallery_views}" if gallery_views else f"--input {of_gallery}"
     job = _finished(planned.jobs, str(data), shapes, component, which, of_gallery)
+    gallery = (job.before or job.record).sides[-1]
+
     itself = [entry for entry in shapes.shapes if path and _is_file(entry, path)]
     without = [entry.identifier for entry in itself]
-    prepared = _Prepared(Path(results), PreparedShapes(shapes, input_), camera)
     known = itself[0] if itself else None
-    if path is None:
-        arrays = prepared.of_mesh(as_mesh(query))
-    elif known:
-        arrays = prepared.of_entry(known, path)
-    else:
-        arrays = prepared.of_file(path)
+    settings = CameraSettings(
+        intrinsics=intrinsics, mask=Path(mask) if mask else None, depth_scale=depth_scale
+    )
+    prepared = _Prepared(folder, PreparedShapes(shapes, of_query), settings)
+    arrays = prepared.of_query(query, path, known)
     shape = shape_of(arrays, path.stem if path else "query", seed)
     maker = _with_model(component, job, without)
-    gallery = (job.before or job.record).sides[-1]
-    found = search(Path(results), gallery, shape, maker, scoring, without)
-    of_person = small_for_person(shape, maker) if path and is_depth_file(path) else ""
-    fit = {**found.notes, **measured_fit(maker, shape)}
-    doubts = [*prepared.doubts]
-    doubts += [str(doubt) for doubt in (of_person, fit.get("doubt")) if doubt]
-    view = UPRIGHT if input_ == "view" else shapes.camera(known) if known else FRONT
+    found = search(folder, gallery, shape, maker, scoring, without)
+    is_image = path is not None and is_depth_file(path)
+    doubts = [*prepared.doubts, *_doubts(found, shape, maker, is_image=is_image)]
+    camera = UPRIGHT
+    if of_query == "mesh":
+        camera = shapes.camera(known) if known else FRONT
     return Matches(
         shape,
         name,
         found,
         count,
         gallery,
-        view,
+        camera,
         tuple(doubts),
-        Path(results),
+        folder,
         root,
         time.perf_counter() - start,
     )
+
+
+def _doubts(found: SearchResult, shape: Shape, maker: Any, *, is_image: bool) -> Iterator[str]:
+    """Yield what may be wrong with a query: the size of a person, and the fit of its form."""
+    small = small_for_person(shape, maker) if is_image else ""
+    if small:
+        yield small
+    fit = {**found.notes, **measured_fit(maker, shape)}
+    if fit.get("doubt"):
+        yield str(fit["doubt"])
 
 
 @dataclass(frozen=True)
@@ -258,8 +269,19 @@ class _Prepared:
     camera: CameraSettings
     doubts: list[str] = field(default_factory=list)
 
+    def of_query(self, query: Any, path: Path | None, known: Entry | None) -> Arrays:
+        """Return a query: a mesh as another library holds it, a file, or a shape of the gallery."""
+        if path is None:
+            return self.of_mesh(as_mesh(query))
+        if known is None:
+            return self.of_file(path)
+        return self.of_entry(known, path)
+
     def of_entry(self, entry: Entry, path: Path) -> Arrays:
-        """Return a shape of the gallery; nothing is written, as this process runs the code of plugins."""
+        """Return a shape of the gallery.
+
+        Nothing is written, because this process runs the code of plugins.
+        """
         if self.camera.is_given:
             return self.of_file(path, of_gallery=True)
         known = Cache(self.results).read("prepared", self.shapes.key(entry))
@@ -278,9 +300,11 @@ class _Prepared:
         return prepare_view(mesh, FRONT, self._half_width())
 
     def _of_depth_image(self, path: Path, *, of_gallery: bool) -> Arrays:
-        """Return a depth image, with the camera of the folder of the gallery if it is one of its images."""
+        """Return a depth image, with the camera of the gallery's folder if it is one of its images."""
         folder = self.shapes.shapes.folder
-        settings: dict[str, Any] = frame_settings(folder) if of_gallery and folder else {}
+        settings: dict[str, Any] = {}
+        if of_gallery and folder:
+            settings = frame_settings(folder)
         frame = self.camera.of(FrameFiles(path, **settings))
         frame = replace(frame, half_width=self.shapes.shapes.half_width or HALF_WIDTH)
         observed = frame.observe()
@@ -293,7 +317,9 @@ class _Prepared:
         fitted = Cache(self.results).read("prepared", key) if key else None
         if fitted:
             return float(fitted["half_width"])
-        return frame_of(self.shapes.shapes) if self.shapes.input == "view" else 0.0
+        if self.shapes.input == "mesh":
+            return 0.0
+        return frame_of(self.shapes.shapes)
 
 
 def _is_file(entry: Entry, path: Path) -> bool:
@@ -309,7 +335,10 @@ def _finished(
     which: str,
     input_: Input,
 ) -> Planned:
-    """Return the finished job of a gallery; raise ``ConfigurationError`` if there is none, or it is of other code."""
+    """Return the finished job of a gallery.
+
+    Raise ``ConfigurationError`` if there is none, or it is of other code.
+    """
     command = (
         f"run `python -m benchmark run -m {component.name} -d {shlex.quote(name)} {which}` first"
     )
@@ -325,26 +354,38 @@ def _finished(
 
 
 def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> Any:
-    """Return a method with the model that made the forms of a gallery, or of a query that is one of its shapes."""
+    """Return a method with the model that made the forms of a gallery, or of a query among them."""
     of_shape = dict(zip(job.record.shapes, job.models, strict=True))
     models = {of_shape[name] for name in itself} or set(of_shape.values())
     if len(models) > 1:
-        problem = f"the forms of {job.record.gallery} are of {len(models)} models, and a query is in no fold"
+        problem = (
+            f"the forms of {job.record.gallery} are of {len(models)} models, and a query is in no "
+            "fold"
+        )
         raise ConfigurationError(
             problem, "choose one model: -m 'METHOD[training=NAME]'; see 'list models'"
         )
-    method, (model,) = component.create(), models
-    return method.load(model) if model else method
+    method = component.create()
+    model = models.pop()
+    if not model:
+        return method
+    return method.load(model)
 
 
 def _inputs(
     query: str, component: Component, wanted: Input | None, *, is_view: bool
 ) -> tuple[Input, Input]:
-    """Return the inputs of query and gallery: views if either is a depth image, or the method's only input."""
-    input_: Input = "view" if is_view or "mesh" not in component.info.inputs else "mesh"
-    for each in (input_, wanted or input_):
+    """Return the inputs of query and gallery: views if either is one, or the method reads no others."""
+    of_query: Input = "mesh"
+    if is_view or "mesh" not in component.info.inputs:
+        of_query = "view"
+    of_gallery = wanted or of_query
+    for each in (of_query, of_gallery):
         if each not in component.info.inputs:
-            takes = " and ".join(_IN_WORDS[of_method] for of_method in component.info.inputs)
-            problem = f"method '{component.name}' needs {takes}, and {query} is compared with {_IN_WORDS[each]}"
+            takes = " and ".join(map(_IN_WORDS.__getitem__, component.info.inputs))
+            problem = (
+                f"method '{component.name}' needs {takes}, and {query} is compared with "
+                f"{_IN_WORDS[each]}"
+            )
             raise ConfigurationError(problem, f"choose a method that accepts {_IN_WORDS[each]}")
-    return input_, wanted or input_
+    return of_query, of_gallery

@@ -2,11 +2,13 @@
 
 >>> import benchmark
 >>> from baselines.classic_mds import ClassicMDS
->>> jobs = benchmark.run(data="tosca", methods=["gps", ClassicMDS(), my_function])    # doctest: +SKIP
+>>> methods = ["gps", ClassicMDS(), my_function]                       # doctest: +SKIP
+>>> jobs = benchmark.run(data="tosca", methods=methods)                # doctest: +SKIP
 """
 
 from __future__ import annotations
 
+import math
 import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -21,7 +23,7 @@ from benchmark.machine import available_cores
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import TABLES, own_table
-from benchmark.report.frames import changed, chosen_records, fold_of
+from benchmark.report.record_facts import change_of, chosen_records, fold_of
 from benchmark.report.results import Results
 from benchmark.report.tables import table_views
 from benchmark.runs.runner import result_of, run_jobs, with_results
@@ -98,6 +100,7 @@ def run(
     DatasetError
         If none of the data sets can be used; if some can, it warns of the others.
     """
+    rerun = ["failed", "finished"] if again else ["failed"]
     planned = plan(
         data,
         methods,
@@ -111,7 +114,7 @@ def run(
         gallery_views=gallery_views,
         same_names=same_names,
         seed=seed,
-        rerun=["failed", "finished"] if again else ["failed"],
+        rerun=rerun,
     )
     for name, error in planned.refused.items():
         warnings.warn(f"{name} is refused: {error}", stacklevel=2)
@@ -141,10 +144,12 @@ def run_plan(
     watch
         Called with the progress; by default, a line on stderr says now and then how far the run is.
     """
+    if size is None:
+        size = available_cores()
     yield from run_jobs(
         plan.jobs,
         plan.results,
-        size=available_cores() if size is None else size,
+        size=size,
         timeout=timeout,
         dask=dask,
         anew="finished" in plan.rerun,
@@ -155,9 +160,9 @@ def run_plan(
 def jobs_of(plan: Plan, ended: Iterable[Record]) -> Results:
     """Return the jobs of a plan after a run, with the records of those that ended in it."""
     by_key = {record.key: record for record in ended}
-    results = [result_of(job, by_key) for job in plan.jobs]
-    found = [record for record in results if record is not None]
-    return Results(plan.results, tuple(label_data_sets(found)))
+    records = [result_of(job, by_key) for job in plan.jobs]
+    finished = [record for record in records if record is not None]
+    return Results(plan.results, tuple(label_data_sets(finished)))
 
 
 def records_after(plan: Plan, ended: Iterable[Record]) -> list[Record]:
@@ -168,7 +173,9 @@ def records_after(plan: Plan, ended: Iterable[Record]) -> list[Record]:
 def tables_of_run(
     plan: Plan, records: Sequence[Record], *, quick: bool = False, scorer: str, seed: int = 0
 ) -> Tables:
-    """Return the tables of the jobs of a plan, with all rows of their galleries, or those of named methods.
+    """Return the tables of the jobs of a plan, with all rows of their galleries.
+
+    If methods were named, there are only their rows.
 
     Parameters
     ----------
@@ -186,11 +193,13 @@ def tables_of_run(
     wanted = set[str]()
     sets = set[str]()
     for job, record in zip(plan.jobs, of_run, strict=True):
-        for table in (gallery.table for gallery in job.galleries):
-            shown = table if table in TABLES else own_table(record.data.name, fold_of(record))
-            wanted.add(shown.identifier)
+        for gallery in job.galleries:
+            table = gallery.table
             if not table.is_robustness:
                 sets.add(record.data.name)
+            if table not in TABLES:
+                table = own_table(record.data.name, fold_of(record))
+            wanted.add(table.identifier)
     every = chosen_records(known, quick=quick, scorer=scorer, seed=seed)
     of_jobs = [record for record in every if (record.gallery, record.input) in places]
     methods = [record.method for record in of_run] if plan.is_narrow else ()
@@ -198,20 +207,21 @@ def tables_of_run(
     return Tables(
         tuple(view for view in views if view.table.identifier in wanted),
         tuple(of_jobs),
-        has_robustness=any(changed(record.data.name) for record in of_run),
+        has_robustness=any(change_of(record.data.name) for record in of_run),
     )
 
 
 def _lines_of_progress() -> Callable[[Any], None]:
-    shown = -_INTERVAL
+    """Return a function that says now and then on stderr how far a run is."""
+    last = -math.inf
 
     def watch(state: Any) -> None:
-        nonlocal shown
-        if time.monotonic() - shown >= _INTERVAL:
-            shown = time.monotonic()
-            say(
-                f"{state.done}/{state.total} steps, {'; '.join(state.working) or 'starting'}",
-                err=True,
-            )
+        """Say how far the run is, unless it was said a moment ago."""
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= _INTERVAL:
+            last = now
+            working = "; ".join(state.working) or "starting"
+            say(f"{state.done}/{state.total} steps, {working}", err=True)
 
     return watch

@@ -1,23 +1,21 @@
-"""Score a distance matrix of queries and a gallery, as a rule the same; with ties, scores are means over orders."""
+"""Score a distance matrix of queries and a gallery, as a rule the same.
+
+With ties, scores are means over orders.
+"""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.commands.distance_files import (
-    Labels,
-    Orders,
-    are_row_numbers,
-    as_distances,
-    as_labels,
-)
+from benchmark.commands.distance_files import as_distances
+from benchmark.commands.shape_labels import ShapeLabels, are_row_numbers, as_labels
 from benchmark.datasets.labels import MISCELLANEOUS
 from benchmark.errors import ConfigurationError, did_you_mean
 from benchmark.report.statistics import FEWEST_CLASSES, class_intervals
@@ -29,7 +27,10 @@ if TYPE_CHECKING:
 #: Precision of intervals.
 _ROUNDING = 1e-6
 
-_REVERSED = "the nearest are of other classes more often than by chance: are these similarities, or in another order?"
+_REVERSED = (
+    "the nearest are of other classes more often than by chance: are these similarities, or in "
+    "another order?"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,140 +97,220 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     >>> benchmark.score(distances, ["cat", "cat", "dog", "dog"]).scores.loc["NN", "score"]
     1.0
     """
+    given = [labels] if gallery is None else [labels, gallery]
+    matrix, sides = _joined(distances, order, given)
+    rows = sides[0]
+    targets = None
+    if gallery is None:
+        _check_classes({*rows.classes})
+    else:
+        in_gallery = _classes_of_gallery(sides[1].classes)
+        _check_classes({*rows.classes, *in_gallery})
+        if len(in_gallery) == 1:
+            problem = "the gallery holds one shape, so every ranking is perfect"
+            raise ConfigurationError(problem, "pass the labels of a larger gallery")
+        targets = Targets(in_gallery)
+    return _evaluation(matrix, rows, targets)
+
+
+def _classes_of_gallery(classes: Sequence[str]) -> list[str]:
+    """Return the classes of a gallery, of which those without a class are no class of a query."""
+    return [
+        f"{label} there" if label.startswith(f"{MISCELLANEOUS} ") else label for label in classes
+    ]
+
+
+def _check_classes(classes: set[str]) -> None:
+    """Raise ``ConfigurationError`` if there is a single class."""
+    if len(classes) == 1:
+        problem = f"there is one class ('{classes.pop()}'), so every ranking is perfect"
+        raise ConfigurationError(problem, "check the labels")
+
+
+def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | None) -> Evaluation:
+    """Return the scores of distances.
+
+    Parameters
+    ----------
+    matrix
+        The distances, with a row for each query.
+    rows
+        Names and classes of the queries.
+    targets
+        The gallery; None if it is the queries.
+    """
     from pandas import DataFrame
 
-    matrix, ((names, classes), *others) = _joined(
-        distances, order, [labels] if gallery is None else [labels, gallery]
-    )
-    in_gallery = [
-        f"{of} there" if of.startswith(f"{MISCELLANEOUS} ") else of
-        for _, each in others
-        for of in each
-    ]
-    if len(every := {*classes, *in_gallery}) == 1:
-        problem = f"there is one class ('{every.pop()}'), so every ranking is perfect"
-        raise ConfigurationError(problem, "check the labels")
-    if others and len(in_gallery) == 1:
-        problem = "the gallery holds one shape, so every ranking is perfect"
-        raise ConfigurationError(problem, "pass the labels of a larger gallery")
-    targets = Targets(in_gallery) if others else None
     diagonal = matrix.diagonal().copy()
+    n_results = matrix.shape[1]
     if targets is None:
         np.fill_diagonal(matrix, 0)
-    scores = evaluate(matrix, classes, targets=targets)
+        n_results -= 1
+    scores = evaluate(matrix, rows.classes, targets=targets)
     values = np.column_stack(list(scores.per_query.values()))
     is_query = ~np.isnan(values[:, 0])
-    of_queries = [label for label, counts in zip(classes, is_query, strict=True) if counts]
+    queried = zip(rows.classes, is_query, strict=True)
+    of_queries = [label for label, counts in queried if counts]
     ends = class_intervals(values[is_query], of_queries)
     columns = {
         "score": scores.means,
         "low": ends[:, 0],
         "high": ends[:, 1],
-        "chance": chance_levels(classes, targets),
+        "chance": chance_levels(rows.classes, targets),
     }
     table = DataFrame(columns, index=list(scores.means))
-    n_results = matrix.shape[1] - 1 if targets is None else matrix.shape[1]
     table = table.loc[[name for name in table.index if MEASURES[name].says_something(n_results)]]
     # Of few classes, too: this interval only raises a question.
     low, high = class_intervals(values[is_query][:, :1], of_queries, fewest=2)[0]
-    is_reversed = bool(high < table.loc["NN", "chance"] - _ROUNDING)
-    if targets is None and not low > table.loc["NN", "chance"]:
+    chance = table.loc["NN", "chance"]
+    if targets is None and not low > chance:
         _check_diagonal(diagonal, matrix)
-    queries = DataFrame(
-        {"class": classes, **scores.per_query}, index=list(names) or None
-    ).rename_axis("shape")
-    n_lone = scores.lone_queries
-    lone = f"ranked, but no queries: {n_lone} of {len(matrix)} shapes (alone in their class, or of class -1)"
-    notes = [lone] * bool(n_lone)
-    if targets:
-        notes = [
-            f"{len(matrix) - n_lone} queries; {n_lone} left out, as the gallery has no shape of their class"
-        ]
-        n_found = int((matrix == 0).any(axis=1).sum())
-        notes += [
-            f"{n_found} queries are at distance 0 of a shape: if the gallery holds them, omit it"
-        ] * bool(n_found)
-    if (n_classes := len({*of_queries})) < FEWEST_CLASSES:
+    if targets is None:
+        notes = _notes_on_shapes(len(matrix), scores.lone_queries)
+    else:
+        notes = _notes_on_queries(matrix, scores.lone_queries)
+    n_classes = len({*of_queries})
+    if n_classes < FEWEST_CLASSES:
         few = f"no intervals: the queries are of {n_classes} classes, fewer than {FEWEST_CLASSES}"
         notes.append(few)
-    if is_reversed:
-        warnings.warn(_REVERSED, stacklevel=2)
-    return Evaluation(table, queries, matrix, (*notes, *[_REVERSED] * is_reversed))
+    if high < chance - _ROUNDING:
+        warnings.warn(_REVERSED, stacklevel=3)
+        notes.append(_REVERSED)
+    content = {"class": rows.classes, **scores.per_query}
+    queries = DataFrame(content, index=list(rows.names) or None).rename_axis("shape")
+    return Evaluation(table, queries, matrix, tuple(notes))
 
 
-_Side = tuple[tuple[str, ...], list[str]]
+def _notes_on_shapes(n_shapes: int, n_lone: int) -> list[str]:
+    """Say how many shapes are no queries, where shapes rank each other."""
+    if not n_lone:
+        return []
+    return [
+        f"ranked, but no queries: {n_lone} of {n_shapes} shapes "
+        "(alone in their class, or of class -1)"
+    ]
+
+
+def _notes_on_queries(matrix: NDArray[np.float64], n_lone: int) -> list[str]:
+    """Say how many queries another gallery answers, and whether it seems to hold some of them."""
+    notes = [
+        f"{len(matrix) - n_lone} queries; {n_lone} left out, as the gallery has no shape of their "
+        "class"
+    ]
+    n_copies = int((matrix == 0).any(axis=1).sum())
+    if n_copies:
+        notes.append(
+            f"{n_copies} queries are at distance 0 of a shape: if the gallery holds them, omit it"
+        )
+    return notes
+
+
+def _check_diagonal(diagonal: NDArray[np.float64], matrix: NDArray[np.float64]) -> None:
+    """Raise ``ConfigurationError`` if distances with this diagonal seem to be similarities."""
+    is_positive = np.isfinite(diagonal).all() and diagonal.min() > 0
+    is_farthest = is_positive and (diagonal >= matrix.max(axis=1)).all()
+    if is_farthest and np.unique(matrix).size > 2:
+        hint = "pass distances, not similarities; set the diagonal of distances to 0"
+        raise ConfigurationError("each shape is farthest from itself", hint)
+
+
+# Names and classes of rows and columns
+# ------------------------------------------------------------------------------------------------
+
+
+class _Side(NamedTuple):
+    """Names and classes of rows or columns; the names are () if there are none."""
+
+    names: tuple[str, ...]
+    classes: list[str]
 
 
 def _joined(
-    distances: object, order: str, labels: Sequence[object]
+    distances: object, order: str, given: Sequence[object]
 ) -> tuple[NDArray[np.float64], list[_Side]]:
-    """Return distances with the names and classes of their rows, and of their columns if these are others."""
-    sides = [as_labels(of_side) for of_side in labels]
-    matrix, *names = as_distances(distances, *(len(given) for given, _ in sides))
-    known = dict.fromkeys(name for _, orders in sides for name in orders)
-    is_named = any(isinstance(given, dict) for given, _ in sides)
-    if order and order not in known and (is_named or order != "list" or not any(names)):
-        if not is_named:
-            raise ConfigurationError(
-                f"labels without names have no order '{order}'", "omit the order"
-            )
-        raise did_you_mean("order of these labels", order, known)
+    """Return distances with names and classes of their rows, and of their columns if others."""
+    labels = [as_labels(each) for each in given]
+    matrix, *names = as_distances(distances, *(len(each.classes) for each in labels))
+    _check_order(order, labels, has_names=any(names))
     is_psb = isinstance(distances, str | Path) and Path(distances).suffix.lower() == ".matrix"
-    joined = list[_Side]()
-    for (given, orders), of_side, what, count in zip(
-        sides, names, ("rows", "columns"), matrix.shape, strict=False
+    sides = []
+    for each, of_side, what, count in zip(
+        labels, names, ("rows", "columns"), matrix.shape, strict=False
     ):
-        default = "list" if is_psb and "list" in orders else ""
-        joined.append(
-            side := _side(
-                given, orders, of_side, order if order in orders or not orders else default
+        side = _side(each, of_side, _order_of(each, order, is_psb=is_psb))
+        if len(side.classes) != count or len(set(side.names)) < len(side.names):
+            problem = (
+                f"there are {count} {what} of distances and {len(side.classes)} labels, or a name "
+                "appears twice"
             )
-        )
-        if len(side[1]) != count or len(set(side[0])) < len(side[0]):
-            problem = f"there are {count} {what} of distances and {len(side[1])} labels, or a name appears twice"
             raise ConfigurationError(problem, "pass one label for each shape, and no header")
-    return matrix, joined
+        sides.append(side)
+    return matrix, sides
 
 
-def _side(given: Labels, orders: Orders, names: tuple[str, ...], order: str) -> _Side:
-    """Return the names and classes of rows or columns, joined by name if both have names; () without names."""
-    names = () if are_row_numbers(names) else names
-    if isinstance(given, dict):
-        if unknown := [name for name in names if name not in given]:
+def _check_order(order: str, labels: Sequence[ShapeLabels], *, has_names: bool) -> None:
+    """Raise ``ConfigurationError`` if no labels have an order that is named.
+
+    Labels without names have the order of a list, where distances name their shapes.
+    """
+    known: dict[str, None] = {}
+    for each in labels:
+        known.update(dict.fromkeys(each.orders))
+    if not order or order in known:
+        return
+    if any(each.are_named for each in labels):
+        raise did_you_mean("order of these labels", order, known)
+    if order != "list" or not has_names:
+        raise ConfigurationError(f"labels without names have no order '{order}'", "omit the order")
+
+
+def _order_of(labels: ShapeLabels, order: str, *, is_psb: bool) -> str:
+    """Return the order of the rows that labels are for; "" if none is known.
+
+    Distances of the tools of the Princeton Shape Benchmark follow the list.
+    """
+    if order in labels.orders or not labels.orders:
+        return order
+    if is_psb and "list" in labels.orders:
+        return "list"
+    return ""
+
+
+def _side(labels: ShapeLabels, names: tuple[str, ...], order: str) -> _Side:
+    """Return the names and classes of rows or columns, joined by name if both have names."""
+    if are_row_numbers(names):
+        names = ()
+    classes = labels.classes
+    if isinstance(classes, dict):
+        unknown = [name for name in names if name not in classes]
+        if unknown:
             problem = f"shapes without a label: {len(unknown)}, the first is '{unknown[0]}'"
-            raise ConfigurationError(
-                problem, f"use the names of the labels: {', '.join(list(given)[:3])} ..."
-            )
-        names = names or _ordered(orders or {"": list(given)}, order)
-    elif names and order != "list":
-        hint = "write lines 'name label', or pass --order list (order= in Python) if they are in the order of the rows"
+            some = ", ".join(list(classes)[:3])
+            raise ConfigurationError(problem, f"use the names of the labels: {some} ...")
+        names = names or _ordered(labels.orders or {"": list(classes)}, order)
+        return _Side(names, [classes[name] for name in names])
+    if names and order != "list":
+        hint = (
+            "write lines 'name label', or pass --order list (order= in Python) if they are in the "
+            "order of the rows"
+        )
         raise ConfigurationError("the distances name their shapes, and the labels do not", hint)
-    return names, [given[name] for name in names] if isinstance(given, dict) else given
+    return _Side(names, classes)
 
 
-def _ordered(orders: Orders, order: str) -> tuple[str, ...]:
-    """Return the names of rows that have none, in the order that is named, or in which all agree."""
-    first, *others = [orders[order]] if order else orders.values()
-    for row, names in enumerate(zip(first, *others, strict=True)):
+def _ordered(orders: Mapping[str, Sequence[str]], order: str) -> tuple[str, ...]:
+    """Return the names of rows that have none, in the named order, or in that of all."""
+    if order:
+        return tuple(orders[order])
+    for row, names in enumerate(zip(*orders.values(), strict=True)):
         if len({*names}) > 1:
-            shown = "; ".join(
-                f"{kind}: {', '.join(names[row : row + 3])}" for kind, names in orders.items()
+            kinds = [f"{kind}: {', '.join(each[row : row + 3])}" for kind, each in orders.items()]
+            problem = (
+                "the rows have no names, and the shapes several orders, which differ from row "
+                f"{row + 1}: {'; '.join(kinds)}"
             )
-            problem = f"the rows have no names, and the shapes several orders, which differ from row {row + 1}: {shown}"
             hint = (
                 f"pass --order {' or '.join(orders)} (order= in Python), or name rows and columns"
             )
             raise ConfigurationError(problem, hint)
-    return tuple(first)
-
-
-def _check_diagonal(diagonal: NDArray[np.float64], matrix: NDArray[np.float64]) -> None:
-    """Raise ``ConfigurationError`` if distances, with the diagonal that they had, seem to be similarities."""
-    is_farthest = (
-        np.isfinite(diagonal).all()
-        and (diagonal >= matrix.max(axis=1)).all()
-        and diagonal.min() > 0
-    )
-    if is_farthest and np.unique(matrix).size > 2:
-        hint = "pass distances, not similarities; set the diagonal of distances to 0"
-        raise ConfigurationError("each shape is farthest from itself", hint)
+    return tuple(next(iter(orders.values())))

@@ -6,7 +6,7 @@ import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from benchmark.api.contracts import Input
 from benchmark.datasets.catalogue import is_known, is_path, split_changes
@@ -16,15 +16,19 @@ from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.records import Record, read_records
 from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.registry import are_named
-from benchmark.report.columns import MEASURED, PRINTED_SCORES
-from benchmark.report.frames import chosen_records, row_of
-from benchmark.report.tables import TableView, table_views
+from benchmark.registry.names import base_name
+from benchmark.report.columns import PRINTED_SCORES, QUANTITIES
+from benchmark.report.record_facts import chosen_records, row_of
+from benchmark.report.table_view import TableView
+from benchmark.report.tables import table_views
 from benchmark.text import brief, counted
 
 
 def as_list(values: Any) -> list[Any]:
     """Return a list or a tuple as a list, and a single value as a list of it."""
-    return list(values) if isinstance(values, list | tuple) else [values]
+    if isinstance(values, list | tuple):
+        return list(values)
+    return [values]
 
 
 def data_folder(given: str | Path | None = None) -> Path | None:
@@ -48,17 +52,17 @@ def data_folder(given: str | Path | None = None) -> Path | None:
 
 def shadowed_folders(names: Iterable[str], data_root: Path | None) -> list[str]:
     """Say which names are those of sets of the suite, though folders here have them, too."""
-    told = []
+    notes = []
     for name in names:
-        base = split_changes(name)[0]
+        base, _ = split_changes(name)
         if not (is_known(name) and is_path(name)):
             continue
         if data_root and Path(base).absolute() == (data_root / base).absolute():
             continue
-        told.append(
+        notes.append(
             f"{base} is the set of the suite; for the folder of this name here, pass ./{base}"
         )
-    return told
+    return notes
 
 
 def outcome(record: Record) -> str:
@@ -66,16 +70,26 @@ def outcome(record: Record) -> str:
     if record.status != "ok":
         return brief(record.reason)
     scores = " ".join(f"{column.title} {column.cell(record)}" for column in PRINTED_SCORES)
+    details = [
+        f"{quantity.cell(record)} {quantity.title} a shape"
+        for quantity in QUANTITIES
+        if quantity.title
+    ]
+    measured = ", ".join(details)
     refused = f"; {brief(record.refusals)}" if record.unsupported else ""
-    measured = ", ".join(
-        f"{column.cell(record)} {column.title} a shape" for column in MEASURED if column.title
-    )
     return f"{scores}  ({measured}{refused})"
 
 
 def is_of_methods(record: Record, methods: Iterable[str]) -> bool:
     """Return whether methods are named, with or without parameters, of which one made a record."""
-    return not {record.method, record.method.partition("[")[0]}.isdisjoint(methods)
+    return not {record.method, base_name(record.method)}.isdisjoint(methods)
+
+
+class SelectedRecords(NamedTuple):
+    """Selected records, and notes on those that are left out."""
+
+    records: list[Record]
+    notes: list[str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +127,7 @@ class RecordSelection:
         """Whether nothing is left out of the tables."""
         return not (self.tables or self.methods or self.data or self.input or self.quick)
 
-    def records(self, *, failed: bool = False) -> tuple[list[Record], list[str]]:
+    def records(self, *, failed: bool = False) -> SelectedRecords:
         """Return the records, and notes on those that are left out.
 
         With ``failed``, also those of methods that have scores on no data at all, are not selected,
@@ -131,29 +145,46 @@ class RecordSelection:
         of_input = [record for record in of_data if self.input in (None, record.input)]
         full = chosen_records(of_input, scorer=self.scorer, seed=self.seed)
         quick = chosen_records(of_input, quick=True, scorer=self.scorer, seed=self.seed)
-        records = quick if self.quick else full or quick
+        records = quick
+        if full and not self.quick:
+            records = full
         notes = [*self._of_other_scorers(of_input), *self._of_quick_runs(full, quick)]
         if not records:
-            what = "published record" if self.published else "finished job"
-            first = "omit --results" if self.published else "run it first"
-            problem = f"no {what} under {self.results} fits the selection"
-            raise ConfigurationError(problem, "; ".join([f"{first}, or select less", *notes]))
-        scored = {row_of(record) for record in every if failed or record.status == "ok"}
+            raise self._no_records(notes)
+        if failed:
+            return SelectedRecords(records, notes)
+        return self._without_failing(records, notes, every)
 
-        def is_shown(record: Record) -> bool:
+    def _without_failing(
+        self, records: list[Record], notes: list[str], every: Iterable[Record]
+    ) -> SelectedRecords:
+        """Return records without those of methods that fail in every job, if there are others."""
+        scored = {row_of(record) for record in every if record.status == "ok"}
+        shown = []
+        hidden = {}
+        for record in records:
             row = row_of(record)
-            return row in scored or row in TITLES or is_of_methods(record, self.methods)
+            if row in scored or row in TITLES or is_of_methods(record, self.methods):
+                shown.append(record)
+            else:
+                hidden[record.method] = outcome(record)
+        if not shown:
+            return SelectedRecords(records, notes)
+        fails = "left out, as it fails in every job"
+        others = [f"{fails}: {name}: {why}; --failed shows it" for name, why in hidden.items()]
+        return SelectedRecords(shown, [*notes, *others])
 
-        shown = [record for record in records if is_shown(record)] or records
-        hidden = {record.method: outcome(record) for record in records if record not in shown}
-        for method, reason in hidden.items():
-            notes.append(
-                f"left out, as it fails in every job: {method}: {reason}; --failed shows it"
-            )
-        return shown, notes
+    def _no_records(self, notes: Sequence[str]) -> ConfigurationError:
+        """Return an error that says that there is no record, and how to get some."""
+        what = "published record" if self.published else "finished job"
+        first = "omit --results" if self.published else "run it first"
+        problem = f"no {what} under {self.results} fits the selection"
+        return ConfigurationError(problem, "; ".join([f"{first}, or select less", *notes]))
 
     def views(self, records: Sequence[Record], *, paper: bool = False) -> list[TableView]:
-        """Return the tables that records fill; with ``paper``, also rows of the paper that never ran.
+        """Return the tables that records fill.
+
+        With ``paper``, they also have rows of the paper that never ran.
 
         Raises
         ------
@@ -178,7 +209,9 @@ class RecordSelection:
         ]
         if not others:
             return []
-        ways = {f"--scorer {of.scorer or self.scorer} --seed {of.seed}" for of in others}
+        ways = {
+            f"--scorer {record.scorer or self.scorer} --seed {record.seed}" for record in others
+        }
         jobs = counted(len(others), "job")
         return [f"not shown: {jobs} of another scorer or seed: pass {', or '.join(sorted(ways))}"]
 

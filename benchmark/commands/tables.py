@@ -14,9 +14,9 @@ from benchmark.defaults import DEFAULT_SCORER
 from benchmark.pipeline.records import Record
 from benchmark.report.columns import scores_frame
 from benchmark.report.formats import as_json, latex, markdown, robustness_markdown
-from benchmark.report.frames import scored_by
-from benchmark.report.output import FORMATS, table_files, write_files
-from benchmark.report.tables import TableView
+from benchmark.report.output import TABLE_FORMATS, table_files, write_files
+from benchmark.report.record_facts import scored_by
+from benchmark.report.table_view import TableView
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,12 +42,15 @@ class Tables:
     has_verdicts: bool = False
 
     def __repr__(self) -> str:
+        """Return the names of the tables."""
         return f"Tables({', '.join(view.stem for view in self.views)})"
 
     def markdown(self) -> str:
         """Return them as Markdown."""
-        robustness = robustness_markdown(self.records) if self.has_robustness else ""
-        return "\n".join(filter(None, [*map(markdown, self.views), robustness]))
+        texts = [*map(markdown, self.views)]
+        if self.has_robustness:
+            texts.append(robustness_markdown(self.records))
+        return "\n".join(filter(None, texts))
 
     def latex(self) -> str:
         r"""Return them for ``\input``; see :func:`benchmark.report.formats.latex`."""
@@ -60,7 +63,7 @@ class Tables:
 
     @property
     def rows(self) -> DataFrame:
-        """One line for each row and column of each table, with the keys of ``tables --format json``."""
+        """A line for each row and column of a table, with the keys of ``tables --format json``."""
         return DataFrame(as_json(self.views))
 
     def texts(self, format: str) -> list[str]:
@@ -71,9 +74,11 @@ class Tables:
         return list(files.values())
 
     def write(
-        self, folder: str | Path, formats: Sequence[str] = FORMATS, *, force: bool = False
+        self, folder: str | Path, formats: Sequence[str] = TABLE_FORMATS, *, force: bool = False
     ) -> list[str]:
-        """Write them as files, and return their names; see :func:`benchmark.report.output.write_files`.
+        """Write them as files, and return their names.
+
+        See :func:`benchmark.report.output.write_files`.
 
         Parameters
         ----------
@@ -101,6 +106,7 @@ class Tables:
         return list(files)
 
     def _repr_markdown_(self) -> str:
+        """Show them as Markdown."""
         return self.markdown()
 
 

@@ -9,7 +9,7 @@ from typing import Any
 from benchmark.api.learning import Learner
 from benchmark.commands.selection import RESULTS, data_folder
 from benchmark.errors import ConfigurationError
-from benchmark.protocols.pairs import training_data, trainings_of
+from benchmark.protocols.pairs import data_of_training, trainings_of
 from benchmark.protocols.trainings import own_training
 from benchmark.registry import select_one
 from benchmark.text import say
@@ -27,7 +27,9 @@ def train(
     data_root: str | Path | None = None,
     tell: Callable[[str], None] = say,
 ) -> list[Path]:
-    """Train the models of a learner; an interrupted training goes on, and finished models are skipped.
+    """Train the models of a learner.
+
+    An interrupted training goes on, and finished models are skipped.
 
     Parameters
     ----------
@@ -58,7 +60,9 @@ def train(
         If the method does not learn, or an option is unknown.
     """
     component = select_one(method, [Path(path) for path in plugins])
-    learner = component.create() if component.learns else None
+    learner: Any = None
+    if component.learns:
+        learner = component.create()
     if not isinstance(learner, Learner):
         raise ConfigurationError(
             f"method '{method}' is not a learner", "choose one, such as 'learned'"
@@ -72,7 +76,7 @@ def train(
     for training in trainings:
         tell(f"{component.name}, {training.name}")
         folder = Path(results) / "models" / training.name / learner.model_name
-        learner.train(training_data(training, root, tell), folder, options or {}, tell)
+        learner.train(data_of_training(training, root, tell), folder, options or {}, tell)
         tell(f"the model is in {folder}")
         folders.append(folder)
     return folders

@@ -33,7 +33,7 @@ from benchmark.pipeline.record_layout import (
     gather_unknown,
     is_newer,
 )
-from benchmark.reference.paper import MEASURES
+from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.text import LONGEST_MESSAGE, brief, clean_text, counted, say
 from retrieval.measures import Targets
 
@@ -498,7 +498,7 @@ def _fault_of_scores(record: Record) -> str:
         return f"it has {record.lone_queries} queries without a relevant shape, not {n_lone}"
     if record.tied_queries > n_queries:
         return f"it has {record.tied_queries} queries with ties among {n_queries}"
-    for measure in MEASURES:
+    for measure in PRINTED_MEASURES:
         if measure not in record.scores or measure not in record.per_query:
             return f"it has no {measure}"
     for measure in (*record.per_query, *record.draw_errors):

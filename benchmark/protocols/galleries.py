@@ -35,6 +35,7 @@ from benchmark.protocols.tables import (
     INPUTS,
     PARTS,
     TABLES,
+    GalleryGroup,
     Table,
     gallery_name,
     own_table,
@@ -103,14 +104,10 @@ class Gallery:
         """Return the gallery with a shape for each view of a shape; itself without cameras."""
         if not self.cameras:
             return self
-        source, wanted = (
-            f"{self.source}{self.cameras}",
-            {entry.identifier for entry in self.entries},
-        )
+        source = f"{self.source}{self.cameras}"
         dataset = open_dataset(source, self.data_root)
-        entries = tuple(
-            entry for entry in dataset.shapes if entry.identifier.rpartition("@")[0] in wanted
-        )
+        wanted = {entry.identifier for entry in self.entries}
+        entries = tuple(entry for entry in dataset.shapes if _shape_of(entry) in wanted)
         return replace(self, source=source, dataset=dataset, entries=entries, cameras="")
 
     @property
@@ -124,7 +121,10 @@ class Gallery:
         return gallery_name(self.dataset.name, self.part, quick=self.quick)
 
     def of_subjects(self, subjects: Sequence[str]) -> Gallery:
-        """Return the gallery of some subjects; raise ``ConfigurationError`` if there is no such subject."""
+        """Return the gallery of some subjects.
+
+        Raise ``ConfigurationError`` if there is no such subject.
+        """
         check_known("subject", subjects, {entry.subject for entry in self.entries})
         entries = tuple(entry for entry in self.entries if entry.subject in subjects)
         if self.gallery_of_queries is None:
@@ -139,7 +139,9 @@ class Gallery:
         *,
         named: bool = False,
     ) -> list[Component]:
-        """Return the methods that are tested on it; networks with each of their trainings that has a model.
+        """Return the methods that are tested on it.
+
+        Networks with each of their trainings that has a model.
 
         Parameters
         ----------
@@ -164,33 +166,49 @@ class Gallery:
         return list({method.name: method for method in chosen}.values())
 
     def _includes(self, input_: Input, method: Component, is_wanted: bool) -> bool:
+        """Return whether a method is tested on an input; one that is wanted, in every table."""
         is_network = method.learns and "view" in method.info.inputs
         if self.is_split and is_network != (input_ == "view") and method.info.family != "external":
             return False
         if is_wanted:
             return method.learns or not self.table.is_ablation
         name = method.base_name
-        is_default = self.table.includes(name) and name not in self.table.omits
-        if self.table.changes and not self.table.names and split_changes(self.source)[1]:
-            is_default &= name in QUICK_ROWS or method.learns
-        return is_default and (not self.quick or name in QUICK_ROWS)
+        if not self.table.includes(name) or name in self.table.omits:
+            return False
+        if self._is_change_of_table() and not (name in QUICK_ROWS or method.learns):
+            return False
+        return not self.quick or name in QUICK_ROWS
+
+    def _is_change_of_table(self) -> bool:
+        """Return whether its data are changed ones of a table that has few methods on these."""
+        _, changes = split_changes(self.source)
+        return bool(self.table.changes and not self.table.names and changes)
 
     def _trainings(
         self, method: Component, trained_here: Path | None, is_wanted: bool
     ) -> Iterator[Component]:
-        """Yield a method; a network also with other seeds, and that of the paper as printed, where it has models."""
+        """Yield a method.
+
+        A network is also yielded with other seeds, and that of the paper as printed, where it has
+        models.
+        """
         is_papers = method.base_name == NETWORK
         if not method.learns or is_papers or is_wanted or self._has_models(method, trained_here):
             yield method
-        if not method.learns or method.parameters or self.quick or method.given is not None:
+        if not method.learns or self._is_fixed(method):
             return
-        seeds = SEEDS if hasattr(method.load(), "training_seed") else ()
-        variants: list[dict[str, object]] = [{"training_seed": seed} for seed in seeds]
-        variants += (
-            [{"configuration": "as_printed"}] if is_papers and not self.table.is_ablation else []
-        )
-        others = map(method.with_parameters, variants)
-        yield from (other for other in others if self._has_models(other, trained_here))
+        variants: list[dict[str, object]] = []
+        if hasattr(method.load(), "training_seed"):
+            variants += [{"training_seed": seed} for seed in SEEDS]
+        if is_papers and not self.table.is_ablation:
+            variants.append({"configuration": "as_printed"})
+        for variant in map(method.with_parameters, variants):
+            if self._has_models(variant, trained_here):
+                yield variant
+
+    def _is_fixed(self, method: Component) -> bool:
+        """Return whether a network has a row of its own alone, and none of its other trainings."""
+        return bool(method.parameters) or self.quick or method.given is not None
 
     def _has_models(self, method: Component, trained_here: Path | None) -> bool:
         """Return whether a learner has a model for each shape, be it one that is refused."""
@@ -209,7 +227,9 @@ class Gallery:
         *,
         named: bool = False,
     ) -> Iterator[tuple[Component, Training]]:
-        """Yield the trainings without a model that rows of networks would need, as far as this code can train them.
+        """Yield the trainings without a model that rows of networks would need.
+
+        There are none that this code cannot train.
 
         Parameters
         ----------
@@ -227,7 +247,7 @@ class Gallery:
         self, method: Component, trained_here: Path | None
     ) -> Iterator[tuple[Component, Training]]:
         """Yield the trainings that a network and its variants in tables lack."""
-        is_fixed = bool(method.parameters) or self.quick or method.given is not None
+        is_fixed = self._is_fixed(method)
         variants = [method]
         if not is_fixed and method.base_name == NETWORK and not self.table.is_ablation:
             variants.append(method.with_parameters({"configuration": "as_printed"}))
@@ -239,13 +259,11 @@ class Gallery:
             for training in dict.fromkeys(of_shapes.values()):
                 if training.is_frozen or not training.dataset:
                     continue
-                seeds: Sequence[int] = ()
+                components = [variant]
                 if not is_fixed and isinstance(learner, HasRecipe):
-                    seeds = learner.seeds(training.name)
-                seeded = [
-                    variant.with_parameters({"training_seed": seed}) for seed in seeds if seed
-                ]
-                for component in (variant, *seeded):
+                    seeds = [seed for seed in learner.seeds(training.name) if seed]
+                    components += [variant.with_parameters({"training_seed": k}) for k in seeds]
+                for component in components:
                     if not has_model(component.create(), training.name, trained_here):
                         yield component, training
 
@@ -297,40 +315,75 @@ def galleries(
     DatasetError
         If a data set is missing or unreadable, or its part in a table is unfit for retrieval.
     """
-    sets, chosen = [*datasets], list[Gallery]()
+    sets = [*datasets]
     if gallery or same_names or gallery_views:
         if not ((gallery or gallery_views) and sets) or [*tables]:
             raise ConfigurationError(
                 "--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER"
             )
-        seen = f"{gallery_views} cameras{' around ' * bool(gallery)}" if gallery_views else ""
+        chosen: list[Gallery] = []
         for name in sets:
-            words = f"{seen}{gallery and table_name(gallery)}{' without same names' * same_names}"
-            own, is_other = (
-                own_table(table_name(name), f"{AGAINST}{words}"),
-                bool(gallery) and not same_names,
-            )
-            table = replace(own, gallery=gallery, keeps_same_names=is_other)
-            if gallery_views:
-                table = replace(
-                    table, columns=table.columns[1:], cameras=f"[cameras={gallery_views}]"
-                )
+            table = _table_of_queries(name, gallery, gallery_views, same_names=same_names)
             chosen += _galleries(table, name, data_root, quick=quick)
     else:
         chosen = _of_tables([*tables], sets, data_root, quick=quick)
-    if subjects:  # some tables show a part of a data set: those that have the subjects are meant
-        having = [
-            gallery
-            for gallery in chosen
-            if {entry.subject for entry in gallery.entries}.issuperset(subjects)
-        ]
-        chosen = [gallery.of_subjects(subjects) for gallery in having or chosen]
-    if input is None:
-        return chosen
-    fitting = [replace(gallery, inputs=(input,)) for gallery in chosen if input in gallery.inputs]
-    if not fitting and input not in (dataset := chosen[0].dataset).inputs:
-        problem = f"data set '{dataset.name}' has no complete surfaces, only views of one side of each shape"
-        raise ConfigurationError(problem, f"drop --input {input}")
+    if subjects:
+        chosen = _of_subjects(chosen, subjects)
+    if input is not None:
+        chosen = _of_input(chosen, input)
+    return chosen
+
+
+def _table_of_queries(name: str, gallery: str, gallery_views: int, *, same_names: bool) -> Table:
+    """Return the table of a data set whose shapes are queries of another gallery.
+
+    Parameters
+    ----------
+    name
+        Name or folder of the data set.
+    gallery, gallery_views, same_names
+        As for :func:`galleries`.
+    """
+    words = []
+    if gallery_views:
+        around = " around " if gallery else ""
+        words.append(f"{gallery_views} cameras{around}")
+    if gallery:
+        words.append(table_name(gallery))
+    if same_names:
+        words.append(" without same names")
+    table = own_table(table_name(name), f"{AGAINST}{''.join(words)}")
+    keeps_same_names = bool(gallery) and not same_names
+    table = replace(table, gallery=gallery, keeps_same_names=keeps_same_names)
+    if gallery_views:  # which shows views alone
+        columns = table.columns[1:]
+        table = replace(table, columns=columns, cameras=f"[cameras={gallery_views}]")
+    return table
+
+
+def _of_subjects(chosen: Sequence[Gallery], subjects: Sequence[str]) -> list[Gallery]:
+    """Return the galleries of some subjects.
+
+    Some tables show a part of a data set: those that have the subjects are meant.
+    """
+    having = []
+    for gallery in chosen:
+        known = {entry.subject for entry in gallery.entries}
+        if known.issuperset(subjects):
+            having.append(gallery)
+    return [gallery.of_subjects(subjects) for gallery in having or chosen]
+
+
+def _of_input(chosen: Sequence[Gallery], input_: Input) -> list[Gallery]:
+    """Return galleries with one input; raise ``ConfigurationError`` if the data set lacks it."""
+    fitting = [replace(gallery, inputs=(input_,)) for gallery in chosen if input_ in gallery.inputs]
+    dataset = chosen[0].dataset
+    if not fitting and input_ not in dataset.inputs:
+        problem = (
+            f"data set '{dataset.name}' has no complete surfaces, only views of one side of each "
+            "shape"
+        )
+        raise ConfigurationError(problem, f"drop --input {input_}")
     return fitting
 
 
@@ -345,20 +398,17 @@ def _of_tables(
                 f"table {name} is a mean over all folds, and --quick has one", "drop --quick"
             )
     selected = [table for table in TABLES if _is_selected(table, wanted, sets, quick)]
+    places: list[tuple[Table, str]] = []
     if sets:
-        places = [
-            (table, name) for name in sets for table in _tables_of(name, selected, own=not wanted)
-        ]
+        for name in sets:
+            places += [(table, name) for table in _tables_of(name, selected, own=not wanted)]
     else:
-        places = [
-            (table, name) for table in selected if (name := _source(table, data_root, wanted))
-        ]
+        sources = [(table, _source(table, data_root, wanted)) for table in selected]
+        places += [(table, name) for table, name in sources if name]
     if not places:
-        problem = (
-            f"no selected table uses {', '.join(sets)}"
-            if sets
-            else "the selected tables have no data"
-        )
+        problem = "the selected tables have no data"
+        if sets:
+            problem = f"no selected table uses {', '.join(sets)}"
         raise ConfigurationError(problem, "drop -t or -d, or choose ones that belong together")
     chosen: list[Gallery] = []
     for table, name in places:
@@ -371,25 +421,28 @@ def _of_tables(
 
 
 def _is_selected(table: Table, tables: Sequence[str], sets: Sequence[str], quick: bool) -> bool:
-    """Return whether a selection includes a table, by its name, that of the table it belongs to, or its data set."""
+    """Return whether a selection includes a table, by its name, its main table or its data set."""
     if tables:
         return table.identifier in tables or (table.part_of in tables and not quick)
-    if table.runs in ("named", "alone"):
-        return table.runs == "named" and bool(set(table.datasets) & set(sets))
-    return (
-        table.runs == "quick"
-        or not quick
-        or (bool(sets) and not table.part_of and not table.is_ablation)
-    )
+    if table.runs == "alone":
+        return False
+    if table.runs == "named":
+        return not set(table.datasets).isdisjoint(sets)
+    if table.runs == "quick" or not quick:
+        return True
+    return bool(sets) and not table.part_of and not table.is_ablation
 
 
 def _source(table: Table, data_root: Path | None, asked_for: Sequence[str]) -> str:
-    """Return the data set of a table; "" for one that is absent, where the table was not asked for by its name."""
-    if is_present(table.dataset, data_root) or (
-        not table.stand_ins and table.identifier in asked_for
-    ):
+    """Return the data set of a table.
+
+    It is "" for one that is absent, where the table was not asked for by its name.
+    """
+    if is_present(table.dataset, data_root):
         return table.dataset
-    return table.stand_ins[0] if table.stand_ins else ""
+    if table.stand_ins:
+        return table.stand_ins[0]
+    return table.dataset if table.identifier in asked_for else ""
 
 
 def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table]:
@@ -403,49 +456,98 @@ def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table
 def _galleries(
     table: Table, name: str, data_root: Path | None, *, quick: bool
 ) -> Iterator[Gallery]:
-    """Yield the galleries of a table on a data set; with ``quick``, of the columns with folds if there are any."""
-    with_folds = tuple(column for column in table.columns if len(column.parts) > 1) if quick else ()
-    for column in with_folds or table.columns:
-        is_split = column.input == "as printed"
-        sets = table.stand_ins if column.over_draws and name in table.stand_ins[:1] else (name,)
-        sets += tuple(f"{name}{change}" for change in table.changes if name in table.datasets)
-        for source in _conditions(name) if table.is_robustness else sets:
-            dataset = open_dataset(source, data_root)
-            check_ranked(dataset)
-            wanted = (INPUTS if source == sets[0] else INPUTS[:1]) if is_split else (column.input,)
-            inputs = tuple(input_ for input_ in dataset.inputs if input_ in wanted)
-            for part in column.parts[: 1 if quick else None]:
-                entries = Part(PARTS.get(part, ())).of(dataset)
-                against = (
-                    _known(table, source, part, data_root, quick=quick)
-                    if part.startswith(AGAINST)
-                    else None
-                )
-                if against is None:
-                    check_retrievable(dataset, entries if part else None)
-                some = thinned(entries, QUICK_POSES) if quick else entries
-                is_quick = len(some) < len(entries)
-                yield Gallery(
-                    table,
-                    source,
-                    dataset,
-                    some,
-                    is_quick,
-                    part,
-                    data_root,
-                    inputs,
-                    is_split,
-                    against,
-                )
+    """Yield the galleries of a table on a data set.
+
+    With ``quick``, of the columns with folds if there are any.
+    """
+    columns = table.columns
+    if quick:
+        with_folds = tuple(column for column in columns if len(column.parts) > 1)
+        columns = with_folds or columns
+    for column in columns:
+        sets = _sets_of_column(table, column, name)
+        for source in sets:
+            yield from _galleries_of_set(
+                table, column, source, data_root, is_first=source == sets[0], quick=quick
+            )
 
 
-def _known(table: Table, source: str, part: str, data_root: Path | None, *, quick: bool) -> Gallery:
-    """Return the gallery of queries: complete surfaces where there are any, of their own data set by default."""
+def _sets_of_column(table: Table, column: GalleryGroup, name: str) -> list[str]:
+    """Return the data sets of a column: all draws of one, its changes, or those of robustness."""
+    if table.is_robustness:
+        return _conditions(name)
+    sets = [name]
+    if column.over_draws and name in table.stand_ins[:1]:
+        sets = [*table.stand_ins]
+    if name in table.datasets:
+        sets += [f"{name}{change}" for change in table.changes]
+    return sets
+
+
+def _galleries_of_set(
+    table: Table,
+    column: GalleryGroup,
+    source: str,
+    data_root: Path | None,
+    *,
+    is_first: bool,
+    quick: bool,
+) -> Iterator[Gallery]:
+    """Yield the galleries of a column on one data set.
+
+    Parameters
+    ----------
+    table, column
+        The table and its column.
+    source
+        The data set.
+    data_root
+        The folder of the official data sets.
+    is_first
+        Whether it is the first data set of the column: networks see no other.
+    quick
+        Whether there are fewer poses, and only the first part.
+    """
+    dataset = open_dataset(source, data_root)
+    check_ranked(dataset)
+    is_split = column.input == "as printed"
+    wanted: tuple[str, ...] = (column.input,)
+    if is_split:
+        wanted = INPUTS if is_first else INPUTS[:1]
+    inputs = tuple(input_ for input_ in dataset.inputs if input_ in wanted)
+    parts = column.parts[:1] if quick else column.parts
+    for part in parts:
+        entries = Part(PARTS.get(part, ())).of(dataset)
+        against = None
+        if part.startswith(AGAINST):
+            against = _gallery_of_queries(table, source, part, data_root, quick=quick)
+        else:
+            check_retrievable(dataset, entries if part else None)
+        some = thinned(entries, QUICK_POSES) if quick else entries
+        is_quick = len(some) < len(entries)
+        yield Gallery(
+            table,
+            source,
+            dataset,
+            some,
+            is_quick,
+            part,
+            data_root,
+            inputs,
+            is_split,
+            against,
+        )
+
+
+def _gallery_of_queries(
+    table: Table, source: str, part: str, data_root: Path | None, *, quick: bool
+) -> Gallery:
+    """Return the gallery of queries: of their own data set by default, and surfaces if there are any."""
     name = table.gallery or source
-    while (
-        "mesh" not in (dataset := open_dataset(name, data_root)).inputs and split_changes(name)[1]
-    ):
-        name = name.rpartition("[")[0]  # what changes views alone
+    dataset = open_dataset(name, data_root)
+    while "mesh" not in dataset.inputs and split_changes(name)[1]:
+        name, _, _ = name.rpartition("[")  # the last change, which is one of views alone
+        dataset = open_dataset(name, data_root)
     entries = thinned(dataset.shapes, QUICK_POSES) if quick else dataset.shapes
     cameras = CAMERAS.get(part, table.cameras)
     inputs = ("view",) if cameras else dataset.inputs[:1]
@@ -455,9 +557,16 @@ def _known(table: Table, source: str, part: str, data_root: Path | None, *, quic
 
 
 def _conditions(name: str) -> list[str]:
-    """Return a data set, and the same under each change of its meshes at three strengths, by name or path."""
-    shown = [change for change, what in CHANGES.items() if what.of_mesh and change != "jitter"]
-    return [
-        name,
-        *(changed_name(name, change, level) for change in shown for level in list(STRENGTHS)[::2]),
-    ]
+    """Return the name of a data set, and of each change of its meshes at three strengths."""
+    conditions = [name]
+    for change, facts in CHANGES.items():
+        if facts.of_mesh and change != "jitter":
+            levels = STRENGTHS[::2]
+            conditions += [changed_name(name, change, level) for level in levels]
+    return conditions
+
+
+def _shape_of(entry: Entry) -> str:
+    """Return the name of the shape that a view shows."""
+    shape, _, _ = entry.identifier.rpartition("@")
+    return shape

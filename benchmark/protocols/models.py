@@ -1,4 +1,4 @@
-"""Assign trained models to the shapes of a gallery, and detect shapes that were in their training data."""
+"""Models of the shapes of a gallery, and which of these shapes they were trained on."""
 
 from __future__ import annotations
 
@@ -19,11 +19,13 @@ from benchmark.files import file_digest
 from benchmark.protocols.published_models import published_models
 from benchmark.protocols.trainings import (
     TRAININGS,
+    Training,
     find_training,
     set_of_subjects,
     trainings_by_shape,
 )
 from benchmark.registry import Component
+from benchmark.registry.names import base_name
 
 #: Environment variable of a folder of models with the layout of the repository, for installations
 #: without all models.
@@ -98,23 +100,39 @@ class Model:
         UnusableModel
             If the model was trained for other subjects than those of its training.
         """
-        training, stated = find_training(self.training), self.card.clearance
-        exact, shown = catalogued(dataset) or "", set_of_subjects(dataset)
-        distance = stated.get(exact, stated.get(shown, 0.0 if training.is_sampled else CLEARANCE))
-        if shown.startswith((*TESTED, "animals")) and distance < CLEARANCE:
-            has = "has" if {exact, shown} & stated.keys() else "may have"
-            problem = f"training '{self.training}' {has} bodies within {CLEARANCE} of the subjects of {shown}"
+        training = find_training(self.training)
+        self._check_clearance(dataset, training)
+        self._check_tested(training, data_root)
+
+    def _check_clearance(self, dataset: str, training: Training) -> None:
+        """Raise :class:`TooNear` if training bodies are, or may be, near those of a data set."""
+        subjects = set_of_subjects(dataset)
+        if not subjects.startswith((*TESTED, "animals")):
+            return
+        distance = 0.0 if training.is_sampled else CLEARANCE
+        has = "may have"
+        for name in (catalogued(dataset) or "", subjects):
+            if name in self.card.clearance:
+                distance = self.card.clearance[name]
+                has = "has"
+                break
+        if distance < CLEARANCE:
+            problem = (
+                f"training '{self.training}' {has} bodies within {CLEARANCE} of the subjects of "
+                f"{subjects}"
+            )
             raise TooNear(problem, "take a model of another training")
-        if (
-            self.card.tested
-            and is_known(training.dataset)
-            and is_present(training.dataset, data_root)
-        ):
-            tested = training.tested.of(open_dataset(training.dataset, data_root))
-            if self.card.tested != digest_of({entry.subject for entry in tested}):
-                raise UnusableModel(
-                    f"the model in {self.folder} is for other subjects", "train it again"
-                )
+
+    def _check_tested(self, training: Training, data_root: Path | None) -> None:
+        """Raise :class:`UnusableModel` if the model is for other subjects than its training."""
+        is_here = is_known(training.dataset) and is_present(training.dataset, data_root)
+        if not self.card.tested or not is_here:
+            return
+        tested = training.tested.of(open_dataset(training.dataset, data_root))
+        if self.card.tested != digest_of({entry.subject for entry in tested}):
+            raise UnusableModel(
+                f"the model in {self.folder} is for other subjects", "train it again"
+            )
 
     def summary(self) -> dict[str, Any]:
         """Facts about the model for a record."""
@@ -134,7 +152,9 @@ def find_models(
     data_root: Path | None,
     trained_here: Path | None,
 ) -> dict[str, Model]:
-    """Return the model for each of some shapes, by identifier; empty for a method that does not learn.
+    """Return the model for each of some shapes, by identifier.
+
+    It is empty for a method that does not learn.
 
     Parameters
     ----------
@@ -159,13 +179,16 @@ def find_models(
     ConfigurationError
         If the learner names a training that does not exist.
     """
-    learner = spec.create() if spec.learns else None
+    if not spec.learns:
+        return {}
+    learner: Any = spec.create()
     if not isinstance(learner, Learner):
         return {}
     of_shape = trainings_by_shape(learner, dataset, entries, data_root)
     trainings = {training.name for training in of_shape.values()}
     folders = {name: _finished(learner, name, trained_here) for name in sorted(trainings)}
-    if missing := [name for name, folder in folders.items() if folder is None]:
+    missing = [name for name, folder in folders.items() if folder is None]
+    if missing:
         raise _missing(spec, learner, missing)
     models = {name: _model(name, folder) for name, folder in folders.items() if folder}
     for model in models.values():
@@ -174,7 +197,9 @@ def find_models(
 
 
 def with_model(spec: Component) -> Any:
-    """Return a method for use outside tables; a learner is returned with its default model, if it has one.
+    """Return a method for use outside tables.
+
+    A learner is returned with its default model, if it has one.
 
     Raises
     ------
@@ -195,14 +220,23 @@ def with_model(spec: Component) -> Any:
 
 
 def people_training(folder: object) -> str:
-    """Return the training of the model in a folder, or of a method's, if it shows people alone; else ""."""
+    """Return the training of the model in a folder, or of a method's, if it shows people alone.
+
+    It is "" otherwise.
+    """
     folder = getattr(folder, "model_folder", folder)
-    training = TRAININGS.get(folder.parent.name) if isinstance(folder, Path) else None
-    return training.name if training and training.dataset.partition("[")[0] in _PEOPLE else ""
+    if not isinstance(folder, Path):
+        return ""
+    training = TRAININGS.get(folder.parent.name)
+    if training is None or base_name(training.dataset) not in _PEOPLE:
+        return ""
+    return training.name
 
 
 def model_places(learner: Learner, trained_here: Path | None = None) -> list[Path]:
-    """Return the folders of models by precedence: trained here, from the environment variable, shipped.
+    """Return the folders of models by precedence.
+
+    They are those trained here, those of the environment variable, and the shipped ones.
 
     Parameters
     ----------
@@ -211,9 +245,13 @@ def model_places(learner: Learner, trained_here: Path | None = None) -> list[Pat
     trained_here
         Folder of the models that were trained here; None to ignore them.
     """
-    named = os.environ.get(MODELS_VARIABLE, "")
-    places = (trained_here, Path(named) if named else None, learner.shipped_models)
-    return [place for place in places if place is not None]
+    places = [learner.shipped_models]
+    named = os.environ.get(MODELS_VARIABLE)
+    if named:
+        places.insert(0, Path(named))
+    if trained_here is not None:
+        places.insert(0, trained_here)
+    return places
 
 
 def has_model(learner: Learner, training: str, trained_here: Path | None) -> bool:
@@ -222,15 +260,19 @@ def has_model(learner: Learner, training: str, trained_here: Path | None) -> boo
 
 
 def _finished(learner: Learner, training: str, trained_here: Path | None) -> Path | None:
-    """Return the folder of the finished model of a training, by precedence; None if there is none."""
-    folders = (
-        place / training / learner.model_name for place in model_places(learner, trained_here)
-    )
-    return next((folder for folder in folders if (folder / CARD).is_file()), None)
+    """Return the folder of the finished model of a training, by precedence.
+
+    It is None if there is none.
+    """
+    for place in model_places(learner, trained_here):
+        folder = place / training / learner.model_name
+        if (folder / CARD).is_file():
+            return folder
+    return None
 
 
 def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> MissingModel:
-    """Return an error with the missing models, the command that trains them, and where to get them."""
+    """Return an error that names missing models, how to train them, and where to get them."""
     words = ["python", "-m", "benchmark", "train", spec.name]
     if len(names) == 1:
         words += ["--table", names[0]]
@@ -240,11 +282,15 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
     if all(f"{name}/{learner.model_name}" in published_models() for name in names):
         fetch = shlex.join(["python", "-m", "benchmark", "models", "fetch", *names])
         hint = f"{hint}, or `{fetch} --from CHECKOUT/learned/models`"
-    return MissingModel(f"needs the model{'s' if len(names) > 1 else ''} {', '.join(names)}", hint)
+    models = "model" if len(names) == 1 else "models"
+    return MissingModel(f"needs the {models} {', '.join(names)}", hint)
 
 
 def _model(training: str, folder: Path) -> Model:
-    """Return the model in a folder; raise :class:`UnusableModel` if its card is not that of this training."""
+    """Return the model in a folder.
+
+    Raise :class:`UnusableModel` if its card is not that of this training.
+    """
     try:
         card = read_card(folder)
     except ConfigurationError as error:

@@ -1,4 +1,4 @@
-"""Trainings of a table, and their pairs: the shapes of a protocol with their canonical poses, as methods get them."""
+"""Pairs of a training: shapes with their canonical poses, as learners get them."""
 
 from __future__ import annotations
 
@@ -33,28 +33,32 @@ from benchmark.reference.paper import NUMERALS
 Say = Callable[[str], None]
 
 VALIDATION = "people[n=22]"
-"""Set of new people, far from all tested ones; trainings on people are validated on the last ten in every fifth pose.
+"""Set of new people, far from all tested ones.
 
-The first twelve judge experiments with networks, and no training sees them."""
+Trainings on people are validated on the last ten in every fifth pose. The first twelve judge
+experiments with networks, and no training sees them.
+"""
+
+_EVERY = 5
+"""One of so many shapes validates."""
 
 _PHENOTYPES = {**SUBJECTS["people[draw=0]"], **SUBJECTS["animals"]}
 """Bodies of the people in sets that are trained on."""
 
 
 def trainings_of(learner: Learner, target: str, data_root: Path | None) -> list[Training]:
-    """Return the trainings that a learner needs for a table of the paper, or the training with this name."""
+    """Return the trainings of a learner for a table of the paper, or the one of this name."""
     if target in TRAININGS:
         return [TRAININGS[target]]
     check_known("table or training", [target], [*NUMERALS, *TRAININGS])
-    tested = galleries([target], data_root=data_root)
-    of_shapes = [
-        trainings_by_shape(learner, gallery.dataset, gallery.entries, data_root)
-        for gallery in tested
-    ]
-    return list(dict.fromkeys(training for of_shape in of_shapes for training in of_shape.values()))
+    trainings: dict[Training, None] = {}
+    for gallery in galleries([target], data_root=data_root):
+        of_shapes = trainings_by_shape(learner, gallery.dataset, gallery.entries, data_root)
+        trainings.update(dict.fromkeys(of_shapes.values()))
+    return list(trainings)
 
 
-def training_data(training: Training, data_root: Path | None, say: Say) -> TrainingData:
+def data_of_training(training: Training, data_root: Path | None, say: Say) -> TrainingData:
     """Return the pairs of a protocol, which are rendered when they are read.
 
     Parameters
@@ -79,19 +83,22 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
     dataset = open_dataset(training.dataset, data_root)
     if training.name == SAMPLED_PEOPLE:
         return _sampled(dataset, say)
-    trained, tested = training.trained.of(dataset), training.tested.of(dataset)
-    subjects, tested_subjects = (
-        tuple(dict.fromkeys(entry.subject for entry in part)) for part in (trained, tested)
-    )
+    trained = training.trained.of(dataset)
+    tested = training.tested.of(dataset)
+    subjects = _subjects(trained)
+    tested_subjects = _subjects(tested)
     if not subjects:
         raise ConfigurationError(
             f"training '{training.name}' has no pairs", "check the data set with 'data check'"
         )
-    if both := sorted({*subjects} & {*tested_subjects}):
-        problem = f"training '{training.name}' would include test subjects of its models: {', '.join(both[:5])}"
+    both = sorted({*subjects} & {*tested_subjects})
+    if both:
+        some = ", ".join(both[:5])
+        problem = f"training '{training.name}' would include test subjects of its models: {some}"
         raise ConfigurationError(problem, "keep the subjects of the data set apart")
     canonical = canonical_shapes(dataset)
-    shown = dict.fromkeys([*trained, *(canonical[subject] for subject in subjects)])
+    canonical_of_subjects = [canonical[subject] for subject in subjects]
+    seen = dict.fromkeys([*trained, *canonical_of_subjects])
     new: ShapeSet = dataset
     held_out: Sequence[Entry] = tested
     if {*subjects} <= {*PEOPLE[0]}:
@@ -100,7 +107,7 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
         name=training.name,
         title=f"{dataset.title}, {training.words}",
         subjects=subjects,
-        identifiers=tuple(entry.identifier for entry in shown),
+        identifiers=tuple(entry.identifier for entry in seen),
         tested=digest_of(tested_subjects),
         pairs=lambda: _rendered(trained, dataset, frame_of(dataset), say),
         n_pairs=len(trained),
@@ -111,12 +118,17 @@ def training_data(training: Training, data_root: Path | None, say: Say) -> Train
     )
 
 
+def _subjects(entries: Iterable[Entry]) -> tuple[str, ...]:
+    """Return the subjects of shapes in their order."""
+    return tuple(dict.fromkeys(entry.subject for entry in entries))
+
+
 def _validation() -> tuple[ShapeSet, Sequence[Entry]]:
-    """Return the set of people on whom trainings on people are validated, and the shapes of it to take."""
+    """Return the set and the shapes on which trainings on people are validated."""
     new = open_dataset(VALIDATION)
     judges = {entry.subject for entry in open_dataset(JUDGES).shapes}
     others = [entry for entry in new.shapes if entry.subject not in judges]
-    return new, others[::5]
+    return new, others[::_EVERY]
 
 
 def _sampled(frame: ShapeSet, say: Say) -> TrainingData:
@@ -150,15 +162,19 @@ def _sampled(frame: ShapeSet, say: Say) -> TrainingData:
 
 
 def _clearances(subjects: Sequence[str], dataset: str) -> dict[str, float]:
-    """Return the clearances of the bodies; those of ``people`` from each draw, because draws are not kept apart."""
+    """Return the clearances of the bodies.
+
+    Those of ``people`` are clearances from each draw, because draws are not kept apart.
+    """
     bodies = [_PHENOTYPES[name] for name in subjects if name in _PHENOTYPES]
+    if not bodies:
+        return {}
     sets = [name for name in TESTED if name != "people"]
-    sets += (
-        [f"people[draw={draw}]" for draw in range(len(PEOPLE))]
-        if dataset.startswith("people")
-        else ["people"]
-    )
-    return clearances(bodies, sets) if bodies else {}
+    if dataset.startswith("people"):
+        sets += [f"people[draw={draw}]" for draw in range(len(PEOPLE))]
+    else:
+        sets.append("people")
+    return clearances(bodies, sets)
 
 
 def _rendered(
@@ -169,14 +185,16 @@ def _rendered(
 
     @lru_cache(maxsize=32)  # the shapes of a subject are adjacent, and share a target
     def render(entry: Entry) -> NDArray[np.float32]:
-        return prepare_view(
-            dataset.load(entry), dataset.camera(entry), half_width, dataset.sensor(entry)
-        )["depth"]
+        """Return the view of a shape."""
+        mesh = dataset.load(entry)
+        view = prepare_view(mesh, dataset.camera(entry), half_width, dataset.sensor(entry))
+        return view["depth"]
 
     for entry in entries:
         target = canonical[entry.subject]
         try:
-            image, canonical_image = render(entry), render(target)
+            image = render(entry)
+            canonical_image = render(target)
         except ShapeError as error:
             say(f"skipped {entry.identifier}: {error}")
             continue

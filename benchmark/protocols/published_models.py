@@ -17,7 +17,7 @@ LIST = SHIPPED / "published.sha256"
 
 @cache
 def published_files() -> Mapping[str, str]:
-    """Return the SHA-256 of each file of the published models, by its path ``TRAINING/MODEL/FILE``."""
+    """Return the SHA-256 of each published file by its path ``TRAINING/MODEL/FILE``."""
     lines = LIST.read_text(encoding="utf-8").splitlines()
     pairs = [line.split(maxsplit=1) for line in lines]
     return {path: digest for digest, path in pairs}

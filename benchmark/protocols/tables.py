@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 from typing import Literal
 
 from benchmark.api.contracts import Input
@@ -16,7 +17,7 @@ from benchmark.reference import paper
 
 INPUTS: tuple[Input, ...] = ("mesh", "view")
 
-Kind = Literal["form", "network", "descriptor", "external"]
+Block = Literal["form", "network", "descriptor", "external"]
 
 #: Stand-ins for the synthetic humans: the first one has folds and networks; the whole galleries of
 #: all are averaged.
@@ -49,10 +50,10 @@ PARTS: Mapping[str, tuple[int | str, ...]] = {
 
 #: Beginnings of the names of the suite's networks, which stand in their block also where they have
 #: no model.
-NETWORKS = ("learned", "deformation-field")
+NETWORK_PREFIXES = ("learned", "deformation-field")
 
 #: Parameters of networks over whose values rows are averaged.
-AVERAGED = ("training_seed=",)
+AVERAGED_PARAMETERS = ("training_seed=",)
 
 #: What the titles of networks say that this code cannot train.
 _FROZEN = f"frozen (commit {FROZEN_AT})"
@@ -217,7 +218,8 @@ class Table:
     @property
     def parts(self) -> tuple[str, ...]:
         """Names of all parts of the data set that it ranks."""
-        return tuple(dict.fromkeys(part for column in self.columns for part in column.parts))
+        parts = chain.from_iterable(column.parts for column in self.columns)
+        return tuple(dict.fromkeys(parts))
 
     @property
     def is_ablation(self) -> bool:
@@ -230,27 +232,30 @@ class Table:
         return any(part.startswith(AGAINST) for part in self.parts)
 
     def shows(self, dataset: str) -> bool:
-        """Return whether it can be made for a data set; one of queries and another gallery, also for changed views."""
-        return dataset in self.datasets or (
-            self.is_cross and split_changes(dataset)[0] in self.datasets
-        )
+        """Return whether it can be made for a data set.
+
+        A table of queries and another gallery is also made for changed views.
+        """
+        if self.is_cross:
+            base, _ = split_changes(dataset)
+            return dataset in self.datasets or base in self.datasets
+        return dataset in self.datasets
 
     def includes(self, base_name: str) -> bool:
         """Return whether a method may have a row if none was selected by name."""
-        return (
-            base_name in self.names
-            if self.names
-            else base_name not in ONLY_ABLATED.difference(self.adds)
-        )
+        if self.names:
+            return base_name in self.names
+        return base_name in self.adds or base_name not in ONLY_ABLATED
 
 
 #: What is known of the ten people of FAUST, for whom no phenotypes are known.
 _REAL_PEOPLE = (
-    "Ten real people, scanned: no network has seen them, or their mesh. How near its generated training bodies come "
-    "to them is unknown, because clearance is a distance of phenotypes, which scans lack. Networks of folds are those "
-    "of fold 0. The files hold no size (each is scaled to a longest side of 1), so every surface has an area of 1.8 "
-    "square metres, in the frame of the training bodies: area is at chance on complete surfaces, and networks learn "
-    "nothing from size."
+    "Ten real people, scanned: no network has seen them, or their mesh. How near its generated "
+    "training bodies come to them is unknown, because clearance is a distance of phenotypes, which "
+    "scans lack. Networks of folds are those of fold 0. The files hold no size (each is scaled to "
+    "a longest side of 1), so every surface has an area of 1.8 square metres, in the frame of the "
+    "training bodies: area is at chance on complete surfaces, and networks learn nothing from "
+    "size."
 )
 
 _FAIR = "all methods on one depth view"
@@ -261,7 +266,10 @@ _BOTH_GALLERIES = (
 )
 _AROUND = "one depth view against views of complete surfaces"
 _CAMERAS = tuple(GalleryGroup(part, (part,), "view") for part in CAMERAS)
-_ALL, _FEW = "15 subjects", "5 subjects"
+
+#: Columns of the synthetic humans.
+_ALL = "15 subjects"
+_FEW = "5 subjects"
 
 _synthetic = partial(Table, dataset="shrec14-synthetic", stand_ins=SYNTHETIC_HUMANS)
 _real = partial(Table, dataset="shrec14-real", stand_ins=("humans-scanlike",), omits=OTHER_FORMS)
@@ -359,20 +367,24 @@ TABLES: tuple[Table, ...] = (
 
 
 def gallery_name(dataset: str, part: str, *, quick: bool) -> str:
-    """Return the name of a gallery in plans and records: data set, part, and whether poses were omitted."""
-    return f"{dataset}{part and ' ' + part}{' (quick)' if quick else ''}"
+    """Return the name of a gallery: data set, part, and whether poses were omitted."""
+    words = [dataset, part]
+    if quick:
+        words.append("(quick)")
+    return " ".join(filter(None, words))
 
 
 def own_table(dataset: str, part: str = "") -> Table:
-    """Return the table of a data set that no table of the suite uses: complete surfaces and views, side by side.
+    """Return the table of a data set that no table of the suite uses.
 
-    With a part that begins with :data:`AGAINST`, its shapes are queries of another gallery.
+    It shows complete surfaces and views, side by side. With a part that begins with
+    :data:`AGAINST`, its shapes are queries of another gallery.
     """
     if part.startswith(AGAINST):
-        columns, name = (
-            tuple(replace(column, parts=(part,)) for column in BOTH_INPUTS),
-            f"{dataset} {part}",
-        )
+        columns = tuple(replace(column, parts=(part,)) for column in BOTH_INPUTS)
+        name = f"{dataset} {part}"
         return Table(name, f"Retrieval on {name}", dataset, columns=columns, all_unseen=False)
-    name = f"{dataset}-folder" if any(dataset == table.identifier for table in TABLES) else dataset
+    name = dataset
+    if any(table.identifier == dataset for table in TABLES):
+        name = f"{dataset}-folder"
     return Table(name, f"Retrieval on {dataset}", dataset, columns=BOTH_INPUTS, all_unseen=False)

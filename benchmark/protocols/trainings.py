@@ -1,10 +1,11 @@
-"""Training protocols of learners as data: the data set, its shapes for training, and its shapes for testing."""
+"""Training protocols of learners as data: data set, shapes for training, shapes for testing."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from benchmark.api.datasets import Entry, ShapeSet
@@ -69,7 +70,9 @@ class Training:
     @property
     def words(self) -> str:
         """Shapes that it trains on, in words, without the data set."""
-        poses = f"poses {_counted(self.trained.poses)}" if self.trained.poses else "all poses"
+        poses = "all poses"
+        if self.trained.poses:
+            poses = f"poses {_counted(self.trained.poses)}"
         return f"subjects {_counted(self.trained.subjects)} in {poses}"
 
 
@@ -78,17 +81,37 @@ def _counted(names: tuple[int | str, ...]) -> str:
     return ", ".join(str(name + 1) if isinstance(name, int) else name for name in names)
 
 
-#: Indices of the subjects of the synthetic humans in each fold. The paper tests on five of fifteen
-#: subjects and does not say which; here each subject is tested once, by a rule that depends only on
-#: the order of the data set. The first term assigns subjects to the folds in turn; the second
-#: shifts the assignment by one every three subjects. Every fold therefore has men, women and
-#: children, whether the data set lists five of each kind in succession, or man, woman and child in
-#: turn, where the first term alone would fill each fold with one kind.
-SUBJECT_FOLDS = tuple(tuple(p for p in range(15) if (p + p // 3) % 3 == fold) for fold in range(3))
+#: Subjects of the synthetic humans.
+_N_SUBJECTS = 15
+
+
+def _fold_of(subject: int) -> int:
+    """Return the fold that tests a subject of the synthetic humans, by its index.
+
+    The paper tests on five of fifteen subjects and does not say which; here each subject is tested
+    once, by a rule that depends only on the order of the data set. The first term assigns subjects
+    to the folds in turn; the second shifts the assignment by one every three subjects. Every fold
+    therefore has men, women and children, whether the data set lists five of each kind in
+    succession, or man, woman and child in turn, where the first term alone would fill each fold
+    with one kind.
+    """
+    return (subject + subject // 3) % 3
+
+
+def _subjects_of(fold: int) -> tuple[int, ...]:
+    """Return the indices of the subjects that a fold tests."""
+    return tuple(subject for subject in range(_N_SUBJECTS) if _fold_of(subject) == fold)
+
+
+#: Indices of the subjects of the synthetic humans in each fold.
+SUBJECT_FOLDS = (_subjects_of(0), _subjects_of(1), _subjects_of(2))
 
 #: Indices of the poses of each subject in each fold of the strict trainings: five consecutive ones.
-POSE_FOLDS: tuple[tuple[int, ...], ...] = tuple(
-    tuple(range(5 * fold, 5 * fold + 5)) for fold in range(4)
+POSE_FOLDS: tuple[tuple[int, ...], ...] = (
+    (0, 1, 2, 3, 4),
+    (5, 6, 7, 8, 9),
+    (10, 11, 12, 13, 14),
+    (15, 16, 17, 18, 19),
 )
 
 #: Classes on which the models of Table III are tested; the paper trains on "other animals".
@@ -100,36 +123,42 @@ _SAME_SUBJECTS = {"animals-few": "animals", "shrec16-cuts": "tosca", "shrec16-ho
 
 
 def set_of_subjects(dataset: str) -> str:
-    """Return the data set of the catalogue whose subjects a (changed) data set shows; "" if unknown."""
+    """Return the data set of the catalogue whose subjects a (changed) data set shows.
+
+    It is "" if unknown.
+    """
     name = (catalogued(dataset) or "").partition("[draw=")[0]
     return _SAME_SUBJECTS.get(name, name)
 
 
 def _of_humans(prefix: str, dataset: str) -> Iterator[Training]:
+    """Yield the trainings on a set of humans: one for each fold, and strict ones."""
     for number, tested in enumerate(SUBJECT_FOLDS):
         trained = _others(tested, SUBJECT_FOLDS)
         yield Training(f"{prefix}-fold-{number}", dataset, Part(trained), Part(tested))
         for pose_number, poses in enumerate(POSE_FOLDS):
-            seen, unseen = Part(trained, _others(poses, POSE_FOLDS)), Part(tested, poses)
+            seen = Part(trained, _others(poses, POSE_FOLDS))
+            unseen = Part(tested, poses)
             yield Training(f"{prefix}-strict-{number}-{pose_number}", dataset, seen, unseen)
 
 
 def _others(left_out: tuple[int, ...], folds: Iterable[tuple[int, ...]]) -> tuple[int, ...]:
-    return tuple(sorted(place for fold in folds if fold != left_out for place in fold))
+    """Return the indices in all folds but one."""
+    others = [fold for fold in folds if fold != left_out]
+    return tuple(sorted(chain.from_iterable(others)))
 
 
-TRAININGS: Mapping[str, Training] = {
-    training.name: training
-    for training in (
-        *_of_humans("shrec14-synthetic", "shrec14-synthetic"),
-        *_of_humans("people", "people[draw=0]"),
-        *(
-            Training(f"{name}-III", name, Part(OTHER_ANIMALS), Part(HELD_OUT))
-            for name in ("tosca", "animals")
-        ),
-        *(Training(name, dataset) for name, dataset in _SAMPLED.items()),
-    )
-}
+def _all_trainings() -> Iterator[Training]:
+    """Yield all protocols."""
+    yield from _of_humans("shrec14-synthetic", "shrec14-synthetic")
+    yield from _of_humans("people", "people[draw=0]")
+    for name in ("tosca", "animals"):
+        yield Training(f"{name}-III", name, Part(OTHER_ANIMALS), Part(HELD_OUT))
+    for name, dataset in _SAMPLED.items():
+        yield Training(name, dataset)
+
+
+TRAININGS: Mapping[str, Training] = {training.name: training for training in _all_trainings()}
 """All protocols by name."""
 
 
@@ -147,13 +176,13 @@ def own_training(folder: Path, hold_out: Sequence[str]) -> Training:
     DatasetError
         If the folder has no shapes.
     """
-    subjects = list(
-        dict.fromkeys(entry.subject for entry in open_dataset(str(folder), None).shapes)
-    )
+    shapes = open_dataset(str(folder), None).shapes
+    subjects = list(dict.fromkeys(entry.subject for entry in shapes))
     check_known(f"subject of {folder}", hold_out, subjects)
     rest = tuple(name for name in subjects if name not in hold_out)
     if not (rest and hold_out):
-        problem = f"{folder} has no subject left to {'train on' if hold_out else 'test'}"
+        purpose = "train on" if hold_out else "test"
+        problem = f"{folder} has no subject left to {purpose}"
         raise ConfigurationError(problem, "hold out some")
     name = _OWN + re.sub("[^A-Za-z0-9-]+", "-", folder.resolve().name).strip("-")
     return Training(name, str(folder), Part(rest), Part(tuple(hold_out)))
@@ -168,7 +197,10 @@ def find_training(name: str) -> Training:
 
 
 def n_pairs(training: Training, data_root: Path | None) -> int:
-    """Return the largest number of pairs of a training; raise ``DatasetError`` if its data set is missing."""
+    """Return the largest number of pairs of a training.
+
+    Raise ``DatasetError`` if its data set is missing.
+    """
     if training.name == SAMPLED_PEOPLE:
         return N_BODIES * N_SHAPES
     return len(training.trained.of(open_dataset(training.dataset, data_root)))
@@ -177,7 +209,9 @@ def n_pairs(training: Training, data_root: Path | None) -> int:
 def trainings_by_shape(
     learner: Learner, dataset: ShapeSet, entries: Iterable[Entry], data_root: Path | None
 ) -> dict[str, Training]:
-    """Return the training whose model is used for each shape, by identifier; of several, the one without its subject.
+    """Return the training whose model is used for each shape, by identifier.
+
+    Of several, it is the one without the subject of the shape.
 
     Parameters
     ----------
@@ -195,44 +229,46 @@ def trainings_by_shape(
     ConfigurationError
         If the training is unknown.
     """
-    first, *others = _trainings(learner, dataset.name, data_root)
+    first, *others = _trainings_for(learner, dataset.name, data_root)
     of_shape: dict[str, Training] = {}
     if others:
         # Indices of poses refer to the training data set, of which another data set may show only
         # some.
-        trained_on = (
-            dataset if dataset.name == first.dataset else open_dataset(first.dataset, data_root)
-        )
-        of_shape = {
-            entry.identifier: each
-            for each in (first, *others)
-            for entry in each.tested.of(trained_on)
-        }
+        trained_on = dataset
+        if dataset.name != first.dataset:
+            trained_on = open_dataset(first.dataset, data_root)
+        for training in (first, *others):
+            for entry in training.tested.of(trained_on):
+                of_shape[entry.identifier] = training
     # Subjects of another draw are in no fold; whether a model may be tested on them, its card says.
     return {entry.identifier: of_shape.get(entry.identifier, first) for entry in entries}
 
 
-def _trainings(learner: Learner, dataset: str, data_root: Path | None) -> list[Training]:
-    """Return the trainings whose models a learner uses for a data set: one for each fold, or one for all shapes.
+def _trainings_for(learner: Learner, dataset: str, data_root: Path | None) -> list[Training]:
+    """Return the trainings whose models a learner uses for a data set, one for each fold.
 
     Data sets of people without folds are unrelated to all folds of the synthetic humans, so the
     model of the first fold is used: that of the official synthetic humans for the official scans of
     people, if available, else that of the generated ones.
     """
-    if named := getattr(learner, "training", ""):
-        return [find_training(named)]
+    own = getattr(learner, "training", "")  # a parameter of some learners
+    if own:
+        return [find_training(own)]
     if learner.split == "sampled":
-        return [TRAININGS[getattr(learner, "default_training", "humans-sampled")]]
-    shown, kind = set_of_subjects(dataset), "strict" if learner.split == "strict" else "fold"
-    if folds := [
-        training for name, training in TRAININGS.items() if name.startswith(f"{shown}-{kind}-")
-    ]:
-        return folds
+        return [TRAININGS[getattr(learner, "default_training", SAMPLED_PEOPLE)]]
+    subjects = set_of_subjects(dataset)
+    kind = "strict" if learner.split == "strict" else "fold"
+    of_folds = [
+        training for name, training in TRAININGS.items() if name.startswith(f"{subjects}-{kind}-")
+    ]
+    if of_folds:
+        return of_folds
     if kind == "strict":
         raise NoFolds(
             f"the set '{dataset}' has no folds of subjects and poses", "use the synthetic humans"
         )
-    if shown in ("tosca", "animals"):
-        return [TRAININGS[f"{shown}-III"]]
-    is_official = shown == "shrec14-real" and is_present("shrec14-synthetic", data_root)
-    return [TRAININGS[f"{'shrec14-synthetic' if is_official else 'people'}-fold-0"]]
+    if subjects in ("tosca", "animals"):
+        return [TRAININGS[f"{subjects}-III"]]
+    if subjects == "shrec14-real" and is_present("shrec14-synthetic", data_root):
+        return [TRAININGS["shrec14-synthetic-fold-0"]]
+    return [TRAININGS["people-fold-0"]]

@@ -14,7 +14,7 @@ from importlib import resources
 from inspect import cleandoc
 from itertools import accumulate
 
-MEASURES = ("NN", "FT", "ST", "DCG")
+PRINTED_MEASURES = ("NN", "FT", "ST", "DCG")
 """The measures that the paper prints, in its order."""
 
 AS_PRINTED = "learned[configuration=as_printed]"
@@ -25,7 +25,7 @@ def _table(text: str) -> dict[str, dict[str, float]]:
     """Parse lines of a method and "NN FT ST DCG"."""
     rows = (line.rsplit(maxsplit=4) for line in text.strip().splitlines())
     return {
-        name.strip(): dict(zip(MEASURES, map(float, figures), strict=True))
+        name.strip(): dict(zip(PRINTED_MEASURES, map(float, figures), strict=True))
         for name, *figures in rows
     }
 
@@ -74,7 +74,7 @@ NUMERALS = tuple(PRINTED)
 CLASSICAL = tuple(PRINTED["III"])[:-1]
 """The classical methods of the paper."""
 
-NETWORKS = (AS_PRINTED, "learned")
+PAPERS_NETWORKS = (AS_PRINTED, "learned")
 """The paper's network as printed, and at 128 x 128 pixels; a claim about the network is judged for each."""
 
 
@@ -98,7 +98,7 @@ class Claim:
     table: str
     better: str
     others: tuple[str, ...]
-    measures: tuple[str, ...] = MEASURES
+    measures: tuple[str, ...] = PRINTED_MEASURES
 
 
 _WITHOUT_ST = ("NN", "FT", "DCG")
@@ -106,15 +106,15 @@ _WITHOUT_ST = ("NN", "FT", "DCG")
 CLAIMS: tuple[Claim, ...] = (
     *(
         Claim("The network scores above all classical forms.", "I", name, CLASSICAL)
-        for name in NETWORKS
+        for name in PAPERS_NETWORKS
     ),
     *(
         Claim("The network scores above all classical forms.", "II", name, CLASSICAL, _WITHOUT_ST)
-        for name in NETWORKS
+        for name in PAPERS_NETWORKS
     ),
     *(
         Claim("The network scores above all classical forms.", "III", name, CLASSICAL, _WITHOUT_ST)
-        for name in NETWORKS
+        for name in PAPERS_NETWORKS
     ),
     Claim("Short-range features help.", "IV", "learned", ("learned-without-srf",)),
     Claim("Long-range features help.", "IV", "learned", ("learned-without-lrf",)),

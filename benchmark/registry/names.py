@@ -30,6 +30,17 @@ def split_parameters(name: str) -> tuple[str, str]:
     return (match[1].strip(), match[2] or "") if match else (name, "")
 
 
+def base_name(name: str) -> str:
+    """Return the name of a method, or of a data set, without what follows it in brackets.
+
+    Examples
+    --------
+    >>> base_name("gps[n_eigenvalues=25]")
+    'gps'
+    """
+    return name.partition("[")[0]
+
+
 def combinations(text: str) -> list[dict[str, str]]:
     """Return all combinations of one value for each parameter, the last one varying fastest.
 

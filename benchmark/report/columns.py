@@ -1,7 +1,7 @@
 """Columns of tables: what each is called, and the value and the text of a row in it.
 
 Markdown, LaTeX, CSV, JSON, HTML and data frames iterate over these; none has headings, counts or
-cells of its own. A quantity that is measured on each job is a line of :data:`MEASURED`.
+cells of its own. A quantity that is measured on each job is a line of :data:`QUANTITIES`.
 """
 
 from __future__ import annotations
@@ -13,18 +13,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from benchmark.pipeline.records import Record
-from benchmark.reference.paper import MEASURES as PRINTED_MEASURES
-from benchmark.reference.paper import PRINTED
-from benchmark.report.frames import (
-    BLANK,
-    fold_of,
-    hundredths,
-    kind_of,
-    row_of,
-    seconds_of,
-    tables_of,
-)
-from benchmark.report.tables import SECOND, Row, TableView, ranked_classes
+from benchmark.reference.paper import PRINTED, PRINTED_MEASURES
+from benchmark.report.notation import BLANK, hundredths, two_digits
+from benchmark.report.record_facts import block_of, fold_of, row_of, seconds_of, tables_of
+from benchmark.report.rows import TableRow, ranked_classes
+from benchmark.report.table_view import SECOND, TableView
 from retrieval.measures import MEASURES
 
 if TYPE_CHECKING:
@@ -60,7 +53,9 @@ class Column(Generic[Item]):
     def cell(self, item: Item) -> str:
         """Return the text of a row; two hyphens where it has no value."""
         value = self.value(item)
-        return BLANK if value is None else self.text(value)
+        if value is None:
+            return BLANK
+        return self.text(value)
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,7 @@ class Group:
     """Columns of scores below one heading: those of the paper, or those of a gallery."""
 
     title: str
-    columns: tuple[Column[Row], ...]
+    columns: tuple[Column[TableRow], ...]
 
 
 @dataclass(frozen=True)
@@ -76,32 +71,50 @@ class Place:
     """A row of a table in one of its groups."""
 
     view: TableView
-    row: Row
+    row: TableRow
     group: str
 
     @property
     def records(self) -> list[Record]:
         """Records with scores."""
-        return self.row.scored[self.group].all_records if self.group in self.row.scored else []
+        if self.group not in self.row.scored:
+            return []
+        return self.row.scored[self.group].all_records
 
     @property
     def status(self) -> str:
         """Whether it has scores; why not, otherwise."""
         if self.records:
             return "ok"
-        return self.row.failed[self.group][0].status if self.group in self.row.failed else "missing"
+        if self.group in self.row.failed:
+            return self.row.failed[self.group][0].status
+        return "missing"
+
+    def fact(self, name: str, default: Any) -> Any:
+        """Return a fact that all of its records share, and a default without records."""
+        if not self.records:
+            return default
+        return getattr(self.records[0], name)
 
     @property
-    def galleries(self) -> list[list[str]]:
+    def n_shapes(self) -> int:
+        """Number of queries of all galleries of the group."""
+        return sum(len(labels) for labels in self._labels)
+
+    @property
+    def n_classes(self) -> int:
+        """Number of classes of the queries, each counted once a gallery."""
+        return sum(len(set(labels)) for labels in self._labels)
+
+    @property
+    def coverage(self) -> float | None:
+        """The least share of shapes with a result over its records; None without records."""
+        return min((record.coverage for record in self.records), default=None)
+
+    @property
+    def _labels(self) -> list[list[str]]:
         """Classes of the queries of each gallery of the group."""
         return [ranked_classes(sample) for sample in self.view.samples.get(self.group, ())]
-
-
-def duration(seconds: float) -> str:
-    """Return seconds in two digits."""
-    if seconds < 1:
-        return hundredths(seconds)
-    return f"{seconds:.1f}" if seconds < 10 else f"{seconds:.0f}"
 
 
 def cells(columns: Iterable[Column[Item]], item: Item) -> list[str]:
@@ -114,12 +127,12 @@ def values(columns: Iterable[Column[Item]], item: Item) -> dict[str, Any]:
     return {column.key: column.value(item) for column in columns}
 
 
-def frame(columns: Iterable[Column[Item]], items: Iterable[Item]) -> DataFrame:
+def data_frame(columns: Iterable[Column[Item]], items: Iterable[Item]) -> DataFrame:
     """Return rows as a data frame; a value that a row lacks is NaN."""
     from pandas import DataFrame
 
     every = [*items]
-    return DataFrame({column.key: [column.value(item) for item in every] for column in columns})
+    return DataFrame({column.key: [*map(column.value, every)] for column in columns})
 
 
 # What is measured on each job
@@ -127,7 +140,7 @@ def frame(columns: Iterable[Column[Item]], items: Iterable[Item]) -> DataFrame:
 
 #: Quantities of a job, None where they were not measured: in a table for print if they have a
 #: title, in JSON and in the data frame of jobs.
-MEASURED: tuple[Column[Record], ...] = (
+QUANTITIES: tuple[Column[Record], ...] = (
     Column(
         "seconds", partial(seconds_of, of_wall=True), unit="median wall-clock seconds per shape"
     ),
@@ -136,27 +149,29 @@ MEASURED: tuple[Column[Record], ...] = (
         seconds_of,
         title="s",
         unit="median processor seconds per shape for form and geodesics",
-        text=duration,
+        text=two_digits,
     ),
 )
 
 
-def median(column: Column[Record]) -> Column[Row]:
+def median(column: Column[Record]) -> Column[TableRow]:
     """Return a column of records as one of rows: the median over the jobs of a row."""
 
-    def value(row: Row) -> float | None:
-        every = [column.value(record) for record in row.records]
-        measured = [each for each in every if each is not None]
-        return round(statistics.median(measured), 4) if measured else None
+    def value(row: TableRow) -> float | None:
+        of_jobs = [column.value(record) for record in row.records]
+        measured = [number for number in of_jobs if number is not None]
+        if not measured:
+            return None
+        return round(float(statistics.median(measured)), 4)
 
     return Column(column.key, value, column.title, column.unit, column.text)
 
 
 #: The same of the rows of a table.
-MEASURED_OF_ROW = tuple(map(median, MEASURED))
+QUANTITIES_OF_ROW = tuple(map(median, QUANTITIES))
 
 #: Those that stand in tables for print.
-PRINTED_OF_ROW = tuple(column for column in MEASURED_OF_ROW if column.title)
+PRINTED_QUANTITIES = tuple(column for column in QUANTITIES_OF_ROW if column.title)
 
 
 # Scores
@@ -164,22 +179,28 @@ PRINTED_OF_ROW = tuple(column for column in MEASURED_OF_ROW if column.title)
 
 
 def score_groups(view: TableView) -> list[Group]:
-    """Return the columns of the scores of a table: the paper's, ours, and ranks by a second scorer."""
-    return [
-        Group(title, tuple(_score_in(view, title, name) for name in PRINTED_MEASURES))
-        for title in view.groups
-    ]
+    """Return the columns of the scores of a table by group."""
+    return [Group(title, _columns_of_group(view, title)) for title in view.groups]
 
 
-def _score_in(view: TableView, group: str, measure: str) -> Column[Row]:
-    def value(row: Row) -> float | None:
+def _columns_of_group(view: TableView, group: str) -> tuple[Column[TableRow], ...]:
+    """Return a column for each measure of a group."""
+    return tuple(_score_in_group(view, group, measure) for measure in PRINTED_MEASURES)
+
+
+def _score_in_group(view: TableView, group: str, measure: str) -> Column[TableRow]:
+    """Return the column of a measure of a group."""
+
+    def value(row: TableRow) -> float | None:
         return view.scores(row, group).get(measure)
 
     text = str if group == SECOND else hundredths
     return Column(measure, value, measure, MEASURES[measure].definition, text)
 
 
-def _score_of(measure: str) -> Column[Record]:
+def _score_of_record(measure: str) -> Column[Record]:
+    """Return the column of a measure of records."""
+
     def value(record: Record) -> float | None:
         return record.scores.get(measure)
 
@@ -187,8 +208,8 @@ def _score_of(measure: str) -> Column[Record]:
 
 
 #: Scores of a record in all measures, and in those of the tables.
-SCORES = tuple(map(_score_of, MEASURES))
-PRINTED_SCORES = tuple(map(_score_of, PRINTED_MEASURES))
+SCORES = tuple(map(_score_of_record, MEASURES))
+PRINTED_SCORES = tuple(map(_score_of_record, PRINTED_MEASURES))
 
 
 # Data frames, CSV and JSON
@@ -199,7 +220,7 @@ JOBS: tuple[Column[Record], ...] = (
     Column("dataset", lambda record: record.data.name),
     Column("fold", fold_of),
     Column("quick", lambda record: record.data.quick),
-    Column("kind", kind_of),
+    Column("kind", block_of),
     Column("input", lambda record: record.input),
     Column("method", lambda record: record.method),
     Column("title", lambda record: record.title),
@@ -214,20 +235,25 @@ JOBS: tuple[Column[Record], ...] = (
     *SCORES,
     Column("n_shapes", lambda record: len(record.shapes)),
     Column("n_classes", lambda record: len(set(record.labels))),
-    *MEASURED,
+    *QUANTITIES,
     Column("machine", lambda record: "; ".join(record.machines) or "unknown"),
 )
 
 
-def _rounded(measure: str) -> Column[Place]:
+def _rounded_score(measure: str) -> Column[Place]:
+    """Return the column of a measure of a row in a group, in the six decimals of records."""
+
     def value(place: Place) -> float | None:
         score = place.view.scores(place.row, place.group).get(measure)
-        return None if score is None else round(score, 6)
+        if score is None:
+            return None
+        return round(score, 6)
 
     return Column(measure, value)
 
 
-def _of_row(column: Column[Row]) -> Column[Place]:
+def _of_row(column: Column[TableRow]) -> Column[Place]:
+    """Return a column of rows as one of rows in a group."""
     return Column(column.key, lambda place: column.value(place.row))
 
 
@@ -237,21 +263,19 @@ OBJECTS: tuple[Column[Place], ...] = (
     Column("dataset", lambda place: place.view.dataset),
     Column("stand_in", lambda place: "stand-in" in place.view.title),
     Column("column", lambda place: place.group),
-    Column("scorer", lambda place: place.records[0].scorer if place.records else ""),
-    Column("seed", lambda place: place.records[0].seed if place.records else None),
-    Column("input", lambda place: place.records[0].input if place.records else ""),
+    Column("scorer", lambda place: place.fact("scorer", "")),
+    Column("seed", lambda place: place.fact("seed", None)),
+    Column("input", lambda place: place.fact("input", "")),
     Column("method", lambda place: place.row.method),
     Column("title", lambda place: place.row.title),
-    *map(_rounded, PRINTED_MEASURES),
+    *map(_rounded_score, PRINTED_MEASURES),
     Column("paper", lambda place: place.view.paper.get(place.row.method)),
     Column("chance", lambda place: place.view.chance.get(place.group)),
     Column("status", lambda place: place.status),
-    Column("n_shapes", lambda place: sum(map(len, place.galleries))),
-    Column("n_classes", lambda place: sum(len(set(classes)) for classes in place.galleries)),
-    Column(
-        "coverage", lambda place: min((record.coverage for record in place.records), default=None)
-    ),
-    *map(_of_row, MEASURED_OF_ROW),
+    Column("n_shapes", lambda place: place.n_shapes),
+    Column("n_classes", lambda place: place.n_classes),
+    Column("coverage", lambda place: place.coverage),
+    *map(_of_row, QUANTITIES_OF_ROW),
 )
 
 
@@ -282,26 +306,24 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
     """
     from pandas import DataFrame
 
-    found: list[Score] = []
-    with_paper = set()
+    scores: list[Score] = []
+    with_paper = set[tuple[str, str]]()
     for record in records:
-        dataset, fold = record.data.name, fold_of(record)
-        for table in tables_of(dataset, fold):
+        dataset = record.data.name
+        for table in tables_of(dataset, fold_of(record)):
             if table.is_cross and not record.gallery_of_queries:
                 continue  # it shows scores of another table
-            found += _scores_in(table.identifier, record)
+            scores += _scores_of_record(table.identifier, record)
             if table.has_paper:
                 with_paper.add((table.identifier, dataset))
     for numeral, dataset in sorted(with_paper):
-        for method, figures in PRINTED[numeral].items():
-            for measure, figure in figures.items():
-                found.append(Score(numeral, dataset, method, "paper", "", "", "", measure, figure))
+        scores += _scores_of_paper(numeral, dataset)
     *places, value = Score._fields
-    every = DataFrame(found, columns=Score._fields)
-    return every.groupby(places, sort=False, as_index=False)[value].mean()
+    frame = DataFrame(scores, columns=Score._fields)
+    return frame.groupby(places, sort=False, as_index=False)[value].mean()
 
 
-def _scores_in(table: str, record: Record) -> Iterator[Score]:
+def _scores_of_record(table: str, record: Record) -> Iterator[Score]:
     """Yield the scores of a record as lines of a table."""
     for measure, value in record.scores.items():
         yield Score(
@@ -315,3 +337,10 @@ def _scores_in(table: str, record: Record) -> Iterator[Score]:
             measure,
             value,
         )
+
+
+def _scores_of_paper(numeral: str, dataset: str) -> Iterator[Score]:
+    """Yield the scores that the paper prints in a table, as lines of a data set."""
+    for method, scores in PRINTED[numeral].items():
+        for measure, value in scores.items():
+            yield Score(numeral, dataset, method, "paper", "", "", "", measure, value)

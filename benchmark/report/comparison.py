@@ -1,15 +1,20 @@
-"""Differences of a row to others of its tables, query by query, with the test that marks the tables."""
+"""Differences of a row to others, query by query, with the test that marks the tables."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pandas import DataFrame, Series, concat
 
 from benchmark.errors import ConfigurationError
-from benchmark.reference.paper import MEASURES
+from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.report.rivals import SAME, scatter_of
+from benchmark.report.rows import RowScores, TableRow
 from benchmark.report.statistics import (
     ALPHA,
     FEWEST_CLASSES,
@@ -17,22 +22,25 @@ from benchmark.report.statistics import (
     permutation_test,
     sign_flip_test,
 )
-from benchmark.report.tables import SAME, Row, TableView, least_difference
+from benchmark.report.table_view import TableView
 
 #: Verdict on a difference with p < .05 that is larger than codebooks and trainings scatter.
 ABOVE = "significant, above the scatter"
 
-ALONE, AMONG = "planned alone", "among the {} rows of the table"
-_TEST = "studentised permutation test over whole classes, of all measures"
+#: Headings of the verdicts of both tests.
+ALONE = "planned alone"
+AMONG = "among the {} rows of the table"
+
 LEGEND = (
     "low, high: nominal 95 % interval over classes, too narrow where few classes differ. "
-    f"{ALONE.capitalize()}: if only these two rows were ever meant to be compared; the signs of whole classes are "
-    f"flipped. {AMONG.format('n').capitalize()}: {_TEST} and pairs of rows of their blocks, as in tables."
+    "Planned alone: if only these two rows were ever meant to be compared; the signs of whole "
+    "classes are flipped. Among the n rows of the table: studentised permutation test over whole "
+    "classes, of all measures and pairs of rows of their blocks, as in tables."
 )
 
 
-def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFrame:
-    """Return the differences of a row to another one, or to all rows of its tables in their order; a line a measure.
+def compare_rows(views: Sequence[TableView], first: str, second: str = "") -> DataFrame:
+    """Return the differences of a row to another one, or to all rows of its tables in their order.
 
     Compared are the queries of classes on which neither row was trained. A verdict does not depend
     on which of the two is named first, or whether others are: it is that of all rows of their
@@ -48,173 +56,286 @@ def compare(views: Sequence[TableView], first: str, second: str = "") -> DataFra
     Returns
     -------
     pandas.DataFrame
-        ``place`` (table and column), ``method``, ``other``, ``title`` of the other row,
-        ``measure``, ``score``, ``other_score``, ``difference``, ``low`` and ``high`` (its
-        interval), ``p``, ``verdict`` (``"significant, above the scatter"``, ``"significant, within
-        the scatter of codebooks"``, ``"not significant (9 classes)"``, or why there is none) among
-        the ``rows`` tested at once, ``p_alone`` and ``verdict_alone`` of the two planned alone, and
-        numbers: ``queries``, those ``differing`` and those left out because they were ``seen`` in
-        training, and ``classes``.
+        A line a measure: ``place`` (table and column), ``method``, ``other``, ``title`` of the
+        other row, ``measure``, ``score``, ``other_score``, ``difference``, ``low`` and ``high``
+        (its interval), ``p``, ``verdict`` (``"significant, above the scatter"``, ``"significant,
+        within the scatter of codebooks"``, ``"not significant (9 classes)"``, or why there is none)
+        among the ``rows`` tested at once, ``p_alone`` and ``verdict_alone`` of the two planned
+        alone, and numbers: ``queries``, those ``differing`` and those left out because they were
+        ``seen`` in training, and ``classes``.
 
     Raises
     ------
     ConfigurationError
         If a row has no scores, or no table has scores of both.
     """
-    known = {row.method for view in views for row in view.rows if row.scored}
-    for name in filter(None, (first, second)):
-        if name not in known:
-            old = [
-                text for view in views for text in view.left_out if text.startswith(f"{name} on ")
-            ]
-            what = f"{old[0]} ranks another version of the data" if old else f"{name} has no scores"
-            raise ConfigurationError(what, f"run it, or choose among {', '.join(sorted(known))}")
-    found = [
-        each
-        for view in views
-        for column in view.columns
-        for each in _frames(view, column.title, first, second)
-    ]
-    if not found:
-        what = f"no table has scores of both {first} and {second or 'another method'}"
-        raise ConfigurationError(what, "run both on one data set")
-    return concat(found, ignore_index=True)
+    _check_have_scores(views, filter(None, (first, second)))
+    frames: list[DataFrame] = []
+    for view in views:
+        for column in view.columns:
+            frames += _frames(view, column.title, first, second)
+    if not frames:
+        problem = f"no table has scores of both {first} and {second or 'another method'}"
+        raise ConfigurationError(problem, "run both on one data set")
+    return concat(frames, ignore_index=True)
+
+
+def _check_have_scores(views: Iterable[TableView], names: Iterable[str]) -> None:
+    """Raise ``ConfigurationError`` if a row has no scores; of other data, it says so."""
+    known = set[str]()
+    left_out: list[str] = []
+    for view in views:
+        known.update(row.method for row in view.rows if row.scored)
+        left_out += view.left_out
+    for name in names:
+        if name in known:
+            continue
+        problem = f"{name} has no scores"
+        old = [text for text in left_out if text.startswith(f"{name} on ")]
+        if old:
+            problem = f"{old[0]} ranks another version of the data"
+        raise ConfigurationError(problem, f"run it, or choose among {', '.join(sorted(known))}")
 
 
 def _frames(view: TableView, column: str, first: str, second: str) -> Iterator[DataFrame]:
-    """Yield the differences to each other row in a column of a table."""
+    """Yield the differences to another row, or to each one, in a column of a table."""
     rows = {row.method: row for row in view.rows if column in row.scored}
-    identifier, tested = view.table.identifier, dict[Any, Any]()
-    table = view.dataset if identifier == view.dataset else f"Table {identifier} on {view.dataset}"
-    place = f"{table}, {column}{view.by.caption}"
-    for name in rows if first in rows else ():
-        if name in ({second} if second else rows.keys() - {first}):
-            names = {"place": place, "method": first, "other": name, "title": rows[name].title}
-            yield DataFrame(
-                names | _differences(rows, column, first, name, tested, quick=view.quick)
-            )
+    if first not in rows:
+        return
+    others = [name for name in rows if name != first]
+    if second:
+        others = [name for name in rows if name == second]
+    table = f"Table {view.table.identifier} on {view.dataset}"
+    if view.is_of_own_data:
+        table = view.dataset
+    place = f"{table}, {column}{view.scored_by.caption}"
+    tests = _Tests({name: row.scored[column] for name, row in rows.items()})
+    for name in others:
+        pair = _Pair(rows, column, first, name, tests, view.quick)
+        facts = {"place": place, "method": first, "other": name, "title": rows[name].title}
+        yield DataFrame(facts | pair.differences())
 
 
-def _differences(
-    rows: Mapping[str, Row],
-    column: str,
-    first: str,
-    second: str,
-    tested: dict[Any, Any],
-    *,
-    quick: bool,
-) -> dict[str, Any]:
-    """Return the differences of two rows, tested among all rows of their blocks that have a result for each shape."""
-    pair = mine, other = [rows[name].scored[column] for name in (first, second)]
-    seen, kinds = mine.seen_classes | other.seen_classes, {rows[first].kind, rows[second].kind}
-    shared = min(
-        mine.labels, other.labels, key=len
-    )  # of several galleries, networks rank the first
-    judged = [place for place, label in enumerate(shared) if label not in seen]
-    labels = [shared[place] for place in judged]
-    names = [
-        name
-        for name, row in rows.items()
-        if name in (first, second) or (row.kind in kinds and row.scored[column].is_rival(seen))
-    ]
-    a, b = names.index(first), names.index(second)
-    if (family := (seen, *names)) not in tested:
-        tested[family] = permutation_test(
-            [rows[name].scored[column].values[judged] for name in names], labels
-        )
-    scores = [one.values[judged].sum(axis=0) / max(1, len(judged)) for one in pair]
-    gains = mine.values[judged] - other.values[judged]
-    p_values = {"": tested[family][a, b], "_alone": sign_flip_test(gains, labels)}
-    n_classes, (least, why) = (
-        len(set(labels)),
-        least_difference([rows[name].scored[column] for name in names]),
-    )
-    undecided = "incomplete" if mine.missing or other.missing else "not decided (quick run)" * quick
-    undecided = undecided or f"not decidable ({n_classes} classes)" * (n_classes < FEWEST_CLASSES)
-    ends = class_intervals(gains, labels, are_gains=True)
-    small = np.abs(scores[0] - scores[1]) <= least + SAME
-    verdicts = {
-        f"verdict{test}": undecided
-        or np.where(
-            p >= ALPHA,
-            f"not significant ({n_classes} classes)",
-            np.where(small, f"significant, {why}", ABOVE),
-        )
-        for test, p in p_values.items()
-    }
-    return {
-        "measure": MEASURES,
-        "score": scores[0],
-        "other_score": scores[1],
-        "difference": scores[0] - scores[1],
-        "low": ends[:, 0],
-        "high": ends[:, 1],
-        **{f"p{test}": p for test, p in p_values.items()},
-        **verdicts,
-        "rows": len(names),
-        "queries": len(judged),
-        "differing": np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > SAME),
-        "seen": len(shared) - len(judged),
-        "classes": n_classes,
-    }
+@dataclass
+class _Tests:
+    """Tests of the rows of a column; several pairs share one.
+
+    Parameters
+    ----------
+    scores
+        Scores of the rows by method.
+    """
+
+    scores: Mapping[str, RowScores]
+    _p_values: dict[Any, NDArray[np.float64]] = field(default_factory=dict)
+
+    def p_values(
+        self, names: Sequence[str], seen: frozenset[str], queries: Sequence[int], labels: list[str]
+    ) -> NDArray[np.float64]:
+        """Return the p-values of all differences between some rows, shape (rows, rows, measures).
+
+        Parameters
+        ----------
+        names
+            The rows.
+        seen
+            Classes that are left out.
+        queries, labels
+            Numbers of the queries of all others, and their classes.
+        """
+        family = (seen, *names)
+        if family not in self._p_values:
+            values = [self.scores[name].values[queries] for name in names]
+            self._p_values[family] = permutation_test(values, labels)
+        return self._p_values[family]
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """Two rows in a column, compared among all rows of their blocks that lack no shape.
+
+    Parameters
+    ----------
+    rows
+        The rows with scores in the column, by method.
+    column
+        Title of the column.
+    first, second
+        Methods of the two.
+    tests
+        Tests of the rows.
+    quick
+        Whether they are of quick runs, which decide nothing.
+    """
+
+    rows: Mapping[str, TableRow]
+    column: str
+    first: str
+    second: str
+    tests: _Tests
+    quick: bool
+
+    @property
+    def mine(self) -> RowScores:
+        """Scores of the first row."""
+        return self.rows[self.first].scored[self.column]
+
+    @property
+    def other(self) -> RowScores:
+        """Scores of the second row."""
+        return self.rows[self.second].scored[self.column]
+
+    @cached_property
+    def seen(self) -> frozenset[str]:
+        """Classes on which one of them was trained."""
+        return self.mine.seen_classes | self.other.seen_classes
+
+    @cached_property
+    def shared(self) -> Sequence[str]:
+        """Classes of the queries of both; of several galleries, networks rank the first."""
+        return min(self.mine.labels, self.other.labels, key=len)
+
+    @cached_property
+    def queries(self) -> list[int]:
+        """Numbers of the queries that are compared."""
+        return [number for number, label in enumerate(self.shared) if label not in self.seen]
+
+    @cached_property
+    def labels(self) -> list[str]:
+        """Their classes."""
+        return [self.shared[number] for number in self.queries]
+
+    @cached_property
+    def family(self) -> list[str]:
+        """Methods of the rows that are tested at once."""
+        blocks = {self.rows[self.first].kind, self.rows[self.second].kind}
+        names = []
+        for name, row in self.rows.items():
+            is_rival = row.kind in blocks and row.scored[self.column].is_rival(self.seen)
+            if name in (self.first, self.second) or is_rival:
+                names.append(name)
+        return names
+
+    def differences(self) -> dict[str, Any]:
+        """Return the differences, a value for each measure or for all of them."""
+        n_queries = len(self.queries)
+        mine = self.mine.values[self.queries]
+        other = self.other.values[self.queries]
+        score = mine.sum(axis=0) / max(1, n_queries)
+        other_score = other.sum(axis=0) / max(1, n_queries)
+        gains = mine - other
+        p_values = self.tests.p_values(self.family, self.seen, self.queries, self.labels)
+        p = p_values[self.family.index(self.first), self.family.index(self.second)]
+        p_alone = sign_flip_test(gains, self.labels)
+        ends = class_intervals(gains, self.labels, are_gains=True)
+        return {
+            "measure": PRINTED_MEASURES,
+            "score": score,
+            "other_score": other_score,
+            "difference": score - other_score,
+            "low": ends[:, 0],
+            "high": ends[:, 1],
+            "p": p,
+            "p_alone": p_alone,
+            "verdict": self._verdicts(p, score - other_score),
+            "verdict_alone": self._verdicts(p_alone, score - other_score),
+            "rows": len(self.family),
+            "queries": n_queries,
+            "differing": np.count_nonzero(np.abs(gains).max(axis=1, initial=0) > SAME),
+            "seen": len(self.shared) - n_queries,
+            "classes": len(set(self.labels)),
+        }
+
+    def _verdicts(
+        self, p_values: NDArray[np.float64], differences: NDArray[np.float64]
+    ) -> str | NDArray[np.str_]:
+        """Return the verdict on each difference, or why there is none on any."""
+        n_classes = len(set(self.labels))
+        if self.mine.missing or self.other.missing:
+            return "incomplete"
+        if self.quick:
+            return "not decided (quick run)"
+        if n_classes < FEWEST_CLASSES:
+            return f"not decidable ({n_classes} classes)"
+        scatter = scatter_of([self.rows[name].scored[self.column] for name in self.family])
+        is_small = np.abs(differences) <= scatter.least + SAME
+        significant = np.where(is_small, f"significant, {scatter.where}", ABOVE)
+        return np.where(p_values >= ALPHA, f"not significant ({n_classes} classes)", significant)
+
+
+# As text
+# ------------------------------------------------------------------------------------------------
 
 
 def details(frame: DataFrame) -> Iterator[str]:
-    """Yield the comparison of two rows as text: a heading for each column of a table, and a line for each measure."""
+    """Yield the comparison of two rows as text: for each column a heading, and a line a measure."""
     yield f"{frame.method[0]} - {frame.other[0]}"
     for place, of_pair in frame.groupby("place", sort=False):
         first = of_pair.iloc[0]
-        seen = f"; {first.seen} queries are of classes seen in training" * bool(first.seen)
+        seen = f"; {first.seen} queries are of classes seen in training" if first.seen else ""
         yield f"{place}: {first.differing} of {first.queries} queries differ{seen}"
-        figures = of_pair[["measure", "score", "other_score", "difference", "low", "high"]].assign(
-            alone=_with_p(of_pair.verdict_alone, of_pair.p_alone),
-            among=_with_p(of_pair.verdict, of_pair.p),
-        )
-        names = [
-            first.method,
-            first.other,
-            "difference",
-            "low",
-            "high",
-            ALONE,
-            AMONG.format(first["rows"]),
-        ]
-        lines = figures.to_string(
-            index=False, header=["", *names], float_format="{:.3f}".format, na_rep=""
-        )
-        yield from lines.splitlines() if first.queries else ()
+        if first.queries:
+            yield from _lines_of_measures(of_pair)
     if frame.p.notna().any():
         yield LEGEND
 
 
+def _lines_of_measures(of_pair: DataFrame) -> list[str]:
+    """Return the scores of two rows, their differences and verdicts as lines of text."""
+    first = of_pair.iloc[0]
+    figures = of_pair[["measure", "score", "other_score", "difference", "low", "high"]].assign(
+        alone=_with_p(of_pair.verdict_alone, of_pair.p_alone),
+        among=_with_p(of_pair.verdict, of_pair.p),
+    )
+    among = AMONG.format(first["rows"])
+    header = ["", first.method, first.other, "difference", "low", "high", ALONE, among]
+    text = figures.to_string(index=False, header=header, float_format="{:.3f}".format, na_rep="")
+    return str(text).splitlines()
+
+
 def _with_p(verdicts: Series, p_values: Series) -> list[str]:
-    texts = [f" (p {p:.3f})" if p >= 0 else "" for p in p_values]  # NaN is not
-    return [verdict + text for verdict, text in zip(verdicts, texts, strict=True)]
+    """Return verdicts with their p-values in brackets, where there are any."""
+    texts = []
+    for verdict, p_value in zip(verdicts, p_values, strict=True):
+        if np.isnan(p_value):
+            texts.append(verdict)
+        else:
+            texts.append(f"{verdict} (p {p_value:.3f})")
+    return texts
 
 
 def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
-    """Yield the comparison with many rows: for each column of a table a heading, and a line for each row."""
+    """Yield the comparison with many rows: for each column a heading, and a line for each row."""
     for place, of_column in frame.groupby("place", sort=False):
-        rows = [
-            [of_row.title.iloc[0], *map(_signed, of_row.difference), _verdict(of_row)]
-            for _, of_row in of_column.groupby("other", sort=False)
-        ]
-        least, most = of_column["rows"].min(), of_column["rows"].max()
-        among = AMONG.format(most if least == most else f"{least} to {most}")
-        heading = (
-            f"{place}: {frame.method[0]} - each row, {of_column.queries.max()} queries, {among}"
-        )
-        yield heading, [["", *of_column.measure.unique(), ""], *rows]
+        lines = [["", *of_column.measure.unique(), ""]]
+        for _, of_row in of_column.groupby("other", sort=False):
+            differences = map(_signed, of_row.difference)
+            lines.append([of_row.title.iloc[0], *differences, _verdict(of_row)])
+        n_queries = of_column.queries.max()
+        among = AMONG.format(_range(of_column["rows"]))
+        yield f"{place}: {frame.method[0]} - each row, {n_queries} queries, {among}", lines
+
+
+def _range(numbers: Series) -> str:
+    """Return the least and the greatest of some numbers as text; one number if they are equal."""
+    least = numbers.min()
+    most = numbers.max()
+    if least == most:
+        return str(most)
+    return f"{least} to {most}"
 
 
 def _verdict(of_row: DataFrame) -> str:
-    """Return the verdict on a row: which measures differ significantly and above the scatter, or why none does."""
+    """Return in which measures a row differs above the scatter, or why in none."""
     above = list(of_row.measure[of_row.verdict == ABOVE])
     if not above:
         return str(of_row.verdict.iloc[0])
-    which = f" ({', '.join(above)})" if len(above) < len(of_row) else ""
-    return f"{ABOVE}{which}"
+    if len(above) == len(of_row):
+        return ABOVE
+    return f"{ABOVE} ({', '.join(above)})"
 
 
 def _signed(difference: float) -> str:
-    return f"{round(difference, 2) + 0.0:+.2f}".replace("0.", ".", 1)
+    """Return a difference of scores with its sign, two decimals and no leading zero."""
+    rounded = round(difference, 2) + 0.0  # no "-0.00"
+    return f"{rounded:+.2f}".replace("0.", ".", 1)

@@ -1,4 +1,4 @@
-"""What the data of a record are called: generated stand-in, known copy, or files that bear the names of a set.
+"""What the data of a record are called: a stand-in, a known copy, or files named like a set.
 
 A record of an official set holds a digest of the names, classes and contents of its shapes. It
 ranks a known copy if the files of that copy have the same digest, so that no name and no count
@@ -19,25 +19,31 @@ from benchmark.errors import ConfigurationError, UnreadableMesh
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.gallery_digest import digest_of_both, digest_of_shapes
 from benchmark.pipeline.records import RankedShapes, Record
+from benchmark.registry.names import base_name
 from benchmark.text import brief
 
 
 def data_title(record: Record) -> str:
-    """Return the title of the data of a record; it always says if they are a stand-in, or unverified."""
+    """Return the title of the data of a record.
+
+    It always says if they are a stand-in, or unverified.
+    """
     data = record.data
     if data.stand_in_for:
         name = data.name.partition("[draw=")[0]
-        replaced = SETS.get(data.stand_in_for)
-        return (
-            f"generated stand-in '{name}', not {replaced.title if replaced else data.stand_in_for}"
-        )
+        replaced = data.stand_in_for
+        if replaced in SETS:
+            replaced = SETS[replaced].title
+        return f"generated stand-in '{name}', not {replaced}"
     official = official_set(record)
     if official is None:
         return brief(data.title)
     copy = known_copy(record)
-    name = copy.title if copy else f"files named like {official.title}, unverified"
-    _, is_official, change = data.title.partition(official.title)
-    return brief(name + change if is_official else name)
+    title = copy.title if copy else f"files named like {official.title}, unverified"
+    _, has_title, change = data.title.partition(official.title)
+    if has_title:
+        title += change
+    return brief(title)
 
 
 def short_data_title(record: Record) -> str:
@@ -51,10 +57,13 @@ def short_data_title(record: Record) -> str:
 
 
 def official_set(record: RankedShapes) -> OfficialSet | None:
-    """Return the official set whose names the data of a record bear; None for generated ones and folders."""
+    """Return the official set whose names the data of a record bear.
+
+    It is None for generated ones and folders.
+    """
     if record.data.path or record.data.stand_in_for:
         return None
-    return SETS.get(record.data.name.partition("[")[0])
+    return SETS.get(base_name(record.data.name))
 
 
 def known_copy(record: Record) -> KnownCopy | None:
@@ -67,39 +76,39 @@ def known_copy(record: Record) -> KnownCopy | None:
 
 def _ranks(record: Record, copy: KnownCopy) -> bool:
     """Return whether the digest of a record is that of the files of a copy."""
-    queries, gallery = _digest(record, copy), record.gallery_of_queries
+    queries = _digest(record, copy)
+    gallery = record.gallery_of_queries
     if gallery is None:
         return record.gallery_digest == queries
     if gallery.gallery_digest != _digest(gallery, copy):
         return False
+    # The gallery was rendered from this many cameras, with or without that of each shape itself.
     views = gallery.views
     around = ("", f"[cameras={views}]", f"[cameras-and-own={views - 1}]")
-    keeps = record.keeps_same_names
-    every = {
-        digest_of_both(
+    return any(
+        record.gallery_digest
+        == digest_of_both(
             queries,
             gallery.gallery_digest,
             gallery.input,
-            keeps_same_names=keeps,
+            keeps_same_names=record.keeps_same_names,
             cameras=cameras,
         )
         for cameras in around
-    }
-    return record.gallery_digest in every
+    )
 
 
 def _digest(ranked: RankedShapes, copy: KnownCopy) -> str:
-    """Return the digest that ranked shapes have if they are those of a copy, with the changes of their set."""
+    """Return the digest of ranked shapes if they are those of a copy, changed as their set."""
     try:
         _, changes = split_changes(ranked.data.name)
     except ConfigurationError:  # a change that this version does not know
         return ""
+    named = zip(ranked.shapes, ranked.labels, strict=False)
+    entries = [Entry(name, label, "") for name, label in named]
     shapes = ShapeSet(
         name="copy",
-        shapes=tuple(
-            Entry(name, label, "")
-            for name, label in zip(ranked.shapes, ranked.labels, strict=False)
-        ),
+        shapes=tuple(entries),
         key=lambda entry: _key(entry.identifier, copy),
         load=_no_mesh,
     )
@@ -118,4 +127,5 @@ def _key(identifier: str, copy: KnownCopy) -> str:
 
 
 def _no_mesh(entry: Entry) -> Mesh:
+    """Raise ``UnreadableMesh``: this set has keys of its shapes, and no meshes."""
     raise UnreadableMesh(f"the mesh of {entry.identifier} is not here", "only its digest is known")

@@ -6,6 +6,7 @@ On coloured surfaces, the colour shows how far a point is from the centre of the
 from __future__ import annotations
 
 import io
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -20,12 +21,17 @@ from benchmark.geometry.mesh import Mesh, Points
 from benchmark.geometry.rasterise import depth_buffer
 
 #: Direction of the light in image coordinates: right, up, towards the viewer.
-_LAMP = np.array([-0.4, 0.6, 0.7]) / np.linalg.norm([-0.4, 0.6, 0.7])
+_TO_LAMP = np.array([-0.4, 0.6, 0.7])
+_LAMP = _TO_LAMP / np.linalg.norm(_TO_LAMP)
 
 #: Colours from the trunk to the tips of the limbs; distinct on white and black, and by lightness
 #: alone.
 PALETTE = ("#4a62b0", "#3a82be", "#4aaca8", "#96d088", "#f4d264", "#f69e5c")
-_RAMP = np.array([[int(name[k : k + 2], 16) for k in (1, 3, 5)] for name in PALETTE]) / 255
+
+#: The same as red, green and blue from 0 to 1, shape (6, 3).
+_RAMP = np.array([[*bytes.fromhex(name[1:])] for name in PALETTE]) / 255
+
+#: Colour of a surface without values.
 _PLAIN = np.array([0.60, 0.68, 0.77])
 
 #: View of forms, whose errors in depth do not show from the front.
@@ -34,33 +40,43 @@ OBLIQUE = Camera((-0.9, 0.0, -1.0), (0.0, 1.0, 0.0))
 #: File extensions of pictures and figures.
 ENDINGS = (".png", ".pdf", ".svg")
 
+#: Pixels that are drawn for one of a picture, along each side.
 _FINER = 2
+
+#: Share of the side of a picture that a surface takes.
+_FILLED = 0.94
+
+#: Samples of a surface from which :func:`outwardness` measures distances.
+_SAMPLES = 48
 
 
 def outwardness(mesh: Mesh) -> NDArray[np.float64]:
-    """Return how far each vertex is from the centre of its surface, shape (n,): 0 at the centre, 1 at the farthest tip.
+    """Return how far each vertex is from the centre of its surface, shape (n,).
 
-    This averages the mean distance along edges to samples all over the surface, scaled to [0, 1],
-    and its rank. Both hardly change when a limb bends, so each part of a body has the same colour
-    in every pose.
+    It is 0 at the centre and 1 at the farthest tip: the mean distance along edges to samples all
+    over the surface, scaled to [0, 1], averaged with its rank. Both hardly change when a limb
+    bends, so each part of a body has the same colour in every pose.
     """
-    sources = np.unique(np.linspace(0, mesh.n_vertices - 1, 48).astype(int))
+    sources = np.unique(np.linspace(0, mesh.n_vertices - 1, _SAMPLES).astype(int))
     along = dijkstra(mesh.edge_graph(), indices=sources)
     along[~np.isfinite(along)] = np.nan
     far = np.nan_to_num(np.nanmean(along, axis=0))
     share = (far - far.min()) / max(float(np.ptp(far)), 1e-12)
     rank = np.argsort(np.argsort(far, kind="stable"), kind="stable") / max(len(far) - 1, 1)
-    return np.asarray(
-        (share + rank) / 2
-    )  # most of a body is trunk, which would have a single colour without this step
+    # Most of a body is trunk, which would have a single colour without its rank.
+    return np.asarray((share + rank) / 2)
 
 
 def colours_of(values: NDArray[np.float64]) -> NDArray[np.uint8]:
     """Return the colours of values from 0 to 1, red, green, blue and opacity, shape (n, 4)."""
+    opaque = np.ones((len(values), 1))
+    return np.round(255 * np.hstack([_ramp(values), opaque])).astype(np.uint8)
+
+
+def _ramp(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the colours of values from 0 to 1: red, green and blue from 0 to 1, shape (n, 3)."""
     places = np.linspace(0, 1, len(_RAMP))
-    channels = [np.interp(values, places, channel) for channel in _RAMP.T]
-    opaque = np.ones(len(values))
-    return np.round(255 * np.stack([*channels, opaque], axis=-1)).astype(np.uint8)
+    return np.column_stack([np.interp(values, places, channel) for channel in _RAMP.T])
 
 
 def shaded(
@@ -85,65 +101,81 @@ def shaded(
     frame
         Points that the picture has room for, shape (n, 3); by default those of the mesh.
     """
-    points, held = (
-        each @ camera.rotation.T
-        for each in (mesh.vertices, mesh.vertices if frame is None else frame)
-    )
-    low, high = held.min(axis=0), held.max(axis=0)
-    half = max(float((high - low)[:2].max()) / 2, 1e-12) / 0.94
-    scaled, fine = (points - (low + high) / 2) / half, size * _FINER
+    framed = mesh.vertices if frame is None else frame
+    turned = framed @ camera.rotation.T
+    low = turned.min(axis=0)
+    high = turned.max(axis=0)
+    half = max(float((high - low)[:2].max()) / 2, 1e-12) / _FILLED
+    scaled = (mesh.vertices @ camera.rotation.T - (low + high) / 2) / half
+    fine = size * _FINER
     pixels = np.column_stack(
         [(1 + scaled[:, 0]) * fine / 2, (1 - scaled[:, 1]) * fine / 2, -scaled[:, 2]]
     )
     depth = depth_buffer(pixels, mesh.faces, fine, np.inf).astype(np.float64)
-    seen = np.isfinite(depth)
+    is_surface = np.isfinite(depth)
     picture = np.zeros((fine, fine, 4))
-    if seen.any():
-        colours = _PLAIN if values is None else _surface_colours(scaled, depth, seen, values)
-        picture[seen, :3] = np.clip(colours * _light(depth, seen)[:, None], 0, 1)
-        picture[seen, 3] = 1
-    blocks = np.mean(
-        [picture[k::_FINER, j::_FINER] for k in range(_FINER) for j in range(_FINER)], axis=0
-    )
+    if is_surface.any():
+        colours = _PLAIN
+        if values is not None:
+            colours = _surface_colours(scaled, depth, is_surface, values)
+        light = _light(depth, is_surface)[:, None]
+        picture[is_surface, :3] = np.clip(colours * light, 0, 1)
+        picture[is_surface, 3] = 1
+    return Image.fromarray(np.round(255 * _reduced(picture)).astype(np.uint8))
+
+
+def _reduced(picture: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a picture with one pixel for each block, whose colours are weighted by opacity."""
+    offsets = product(range(_FINER), repeat=2)
+    blocks = np.mean([picture[down::_FINER, right::_FINER] for down, right in offsets], axis=0)
     blocks[..., :3] /= np.maximum(blocks[..., 3:], 1e-9)
-    return Image.fromarray(np.round(255 * blocks).astype(np.uint8))
+    return np.asarray(blocks)
 
 
 def _surface_colours(
-    scaled: Points, depth: NDArray[np.float64], seen: NDArray[np.bool_], values: NDArray[np.float64]
+    scaled: Points,
+    depth: NDArray[np.float64],
+    is_surface: NDArray[np.bool_],
+    values: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    rows, columns = np.nonzero(seen)
+    """Return the colour of each pixel of a surface by the values of near vertices, shape (n, 3)."""
+    side = len(depth)
+    rows, columns = np.nonzero(is_surface)
     # Pixels that become one have one colour.
-    _, first, block = np.unique(
-        rows // _FINER * len(depth) + columns // _FINER, return_index=True, return_inverse=True
+    blocks = rows // _FINER * side + columns // _FINER
+    _, first, block = np.unique(blocks, return_index=True, return_inverse=True)
+    points = np.column_stack(
+        [(columns + 0.5) * 2 / side - 1, 1 - (rows + 0.5) * 2 / side, -depth[is_surface]]
     )
-    places = np.column_stack(
-        [(columns + 0.5) * 2 / len(depth) - 1, 1 - (rows + 0.5) * 2 / len(depth), -depth[seen]]
-    )
-    away, nearest = cKDTree(scaled).query(places[first], k=range(1, min(3, len(scaled)) + 1))
-    shown = np.average(values[nearest], axis=1, weights=1 / np.maximum(away, 1e-6))[block]
-    return np.stack(
-        [np.interp(shown, np.linspace(0, 1, len(_RAMP)), channel) for channel in _RAMP.T], axis=-1
-    )
+    n_nearest = min(3, len(scaled))
+    away, nearest = cKDTree(scaled).query(points[first], k=range(1, n_nearest + 1))
+    weights = 1 / np.maximum(away, 1e-6)
+    return _ramp(np.average(values[nearest], axis=1, weights=weights)[block])
 
 
-def _light(depth: NDArray[np.float64], seen: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the brightness of each pixel of the surface: directional and ambient light, and a dark rim."""
-    filled = np.where(seen, depth, np.max(depth, where=seen, initial=-np.inf))
-    down, right = np.gradient(filled, 2 / len(depth))
-    normal = np.stack([right[seen], -down[seen], np.ones(int(seen.sum()))], axis=-1)
+def _light(depth: NDArray[np.float64], is_surface: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the brightness of each pixel of a surface.
+
+    It has directional and ambient light, and a dark rim.
+    """
+    farthest = np.max(depth, where=is_surface, initial=-np.inf)
+    down, right = np.gradient(np.where(is_surface, depth, farthest), 2 / len(depth))
+    towards = np.ones(int(is_surface.sum()))
+    normal = np.stack([right[is_surface], -down[is_surface], towards], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    return np.asarray(0.52 + 0.62 * np.clip(normal @ _LAMP, 0, 1) * (0.55 + 0.45 * normal[:, 2]))
+    rim = 0.55 + 0.45 * normal[:, 2]
+    return np.asarray(0.52 + 0.62 * np.clip(normal @ _LAMP, 0, 1) * rim)
 
 
 def webp(image: Image.Image, quality: int = 80) -> bytes:
     """Return a picture as WebP."""
-    image.save(stream := io.BytesIO(), format="WEBP", quality=quality, alpha_quality=quality)
+    stream = io.BytesIO()
+    image.save(stream, format="WEBP", quality=quality, alpha_quality=quality)
     return stream.getvalue()
 
 
 def check_ending(path: Path | None) -> None:
-    """Raise ``ConfigurationError`` for a picture that cannot be written, if one is wanted, before all computations."""
+    """Raise ``ConfigurationError`` for a picture that cannot be written, if one is wanted."""
     if path is not None and path.suffix.lower() not in ENDINGS:
         raise ConfigurationError(
             f"{path} is not the name of a picture", f"use {', '.join(ENDINGS)}"

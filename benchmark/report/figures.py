@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from statistics import mode
 from textwrap import fill
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -15,6 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from pandas import DataFrame, Series, concat
+from PIL import Image
 from scipy.spatial.distance import squareform
 from scipy.stats import rankdata
 from sklearn.manifold import MDS
@@ -26,15 +28,23 @@ from benchmark.geometry.mesh import Points
 from benchmark.pipeline.records import Record, read_distances
 from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.forms import Drawn, StoredForms
-from benchmark.report.frames import file_name
-from benchmark.report.grids import DPI, TITLE_SIZE, WIDTH, grid
-from benchmark.report.tables import Row, Scored, TableView
+from benchmark.report.grids import DPI, TEXT_WIDTH, TITLE_SIZE, grid
+from benchmark.report.notation import file_name
+from benchmark.report.rows import RowScores, TableRow
+from benchmark.report.table_view import TableView
 from benchmark.text import clean_text
 
-T = TypeVar("T")
+_Value = TypeVar("_Value")
 
 #: Side in inches of a picture in a figure of forms, at most.
-_TALLEST = 0.85
+_LARGEST_SIDE = 0.85
+
+#: Maps beside each other, at most, and the side of one in inches.
+_MAPS_ACROSS = 3
+_LARGEST_MAP = 4.0
+
+#: Classes whose names stand in a map, at most: those with the most wrong matches.
+_NAMED_CLASSES = 15
 
 #: Measure of pages and figures that show one.
 MEASURE = "DCG"
@@ -53,115 +63,164 @@ COLOURS = (
     "#5b5b5b",
     "#222222",
 )
+
+#: Colour of lines.
 GREY = "#737373"
 
 #: Colour of a shape whose nearest match is wrong.
 MISSED = "#8c2318"
 
 
-def shown_rows(view: TableView) -> list[tuple[Row, Scored]]:
-    """Return printed rows with their scores in the first column that has some; titles name another than the table's."""
-    found = []
+def rows_of_figures(view: TableView) -> list[tuple[TableRow, RowScores]]:
+    """Return printed rows with their scores in the first column that has some.
+
+    The title of a row names the column if it is not the first one of the table.
+    """
+    rows = []
     for row in view.printed_rows:
-        if column := next(
-            (column.title for column in view.columns if column.title in row.scored), ""
-        ):
-            title = row.title if column == view.columns[0].title else f"{row.title}, {column}"
-            found.append((replace(row, title=clean_text(title)), row.scored[column]))
-    return found
+        titles = [column.title for column in view.columns if column.title in row.scored]
+        if not titles:
+            continue
+        column = titles[0]
+        title = row.title
+        if column != view.columns[0].title:
+            title = f"{title}, {column}"
+        rows.append((replace(row, title=clean_text(title)), row.scored[column]))
+    return rows
 
 
 def class_means(view: TableView) -> DataFrame:
-    """Return the mean of each class that all rows rank, from the hardest class to the easiest, by row."""
-    each = dict[str, Series]()
-    for row, one in shown_rows(view):
-        queries = [Series(of.per_query[MEASURE], of.labels, float) for of in one.all_records]
-        each[row.title] = concat(queries).groupby(level=0).mean()
-    means = DataFrame(each).T.rename_axis("method").dropna(axis=1)
+    """Return the mean of each class that all rows rank, by row, the hardest class first."""
+    rows: dict[str, Series] = {}
+    for row, scores in rows_of_figures(view):
+        queries = [
+            Series(record.per_query[MEASURE], record.labels, float) for record in scores.all_records
+        ]
+        rows[row.title] = concat(queries).groupby(level=0).mean()
+    means = DataFrame(rows).T.rename_axis("method").dropna(axis=1)
     return means[means.mean().sort_values().index]
 
 
-def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
-    """Draw the shapes as points whose distances have the order of those of each row, and lines to the mean of a class.
+# Maps
+# ------------------------------------------------------------------------------------------------
 
-    A ring marks a shape whose nearest match is of another class. Points lead to the queries of a
-    page, if it is named.
+
+def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
+    """Draw the shapes as points whose distances have the order of those of each row.
+
+    Lines lead to the mean of a class, and a ring marks a shape whose nearest match is of another
+    class. Points lead to the queries of a page, if it is named.
 
     Raises
     ------
     ConfigurationError
         If no distances of shapes among each other are stored.
     """
-    each = [(row, of, read_distances(forms.folder, of)) for row, of in first_records(view).items()]
-    known = [
-        (row, of, matrix) for row, of, matrix in each if matrix is not None and len(of.sides) == 1
-    ]
-    if not known:
+    maps = []
+    for row, record in first_records(view).items():
+        matrix = read_distances(forms.folder, record)
+        if matrix is not None and len(record.sides) == 1:
+            maps.append((row, record, matrix))
+    if not maps:
         raise ConfigurationError("no distances of this table are stored here", "run it here")
-    n_columns = min(len(known), 3)
-    n_rows, side = -(-len(known) // n_columns), min(WIDTH / n_columns, 4)
+    n_columns = min(len(maps), _MAPS_ACROSS)
+    n_rows = math.ceil(len(maps) / n_columns)
+    side = min(TEXT_WIDTH / n_columns, _LARGEST_MAP)
     figure = Figure((n_columns * side, n_rows * (side + 0.2)), layout="constrained")
     for place in figure.subplots(n_rows, n_columns, squeeze=False).flat:
         place.axis("off")
         place.set_aspect("equal", "datalim")
-    for place, (row, record, matrix) in zip(figure.axes, known, strict=False):
-        labels, names = (np.array(of)[record.answered] for of in (record.labels, record.shapes))
-        near = matrix + np.diag(np.full(len(matrix), np.inf))
-        is_missed = labels[near.argmin(axis=1)] != labels
-        order = squareform(rankdata(squareform((matrix + matrix.T) / 2, checks=False)))
-        points = MDS(
-            metric_mds=True, metric="precomputed", init="classical_mds", n_init=1
-        ).fit_transform(order)
-        named: list[tuple[str, NDArray[np.float64], float, str]] = []
-        for count, label in enumerate(
-            sorted(np.unique(labels), key=lambda label: -is_missed[labels == label].sum())
-        ):
-            mine = points[labels == label]
-            centre = mine.mean(axis=0)
-            lines = np.stack([np.broadcast_to(centre, mine.shape), mine], axis=1)
-            place.add_collection(LineCollection([*lines], colors=GREY, lw=0.5, zorder=0))
-            if count < 15:  # most wrong matches are of these
-                colour = COLOURS[
-                    int(np.searchsorted(np.unique(record.labels), label)) % len(COLOURS)
-                ]
-                named.append((clean_text(label), centre, mine[:, 1].max(), colour))
-        _annotate(place, named, points)
-        place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED)
-        addresses = [f"{page}-{file_name(name)}" for name in names.tolist()] if page else None
-        colours = np.resize(COLOURS, len(record.labels))[
-            np.searchsorted(np.unique(record.labels), labels)
-        ]
-        place.scatter(points[:, 0], points[:, 1], 9, colours, urls=addresses)
+    for place, (row, record, matrix) in zip(figure.axes, maps, strict=False):
+        _draw_map(place, record, matrix, page)
         place.set_title(fill(row.title, 30), fontsize=TITLE_SIZE, parse_math=False)
     return figure
 
 
-def _annotate(
-    place: Axes, named: Sequence[tuple[str, NDArray[np.float64], float, str]], points: Points
-) -> None:
+def _draw_map(place: Axes, record: Record, matrix: NDArray[np.float64], page: str) -> None:
+    """Draw the shapes that a record ranks as points; see :func:`map_figure`."""
+    labels = np.array(record.labels)[record.answered]
+    without_itself = matrix + np.diag(np.full(len(matrix), np.inf))
+    is_missed = labels[without_itself.argmin(axis=1)] != labels
+    points = _positions(matrix)
+    classes = np.unique(record.labels)
+    class_colours = np.resize(COLOURS, len(classes))
+    by_misses = sorted(np.unique(labels), key=lambda label: -is_missed[labels == label].sum())
+    names = []
+    for number, label in enumerate(by_misses):
+        of_class = points[labels == label]
+        centre = of_class.mean(axis=0)
+        lines = np.stack([np.broadcast_to(centre, of_class.shape), of_class], axis=1)
+        place.add_collection(LineCollection([*lines], colors=GREY, lw=0.5, zorder=0))
+        if number < _NAMED_CLASSES:
+            colour = str(class_colours[np.searchsorted(classes, label)])
+            names.append(_ClassName(clean_text(label), centre[0], of_class[:, 1].max(), colour))
+    _write_names(place, names, points)
+    place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED)
+    addresses = None
+    if page:
+        addresses = [f"{page}-{file_name(record.shapes[shape])}" for shape in record.answered]
+    colours = class_colours[np.searchsorted(classes, labels)]
+    place.scatter(points[:, 0], points[:, 1], 9, colours, urls=addresses)
+
+
+def _positions(matrix: NDArray[np.float64]) -> Points:
+    """Return points in the plane, shape (n, 2), whose distances have the order of a matrix."""
+    symmetric = (matrix + matrix.T) / 2
+    ranks = rankdata(squareform(symmetric, checks=False))
+    scaling = MDS(metric_mds=True, metric="precomputed", init="classical_mds", n_init=1)
+    return np.asarray(scaling.fit_transform(squareform(ranks)))
+
+
+class _ClassName(NamedTuple):
+    """The name of a class in a map: where its middle and its top are, and its colour."""
+
+    text: str
+    middle: float
+    top: float
+    colour: str
+
+
+def _write_names(place: Axes, names: Iterable[_ClassName], points: Points) -> None:
     """Write names above their points, in their colours, moved up where they would overlap."""
-    height, width = 0.055 * np.ptp(points[:, 1]), 0.03 * np.ptp(points[:, 0])
+    height = 0.055 * np.ptp(points[:, 1])
+    width = 0.03 * np.ptp(points[:, 0])
     taken: list[tuple[float, float, float]] = []
-    for name, centre, top, colour in sorted(named, key=lambda each: each[2]):
-        x, y, half = centre[0], top + 0.6 * height, len(name) * width / 2
-        while any(abs(x - x_) < half + half_ and abs(y - y_) < height for x_, y_, half_ in taken):
+    for name in sorted(names, key=lambda name: name.top):
+        half = len(name.text) * width / 2
+        x = name.middle
+        y = name.top + 0.6 * height
+        while any(_overlaps(x, y, half, height, other) for other in taken):
             y += height / 4
         taken.append((x, y, half))
         place.annotate(
-            name,
+            name.text,
             (x, y),
             fontsize=TITLE_SIZE,
             ha="center",
             va="center",
             parse_math=False,
-            color=colour,
+            color=name.colour,
             weight="bold",
             path_effects=[withStroke(linewidth=2, foreground="white")],
         )
 
 
+def _overlaps(
+    x: float, y: float, half: float, height: float, other: tuple[float, float, float]
+) -> bool:
+    """Return whether a name of this middle, half width and height overlaps another one."""
+    other_x, other_y, other_half = other
+    return bool(abs(x - other_x) < half + other_half and abs(y - other_y) < height)
+
+
+# Forms
+# ------------------------------------------------------------------------------------------------
+
+
 def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()) -> Figure:
-    """Draw poses of subjects and their forms, methods across, poses down, each turned to the form of the first pose.
+    """Draw poses of subjects and their forms, methods across, poses down.
+
+    Each form is turned to that of the first pose.
 
     Parameters
     ----------
@@ -179,7 +238,9 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
         If there is no such shape, or no form of these shapes is stored.
     """
     records = {
-        row.title: of for row, of in first_records(view).items() if row.kind in ("form", "network")
+        row.title: record
+        for row, record in first_records(view).items()
+        if row.kind in ("form", "network")
     }
     if not records:
         raise ConfigurationError(
@@ -207,62 +268,64 @@ def figure_of_records(
     """
     first = next(iter(records.values()))
     labels = dict(zip(first.shapes, first.labels, strict=True))
-    names = list(shapes) or some_shapes(first)
+    names = [*shapes] or some_shapes(first)
     check_known("shape", names, labels)
-    columns: list[tuple[str, list[Drawn | None]]] = []
     subjects = [*dict.fromkeys(labels[name] for name in names)]
-    heads = [*map(clean_text, subjects)] if len(subjects) > 1 else ["Shape"]
-    for subject, head in zip(subjects, heads, strict=True):
+    columns: list[_Column] = []
+    has_forms = False
+    for subject in subjects:
         poses = [name for name in names if labels[name] == subject]
-        columns.append((head, [forms.shape(first, name) for name in poses]))
-        columns += [
-            (title, [forms.form(record, name) for name in poses])
-            for title, record in records.items()
-        ]
-    columns = [(title, drawn) for title, drawn in columns if any(drawn)]
-    if {title for title, _ in columns} <= {*heads}:
+        head = clean_text(subject) if len(subjects) > 1 else "Shape"
+        columns.append(_Column(head, [forms.shape(first, name) for name in poses]))
+        for title, record in records.items():
+            drawn = [forms.form(record, name) for name in poses]
+            columns.append(_Column(title, drawn))
+            has_forms |= any(drawn)
+    if not has_forms:
         raise ConfigurationError(
             "no forms of these shapes are stored here", "run the methods here, then draw again"
         )
+    columns = [column for column in columns if any(column.drawn)]
     return _pictures(columns, UPRIGHT if first.input == "mesh" else OBLIQUE)
 
 
-def _pictures(columns: Sequence[tuple[str, list[Drawn | None]]], camera: Camera) -> Figure:
+class _Column(NamedTuple):
+    """A column of pictures below its title; None is no picture."""
+
+    title: str
+    drawn: list[Drawn | None]
+
+
+def _pictures(columns: Sequence[_Column], camera: Camera) -> Figure:
     """Draw columns of pictures, each column at one scale and with one centre."""
-    side = min(WIDTH / len(columns), _TALLEST)
+    side = min(TEXT_WIDTH / len(columns), _LARGEST_SIDE)
     panels = []
-    for title, drawn in columns:
-        frame = np.concatenate([each.mesh.vertices for each in drawn if each])
-        pictures = [
-            each and shaded(each.mesh, camera, round(side * DPI), each.values, frame)
-            for each in drawn
-        ]
-        panels.append((fill(title, round(18 * side)), pictures))
+    for column in columns:
+        frame = np.concatenate([each.mesh.vertices for each in column.drawn if each])
+        pictures = [_picture(each, camera, round(side * DPI), frame) for each in column.drawn]
+        panels.append((fill(column.title, round(18 * side)), pictures))
     figure = grid(panels, side)
-    for number, (_, drawn) in enumerate(columns):
-        for place, each in zip(figure.axes[number :: len(columns)], drawn, strict=False):
-            place.text(
-                0.5,
-                0,
-                "mirrored" * (each is not None and each.is_mirrored),
-                ha="center",
-                fontsize=5,
-                transform=place.transAxes,
-            )
+    for number, column in enumerate(columns):
+        for place, each in zip(figure.axes[number :: len(columns)], column.drawn, strict=False):
+            note = "mirrored" if each and each.is_mirrored else ""
+            place.text(0.5, 0, note, ha="center", fontsize=5, transform=place.transAxes)
     return figure
 
 
-def first_records(view: TableView) -> dict[Row, Record]:
-    """Return a record of each row that is shown, all of one gallery, that of most rows."""
-    every = {row: one.all_records[0] for row, one in shown_rows(view)}
-    gallery = mode(record.gallery for record in every.values()) if every else ""
-    return {row: record for row, record in every.items() if record.gallery == gallery}
+def _picture(drawn: Drawn | None, camera: Camera, size: int, frame: Points) -> Image.Image | None:
+    """Return the picture of a surface that has room for some points; None without a surface."""
+    if drawn is None:
+        return None
+    return shaded(drawn.mesh, camera, size, drawn.values, frame)
 
 
-def _some(values: Sequence[T], most: int) -> list[T]:
-    """Return at most ``most`` evenly spaced values, including the first and the last."""
-    places = np.unique(np.linspace(0, max(len(values) - 1, 0), min(most, len(values))).astype(int))
-    return [values[place] for place in places.tolist()]
+def first_records(view: TableView) -> dict[TableRow, Record]:
+    """Return a record of each row of figures, all of one gallery, that of most rows."""
+    records = {row: scores.all_records[0] for row, scores in rows_of_figures(view)}
+    if not records:
+        return {}
+    gallery = mode(record.gallery for record in records.values())
+    return {row: record for row, record in records.items() if record.gallery == gallery}
 
 
 def some_shapes(record: Record, n_classes: int = 1, n_shapes: int = 3) -> list[str]:
@@ -270,8 +333,14 @@ def some_shapes(record: Record, n_classes: int = 1, n_shapes: int = 3) -> list[s
     classes: dict[str, list[str]] = {}
     for number in record.answered:
         classes.setdefault(record.labels[number], []).append(record.shapes[number])
-    return [
-        shape
-        for of_class in _some([*classes.values()], n_classes)
-        for shape in _some(of_class, n_shapes)
-    ]
+    shapes: list[str] = []
+    for of_class in _evenly_spaced([*classes.values()], n_classes):
+        shapes += _evenly_spaced(of_class, n_shapes)
+    return shapes
+
+
+def _evenly_spaced(values: Sequence[_Value], most: int) -> list[_Value]:
+    """Return at most ``most`` evenly spaced values, including the first and the last."""
+    last = max(len(values) - 1, 0)
+    places = np.unique(np.linspace(0, last, min(most, len(values))).astype(int))
+    return [values[place] for place in places.tolist()]

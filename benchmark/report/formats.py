@@ -6,17 +6,17 @@ import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import groupby
+from itertools import chain, groupby, product
 from textwrap import wrap
-from typing import Any, NamedTuple
+from typing import Any
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import ROBUST, TITLES, Kind
+from benchmark.protocols.tables import ROBUST, TITLES, Block
 from benchmark.reference.paper import entry_of
 from benchmark.report.columns import (
     OBJECTS,
-    PRINTED_OF_ROW,
+    PRINTED_QUANTITIES,
     PRINTED_SCORES,
     Column,
     Group,
@@ -26,23 +26,36 @@ from benchmark.report.columns import (
     values,
 )
 from benchmark.report.data_titles import data_title
-from benchmark.report.frames import BLANK, changed, fold_of, hundredths, scored_by
+from benchmark.report.notation import BLANK, hundredths
 from benchmark.report.notes import table_notes
-from benchmark.report.tables import BLOCKS, PAPER, SECOND, Row, TableView
+from benchmark.report.record_facts import DataChange, change_of, fold_of, scored_by
+from benchmark.report.rows import BLOCKS, TableRow
+from benchmark.report.table_view import PAPER, SECOND, TableView
 from benchmark.text import clean_text
 
+#: Title of the line of a random order.
 CHANCE = "Random order"
 
 #: Key of the paper in the bibliography.
-_PAPER = "canonicalreconstruction"
+_PAPER_KEY = "canonicalreconstruction"
 
-#: Columns of Markdown, at most; a long name may need more.
-WIDTH = 100
+#: Characters of a line of Markdown, at most; a long name may need more.
+MARKDOWN_WIDTH = 100
 
 #: Scores that fit one column of a two-column page.
-_ONE_COLUMN = 8
+_SCORES_OF_ONE_COLUMN = 8
 
-_MARKDOWN = {character: f"\\{character}" for character in "\\|*_`[]#$~"} | {
+#: Characters of a line of a heading in LaTeX.
+_HEADING_WIDTH = 17
+
+#: Last code of a character that pdflatex has in its fonts (Latin Extended-A).
+_LAST_OF_PDFLATEX = 0x17F
+
+#: Characters of the longest title from which the column of titles has a fixed share of the page.
+_LONG_TITLE = 25
+
+_MARKDOWN = {
+    **{character: f"\\{character}" for character in "\\|*_`[]#$~"},
     "<": "&lt;",
     ">": "&gt;",
     "&": "&amp;",
@@ -73,14 +86,25 @@ def markdown_text(text: str) -> str:
 
 
 def latex_text(text: str) -> str:
-    """Return text as LaTeX shows it literally; characters that pdflatex lacks become question marks."""
-    known = (c if ord(c) < 0x180 else "?" for c in clean_text(text))
-    return "".join(_LATEX.get(character, character) for character in known)
+    """Return text as LaTeX shows it literally.
+
+    Characters that pdflatex lacks become question marks.
+    """
+    characters = []
+    for character in clean_text(text):
+        known = character if ord(character) <= _LAST_OF_PDFLATEX else "?"
+        characters.append(_LATEX.get(known, known))
+    return "".join(characters)
 
 
 def latex_title(title: str) -> str:
     """Return a title as LaTeX, where lines may also end within parameters."""
-    return r"\allowbreak{}".join(map(latex_text, re.split(r"(?<=[\[\]=,_/:])(?=[\w.])", title)))
+    parts = re.split(r"(?<=[\[\]=,_/:])(?=[\w.])", title)
+    return r"\allowbreak{}".join(map(latex_text, parts))
+
+
+# Lines and cells, for all formats
+# ------------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -124,39 +148,47 @@ class Line:
     title: str
     groups: tuple[Sequence[Cell], ...]
     measured: Sequence[Cell]
-    row: Row | None = None
+    row: TableRow | None = None
 
     @property
     def has_folds(self) -> bool:
         """Whether a cell has scores over folds."""
-        return any(cell.folds for cells in self.groups for cell in cells)
+        return any(cell.folds for cell in chain.from_iterable(self.groups))
 
 
 def blocks(view: TableView) -> Iterator[tuple[str, list[Line]]]:
-    """Yield the blocks of a table: their headings with their lines; a random order stands last, without a heading."""
+    """Yield the blocks of a table: their headings with their lines.
+
+    A random order stands last, without a heading.
+    """
     is_as_printed = {column.input for column in view.columns} == {"as printed"}
     groups = score_groups(view)
-    for kind, name in BLOCKS.items():
-        rows = [row for row in view.printed_rows if row.kind == kind]
+    for block, heading in BLOCKS.items():
+        rows = [row for row in view.printed_rows if row.kind == block]
         if rows:
-            seen = [_input_in_words(kind, rows)] if is_as_printed else []
-            words = "; ".join(filter(None, [*seen, *_draws_in_words(view, rows)]))
-            heading = f"{name} ({words})" if words else name
+            words = [*_draws_in_words(view, rows)]
+            if is_as_printed:
+                words.insert(0, _input_in_words(block, rows))
+            details = "; ".join(filter(None, words))
+            if details:
+                heading = f"{heading} ({details})"
             yield heading, [_line(view, groups, row) for row in rows]
     yield "", [_chance_line(view, groups)]
 
 
-def _input_in_words(kind: Kind, rows: Iterable[Row]) -> str:
+def _input_in_words(block: Block, rows: Iterable[TableRow]) -> str:
     """Return what the rows of a block see."""
-    if kind == "external":
+    if block == "external":
         return ""
-    if kind != "network":
+    if block != "network":
         return "complete surfaces"
-    has_surfaces = any(record.input == "mesh" for row in rows for record in row.records)
-    return "one depth view unless named" if has_surfaces else "one depth view"
+    records = chain.from_iterable(row.records for row in rows)
+    if any(record.input == "mesh" for record in records):
+        return "one depth view unless named"
+    return "one depth view"
 
 
-def _draws_in_words(view: TableView, rows: Sequence[Row]) -> Iterator[str]:
+def _draws_in_words(view: TableView, rows: Sequence[TableRow]) -> Iterator[str]:
     """Say in which columns the rows of a block rank fewer draws of the data than other rows do."""
     for column in view.columns:
         if column.over_draws:
@@ -166,46 +198,59 @@ def _draws_in_words(view: TableView, rows: Sequence[Row]) -> Iterator[str]:
                 yield f"{column.title}: {fewer} of {most} draws"
 
 
-def _line(view: TableView, groups: Iterable[Group], row: Row) -> Line:
+def _line(view: TableView, groups: Iterable[Group], row: TableRow) -> Line:
+    """Return the line of a row."""
     return Line(
         clean_text(row.title),
         tuple(_cells(view, group, row) for group in groups),
-        [Cell(column.cell(row), value=column.value(row)) for column in PRINTED_OF_ROW],
+        [Cell(column.cell(row), value=column.value(row)) for column in PRINTED_QUANTITIES],
         row,
     )
 
 
-def _cells(view: TableView, group: Group, row: Row) -> list[Cell]:
+def _cells(view: TableView, group: Group, row: TableRow) -> list[Cell]:
     """Return the cells of a row in a group; without scores, a single one that says why."""
     if not view.scores(row, group.title):
         return [Cell(_why_empty(group.title, row))]
     marks = view.marks.get((row.method, group.title), {})
-    ends = [(hundredths(low), hundredths(high)) for low, high in view.of_folds(row, group.title)]
-    folds: Sequence[tuple[str, str] | None] = ends or [None] * len(group.columns)
+    folds: list[tuple[str, str] | None] = [
+        (hundredths(low), hundredths(high)) for low, high in view.of_folds(row, group.title)
+    ]
+    if not folds:
+        folds = [None for _ in group.columns]
     return [
         Cell(column.cell(row), marks.get(column.key, ""), column.value(row), of_column)
         for column, of_column in zip(group.columns, folds, strict=True)
     ]
 
 
-def _why_empty(group: str, row: Row) -> str:
+def _why_empty(group: str, row: TableRow) -> str:
     """Return what stands where a row has no scores in a group."""
     if group in (PAPER, SECOND):
         return ""
-    return row.failed[group][0].status if group in row.failed else BLANK
+    if group in row.failed:
+        return row.failed[group][0].status
+    return BLANK
 
 
 def _chance_line(view: TableView, groups: Iterable[Group]) -> Line:
     """Return the line of the scores of a random order."""
+    of_groups = tuple(_chance_cells(view, group) for group in groups)
+    return Line(CHANCE, of_groups, [Cell("") for _ in PRINTED_QUANTITIES])
 
-    def cells(group: Group) -> list[Cell]:
-        scores = view.chance.get(group.title)
-        if scores is None:
-            return [Cell("")]
-        each = [(column, scores[column.key]) for column in group.columns]
-        return [Cell(column.text(score), value=score) for column, score in each]
 
-    return Line(CHANCE, tuple(map(cells, groups)), [Cell("") for _ in PRINTED_OF_ROW])
+def _chance_cells(view: TableView, group: Group) -> list[Cell]:
+    """Return the scores of a random order in a group; a blank where there is none."""
+    scores = view.chance.get(group.title)
+    if scores is None:
+        return [Cell("")]
+    return [
+        Cell(column.text(scores[column.key]), value=scores[column.key]) for column in group.columns
+    ]
+
+
+# Markdown
+# ------------------------------------------------------------------------------------------------
 
 
 _MARKDOWN_STYLES = {"bold": "**{}**", "italic": "*{}*", "scatter": "({})", "": "{}"}
@@ -239,9 +284,9 @@ def markdown(view: TableView) -> str:
                 body.append(["", *map(_joined_folds, line.groups)])
     table = markdown_table(_markdown_head(view), body)
     caption = f"**Table {markdown_text(view.table.identifier)}.** {markdown_text(view.caption)}."
-    notes = [
-        line for note in table_notes(view) for line in _wrapped(f"- {markdown_text(note)}", "  ")
-    ]
+    notes: list[str] = []
+    for note in table_notes(view):
+        notes += _wrapped(f"- {markdown_text(note)}", "  ")
     return "\n".join([*_wrapped(caption), "", *table, "", *notes]) + "\n"
 
 
@@ -250,22 +295,38 @@ def _markdown_head(view: TableView) -> list[str]:
     first, *others = score_groups(view)
     names = " ".join(column.title for column in first.columns)
     headings = [f"{first.title}: {names}", *(group.title for group in others)]
-    return ["Method", *headings, *(column.title for column in PRINTED_OF_ROW)]
+    return ["Method", *headings, *(column.title for column in PRINTED_QUANTITIES)]
 
 
 def _wrapped(words: str, indent: str = "") -> list[str]:
+    """Return words as lines, without dividing a word."""
     return wrap(
-        words, WIDTH, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
+        words,
+        MARKDOWN_WIDTH,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
     )
 
 
 def markdown_table(head: Sequence[str], body: Iterable[Sequence[str]]) -> list[str]:
     """Return the lines of a Markdown table; rows with fewer cells are filled."""
-    lines = [[*row, *[""] * (len(head) - len(row))] for row in body]
-    return [
-        f"|{'|'.join(cells)}|" for cells in (head, ["---", *["---:"] * (len(head) - 1)], *lines)
-    ]
+    n_columns = len(head)
+    rule = ["---"] + ["---:"] * (n_columns - 1)
+    lines = [_markdown_row(head), _markdown_row(rule)]
+    for row in body:
+        missing = [""] * (n_columns - len(row))
+        lines.append(_markdown_row([*row, *missing]))
+    return lines
 
+
+def _markdown_row(cells: Iterable[str]) -> str:
+    """Return a row of a Markdown table."""
+    return f"|{'|'.join(cells)}|"
+
+
+# LaTeX
+# ------------------------------------------------------------------------------------------------
 
 _LATEX_STYLES = {
     "bold": r"\textbf{{{}}}",
@@ -276,12 +337,16 @@ _LATEX_STYLES = {
 
 
 def latex(view: TableView) -> str:
-    r"""Return a table for ``\input``, which needs booktabs and tabularx: one column of a paper, or ``table*``."""
+    r"""Return a table for ``\input``: one column of a paper, or ``table*``.
+
+    It needs booktabs and tabularx.
+    """
     groups = score_groups(view)
     every = [*blocks(view)]
-    has_folds = any(line.has_folds for _, lines in every for line in lines)
+    all_lines = chain.from_iterable(lines for _, lines in every)
+    has_folds = any(line.has_folds for line in all_lines)
     n_scores = sum(len(group.columns) for group in groups)
-    is_wide = n_scores > _ONE_COLUMN or has_folds  # ranges of folds do not fit one column
+    is_wide = n_scores > _SCORES_OF_ONE_COLUMN or has_folds  # ranges do not fit one column
     environment = "table*" if is_wide else "table"
     kind = "tabular*" if is_wide else "tabularx"
     columns = _wide_columns(view, groups) if is_wide else _narrow_columns(groups)
@@ -308,16 +373,18 @@ def latex(view: TableView) -> str:
 def _wide_columns(view: TableView, groups: Iterable[Group]) -> str:
     """Return columns that spread over the page, so that no name is far from its scores."""
     longest = max(len(row.title) for row in view.printed_rows) + 5  # and a citation
-    width = rf"{0.5 * longest:.1f}em" if longest < 25 else r"0.26\linewidth"
+    width = r"0.26\linewidth"
+    if longest < _LONG_TITLE:
+        width = f"{0.5 * longest:.1f}em"
     names = rf">{{\raggedright\hangindent1em\arraybackslash}}p{{{width}}}"
     scores = "".join(rf"*{{{len(group.columns)}}}{{c}}" for group in groups)
-    return rf"@{{\extracolsep{{\fill}}}}{names}{scores}{'r' * len(PRINTED_OF_ROW)}@{{}}"
+    return rf"@{{\extracolsep{{\fill}}}}{names}{scores}{'r' * len(PRINTED_QUANTITIES)}@{{}}"
 
 
 def _narrow_columns(groups: Iterable[Group]) -> str:
     """Return columns of which the names of rows get the rest of the width."""
     scores = "".join(rf"*{{{len(group.columns)}}}{{c}}@{{\hskip6pt}}" for group in groups)
-    measured = "r" * len(PRINTED_OF_ROW)
+    measured = "r" * len(PRINTED_QUANTITIES)
     return rf"@{{}}>{{\raggedright\hangindent1em}}X{scores}{measured}@{{}}"
 
 
@@ -328,19 +395,23 @@ def _latex_size(*, is_wide: bool, has_folds: bool) -> str:
         narrow = r"\scriptsize\setlength{\tabcolsep}{.9pt}"
         wide = r"\footnotesize\setlength{\tabcolsep}{2pt}"
         style = rf"\ifdim\linewidth<400pt{narrow}\else{wide}\fi"
-    return style + r"\renewcommand{\arraystretch}{1.25}" if has_folds else style
+    if has_folds:
+        return style + r"\renewcommand{\arraystretch}{1.25}"
+    return style
 
 
 def _latex_head(groups: Sequence[Group]) -> list[str]:
     """Return the headings of the groups, rules below these, and the headings of the columns."""
-    blank = [""] * len(PRINTED_OF_ROW)
-    measured = [column.title for column in PRINTED_OF_ROW]
+    blank = [""] * len(PRINTED_QUANTITIES)
+    measured = [column.title for column in PRINTED_QUANTITIES]
     headings = [_spread(_latex_heading(group.title), group) for group in groups]
-    titles = [column.title for group in groups for column in group.columns]
+    columns = chain.from_iterable(group.columns for group in groups)
+    titles = [column.title for column in columns]
     rules = []
     last = 1
     for group in groups:
-        first, last = last + 1, last + len(group.columns)
+        first = last + 1
+        last += len(group.columns)
         rules.append(rf"\cmidrule(r){{{first}-{last}}}")
     return [
         latex_row("", *headings, *blank),
@@ -352,61 +423,74 @@ def _latex_head(groups: Sequence[Group]) -> list[str]:
 def _latex_heading(title: str) -> str:
     """Return the heading of a group, in lines if it is long."""
     if title == PAPER:
-        return rf"Paper~\cite{{{_PAPER}}}"
-    lines = r"\\".join(latex_text(line) for line in wrap(title.capitalize(), 17))
-    return rf"\shortstack{{{lines}}}" if r"\\" in lines else lines
+        return rf"Paper~\cite{{{_PAPER_KEY}}}"
+    lines = [latex_text(line) for line in wrap(title.capitalize(), _HEADING_WIDTH)]
+    if len(lines) == 1:
+        return lines[0]
+    stacked = r"\\".join(lines)
+    return rf"\shortstack{{{stacked}}}"
 
 
 def _latex_body(
     groups: Sequence[Group], every: Iterable[tuple[str, Sequence[Line]]]
 ) -> Iterator[str]:
     """Yield the rows of a table by block."""
-    n_columns = 1 + sum(len(group.columns) for group in groups) + len(PRINTED_OF_ROW)
+    n_columns = 1 + sum(len(group.columns) for group in groups) + len(PRINTED_QUANTITIES)
     for heading, lines in every:
         yield r"\midrule"
         if heading:
             emphasised = rf"\emph{{{latex_text(heading)}}}"
             yield rf"\multicolumn{{{n_columns}}}{{@{{}}l}}{{{emphasised}}} \\"
         for line in lines:
-            scores = [
-                cell
-                for cells, group in zip(line.groups, groups, strict=True)
-                for cell in _latex_cells(cells, group)
-            ]
+            scores: list[str] = []
+            for cells_of_group, group in zip(line.groups, groups, strict=True):
+                scores += _latex_cells(cells_of_group, group)
             measured = [cell.text for cell in line.measured]
             yield latex_row(latex_title(line.title) + _cited(line.row), *scores, *measured)
 
 
-def _cited(row: Row | None) -> str:
-    """Return the citation behind the title of a row."""
+def _cited(row: TableRow | None) -> str:
+    """Return the citation behind the title of a row; "" if it cites nothing."""
     key = entry_of(row.cite)[0] if row else ""
     return rf"~\cite{{{key}}}" if key else ""
 
 
 def _latex_cells(cells: Sequence[Cell], group: Group) -> list[str]:
-    """Return the cells of a group; one that says why there are no scores spreads over all of them."""
+    """Return the cells of a group.
+
+    One that says why there are no scores spreads over all of them.
+    """
     if len(cells) < len(group.columns):
         return [_spread(cells[0].text, group)]
     return [_LATEX_STYLES[cell.mark].format(cell.text) + _latex_folds(cell) for cell in cells]
 
 
 def _latex_folds(cell: Cell) -> str:
-    if not cell.folds:
+    """Return the least and the greatest fold of a score, below and above it; "" without folds."""
+    if cell.folds is None:
         return ""
     low, high = cell.folds
     return rf"$_{{\mathrm{{{low}}}}}^{{\mathrm{{{high}}}}}$"
 
 
 def _spread(words: str, group: Group) -> str:
+    """Return a cell over all columns of a group."""
     return rf"\multicolumn{{{len(group.columns)}}}{{c}}{{{words}}}"
 
 
-def bibliography(views: Sequence[TableView]) -> str:
-    """Return the BibTeX entries that tables in LaTeX cite; raise ``ConfigurationError`` if two have one key."""
-    rows = [row.cite for view in views for row in view.printed_rows]
-    papers = [_PAPER] if any(view.paper for view in views) else []
+def bibtex_of_tables(views: Sequence[TableView]) -> str:
+    """Return the BibTeX entries that tables in LaTeX cite.
+
+    Raises
+    ------
+    ConfigurationError
+        If two different entries have one key.
+    """
+    cited = [_PAPER_KEY] if any(view.paper for view in views) else []
+    for view in views:
+        cited += [row.cite for row in view.printed_rows]
     entries: dict[str, str] = {}
-    for key, entry in map(entry_of, [*papers, *rows]):
+    for key, entry in map(entry_of, cited):
         if entries.setdefault(key, entry) != entry:
             raise ConfigurationError(
                 f"two methods cite '{key}' with different entries", "rename a key, and run again"
@@ -420,67 +504,80 @@ def latex_row(*cells: str) -> str:
 
 
 def latex_of_scores(title: str, scores: Mapping[str, float]) -> list[str]:
-    """Return a row of a table with the scores of a matrix, below a comment with the headings of its columns."""
+    """Return a row with the scores of a matrix, below a comment with its headings."""
     heading = " ".join(column.title for column in PRINTED_SCORES)
-    texts = [
-        column.text(scores[column.key]) if column.key in scores else BLANK
-        for column in PRINTED_SCORES
-    ]
+    texts = []
+    for column in PRINTED_SCORES:
+        has_score = column.key in scores
+        texts.append(column.text(scores[column.key]) if has_score else BLANK)
     return [f"% {heading}", latex_row(latex_title(title), *texts)]
 
 
+# Robustness
+# ------------------------------------------------------------------------------------------------
+
+#: Measure in the table of robustness.
+_ROBUSTNESS_MEASURE = "NN"
+
+
 def robustness_markdown(records: Iterable[Record]) -> str:
-    """Return the table of robustness: NN of some methods on each changed set; "" without results on any."""
-    known = [
-        record
-        for record in records
-        if record.input == "mesh" and record.method in ROBUST and not fold_of(record)
-    ]
-    scores = defaultdict[_Change, dict[str, float]](dict)
+    """Return the table of robustness: NN of some methods on each changed set.
+
+    It is "" without results on any.
+    """
+    known = [record for record in records if _is_of_robustness(record)]
+    scores = defaultdict[DataChange, dict[str, float]](dict)
     for record in known:
-        change = _Change(*(changed(record.data.name) or (record.data.name, "", "0")))
-        scores[change][record.method] = record.scores.get("NN", 0.0)
-    titles = {change.base: change.base for change in sorted(scores) if change.kind}
-    titles |= {
-        record.data.name: data_title(record) for record in known if record.data.name in titles
-    }
-    changes = [change for change in sorted(scores) if change.base in titles]
+        name = record.data.name
+        change = change_of(name) or DataChange(name, "", "0")
+        scores[change][record.method] = record.scores.get(_ROBUSTNESS_MEASURE, 0.0)
+    changed_sets = [change.base for change in sorted(scores) if change.kind]
+    changes = [change for change in sorted(scores) if change.base in changed_sets]
     if not changes:
         return ""
-    names = {record.method: TITLES.get(record.method, record.title) for record in known}
     columns = [
-        Column[_Change]("change", lambda change: change.kind or "unchanged", "Change"),
-        Column[_Change]("strength", lambda change: change.strength, "strength"),
+        Column[DataChange]("change", lambda change: change.kind or "unchanged", "Change"),
+        Column[DataChange]("strength", lambda change: change.strength, "strength"),
     ]
-    tried = [name for name in ROBUST if any(name in scores[change] for change in changes)]
-    columns += [_robust(name, names[name], scores) for name in tried]
-    sets = ", ".join(map(markdown_text, titles.values()))
-    words = f"**Robustness.** NN of complete surfaces of {sets}; a destroyed shape counts 0. {scored_by(known).note}"
-    table = markdown_table(
-        [column.title for column in columns], [cells(columns, change) for change in changes]
+    titles = {record.method: TITLES.get(record.method, record.title) for record in known}
+    methods = set(chain.from_iterable(scores[change] for change in changes))
+    columns += [
+        _robustness_of(method, titles[method], scores) for method in ROBUST if method in methods
+    ]
+    data_titles = {name: name for name in changed_sets}
+    for record in known:
+        if record.data.name in data_titles:
+            data_titles[record.data.name] = data_title(record)
+    sets = ", ".join(map(markdown_text, data_titles.values()))
+    words = (
+        f"**Robustness.** {_ROBUSTNESS_MEASURE} of complete surfaces of {sets}; "
+        f"a destroyed shape counts 0. {scored_by(known).note}"
     )
+    head = [column.title for column in columns]
+    table = markdown_table(head, [cells(columns, change) for change in changes])
     return "\n".join([words, "", *table]) + "\n"
 
 
-class _Change(NamedTuple):
-    """A change of a data set; "" for none."""
-
-    base: str
-    kind: str
-    strength: str
+def _is_of_robustness(record: Record) -> bool:
+    """Return whether a record may stand in the table of robustness."""
+    return record.input == "mesh" and record.method in ROBUST and not fold_of(record)
 
 
-def _robust(
-    method: str, title: str, scores: Mapping[_Change, Mapping[str, float]]
-) -> Column[_Change]:
+def _robustness_of(
+    method: str, title: str, scores: Mapping[DataChange, Mapping[str, float]]
+) -> Column[DataChange]:
+    """Return the column of a method in the table of robustness."""
     return Column(method, lambda change: scores[change].get(method), title, text=hundredths)
 
 
+# JSON
+# ------------------------------------------------------------------------------------------------
+
+
 def as_json(views: Iterable[TableView]) -> list[dict[str, Any]]:
-    """Return one object for each row and column of each table, with the keys on which other programs rely."""
-    return [
-        values(OBJECTS, Place(view, row, column.title))
-        for view in views
-        for row in view.printed_rows
-        for column in view.columns
-    ]
+    """Return an object for each row and column of each table, with keys on which programs rely."""
+    places: list[Place] = []
+    for view in views:
+        printed = product(view.printed_rows, view.columns)
+        places += [Place(view, row, column.title) for row, column in printed]
+    return [values(OBJECTS, place) for place in places]

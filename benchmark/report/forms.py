@@ -24,17 +24,26 @@ from benchmark.pipeline.records import (
     read_form,
     read_prepared,
 )
+from benchmark.registry.names import base_name
 from benchmark.report.drawing import outwardness
-from benchmark.report.frames import file_name
+from benchmark.report.notation import file_name
 from retrieval.views import CUBE_SYMMETRIES
 
 #: A form is drawn mirrored, or turned more, if it comes nearer by this factor: bodies nearly equal
 #: their mirror images.
 NEARER = 0.9
 
-#: Steps of an alignment with all points, and before that with a few; points, and starts that are
-#: refined.
-_STEPS, _FEW, _FEW_STEPS, _DRAWN, _KEPT = 10, 100, 6, 600, 4
+#: Points of a surface that an alignment uses, and fewer of them for its first, coarse part.
+_POINTS = 600
+_COARSE_POINTS = 100
+
+#: Steps of iterative closest points in either part, and coarse results that are refined.
+_STEPS = 10
+_COARSE_STEPS = 6
+_REFINED = 4
+
+#: Factors of positions and value by which a point is mirrored.
+_MIRROR = np.array([-1, -1, -1, 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +71,9 @@ class Drawn:
     @cached_property
     def values(self) -> NDArray[np.float64]:
         """How far each vertex is from the centre of the body."""
-        return self.body.values if self.body else outwardness(self.mesh)
+        if self.body:
+            return self.body.values
+        return outwardness(self.mesh)
 
 
 @dataclass(frozen=True)
@@ -87,57 +98,90 @@ class StoredForms:
         """Return a prepared shape; None if it is not stored."""
         place = record.gallery_digest, record.input, name
         if place not in self._shapes:
-            mesh = read_prepared(self.folder, record, name)
-            camera = self._camera(record, name) if mesh and record.input == "mesh" else UPRIGHT
-            self._shapes[place] = seen(mesh, camera) if mesh else None
+            self._shapes[place] = self._read_shape(record, name)
         return self._shapes[place]
+
+    def _read_shape(self, record: RankedShapes, name: str) -> Drawn | None:
+        """Return a prepared shape from its file; None without one."""
+        mesh = read_prepared(self.folder, record, name)
+        if mesh is None:
+            return None
+        camera = self._camera(record, name) if record.input == "mesh" else UPRIGHT
+        return drawn_from(mesh, camera)
 
     def form(self, record: Record, name: str) -> Drawn | None:
         """Return the form of a shape, turned to that of the first pose; None if it is not stored.
 
         The form of the first pose of a subject is turned as its shape.
         """
-        label = record.labels[record.shapes.index(name)]
-        first = next((record.shapes[k] for k in record.answered if record.labels[k] == label), name)
+        first = _first_pose(record, name)
         if (record.key, first) not in self._firsts:
-            self._firsts[record.key, first] = self.upright(record, first)
+            self._firsts[record.key, first] = self.form_like_shape(record, first)
         target = self._firsts[record.key, first]
-        form = target if name == first else self.upright(record, name)
-        return form if form is target or form is None or target is None else turned(form, target)
+        if name == first:
+            return target
+        form = self.form_like_shape(record, name)
+        if form is None or target is None:
+            return form
+        return turned_to(form, target)
 
-    def upright(self, record: RankedShapes, name: str) -> Drawn | None:
+    def form_like_shape(self, record: RankedShapes, name: str) -> Drawn | None:
         """Return the form of a shape, turned as the shape; None if it is not stored."""
-        form, shape = read_form(self.folder, record, name), self.shape(record, name)
-        return upright(form, shape) if form and shape else None
+        form = read_form(self.folder, record, name)
+        shape = self.shape(record, name)
+        if form is None or shape is None:
+            return None
+        return drawn_form(form, shape)
 
     def _camera(self, record: RankedShapes, name: str) -> Camera:
-        source = record.data.source
+        """Return the camera that says which side of a shape is up.
+
+        Without its data, the front is seen.
+        """
+        shapes = self._data_set(record.data.source)
+        if shapes is None:
+            return FRONT
+        for entry in shapes.shapes:
+            if entry.identifier == name:
+                return shapes.camera(entry)
+        return FRONT
+
+    def _data_set(self, source: str) -> ShapeSet | None:
+        """Return a data set; None if it is not here."""
         if source not in self._sets:
             try:
                 self._sets[source] = open_dataset(source, self.data_root)
             except (BenchmarkError, OSError):
-                self._sets[source] = None  # the data are not here; a front view has z up
-        shapes = self._sets[source]
-        entries = [entry for entry in shapes.shapes if entry.identifier == name] if shapes else []
-        return shapes.camera(entries[0]) if shapes and entries else FRONT
+                self._sets[source] = None
+        return self._sets[source]
+
+
+def _first_pose(record: Record, name: str) -> str:
+    """Return the first shape with a result of the class of a shape; itself if none has one."""
+    label = record.labels[record.shapes.index(name)]
+    for number in record.answered:
+        if record.labels[number] == label:
+            return record.shapes[number]
+    return name
 
 
 def thumbnail(results: Path, dataset: str, row: str) -> Path:
-    """Return the file of the published picture of a form of a row of a table on a data set, or on a change of it."""
-    name = f"{dataset.partition('[')[0]}-{row}"
+    """Return the file of the published picture of a form of a row on a data set."""
+    name = f"{base_name(dataset)}-{row}"
     return published_folder(results) / "figures" / "rows" / f"{file_name(name)}.webp"
 
 
-def upright(form: Mesh, shape: Drawn) -> Drawn:
+def drawn_form(form: Mesh, shape: Drawn) -> Drawn:
     """Return a form as it is drawn, turned as its shape if both have the same vertices."""
     mesh = centred(form)
     if mesh.vertices.shape == shape.mesh.vertices.shape:
         turn, _ = orthogonal_procrustes(mesh.vertices, shape.mesh.vertices)
         mesh = mesh.with_vertices(mesh.vertices @ turn)
-    return Drawn(mesh, shape if np.array_equal(mesh.faces, shape.mesh.faces) else None)
+    has_faces_of_shape = np.array_equal(mesh.faces, shape.mesh.faces)
+    return Drawn(mesh, shape if has_faces_of_shape else None)
 
 
-def seen(mesh: Mesh, camera: Camera) -> Drawn:
+def drawn_from(mesh: Mesh, camera: Camera) -> Drawn:
     """Return a shape as it is drawn: as a camera sees it."""
     return Drawn(centred(mesh.with_vertices(mesh.vertices @ camera.rotation.T)))
 
@@ -150,55 +194,81 @@ def centred(mesh: Mesh) -> Mesh:
     return mesh.with_vertices(points / max(float(radius), 1e-12))
 
 
-def turned(form: Drawn, target: Drawn) -> Drawn:
-    """Return a form, turned to another one as little as brings it near, or mirrored if that brings it clearly nearer.
+def turned_to(form: Drawn, target: Drawn) -> Drawn:
+    """Return a form, turned to another one as little as brings it near.
 
-    How far points are from the centre of the body tells a head from a foot.
+    It is mirrored if that brings it clearly nearer. How far points are from the centre of the body
+    tells a head from a foot.
     """
-    points, others = (np.column_stack([each.mesh.vertices, each.values]) for each in (form, target))
-    points, others = (
-        each[np.linspace(0, len(each) - 1, _DRAWN).astype(int)] for each in (points, others)
-    )
-    distances, turns = alignments(points, others)
-    mirrored = alignments(points * [-1, -1, -1, 1], others)
-    is_mirrored = bool(mirrored[0].min() < NEARER * distances.min())
+    points = _points_with_values(form)
+    targets = _points_with_values(target)
+    distances, turns = alignments(points, targets)
+    mirrored_distances, mirrored_turns = alignments(points * _MIRROR, targets)
+    is_mirrored = bool(mirrored_distances.min() < NEARER * distances.min())
     if is_mirrored:
-        distances, turns = mirrored[0], -mirrored[1]
-    near = turns[
-        NEARER * distances <= distances.min() + 1e-6
-    ]  # front and back of a body hardly differ
+        distances = mirrored_distances
+        turns = -mirrored_turns
+    # Front and back of a body hardly differ, so the least of all near turns is taken.
+    is_near = NEARER * distances <= distances.min() + 1e-6
+    near = turns[is_near]
     turn = near[np.trace(near, axis1=1, axis2=2).argmax()]
-    away, _ = _nearer(form.mesh.vertices, target.mesh.vertices, turn[None], 0)
-    return Drawn(
-        form.mesh.with_vertices(form.mesh.vertices @ turn), form.body, is_mirrored, float(away[0])
-    )
+    apart, _ = _closest(form.mesh.vertices, target.mesh.vertices, turn[None], 0)
+    mesh = form.mesh.with_vertices(form.mesh.vertices @ turn)
+    return Drawn(mesh, form.body, is_mirrored, float(apart[0]))
+
+
+def _points_with_values(surface: Drawn) -> Points:
+    """Return some points and how far each is from the centre of the body, shape (600, 4)."""
+    points = np.column_stack([surface.mesh.vertices, surface.values])
+    chosen = np.linspace(0, len(points) - 1, _POINTS).astype(int)
+    return np.asarray(points[chosen])
 
 
 def alignments(points: Points, target: Points) -> tuple[NDArray[np.float64], Points]:
     """Return mean distances to the nearest point, both ways, and rotations that make them small.
+
+    The principal axes of both are brought together in all ways; each is a start of iterative
+    closest points with few points, and the best are refined with all.
 
     Parameters
     ----------
     points, target
         Centred coordinates and what else near points share, shape (n, 3 or more).
     """
-    axes, others = (np.linalg.svd(each[:, :3].T @ each[:, :3])[0] for each in (points, target))
-    turns = axes @ CUBE_SYMMETRIES @ others.T
-    few = slice(None, None, max(1, len(points) // _FEW))
-    distances, turns = _nearer(
-        points[few], target[few], turns[np.linalg.det(turns) > 0], _FEW_STEPS
-    )
-    return _nearer(points, target, turns[np.argsort(distances, kind="stable")[:_KEPT]], _STEPS)
+    starts = _principal_axes(points) @ CUBE_SYMMETRIES @ _principal_axes(target).T
+    starts = starts[np.linalg.det(starts) > 0]
+    coarse = slice(None, None, max(1, len(points) // _COARSE_POINTS))
+    distances, turns = _closest(points[coarse], target[coarse], starts, _COARSE_STEPS)
+    best = np.argsort(distances, kind="stable")[:_REFINED]
+    return _closest(points, target, turns[best], _STEPS)
 
 
-def _nearer(
+def _principal_axes(points: Points) -> Points:
+    """Return the principal axes of centred points as columns, shape (3, 3)."""
+    positions = points[:, :3]
+    axes, _, _ = np.linalg.svd(positions.T @ positions)
+    return np.asarray(axes)
+
+
+def _closest(
     points: Points, target: Points, turns: Points, steps: int
 ) -> tuple[NDArray[np.float64], Points]:
-    """Return distances and rotations, shape (k, 3, 3), after some steps of iterative closest points, both ways."""
-    trees = cKDTree(points), cKDTree(target)
+    """Return distances and rotations after some steps of iterative closest points, both ways.
+
+    Parameters
+    ----------
+    points, target
+        Coordinates and what else near points share, shape (n, 3 or more).
+    turns
+        Rotations to start from, shape (k, 3, 3).
+    steps
+        Number of steps; none only measures the distances.
+    """
+    tree = cKDTree(points)
+    target_tree = cKDTree(target)
     for step in range(steps + 1):
-        away, nearest = trees[1].query(_moved(points, turns))
-        back, nearest_back = trees[0].query(_moved(target, turns.transpose(0, 2, 1)))
+        away, nearest = target_tree.query(_moved(points, turns))
+        back, nearest_back = tree.query(_moved(target, turns.transpose(0, 2, 1)))
         if step < steps:
             pairs = (
                 points[:, :3].T @ target[nearest, :3]
@@ -211,5 +281,7 @@ def _nearer(
 
 
 def _moved(points: Points, turns: Points) -> Points:
-    rest = np.broadcast_to(points[:, 3:], (len(turns), len(points), points.shape[1] - 3))
-    return np.concatenate([points[:, :3] @ turns, rest], axis=2)
+    """Return points after each rotation, shape (k, n, 3 or more); what is no position stays."""
+    n_others = points.shape[1] - 3
+    others = np.broadcast_to(points[:, 3:], (len(turns), len(points), n_others))
+    return np.concatenate([points[:, :3] @ turns, others], axis=2)

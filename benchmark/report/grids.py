@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from benchmark.files import write_atomically
 
 #: Width in inches of the text of a two-column paper.
-WIDTH = 7.16
+TEXT_WIDTH = 7.16
 
 #: Pixels per inch that papers ask for.
 DPI = 300
@@ -23,7 +23,7 @@ DPI = 300
 TITLE_SIZE = 7
 
 #: Height in inches of the titles above pictures.
-_HEAD = 0.44
+_TITLE_HEIGHT = 0.44
 
 #: Metadata by file extension, without the date and the version of matplotlib.
 _UNDATED: dict[str, dict[str, str | None]] = {
@@ -34,11 +34,20 @@ _UNDATED: dict[str, dict[str, str | None]] = {
 
 
 def grid(columns: Sequence[tuple[str, Sequence[Any]]], side: float = 1.0) -> Figure:
-    """Return a figure of columns of pictures, each below its title and of a side in inches; None is no picture."""
+    """Return a figure of columns of pictures, each below its title.
+
+    Parameters
+    ----------
+    columns
+        Titles and pictures; None is no picture.
+    side
+        Side of a picture in inches.
+    """
     n_rows = max(len(pictures) for _, pictures in columns)
-    figure = Figure((side * len(columns), _HEAD + n_rows * side))
+    height = _TITLE_HEIGHT + n_rows * side
+    figure = Figure((side * len(columns), height))
     axes = figure.subplots(n_rows, len(columns), squeeze=False)
-    figure.subplots_adjust(0, 0, 1, n_rows * side / (_HEAD + n_rows * side), 0, 0)
+    figure.subplots_adjust(0, 0, 1, n_rows * side / height, 0, 0)
     for place in figure.axes:
         place.axis("off")
     for places, (title, pictures) in zip(axes.T, columns, strict=True):
@@ -49,13 +58,15 @@ def grid(columns: Sequence[tuple[str, Sequence[Any]]], side: float = 1.0) -> Fig
     return figure
 
 
-def save(figure: Figure, path: Path) -> None:
+def write_figure(figure: Figure, path: Path) -> None:
     """Write a figure as PDF, PNG or SVG by its extension."""
-    write_atomically(path, lambda file: file.write(encode(figure, path.suffix.lower())))
+    content = figure_bytes(figure, path.suffix.lower())
+    write_atomically(path, lambda file: file.write(content))
 
 
-def encode(figure: Figure, ending: str) -> bytes:
+def figure_bytes(figure: Figure, ending: str) -> bytes:
     """Return a figure as PDF, PNG or SVG, without dates; publishers take the fonts (Type 42)."""
+    file = io.BytesIO()
     with mpl.rc_context({"svg.hashsalt": "figure", "pdf.fonttype": 42}):
-        figure.savefig(file := io.BytesIO(), format=ending[1:], metadata=_UNDATED[ending], dpi=DPI)
+        figure.savefig(file, format=ending[1:], metadata=_UNDATED[ending], dpi=DPI)
     return file.getvalue()

@@ -2,26 +2,39 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Container, Iterable, Iterator, Sequence
+from itertools import chain, product
 from pathlib import PurePath
 
 import numpy as np
 
 from benchmark.errors import short_reason
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import ROUND, Kind
-from benchmark.reference.paper import MEASURES
-from benchmark.report.columns import MEASURED
-from benchmark.report.frames import hundredths
+from benchmark.protocols.tables import ROUND, Block, GalleryGroup
+from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.report.columns import QUANTITIES
+from benchmark.report.notation import hundredths
+from benchmark.report.rivals import ComparedRivals, scatter_of
+from benchmark.report.rows import BLOCKS, RowScores, TableRow
 from benchmark.report.statistics import FEWEST_CLASSES
-from benchmark.report.tables import BLOCKS, Row, TableView, least_difference
+from benchmark.report.table_view import TableView
 from benchmark.text import brief, listed
 
-#: Classes that decide only large differences.
-FEW_CLASSES = 10
+#: Most classes of which the notes say that they decide only large differences.
+_FEW_CLASSES = 10
+
+#: Ranks by which a row has to move before the notes name it.
+_LARGE_MOVE = 3
+
+#: Measure that says which row leads a block.
+_LEADING_MEASURE = PRINTED_MEASURES[-1]
 
 #: Note on what few classes can decide, and on bold and italic.
-FEW = "{} classes decide little: a difference of .2 in every class is found in about a quarter of cases at most. "
+FEW = (
+    "{} classes decide little: a difference of .2 in every class is found in about a quarter of "
+    "cases at most. "
+)
 MARKS = (
     "Bold: the best of its block. Italic: not significantly worse (p at least .05; "
     "studentised permutation test over whole classes, of all rows and measures of the block). "
@@ -29,255 +42,359 @@ MARKS = (
     "networks, of trainings. Rows that lack shapes, or with shapes seen in training, have no "
     "mark."
 )
+DEPARTURES = "How a method departs from its source: 'python -m benchmark describe METHOD'."
 
 
 def table_notes(view: TableView) -> list[str]:
     """Return the notes of a table."""
     rows = view.printed_rows
-    incomplete = [(row, one) for row in rows for one in row.scored.values() if one.missing]
-    crossed = {
-        title
-        for title, records in view.samples.items()
-        if (of := records[0].gallery_of_queries) and of.input == "mesh"
-    }
+    without_networks = _columns_without_networks(view)
     facts = {
-        "{}": " ".join([view.by.note, *_columns(view)]).strip(),
-        "No form of a surface: {}.": listed(
-            r.title for r in rows if r.kind == "network" and crossed - {*r.scored}
-        ),
+        "{}": " ".join([view.scored_by.note, *_data_and_columns(view)]).strip(),
+        "No form of a surface: {}.": listed(_networks_without(rows, without_networks)),
         "No difference is significant and above the scatter: {}.": listed(_undecided(view)),
-        "No result: {}.": listed(_failed(view, rows, crossed)),
+        "No result: {}.": listed(_without_result(view, rows, without_networks)),
         "Cannot be read or prepared, and count 0: {}.": listed(_unreadable(view, rows), "; "),
         "Refused shapes, which count 0: {}.": listed(_refused(rows), "; "),
         "Trained on the classes of: {}; they stay in the gallery, and decide no claim.": listed(
-            _seen(rows)
+            _trained_on_classes(rows)
         ),
-        "Missing, and counts 0: {}.": listed(
-            f"{row.title} ({', '.join(one.missing)})" for row, one in incomplete
-        ),
+        "Missing, and counts 0: {}.": listed(_missing_galleries(rows)),
         "Left out, because they rank another version of the data: {}; run them again.": listed(
             view.left_out
         ),
-        "Ranks by spherical harmonics: {}.": _moves(view),
+        "Ranks by spherical harmonics: {}.": _moved_ranks(view),
         "Published with the suite, not run here: {}.": _published(rows),
         "Merged from other results folders: {}.": listed(_merged(rows), "; "),
         "Trained with one seed, so no spread over seeds: {}.": listed(_trained_once(rows), "; "),
     }
-    tested = [one.n_classes for one in view.tests.values()]
-    fewest = min([n for n in tested if n >= FEWEST_CLASSES], default=0)
-    marks = FEW.format(fewest) * (fewest <= FEW_CLASSES) + MARKS
-    found = [marks] * bool(view.marks) + [
-        words.format(text) for words, text in facts.items() if text
-    ]
-    return [*found, "How a method departs from its source: 'python -m benchmark describe METHOD'."]
+    notes = [words.format(fact) for words, fact in facts.items() if fact]
+    if view.marks:
+        notes.insert(0, _note_on_marks(view))
+    return [*notes, DEPARTURES]
+
+
+def _note_on_marks(view: TableView) -> str:
+    """Return what bold and italic mean, and what few classes can decide."""
+    numbers = [tested.n_classes for tested in view.tests.values()]
+    fewest = min(number for number in numbers if number >= FEWEST_CLASSES)
+    if fewest <= _FEW_CLASSES:
+        return FEW.format(fewest) + MARKS
+    return MARKS
+
+
+def _columns_without_networks(view: TableView) -> set[str]:
+    """Return the columns whose gallery has complete surfaces, in which networks need no scores."""
+    columns = set()
+    for title, samples in view.samples.items():
+        gallery = samples[0].gallery_of_queries
+        if gallery is not None and gallery.input == "mesh":
+            columns.add(title)
+    return columns
+
+
+def _networks_without(rows: Iterable[TableRow], columns: set[str]) -> list[str]:
+    """Name the networks that have no scores in one of some columns."""
+    networks = [row for row in rows if row.kind == "network"]
+    return [row.title for row in networks if not columns <= row.scored.keys()]
+
+
+# Which row leads
+# ------------------------------------------------------------------------------------------------
 
 
 def leads(view: TableView) -> list[str]:
-    """Say for each column which row leads its block, and how many are significantly worse and above the scatter."""
-    said: dict[str, list[str]] = {}
-    for (title, kind), tested in view.tests.items():
-        rivals = tested.rivals
+    """Say for each column which row leads its block, and how many are significantly worse."""
+    sentences: dict[str, list[str]] = {}
+    for (title, block), tested in view.tests.items():
         if tested.n_classes < FEWEST_CLASSES:
-            said[title] = [f"{tested.n_classes} classes decide nothing here"]
-            continue
-        row, n_behind = block_lead(view, title, kind)
-        score = f"{MEASURES[-1]} ({hundredths(rivals[row.method].means[MEASURES[-1]])}"
-        worse = f"{n_behind or 'none'} of {len(rivals) - 1}"
-        said.setdefault(title, []).append(
-            f"{BLOCKS[kind]}: {row.title} scores highest in {score}; significantly worse, above the scatter: {worse})"
-        )
-    return [
-        f"{title.capitalize()}. " * (len(view.columns) > 1) + "; ".join(of) + "."
-        for title, of in said.items()
-    ]
+            sentences[title] = [f"{tested.n_classes} classes decide nothing here"]
+        else:
+            sentences.setdefault(title, []).append(_lead_of_block(view, title, block, tested))
+    leads = []
+    for title, of_column in sentences.items():
+        where = f"{title.capitalize()}. " if len(view.columns) > 1 else ""
+        leads.append(f"{where}{'; '.join(of_column)}.")
+    return leads
 
 
-def block_lead(view: TableView, title: str, kind: Kind) -> tuple[Row, int]:
-    """Return the best row of a block in a column, and how many are significantly worse, by more than the scatter."""
-    tested = view.tests[title, kind]
-    rivals, is_above = tested.rivals, tested.is_above_scatter
-    best = max(rivals, key=lambda method: rivals[method].means[MEASURES[-1]])
-    return next(row for row in view.rows if row.method == best), int(
-        is_above[[*rivals].index(best), :, -1].sum()
+def _lead_of_block(view: TableView, title: str, block: Block, tested: ComparedRivals) -> str:
+    """Say which row leads a block in a column, and how many are significantly worse."""
+    row, n_behind = block_lead(view, title, block)
+    score = hundredths(tested.rivals[row.method].means[_LEADING_MEASURE])
+    worse = f"{n_behind or 'none'} of {len(tested.rivals) - 1}"
+    return (
+        f"{BLOCKS[block]}: {row.title} scores highest in {_LEADING_MEASURE} ({score}; "
+        f"significantly worse, above the scatter: {worse})"
     )
 
 
-def _columns(view: TableView) -> Iterator[str]:
+def block_lead(view: TableView, title: str, block: Block) -> tuple[TableRow, int]:
+    """Return the best row of a block in a column, and how many are significantly worse.
+
+    Those count that are worse by more than the scatter.
+    """
+    tested = view.tests[title, block]
+    methods = [*tested.rivals]
+    best = max(methods, key=lambda method: tested.rivals[method].means[_LEADING_MEASURE])
+    n_behind = int(tested.is_above_scatter[methods.index(best), :, -1].sum())
+    return next(row for row in view.rows if row.method == best), n_behind
+
+
+def _undecided(view: TableView) -> Iterable[str]:
+    """Name the blocks in which no difference is significant and above the scatter.
+
+    Columns of too few classes are named instead of their blocks.
+    """
+    printed = {row.method for row in view.printed_rows}
+    undecided: dict[str, None] = {}
+    for (title, block), tested in view.tests.items():
+        if len(printed & tested.rivals.keys()) < 2:
+            continue
+        if tested.n_classes < FEWEST_CLASSES:
+            undecided[f"{title} (not decidable: {tested.n_classes} classes)"] = None
+        elif not tested.is_above_scatter.any():
+            scatter = scatter_of([*tested.rivals.values()])
+            alone = ": one training each" if np.isinf(scatter.least[0]) else ""
+            undecided[f"{BLOCKS[block]} ({title}{alone})"] = None
+    return undecided
+
+
+# Data and columns
+# ------------------------------------------------------------------------------------------------
+
+
+def _data_and_columns(view: TableView) -> Iterator[str]:
     """Say what the data are, and what the columns show."""
-    if view.table.remark:
-        yield view.table.remark
-    if any(column.input == "as printed" for column in view.columns):
-        yield "Complete surfaces; networks see one depth view unless named otherwise."
-    if view.table.is_cross:
-        yield "Queries rank the gallery without themselves; those of a class that it lacks are left out."
-    if view.table.names == ROUND:
-        yield "Cameras stand around each shape of the gallery, 30 degrees apart; its own camera is between two of them."
-        yield "The nearest view counts. In training, networks of 128 px and extra data saw views of own cameras alone."
-    if view.table.is_ablation:
-        yield "The paper's row stands beside the network whose parts were left out, at 128 x 128 pixels."
+    yield from _remarks_on_table(view)
     for column in view.columns:
-        of_rows = {
-            row.title: one.records.values()
-            for row in view.rows
-            if (one := row.scored.get(column.title))
-        }
-        draws = len(max(of_rows.values(), key=len, default=()))
-        if column.over_draws and draws > 1:
-            ranges = [
-                (np.ptp([records[0].scores[name] for records in of]), f"{name} of {title}")
-                for title, of in of_rows.items()
-                for name in MEASURES
-            ]
-            apart, where = max(ranges)
-            alone = "; networks: one draw" * (min(map(len, of_rows.values())) == 1)
-            yield f"{column.title}: mean of {draws} draws, at most {hundredths(apart)} apart ({where}){alone}."
-    if any(
-        view.of_folds(row, column.title) for row in view.printed_rows for column in view.columns
-    ):
+        yield from _spread_over_draws(view, column)
+    if any(view.of_folds(row, column.title) for row, column in _printed_places(view)):
         yield "Beside means over folds: the least and the greatest fold."
-    records = [record for row in view.printed_rows for record in row.records]
-    for quantity in MEASURED:
+    records = [*chain.from_iterable(row.records for row in view.printed_rows)]
+    for quantity in QUANTITIES:
         measured = [record for record in records if quantity.value(record) is not None]
         if quantity.title and measured:
             yield f"{quantity.title}: {quantity.unit}; machine: {_machines(measured)}."
 
 
+def _remarks_on_table(view: TableView) -> Iterator[str]:
+    """Say what holds for all columns of a table."""
+    if view.table.remark:
+        yield view.table.remark
+    if any(column.input == "as printed" for column in view.columns):
+        yield "Complete surfaces; networks see one depth view unless named otherwise."
+    if view.table.is_cross:
+        yield (
+            "Queries rank the gallery without themselves; those of a class that it lacks are left "
+            "out."
+        )
+    if view.table.names == ROUND:
+        yield (
+            "Cameras stand around each shape of the gallery, 30 degrees apart; its own camera is "
+            "between two of them."
+        )
+        yield (
+            "The nearest view counts. In training, networks of 128 px and extra data saw views of "
+            "own cameras alone."
+        )
+    if view.table.is_ablation:
+        yield (
+            "The paper's row stands beside the network whose parts were left out, at 128 x 128 "
+            "pixels."
+        )
+
+
+def _printed_places(view: TableView) -> Iterator[tuple[TableRow, GalleryGroup]]:
+    """Yield each printed row with each column."""
+    yield from product(view.printed_rows, view.columns)
+
+
+def _spread_over_draws(view: TableView, column: GalleryGroup) -> Iterator[str]:
+    """Say how far scores are apart over draws of the data, in a column of means over them."""
+    rows = [(row, row.scored[column.title]) for row in view.rows if column.title in row.scored]
+    numbers = [len(scores.records) for _, scores in rows]
+    n_draws = max(numbers, default=0)
+    if not column.over_draws or n_draws < 2:
+        return
+    apart, where = max(chain.from_iterable(_ranges(row, scores) for row, scores in rows))
+    alone = "; networks: one draw" if min(numbers) == 1 else ""
+    yield (
+        f"{column.title}: mean of {n_draws} draws, at most {hundredths(apart)} apart "
+        f"({where}){alone}."
+    )
+
+
+def _ranges(row: TableRow, scores: RowScores) -> Iterator[tuple[float, str]]:
+    """Yield the range of the scores of a row over galleries in each measure, and what it is of."""
+    firsts = [records[0] for records in scores.records.values()]
+    for measure in PRINTED_MEASURES:
+        values = [record.scores[measure] for record in firsts]
+        yield float(np.ptp(values)), f"{measure} of {row.title}"
+
+
 def _machines(records: Iterable[Record]) -> str:
     """Name the machines that made the forms of records."""
-    names = [brief(name) for record in records for name in record.machines or ["unknown"]]
-    return listed(dict.fromkeys(names), "; ")
+    names = chain.from_iterable(record.machines or ["unknown"] for record in records)
+    return listed(dict.fromkeys(map(brief, names)), "; ")
 
 
-def _undecided(view: TableView) -> Iterable[str]:
-    """Name the blocks in which no difference is significant and above the scatter, or that have too few classes."""
-    printed = {row.method for row in view.printed_rows}
-    undecided: dict[str, None] = {}
-    for (title, kind), tested in view.tests.items():
-        rivals = tested.rivals
-        if len(printed & {*rivals}) < 2:
-            continue
-        if tested.n_classes < FEWEST_CLASSES:
-            undecided[f"{title} (not decidable: {tested.n_classes} classes)"] = None
-        elif not tested.is_above_scatter.any():
-            alone = ": one training each" * bool(
-                np.isinf(least_difference([*rivals.values()])[0][0])
-            )
-            undecided[f"{BLOCKS[kind]} ({title}{alone})"] = None
-    return undecided
+# What has no scores
+# ------------------------------------------------------------------------------------------------
 
 
-def _failed(view: TableView, rows: Iterable[Row], crossed: Container[str]) -> list[str]:
-    """Name the rows without scores, with the reason, and the column unless it is the only one or they have none."""
-    reasons: dict[str, list[str]] = {}
-    for row in rows:
-        has_any = bool(row.records or row.failed)
-        for column in view.columns:
-            for record in row.failed.get(column.title, [])[:1]:
-                reason = f"{record.status}: {brief(short_reason(record.reason))}"
-                break
-            else:
-                if column.title in row.scored or (
-                    row.kind == "network" and column.title in crossed
-                ):
-                    continue
-                reason = (
-                    "no model was trained for this data, or it was not run"
-                    if row.kind == "network"
-                    else "not run"
-                )
-                reason = "no record yet" if has_any else reason
-            where = f"{column.title}: " * (has_any and len(view.columns) > 1)
-            reasons.setdefault(where + reason, []).append(row.title)
+def _without_result(
+    view: TableView, rows: Iterable[TableRow], without_networks: Container[str]
+) -> list[str]:
+    """Name the rows without scores, with the reason.
+
+    The column is named unless it is the only one, or the row has scores in none.
+    """
+    reasons = defaultdict[str, list[str]](list)
+    for row, column in product(rows, view.columns):
+        reason = _why_no_scores(row, column.title, without_networks)
+        if reason:
+            has_any = bool(row.records or row.failed)
+            where = f"{column.title}: " if has_any and len(view.columns) > 1 else ""
+            reasons[where + reason].append(row.title)
     return [f"{listed(dict.fromkeys(titles))} ({reason})" for reason, titles in reasons.items()]
 
 
-def _unreadable(view: TableView, rows: Sequence[Row]) -> Iterable[str]:
-    """Name the shapes that no method could use, with the columns and inputs for which that holds."""
-    places: dict[str, dict[str, None]] = {}
+def _why_no_scores(row: TableRow, column: str, without_networks: Container[str]) -> str:
+    """Return why a row has no scores in a column; "" if it has, or is not meant to have any."""
+    if column in row.failed:
+        failed = row.failed[column][0]
+        return f"{failed.status}: {brief(short_reason(failed.reason))}"
+    if column in row.scored or (row.kind == "network" and column in without_networks):
+        return ""
+    if row.records or row.failed:
+        return "no record yet"
+    if row.kind == "network":
+        return "no model was trained for this data, or it was not run"
+    return "not run"
+
+
+def _missing_galleries(rows: Iterable[TableRow]) -> Iterator[str]:
+    """Name the rows that lack galleries, such as folds, with these."""
+    for row in rows:
+        for scores in row.scored.values():
+            if scores.missing:
+                yield f"{row.title} ({', '.join(scores.missing)})"
+
+
+def _unreadable(view: TableView, rows: Sequence[TableRow]) -> Iterator[str]:
+    """Name the shapes that no method could use, with the columns and inputs of which it is true."""
+    places = defaultdict[str, dict[str, None]](dict)
     for column in view.columns:
-        records = [
-            record
-            for row in rows
-            if (one := row.scored.get(column.title))
-            for record in one.all_records
-        ]
-        inputs = {record.input for record in records}
+        scores = [row.scored[column.title] for row in rows if column.title in row.scored]
+        records = [*chain.from_iterable(of_row.all_records for of_row in scores)]
+        has_both_inputs = len({record.input for record in records}) > 1
         for record in records:
-            where = [column.title] * (len(view.columns) > 1) + [record.input] * (len(inputs) > 1)
-            reasons = {name: reason for side in record.sides for name, reason in side.unsupported}
-            for name in [name for side in record.sides for name in side.unprepared]:
-                places.setdefault(f"{name} ({brief(short_reason(reasons[name]))})", {})[
-                    ", ".join(where)
-                ] = None
-    return [f"{name}{' in ' * any(where)}{' and '.join(where)}" for name, where in places.items()]
+            where = []
+            if len(view.columns) > 1:
+                where.append(column.title)
+            if has_both_inputs:
+                where.append(record.input)
+            for shape in _unprepared_shapes(record):
+                places[shape][", ".join(where)] = None
+    for shape, wheres in places.items():
+        where_in_words = f" in {' and '.join(wheres)}" if any(wheres) else ""
+        yield shape + where_in_words
 
 
-def _refused(rows: Iterable[Row]) -> Iterator[str]:
-    """Name the shapes that methods refused, with the reason for the first, by column."""
+def _unprepared_shapes(record: Record) -> Iterator[str]:
+    """Name the shapes of a record that could not be prepared for any method, with the reason."""
+    reasons = dict(chain.from_iterable(side.unsupported for side in record.sides))
+    for shape in chain.from_iterable(side.unprepared for side in record.sides):
+        yield f"{shape} ({brief(short_reason(reasons[shape]))})"
+
+
+def _refused(rows: Iterable[TableRow]) -> Iterator[str]:
+    """Name the rows whose methods refused shapes, with the reason for the first shape."""
     for row in rows:
-        for title, one in row.scored.items():
-            sides = [side for record in one.all_records for side in record.sides]
-            refused = {
-                name: why
-                for side in sides
-                for name, why in side.unsupported
-                if name not in side.unprepared
-            }
-            for name, why in [*refused.items()][:1]:
-                yield f"{row.title} {len(refused)} ({title}; {name}: {brief(short_reason(why))})"
+        for title, scores in row.scored.items():
+            reasons = _refusals(scores)
+            if reasons:
+                shape, reason = next(iter(reasons.items()))
+                why = brief(short_reason(reason))
+                yield f"{row.title} {len(reasons)} ({title}; {shape}: {why})"
 
 
-def _seen(rows: Iterable[Row]) -> Iterator[str]:
+def _refusals(scores: RowScores) -> dict[str, str]:
+    """Return the shapes that a method refused though they could be prepared, with the reasons."""
+    reasons: dict[str, str] = {}
+    for side in chain.from_iterable(record.sides for record in scores.all_records):
+        refused = [(shape, why) for shape, why in side.unsupported if shape not in side.unprepared]
+        reasons.update(refused)
+    return reasons
+
+
+# Trainings and origins
+# ------------------------------------------------------------------------------------------------
+
+
+def _trained_on_classes(rows: Iterable[TableRow]) -> Iterator[str]:
+    """Name the networks that were trained on classes which they rank, with the number of shapes."""
     for row in rows:
-        for title, one in row.scored.items():
-            if count := sum(label in one.seen_classes for label in one.labels):
-                yield f"{row.title} {count} of {len(one.labels)} shapes ({title})"
+        for title, scores in row.scored.items():
+            n_seen = sum(label in scores.seen_classes for label in scores.labels)
+            if n_seen:
+                yield f"{row.title} {n_seen} of {len(scores.labels)} shapes ({title})"
 
 
-def _trained_once(rows: Iterable[Row]) -> Iterator[str]:
+def _trained_once(rows: Iterable[TableRow]) -> Iterator[str]:
+    """Name the networks that have one training in each gallery."""
     for row in rows:
-        galleries = [records for one in row.scored.values() for records in one.records.values()]
-        if row.kind == "network" and galleries and max(map(len, galleries)) == 1:
+        galleries = [
+            *chain.from_iterable(scores.records.values() for scores in row.scored.values())
+        ]
+        n_trainings = max((len(records) for records in galleries), default=0)
+        if row.kind == "network" and n_trainings == 1:
             yield row.title
 
 
-def _merged(rows: Iterable[Row]) -> Iterator[str]:
+def _merged(rows: Iterable[TableRow]) -> Iterator[str]:
     """Name the rows that were merged, with their folders, and digests of their plugins."""
     for row in rows:
         origins = [record.merged_from for record in row.records if record.merged_from]
-        folders = dict.fromkeys("/".join(PurePath(of.folder).parts[-2:]) for of in origins)
-        plugins = dict.fromkeys(
-            f"{PurePath(name).name} {digest}"
-            for of in origins
-            for name, digest in of.plugins.items()
-        )
+        folders: dict[str, None] = {}
+        plugins: dict[str, None] = {}
+        for origin in origins:
+            folders["/".join(PurePath(origin.folder).parts[-2:])] = None
+            for path, digest in origin.plugins.items():
+                plugins[f"{PurePath(path).name} {digest}"] = None
         if origins:
             by = f": {brief(listed(plugins))}" if plugins else ""
             yield f"{row.title} ({brief(listed(folders))}{by})"
 
 
-def _moves(view: TableView) -> str:
-    """Name the rows whose rank by a second scorer is another one by three or more."""
-    if not view.ranks:
-        return "no record yet" * view.has_ranks
-    moved = []
-    for row in view.rows:
-        far = [
-            f"{name} {a} to {b}"
-            for name, (a, b) in view.ranks.get(row.method, {}).items()
-            if abs(a - b) >= 3
-        ]
-        moved += [f"{row.title} ({', '.join(far)})"] * bool(far)
-    return (
-        f"those of {len(view.ranks)} rows; three or more from those by CM-BOF: {', '.join(moved)}"
-    )
-
-
-def _published(rows: Iterable[Row]) -> str:
+def _published(rows: Iterable[TableRow]) -> str:
     """Name the rows that came with the suite, in a table that also has rows of runs here."""
     scored = [row for row in rows if row.scored]
     published = [row for row in scored if row.is_published]
     if len(published) == len(scored):
         return ""
+    titles = listed(row.title for row in published)
     commits = sorted({row.records[0].commit[:8] for row in published} - {""})
-    return listed(row.title for row in published) + (f" ({', '.join(commits)})" if commits else "")
+    if not commits:
+        return titles
+    return f"{titles} ({', '.join(commits)})"
+
+
+def _moved_ranks(view: TableView) -> str:
+    """Name the rows whose rank by a second scorer is another one by three or more."""
+    if not view.has_ranks:
+        return ""
+    if not view.ranks:
+        return "no record yet"
+    moved = []
+    for row in view.rows:
+        far = [
+            f"{measure} {ranks.by_default} to {ranks.by_second}"
+            for measure, ranks in view.ranks.get(row.method, {}).items()
+            if abs(ranks.by_default - ranks.by_second) >= _LARGE_MOVE
+        ]
+        if far:
+            moved.append(f"{row.title} ({', '.join(far)})")
+    names = ", ".join(moved)
+    return f"those of {len(view.ranks)} rows; three or more from those by CM-BOF: {names}"

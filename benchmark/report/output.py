@@ -13,27 +13,29 @@ from benchmark.errors import ConfigurationError, UnreadableMesh
 from benchmark.files import file_digest, read_file, write_atomically, write_text
 from benchmark.pipeline.records import Record
 from benchmark.report.columns import scores_frame
-from benchmark.report.formats import as_json, bibliography, latex, markdown, robustness_markdown
-from benchmark.report.frames import scored_by
-from benchmark.report.tables import TableView
+from benchmark.report.formats import as_json, bibtex_of_tables, latex, markdown, robustness_markdown
+from benchmark.report.record_facts import scored_by
+from benchmark.report.table_view import TableView
 from benchmark.report.verdicts import verdicts_markdown
 
 #: List of the written files with their digests.
-LIST = "written.json"
+WRITTEN_LIST = "written.json"
 
-FORMATS = ("latex", "markdown", "csv", "json")
+#: Formats of tables in files.
+TABLE_FORMATS = ("latex", "markdown", "csv", "json")
 
 
 def table_files(
     views: Sequence[TableView],
     records: Sequence[Record],
-    formats: Sequence[str] = FORMATS,
+    formats: Sequence[str] = TABLE_FORMATS,
     *,
     verdicts: bool = True,
     robustness: bool = True,
 ) -> dict[str, str]:
-    """Return tables as text by file name: a LaTeX and a Markdown file each, one CSV and one JSON file for all.
+    """Return tables as text by file name.
 
+    LaTeX and Markdown have a file for each table, CSV and JSON one for all.
     Files of another scorer or seed than the default have other names.
 
     Parameters
@@ -43,34 +45,39 @@ def table_files(
     records
         The records that they come from.
     formats
-        Some of :data:`FORMATS`.
+        Some of :data:`TABLE_FORMATS`.
     verdicts, robustness
         Whether to add what the paper's claims come to, and the table of robustness, to Markdown.
     """
-    files, suffix = dict[str, str](), scored_by(records).suffix
+    files: dict[str, str] = {}
+    suffix = scored_by(records).suffix
     if "latex" in formats:
-        files |= {f"{view.stem}.tex": latex(view) for view in views} | {
-            f"references{suffix}.bib": bibliography(views)
-        }
+        for view in views:
+            files[f"{view.stem}.tex"] = latex(view)
+        files[f"references{suffix}.bib"] = bibtex_of_tables(views)
     if "markdown" in formats:
-        files |= {f"{view.stem}.md": markdown(view) for view in views}
-        if verdicts and (text := verdicts_markdown(views)):
-            files[f"reproduction{suffix}.md"] = text
-        if robustness and (text := robustness_markdown(records)):
-            files[f"robustness{suffix}.md"] = text
+        for view in views:
+            files[f"{view.stem}.md"] = markdown(view)
+        if verdicts:
+            files[f"reproduction{suffix}.md"] = verdicts_markdown(views)
+        if robustness:
+            files[f"robustness{suffix}.md"] = robustness_markdown(records)
     if "csv" in formats:
-        files[f"scores{suffix}.csv"] = scores_frame(records).to_csv(
-            index=False, float_format="%.6f"
-        )
+        scores = scores_frame(records)
+        files[f"scores{suffix}.csv"] = scores.to_csv(index=False, float_format="%.6f")
     if "json" in formats:
         files[f"tables{suffix}.json"] = json.dumps(as_json(views), indent=1) + "\n"
-    return files
+    return {name: text for name, text in files.items() if text}
 
 
 def write_files(
-    folder: Path, files: Mapping[str, str | bytes], *, force: bool = False, listed: str = LIST
+    folder: Path,
+    files: Mapping[str, str | bytes],
+    *,
+    force: bool = False,
+    listed: str = WRITTEN_LIST,
 ) -> None:
-    """Write files into a folder, and remove those that the last command wrote there and this one does not.
+    """Write files into a folder, and remove others that the last command wrote there.
 
     Parameters
     ----------
@@ -89,28 +96,35 @@ def write_files(
         Before anything is written, if a file would be replaced that was edited or that no command
         has written.
     """
-    contents = {
-        name: text.encode() if isinstance(text, str) else text for name, text in files.items()
-    }
+    contents = {}
+    for name, text in files.items():
+        contents[name] = text.encode() if isinstance(text, str) else text
+    digests = {name: hashlib.sha256(contents[name]).hexdigest() for name in sorted(contents)}
     earlier = _earlier(folder / listed)
+    if not force:
+        _check_own(folder, digests, earlier)
     for name, data in contents.items():
+        _write_bytes(folder / name, data)
+    for name in earlier.keys() - contents.keys():
+        if _digest(folder / name) == earlier[name]:
+            (folder / name).unlink()
+    write_text(folder / listed, json.dumps(digests, indent=0))
+
+
+def _check_own(folder: Path, digests: Mapping[str, str], earlier: Mapping[str, str]) -> None:
+    """Raise ``ConfigurationError`` if a file would be replaced that no command left like this."""
+    for name, digest in digests.items():
         present = _digest(folder / name)
-        if (
-            present
-            and not force
-            and present not in (earlier.get(name), hashlib.sha256(data).hexdigest())
-        ):
+        if present and present not in (earlier.get(name), digest):
             what = "was edited" if name in earlier else "was not written by this command"
             raise ConfigurationError(
                 f"{folder / name} {what}", "choose another folder with -o, or pass --force"
             )
-    for name, data in contents.items():
-        write_atomically(folder / name, lambda file, data=data: file.write(data))  # type: ignore[misc]
-    for name in earlier.keys() - contents.keys():
-        if _digest(folder / name) == earlier[name]:
-            (folder / name).unlink()
-    digests = {name: hashlib.sha256(contents[name]).hexdigest() for name in sorted(contents)}
-    write_text(folder / listed, json.dumps(digests, indent=0))
+
+
+def _write_bytes(path: Path, data: bytes) -> None:
+    """Write a file in one step."""
+    write_atomically(path, lambda file: file.write(data))
 
 
 def _earlier(path: Path) -> dict[str, str]:
@@ -128,7 +142,7 @@ def _earlier(path: Path) -> dict[str, str]:
 
 
 def _digest(path: Path) -> str:
-    """Return the digest of what lies at a path: "" for nothing, and another text for what is no file."""
+    """Return the digest of a file; "" if nothing is there, and "not a file" for a folder."""
     if not path.exists():
         return ""
     try:

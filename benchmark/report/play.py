@@ -1,4 +1,4 @@
-"""A page to play with: a shape unfolds into its canonical forms, and the ranking shows the first wrong match.
+"""A page to play with: shapes unfold into their forms, and rankings show the first wrong match.
 
 The page is one file that needs no network. :func:`play_galleries` takes shapes, forms and rankings
 from a results folder, :func:`play_page` makes the page of any galleries.
@@ -40,11 +40,15 @@ MOST_SURFACES = 460
 #: Poses of a class that are shown before further classes are left out.
 FEWEST_POSES = 3
 
-#: Largest coordinate and largest colour as whole numbers.
-_LARGEST, _SHADES = 32767, 255
+#: Largest coordinate as a whole number.
+_LARGEST = 32767
+
+#: Largest value of a colour as a whole number.
+_SHADES = 255
 
 #: Row of the shapes themselves, and what it is called on the page.
-_SHAPES, _SHAPES_TITLE = "identity", "The shape itself"
+_SHAPES = "identity"
+_SHAPES_TITLE = "The shape itself"
 
 _TEMPLATES = Environment(
     loader=PackageLoader("benchmark.report"), autoescape=True, trim_blocks=True, lstrip_blocks=True
@@ -119,7 +123,7 @@ def write_play_page(path: Path, galleries: Sequence[PlayGallery], back: str = ""
 
 
 def play_page(galleries: Sequence[PlayGallery], back: str = "") -> str:
-    """Return the page of some galleries as HTML, with a link back to a page of scores if there is one.
+    """Return the page of some galleries as HTML, with a link back to a page of scores.
 
     Raises
     ------
@@ -190,7 +194,7 @@ def play_galleries(
 
 
 def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]]:
-    """Return the records with stored forms by gallery: that of the shapes themselves first, those of views last."""
+    """Return the records with stored forms by gallery, the shapes' own first, views last."""
     groups: dict[str, dict[str, Record]] = {}
     for record in records:
         is_shown = record.status == "ok" and record.scorer and len(record.sides) == 1
@@ -200,11 +204,14 @@ def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]
         present = group.get(record.method)
         if present is None or (record.input == "mesh" and present.input == "view"):
             group[record.method] = record
-    return [
-        sorted(group.values(), key=lambda record: (record.method != _SHAPES, record.input))
-        for group in groups.values()
-        if any(forms.shape(record, record.shapes[0]) for record in group.values())
-    ]
+    stored = []
+    for group in groups.values():
+        in_order = sorted(
+            group.values(), key=lambda record: (record.method != _SHAPES, record.input)
+        )
+        if any(forms.shape(record, record.shapes[0]) for record in in_order):
+            stored.append(in_order)
+    return stored
 
 
 def _gallery(records: Sequence[Record], forms: StoredForms, most_surfaces: int) -> PlayGallery:
@@ -229,7 +236,7 @@ def _gallery(records: Sequence[Record], forms: StoredForms, most_surfaces: int) 
 
 
 def _chosen(labels: Sequence[str], most: int) -> list[int]:
-    """Return the numbers of the shapes for which there is room: as many poses of each class as possible."""
+    """Return the numbers of shapes for which there is room, with equally many poses of each class."""
     places: dict[str, list[int]] = {}
     for number, label in enumerate(labels):
         places.setdefault(label, []).append(number)
@@ -247,14 +254,17 @@ def _chosen(labels: Sequence[str], most: int) -> list[int]:
 
 
 def _form(record: Record, forms: StoredForms, name: str, body: Drawn) -> Drawn | None:
-    """Return the form of a shape as it is drawn; the shape itself where a method leaves it as it is."""
+    """Return the form of a shape as it is drawn.
+
+    The shape itself where a method leaves it as it is.
+    """
     if record.method == _SHAPES:
         return body
     return forms.form(record, name) if name in record.shapes else None
 
 
 def _method(record: Record, folder: Path, names: Sequence[str]) -> PlayMethod:
-    """Return what the page says of the method of a record, and how it ranks some shapes among each other."""
+    """Return what the page says of the method of a record."""
     return PlayMethod(
         name=record.method,
         title=_SHAPES_TITLE if record.method == _SHAPES else clean_text(record.title),

@@ -2,9 +2,9 @@
 
 >>> from benchmark import open_results
 >>> results = open_results("results")
->>> results.scores.query("table == 'III' and method == 'gps' and measure == 'NN'")     # doctest: +SKIP
->>> job = results.job("gps", "tosca")                                                  # doctest: +SKIP
->>> results.matches(job, "cat0")                                                       # doctest: +SKIP
+>>> results.scores.query("table == 'III' and method == 'gps' and measure == 'NN'")  # doctest: +SKIP
+>>> job = results.job("gps", "tosca")  # doctest: +SKIP
+>>> results.matches(job, "cat0")  # doctest: +SKIP
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from benchmark.errors import ConfigurationError, check_known
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import (
+    RankedShapes,
     Record,
     published_folder,
     read_distances,
@@ -29,8 +30,8 @@ from benchmark.pipeline.records import (
     read_records,
     read_vertex_map,
 )
-from benchmark.report.columns import JOBS, frame, scores_frame
-from benchmark.report.frames import fold_of
+from benchmark.report.columns import JOBS, data_frame, scores_frame
+from benchmark.report.record_facts import fold_of
 
 __all__ = ["Results", "open_results"]
 
@@ -71,7 +72,7 @@ class Results:
         ``processor_seconds`` (NaN in old records) per shape, ``machine``.
         """
         keys = Index([record.key for record in self.records], name="job")
-        return frame(JOBS, self.records).set_index(keys)
+        return data_frame(JOBS, self.records).set_index(keys)
 
     @cached_property
     def queries(self) -> DataFrame:
@@ -80,25 +81,10 @@ class Results:
         Columns: ``job``, ``dataset``, ``fold``, ``input``, ``method``, ``scorer``, ``seed``,
         ``shape``, ``class``, and the measures.
         """
-        frames = [
-            DataFrame(
-                {
-                    "job": record.key,
-                    "dataset": record.data.name,
-                    "fold": fold_of(record),
-                    "input": record.input,
-                    "method": record.method,
-                    "scorer": record.scorer,
-                    "seed": record.seed,
-                    "shape": record.shapes,
-                    "class": record.labels,
-                    **record.per_query,
-                }
-            )
-            for record in self.records
-            if record.status == "ok"
-        ]
-        return concat(frames, ignore_index=True) if frames else DataFrame()
+        frames = [_queries_of(record) for record in self.records if record.status == "ok"]
+        if not frames:
+            return DataFrame()
+        return concat(frames, ignore_index=True)
 
     def job(
         self,
@@ -119,23 +105,20 @@ class Results:
             If it is not finished.
         """
         jobs = self.jobs.query("seed == @seed and quick == @quick and status == 'ok'")
-        found = jobs[
-            (jobs[["method", "dataset", "input", "fold"]] == [method, dataset, input, fold]).all(
-                axis=1
-            )
-        ]
-        of_scorer = found[found["scorer"].isin(["", scorer or DEFAULT_SCORER])]
-        found = of_scorer if scorer or len(of_scorer) else found
-        if found.empty:
-            problem = (
-                f"{self.folder} has no scores of {method} on {dataset} {fold}".rstrip()
-                + f", {input}"
-            )
+        wanted = {"method": method, "dataset": dataset, "input": input, "fold": fold}
+        for column, value in wanted.items():
+            jobs = jobs[jobs[column] == value]
+        of_scorer = jobs[jobs["scorer"].isin(["", scorer or DEFAULT_SCORER])]
+        if scorer or len(of_scorer):
+            jobs = of_scorer
+        if jobs.empty:
+            place = f"{dataset} {fold}".rstrip()
+            problem = f"{self.folder} has no scores of {method} on {place}, {input}"
             raise ConfigurationError(problem, f"run -d {dataset} -m {method}")
-        return str(found.index[0])
+        return str(jobs.index[0])
 
     def distances(self, job: str) -> DataFrame:
-        """Return the distances of the queries of a job to its gallery, both with a result, named by the shapes.
+        """Return the distances of the queries of a job to its gallery, named by the shapes.
 
         Raises
         ------
@@ -149,10 +132,8 @@ class Results:
             raise ConfigurationError(
                 f"the distances of {record.method} are not in {self.folder}", "run it here"
             )
-        rows, *columns = (
-            [side.shapes[number] for number in side.answered] for side in record.sides
-        )
-        return DataFrame(matrix, index=rows, columns=columns[0] if columns else rows)
+        names = [_answered_shapes(side) for side in record.sides]
+        return DataFrame(matrix, index=names[0], columns=names[-1])
 
     def form(self, job: str, shape: str) -> Mesh:
         """Return the canonical form of a shape.
@@ -172,8 +153,14 @@ class Results:
             raise ConfigurationError(
                 f"the form of {shape} by {record.method} is not in {self.folder}", "run it here"
             )
-        numbers, are_all = read_vertex_map(self.folder, record, shape) or (np.empty(0), False)
-        return Mesh(form.vertices[np.argsort(numbers)], numbers[form.faces]) if are_all else form  # type: ignore[arg-type]
+        known = read_vertex_map(self.folder, record, shape)
+        if known is None:
+            return form
+        numbers, are_all = known
+        if not are_all:
+            return form
+        faces = numbers[form.faces].astype(form.faces.dtype)
+        return Mesh(form.vertices[np.argsort(numbers)], faces)
 
     def vertex_map(self, job: str, shape: str) -> NDArray[np.int64]:
         """Return the nearest vertex of the file at each vertex of the form of a shape, shape (n,).
@@ -183,34 +170,65 @@ class Results:
         ConfigurationError
             If the form is not stored here, or has vertices of its own, as forms of views have.
         """
-        found = read_vertex_map(self.folder, self._record(job), shape)
-        if found is None:
+        known = read_vertex_map(self.folder, self._record(job), shape)
+        if known is None:
             problem = f"the form of {shape} has vertices of its own, or is not in {self.folder}"
             raise ConfigurationError(
                 problem, "run a method that keeps the vertices of complete surfaces"
             )
-        return np.sort(found[0]) if found[1] else found[0]
+        numbers, are_all = known
+        return np.sort(numbers) if are_all else numbers
 
     def matches(self, job: str, query: str, count: int = 5) -> DataFrame:
-        """Return the nearest shapes, but the query itself: ``rank``, ``shape``, ``class``, ``distance``."""
-        record, matrix = self._record(job), self.distances(job)
+        """Return ``rank``, ``shape``, ``class`` and ``distance`` of the nearest other shapes."""
+        record = self._record(job)
+        matrix = self.distances(job)
         check_known("shape", [query], matrix.index)
-        row = matrix.loc[query].drop([] if record.keeps_same_names else query, errors="ignore")
+        row = matrix.loc[query]
+        if not record.keeps_same_names:
+            row = row.drop(query, errors="ignore")
         order = np.argsort(row.to_numpy(), kind="stable")[:count]
-        labels = dict(zip(record.sides[-1].shapes, record.sides[-1].labels, strict=True))
+        gallery = record.sides[-1]
+        labels = dict(zip(gallery.shapes, gallery.labels, strict=True))
         shapes = [str(name) for name in row.index[order]]
-        columns = {
-            "rank": range(1, len(shapes) + 1),
-            "shape": shapes,
-            "class": [labels[name] for name in shapes],
-        }
-        return DataFrame(columns | {"distance": row.to_numpy()[order]})
+        return DataFrame(
+            {
+                "rank": range(1, len(shapes) + 1),
+                "shape": shapes,
+                "class": [labels[name] for name in shapes],
+                "distance": row.to_numpy()[order],
+            }
+        )
 
     def _record(self, job: str) -> Record:
+        """Return the record of a job; raise ``ConfigurationError`` if there is none."""
         for record in self.records:
             if record.key == job:
                 return record
         raise ConfigurationError(f"{self.folder} has no job '{job}'", "take a key from jobs.index")
+
+
+def _answered_shapes(side: RankedShapes) -> list[str]:
+    """Return the names of the shapes that have a result."""
+    return [side.shapes[number] for number in side.answered]
+
+
+def _queries_of(record: Record) -> DataFrame:
+    """Return one line for each shape of a record."""
+    return DataFrame(
+        {
+            "job": record.key,
+            "dataset": record.data.name,
+            "fold": fold_of(record),
+            "input": record.input,
+            "method": record.method,
+            "scorer": record.scorer,
+            "seed": record.seed,
+            "shape": record.shapes,
+            "class": record.labels,
+            **record.per_query,
+        }
+    )
 
 
 def open_results(path: str | Path = "results") -> Results:

@@ -1,4 +1,4 @@
-"""Sheets of pictures: a shape and its form, the steps from a depth image to a form, and retrieved shapes."""
+"""Sheets of pictures: shape and form, steps from a depth image to a form, retrieved shapes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
 from benchmark.depth.frame import UPRIGHT
 from benchmark.depth.reading import Depths, Mask
@@ -13,9 +14,10 @@ from benchmark.geometry.camera import FRONT
 from benchmark.geometry.depth import fit_half_width, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.report.drawing import OBLIQUE, shaded
-from benchmark.report.forms import Drawn, seen, upright
+from benchmark.report.forms import Drawn, drawn_form, drawn_from
 from benchmark.report.grids import DPI, grid
 
+#: Colour of the object in a depth image.
 _OBJECT = np.array([0.95, 0.55, 0.2])
 
 
@@ -33,35 +35,43 @@ def frame_picture(depths: Depths, mask: Mask, surface: Mesh, form: Mesh) -> Figu
     form
         Vertices: right, up, towards the viewer.
     """
-    known = depths > 0
-    near, far = np.percentile(depths[known], (1, 99)) if known.any() else (0.0, 1.0)
-    shade = 0.9 - 0.75 * np.clip((depths - near) / max(far - near, 1e-9), 0, 1)
-    grey = np.repeat(
-        np.where(known, shade, 1.0)[..., None], 3, axis=2
-    )  # near points are bright, missing values white
-    marked = np.where(
-        mask[..., None], 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey
-    )
+    grey = _grey(depths)
+    # Elsewhere, the image fades towards white.
+    is_object = mask[..., None]
+    marked = np.where(is_object, 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey)
     canonical = render_depth(form, UPRIGHT, fit_half_width(form, UPRIGHT), DPI)
-    depth, drawn = np.where(canonical > 0, canonical, np.nan), upright(form, seen(surface, UPRIGHT))
-    picture = shaded(drawn.mesh, OBLIQUE, DPI, drawn.values)
+    drawn = drawn_form(form, drawn_from(surface, UPRIGHT))
     pictures = {
         "depth": grey,
         "object": marked,
-        "canonical depth": depth,
-        "canonical form": picture,
+        "canonical depth": np.where(canonical > 0, canonical, np.nan),
+        "canonical form": shaded(drawn.mesh, OBLIQUE, DPI, drawn.values),
     }
     return grid([(title, [picture]) for title, picture in pictures.items()])
 
 
+def _grey(depths: Depths) -> NDArray[np.float64]:
+    """Return depths in grey, shape (h, w, 3): near points are bright, missing values white."""
+    known = depths > 0
+    near = 0.0
+    far = 1.0
+    if known.any():
+        near, far = np.percentile(depths[known], (1, 99))
+    share = np.clip((depths - near) / max(far - near, 1e-9), 0, 1)
+    shade = np.where(known, 0.9 - 0.75 * share, 1.0)
+    return np.repeat(shade[..., None], 3, axis=2)
+
+
 def mesh_picture(mesh: Mesh, form: Mesh) -> Figure:
     """Draw a mesh (z up, facing -y) and its canonical form side by side."""
-    shape = seen(mesh, FRONT)
-    return retrieved_picture([("shape", shape), ("canonical form", upright(form, shape))])
+    shape = drawn_from(mesh, FRONT)
+    return retrieved_picture([("shape", shape), ("canonical form", drawn_form(form, shape))])
 
 
 def retrieved_picture(panels: Sequence[tuple[str, Drawn | None]]) -> Figure:
     """Draw forms side by side, each below its lines of text; None is no picture."""
-    return grid(
-        [(text, [form and shaded(form.mesh, OBLIQUE, DPI, form.values)]) for text, form in panels]
-    )
+    columns = []
+    for text, form in panels:
+        picture = form and shaded(form.mesh, OBLIQUE, DPI, form.values)
+        columns.append((text, [picture]))
+    return grid(columns)

@@ -71,11 +71,12 @@ def class_intervals(
     are_gains: bool = False,
     fewest: int = FEWEST_CLASSES,
 ) -> NDArray[np.float64]:
-    """Return intervals of means over queries: t on the residuals of whole classes, on the scale of logits.
+    """Return intervals of means over queries.
 
-    A residual is the sum over a class less the mean times its size. See :data:`INTERVALS` for what
-    they cover; where few of nine classes differ, intervals of differences cover 72 to 82 %. A mean
-    of 0 or 1 has no width.
+    They are those of t on the residuals of whole classes, on the scale of logits. A residual is the
+    sum over a class less the mean times its size. See :data:`INTERVALS` for what they cover; where
+    few of nine classes differ, intervals of differences cover 72 to 82 %. A mean of 0 or 1 has no
+    width.
 
     Parameters
     ----------
@@ -95,34 +96,49 @@ def class_intervals(
     numpy.ndarray
         Shape (M, 2): lower and upper ends; NaN for fewer classes, and for a single one.
     """
-    from scipy.special import expit, logit, stdtrit  # lazy: tables need no intervals
+    from scipy.special import stdtrit  # lazy: tables need no intervals
 
     sums, sizes = class_sums(values, labels)
-    if len(sizes) < fewest:
+    n_classes = len(sizes)
+    if n_classes < fewest:
         return np.full((sums.shape[1], 2), np.nan)
-    means, shares = sums.sum(axis=0) / sizes.sum() / _MILLION, sizes / sizes.sum()
+    means = sums.sum(axis=0) / sizes.sum() / _MILLION
+    shares = sizes / sizes.sum()
     residuals = sums / _MILLION / sizes.sum() - np.outer(shares, means)
     with np.errstate(all="ignore"):
-        half = np.sqrt((residuals**2 / (1 - shares)[:, None]).sum(axis=0)) * stdtrit(
-            len(sizes) - 1, (1 + level) / 2
-        )
-        ends = np.clip([means - half, means + half], -1, 1)
-        if not are_gains:
-            slope = means * (1 - means)
-            ends = np.where(
-                slope > 0, expit([logit(means) - half / slope, logit(means) + half / slope]), means
-            )
+        variances = (residuals**2 / (1 - shares)[:, None]).sum(axis=0)
+        half_widths = np.sqrt(variances) * stdtrit(n_classes - 1, (1 + level) / 2)
+        if are_gains:
+            ends = np.clip([means - half_widths, means + half_widths], -1, 1)
+        else:
+            ends = _ends_by_logits(means, half_widths)
     return np.asarray(ends.T)
 
 
-def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.float64]:
-    """Return p-values of the differences between all rows: a studentised permutation test over whole classes.
+def _ends_by_logits(
+    means: NDArray[np.float64], half_widths: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the ends of intervals on the scale of logits, shape (2, M).
 
-    With the difference d of two rows, summed over the queries of a class, the statistic is the
-    modulus of the sum of d over the classes, divided by the root of the sum of its squares. In each
-    of :data:`DRAWS` permutations, the rows are exchanged within every class, in the same way for
-    all its queries and measures; a statistic must reach the largest one over all pairs and
-    measures. If all rows are equal, the probability that any p is below 0.05 is at most 0.05.
+    A mean of 0 or 1, where the logit is infinite, has an interval without width.
+    """
+    from scipy.special import expit, logit
+
+    slopes = means * (1 - means)
+    low = expit(logit(means) - half_widths / slopes)
+    high = expit(logit(means) + half_widths / slopes)
+    return np.where(slopes > 0, [low, high], means)
+
+
+def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.float64]:
+    """Return p-values of the differences between all rows.
+
+    It is a studentised permutation test over whole classes. With the difference d of two rows,
+    summed over the queries of a class, the statistic is the modulus of the sum of d over the
+    classes, divided by the root of the sum of its squares. In each of :data:`DRAWS` permutations,
+    the rows are exchanged within every class, in the same way for all its queries and measures; a
+    statistic must reach the largest one over all pairs and measures. If all rows are equal, the
+    probability that any p is below 0.05 is at most 0.05.
 
     Parameters
     ----------
@@ -137,7 +153,7 @@ def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[n
         Shape (rows, rows, M); NaN if there are fewer than :data:`FEWEST_CLASSES` classes.
     """
     values = np.asarray(values, dtype=np.float64)
-    sums = class_sums(np.moveaxis(values, 1, 0), labels)[0]
+    sums, _ = class_sums(np.moveaxis(values, 1, 0), labels)
     n_rows = len(values)
     p_values = np.ones((n_rows, *sums.shape[1:]))
     if len(sums) < FEWEST_CLASSES:
@@ -146,32 +162,54 @@ def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[n
         p_values[[0, 1], [1, 0]] = sign_flip_test(np.subtract(*values), labels)
         return p_values
     first, second = np.array([*combinations(range(n_rows), 2)]).reshape(-1, 2).T
-    generator = np.random.default_rng(0)
-    small = np.min_scalar_type(n_rows)
-    orders = np.stack(
-        [generator.random((DRAWS, n_rows)).argsort(axis=1).astype(small) for _ in sums], axis=1
-    )
-    from_first = np.moveaxis(
-        sums - sums[:, :1], 2, 0
-    )  # integers, so that all sums and products are exact
+    largest = _largest_when_exchanged(sums, first, second)
+    largest.sort()
+    differences = sums[:, first] - sums[:, second]
+    observed = _studentised(differences.sum(axis=0), (differences**2).sum(axis=0))
+    n_reaching = DRAWS - np.searchsorted(largest, observed - _EQUAL)
+    p_values[first, second] = (n_reaching + 1) / (DRAWS + 1)
+    p_values[second, first] = p_values[first, second]
+    return p_values
+
+
+def _largest_when_exchanged(
+    sums: NDArray[np.float64], first: NDArray[np.int64], second: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Return the largest statistic over all pairs and measures in each permutation, shape (DRAWS,).
+
+    Parameters
+    ----------
+    sums
+        Sums of the measures over classes, shape (classes, rows, M).
+    first, second
+        The rows of each pair.
+    """
+    n_classes, n_rows, _ = sums.shape
+    orders = _orders(n_classes, n_rows)
+    # These are integers, so that all sums and products are exact.
+    from_first = np.moveaxis(sums - sums[:, :1], 2, 0)
+    classes = np.arange(n_classes)[:, None]
     largest = np.zeros(DRAWS)
     for draws in np.split(np.arange(DRAWS), range(_AT_A_TIME, DRAWS, _AT_A_TIME)):
-        rows = from_first[
-            :, np.arange(len(sums))[:, None], orders[draws]
-        ]  # (M, draws, classes, rows)
-        totals, products = rows.sum(axis=2), rows.swapaxes(2, 3) @ rows
+        rows = from_first[:, classes, orders[draws]]  # (M, draws, classes, rows)
+        totals = rows.sum(axis=2)
+        products = rows.swapaxes(2, 3) @ rows
         of_row = products.diagonal(axis1=2, axis2=3)
         squares = of_row[..., first] + of_row[..., second] - 2 * products[..., first, second]
         statistics = _studentised(totals[..., first] - totals[..., second], squares)
         largest[draws] = statistics.max(axis=(0, 2), initial=0)
-    largest.sort()
-    differences = sums[:, first] - sums[:, second]
-    observed = _studentised(differences.sum(axis=0), (differences**2).sum(axis=0))
-    p_values[first, second] = (DRAWS - np.searchsorted(largest, observed - _EQUAL) + 1) / (
-        DRAWS + 1
-    )
-    p_values[second, first] = p_values[first, second]
-    return p_values
+    return largest
+
+
+def _orders(n_classes: int, n_rows: int) -> NDArray[np.unsignedinteger]:
+    """Return the order of the rows in each permutation and class, shape (DRAWS, classes, rows)."""
+    generator = np.random.default_rng(0)
+    small = np.min_scalar_type(n_rows)
+    orders = []
+    for _ in range(n_classes):
+        of_class = generator.random((DRAWS, n_rows)).argsort(axis=1)
+        orders.append(of_class.astype(small))
+    return np.stack(orders, axis=1)
 
 
 def sign_flip_test(gains: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.float64]:
@@ -188,19 +226,25 @@ def sign_flip_test(gains: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.f
     labels
         Class of each query.
     """
-    sums = class_sums(gains, labels)[0]
-    if (n_classes := len(sums)) < FEWEST_CLASSES:
+    sums, _ = class_sums(gains, labels)
+    n_classes = len(sums)
+    if n_classes < FEWEST_CLASSES:
         return np.full(sums.shape[1], np.nan)
-    signs = np.ones((1, n_classes))
-    if 2**n_classes <= DRAWS:
-        signs = np.array([*product((1, -1), repeat=n_classes)])
-    else:
-        signs = np.concatenate(
-            [signs, np.random.default_rng(0).choice((1, -1), (DRAWS, n_classes))]
-        )
-    largest = _studentised(signs @ sums, (sums**2).sum(axis=0)).max(axis=1)
-    observed = _studentised(sums.sum(axis=0), (sums**2).sum(axis=0))
+    squares = (sums**2).sum(axis=0)
+    largest = _studentised(_signs(n_classes) @ sums, squares).max(axis=1)
+    observed = _studentised(sums.sum(axis=0), squares)
     return np.asarray((largest[:, None] >= observed - _EQUAL).mean(axis=0))
+
+
+def _signs(n_classes: int) -> NDArray[np.float64]:
+    """Return the signs of classes in each flip, shape (flips, classes).
+
+    Those of the data are the first.
+    """
+    if 2**n_classes <= DRAWS:
+        return np.array([*product((1.0, -1.0), repeat=n_classes)])
+    drawn = np.random.default_rng(0).choice((1, -1), (DRAWS, n_classes))
+    return np.concatenate([np.ones((1, n_classes)), drawn])
 
 
 def _studentised(totals: NDArray[np.float64], squares: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -11,19 +11,30 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations, product
 from textwrap import wrap
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from pandas import DataFrame
 
 from benchmark.protocols.tables import TABLES, TITLES
-from benchmark.reference.paper import AS_PRINTED, CLAIMS, CLASSICAL, MEASURES, PRINTED, Claim
-from benchmark.reference.paper import NETWORKS as PAPERS_NETWORKS
+from benchmark.reference.paper import (
+    AS_PRINTED,
+    CLAIMS,
+    CLASSICAL,
+    PAPERS_NETWORKS,
+    PRINTED,
+    PRINTED_MEASURES,
+    Claim,
+)
 from benchmark.report.data_titles import known_copy, official_set
-from benchmark.report.formats import markdown_table
-from benchmark.report.frames import hundredths, kind_of
+from benchmark.report.formats import MARKDOWN_WIDTH, markdown_table
+from benchmark.report.notation import hundredths
+from benchmark.report.record_facts import block_of
+from benchmark.report.rivals import SAME, scatter_of
+from benchmark.report.rows import RowScores, query_measures
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, permutation_test
-from benchmark.report.tables import SAME, Scored, TableView, least_difference, query_measures
+from benchmark.report.table_view import TableView
 
 #: Largest difference of a reproduced score from the paper's: two hundredths more than the standard
 #: deviation of NN over draws of the codebook on a hundred shapes (median .026).
@@ -31,18 +42,21 @@ TOLERANCE = 0.05
 
 
 def classical_figures(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame] | None:
-    """Return the paper's figures of Table III, and ours on complete surfaces of TOSCA, by method and measure.
+    """Return the paper's figures of Table III, and ours on complete surfaces of TOSCA.
 
     Ours are NaN where a row is incomplete; None without a table of TOSCA.
     """
     view = table_of_tosca(views)
     if view is None:
         return None
-    complete = {
-        row.method: one.means for row in view.rows for one in row.scored.values() if one.is_complete
-    }
+    complete = {}
+    for row in view.rows:
+        for scores in row.scored.values():
+            if scores.is_complete:
+                complete[row.method] = scores.means
     printed = DataFrame({name: PRINTED["III"][name] for name in CLASSICAL}).T
-    return printed, DataFrame(complete, index=MEASURES).T.reindex(index=printed.index)
+    ours = DataFrame(complete, index=PRINTED_MEASURES).T
+    return printed, ours.reindex(index=printed.index)
 
 
 def table_of_tosca(views: Sequence[TableView]) -> TableView | None:
@@ -56,21 +70,29 @@ def is_near(printed: NDArray[np.float64], ours: NDArray[np.float64]) -> NDArray[
     return np.abs(printed - ours) <= TOLERANCE + SAME
 
 
-def _exchanged(printed: DataFrame, ours: DataFrame) -> str:
-    """Say how many figures are reproduced if our rows are exchanged or are all alike, and how far we keep the order."""
+def _reproduced_by_chance(printed: DataFrame, ours: DataFrame) -> str:
+    """Say how many figures other rows reproduce, and how far ours keep the order.
+
+    The others are our rows, exchanged in all ways; the mean of all our rows; and one constant for
+    each measure. It is "" if a row is incomplete.
+    """
     if ours.isna().any(axis=None):
         return ""
-    near = is_near(printed.to_numpy()[:, None], ours.to_numpy()).sum(axis=2)
-    counts = near[range(len(ours)), [*permutations(range(len(ours)))]].sum(axis=1)
-    alike = is_near(printed.to_numpy(), ours.mean().to_numpy()).sum()
     values = printed.to_numpy()
-    constants = is_near(values[:, None], values + TOLERANCE).sum(axis=0).max(axis=0).sum()
-    order = [f"{name} {rho:.2f}" for name, rho in printed.rank().corrwith(ours.rank()).items()]
+    near = is_near(values[:, None], ours.to_numpy()).sum(axis=2)  # by printed row and by our row
+    exchanges = np.array([*permutations(range(len(ours)))])
+    counts = near[range(len(ours)), exchanges].sum(axis=1)
+    n_ours = near.trace()
+    n_by_mean = is_near(values, ours.mean().to_numpy()).sum()
+    n_by_constants = is_near(values[:, None], values + TOLERANCE).sum(axis=0).max(axis=0).sum()
+    correlations = printed.rank().corrwith(ours.rank())
+    order = ", ".join(f"{measure} {rho:.2f}" for measure, rho in correlations.items())
     return (
         f"With our rows exchanged at random, {counts.mean():.1f} are reproduced on average, and "
-        f"{(counts >= near.trace()).mean():.0%} of all exchanges reproduce {near.trace()} or more; the mean of each of "
-        f"our columns reproduces {alike}, and one constant for each measure, chosen in hindsight, {constants}. "
-        f"Rank correlation with the paper: {', '.join(order).replace('0.', '.')}. "
+        f"{(counts >= n_ours).mean():.0%} of all exchanges reproduce {n_ours} or more; the mean of "
+        f"each of our columns reproduces {n_by_mean}, and one constant for each measure, chosen in "
+        f"hindsight, {n_by_constants}. Rank correlation with the paper: "
+        f"{order.replace('0.', '.')}. "
     )
 
 
@@ -118,71 +140,88 @@ class AssessedClaim:
         return bool(self.n_comparisons) and not self.decision.startswith("not ")
 
 
-#: Decisions on the paper's data and on other data: the claim holds, it fails, and neither.
-ON_PAPERS_DATA = ("supported", "contradicted", "undecided")
-ON_OTHER_DATA = (
-    "holds on the stand-in",
-    "fails on the stand-in",
-    "open on the stand-in",
+class DecisionWords(NamedTuple):
+    """What it is called that a claim holds, that it fails, and neither."""
+
+    holds: str
+    fails: str
+    neither: str
+
+
+#: On the paper's data, on other data, and on files that only bear the names of the paper's.
+ON_PAPERS_DATA = DecisionWords("supported", "contradicted", "undecided")
+ON_OTHER_DATA = DecisionWords(
+    "holds on the stand-in", "fails on the stand-in", "open on the stand-in"
 )
-UNVERIFIED = ("holds, unverified data", "fails, unverified data", "open, unverified data")
+UNVERIFIED = DecisionWords(
+    "holds, unverified data", "fails, unverified data", "open, unverified data"
+)
 
 
 def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
-    """Judge a claim by a permutation test of its rows on unseen queries; on the five subjects of Table I."""
+    """Judge a claim by a permutation test of its rows on unseen queries.
+
+    In Table I, these are of the five subjects.
+    """
     if view is None:
         return AssessedClaim(claim, "not comparable")
     title = "5 subjects" if "5 subjects" in view.groups else view.columns[0].title
-    scored = {row.method: row.scored[title] for row in view.rows if title in row.scored}
-    complete = {method: one for method, one in scored.items() if not one.missing}
-    if not complete.keys() >= {claim.better, *claim.others}:
+    complete = {
+        row.method: row.scored[title]
+        for row in view.rows
+        if title in row.scored and not row.scored[title].missing
+    }
+    methods = (claim.better, *claim.others)
+    if not complete.keys() >= {*methods}:
         return AssessedClaim(claim, "not comparable", view.title)
-    rows = [complete[name] for name in (claim.better, *claim.others)]
-    seen = set[str]().union(*(one.seen_classes for one in rows))
-    unseen = [place for place, label in enumerate(rows[0].labels) if label not in seen]
-    labels = [rows[0].labels[place] for place in unseen]
+    rows = [complete[name] for name in methods]
+    all_labels = rows[0].labels
+    seen = frozenset[str]().union(*(row.seen_classes for row in rows))
+    unseen = [number for number, label in enumerate(all_labels) if label not in seen]
     if not unseen:
-        return AssessedClaim(claim, "not comparable", view.title, 0, len(rows[0].labels))
-    measures = [MEASURES.index(name) for name in claim.measures]
-    found = _leads(rows, labels, np.ix_(unseen, measures))
+        return AssessedClaim(claim, "not comparable", view.title, n_queries=len(all_labels))
+    labels = [all_labels[number] for number in unseen]
+    leads = _leads(rows, labels, unseen, [*map(PRINTED_MEASURES.index, claim.measures)])
     return AssessedClaim(
         claim,
-        _decision(claim, view, found, len(set(labels))),
+        _decision(claim, decision_words(view), leads, len(set(labels))),
         view.title,
-        len(unseen),
-        len(rows[0].labels),
-        int((found.lead > 0).sum()),
-        found.lead.size,
-        int(found.is_significant.sum()),
-        int(found.is_decided.sum()),
-        found.n_trainings,
+        queries=len(unseen),
+        n_queries=len(all_labels),
+        leads=int((leads.lead > 0).sum()),
+        n_comparisons=leads.lead.size,
+        significant=int(leads.is_significant.sum()),
+        above_scatter=int(leads.is_decided.sum()),
+        trainings=leads.n_trainings,
     )
 
 
-def _decision(claim: Claim, view: TableView, found: _Leads, n_classes: int) -> str:
+def _decision(claim: Claim, words: DecisionWords, leads: _Leads, n_classes: int) -> str:
     """Return the decision on a claim; a network of ours decides no claim on the paper's data."""
-    words = decision_words(view)
     if n_classes < FEWEST_CLASSES:
         return f"not decidable: {n_classes} classes"
     if claim.better in PAPERS_NETWORKS and (words is ON_PAPERS_DATA or claim.better == AS_PRINTED):
         return "not decidable: a small share of the paper's computation"
-    holds, fails, neither = words
-    if np.any(found.is_decided & (found.lead < 0)):
-        return fails
-    return holds if np.all(found.is_decided & (found.lead > 0)) else neither
+    if np.any(leads.is_decided & (leads.lead < 0)):
+        return words.fails
+    if np.all(leads.is_decided & (leads.lead > 0)):
+        return words.holds
+    return words.neither
 
 
-def decision_words(view: TableView) -> tuple[str, str, str]:
+def decision_words(view: TableView) -> DecisionWords:
     """Return what decisions are called on the data of a table, by what these are."""
     sample = next(iter(view.samples.values()))[0]
     if known_copy(sample):
         return ON_PAPERS_DATA
-    return UNVERIFIED if official_set(sample) else ON_OTHER_DATA
+    if official_set(sample):
+        return UNVERIFIED
+    return ON_OTHER_DATA
 
 
 @dataclass(frozen=True, eq=False)
 class _Leads:
-    """Leads of a row before others, by comparison.
+    """Leads of a row before others, by other row and measure.
 
     Parameters
     ----------
@@ -203,96 +242,126 @@ class _Leads:
 
 
 def _leads(
-    rows: Sequence[Scored], labels: Sequence[str], chosen: tuple[NDArray[np.intp], ...]
+    rows: Sequence[RowScores],
+    labels: Sequence[str],
+    queries: Sequence[int],
+    measures: Sequence[int],
 ) -> _Leads:
-    """Return the leads of the first row; each fold of a network is a network of its own, and has to agree in sign."""
-    is_network = any(kind_of(one.all_records[0]) == "network" for one in rows)
+    """Return the leads of the first row before all others.
+
+    Each fold of a network is a network of its own, and has to agree in sign.
+
+    Parameters
+    ----------
+    rows
+        The rows.
+    labels
+        Classes of the queries.
+    queries, measures
+        Numbers of the queries and measures to compare.
+    """
+    chosen = np.ix_(queries, measures)
+    is_network = any(block_of(row.all_records[0]) == "network" for row in rows)
     sizes = [len(rows[0].labels)]
     if is_network:
-        sizes = [len(query_measures(of)) for of in rows[0].records.values()]
-    folds = np.repeat(np.arange(len(sizes)), sizes)[chosen[0].ravel()]
-    lead = _lead(np.array([one.values[chosen] for one in rows]))
-    least = least_difference(rows)[0][chosen[1].ravel()]
+        sizes = [len(query_measures(records)) for records in rows[0].records.values()]
+    folds = np.repeat(np.arange(len(sizes)), sizes)[queries]
+    lead = _total_leads(np.array([row.values[chosen] for row in rows]))
+    least = scatter_of(rows).least[measures]
     is_significant = np.ones(lead.shape, dtype=bool)
     is_decided = np.abs(lead) / len(labels) > least + SAME
-    choices = [*product(*(one.trainings for one in rows))]
+    choices = [*product(*(row.trainings for row in rows))]
     for trainings in choices:
         values = np.array([training[chosen] for training in trainings])
         is_significant &= permutation_test(values, labels)[0, 1:] < ALPHA
-        for fold in {*folds.tolist()}:
-            is_decided &= np.sign(_lead(values[:, folds == fold])) == np.sign(lead)
+        for fold in np.unique(folds):
+            of_fold = _total_leads(values[:, folds == fold])
+            is_decided &= np.sign(of_fold) == np.sign(lead)
     n_trainings = len(choices) * len(sizes) if is_network else 0
     return _Leads(lead, is_significant, is_decided & is_significant, n_trainings)
 
 
-def _lead(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _total_leads(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the total leads of the first row before each other, shape (rows - 1, measures).
+
+    They have the six decimals of records, so that a lead of rounding errors has no sign.
+    """
     return np.asarray((values[0] - values[1:]).sum(axis=1).round(6))
 
 
 def claims(views: Sequence[TableView]) -> list[AssessedClaim]:
     """Judge the paper's claims, all methods on one view, on official data or the stand-in."""
     first = {view.table.identifier: view for view in reversed(views)}
-    return [
-        assess(claim, first.get("IV" if claim.table == "IV" else f"{claim.table}-view"))
-        for claim in CLAIMS
-    ]
+    judged = []
+    for claim in CLAIMS:
+        identifier = "IV" if claim.table == "IV" else f"{claim.table}-view"
+        judged.append(assess(claim, first.get(identifier)))
+    return judged
 
 
 def verdicts_markdown(views: Sequence[TableView]) -> str:
     """Return verdicts and claims as Markdown; "" without a table of the suite."""
     if not any(view.table in TABLES for view in views):
         return ""
-    lines = [f"**What holds up in the paper.** {views[0].by.note}", ""]
-    figures, tosca = classical_figures(views), table_of_tosca(views)
+    lines = [f"**What holds up in the paper.** {views[0].scored_by.note}", ""]
+    figures = classical_figures(views)
+    tosca = table_of_tosca(views)
     if figures and tosca:
-        printed, ours = figures
-        near = is_near(printed.to_numpy(), ours.to_numpy())
-        lines += wrap(
-            f"Table III, {tosca.title}, complete surfaces: {near.sum()} of {near.size} classical figures are "
-            f"reproduced (`=`, at most .05 apart). {_exchanged(printed, ours)}Each cell: the paper's figure, ours.",
-            100,
-        )
-        cells = printed.map(hundredths) + " " + ours.map(hundredths) + np.where(near, " =", "")
-        body = [
-            [TITLES[str(name)], *of_row]
-            for name, of_row in zip(cells.index, cells.to_numpy(), strict=True)
-        ]
-        lines += ["", *markdown_table(["Method", *cells.columns], body), ""]
+        lines += _lines_of_figures(tosca, *figures)
     judged = claims(views)
-    lines += wrap(f"{CLAIMS_EXPLAINED} {_data_of_tables(judged)}", 100)
-    rows = []
-    for one in judged:
-        counted = [one.decision]
-        if one.n_queries:
-            counted.append(f"{one.queries} of {one.n_queries}")
-        if one.n_comparisons:
-            counted.append(f"{one.leads} of {one.n_comparisons}")
-            counted += [str(one.significant), str(one.above_scatter), str(one.trainings or "")]
-        rows.append([one.claim.words, TITLES.get(one.claim.better, ""), one.claim.table, *counted])
+    lines += wrap(f"{CLAIMS_EXPLAINED} {_data_of_tables(judged)}", MARKDOWN_WIDTH)
     head = ["Claim", "row", "table", "decision", "queries", "leads"]
     head += ["significant", "above scatter", "trainings"]
-    return "\n".join([*lines, "", *markdown_table(head, rows)]) + "\n"
+    return "\n".join([*lines, "", *markdown_table(head, map(_cells_of_claim, judged))]) + "\n"
+
+
+def _lines_of_figures(tosca: TableView, printed: DataFrame, ours: DataFrame) -> list[str]:
+    """Return the paper's figures for TOSCA beside ours, as lines of Markdown."""
+    near = is_near(printed.to_numpy(), ours.to_numpy())
+    words = (
+        f"Table III, {tosca.title}, complete surfaces: {near.sum()} of {near.size} classical "
+        f"figures are reproduced (`=`, at most .05 apart). {_reproduced_by_chance(printed, ours)}"
+        f"Each cell: the paper's figure, ours."
+    )
+    cells = printed.map(hundredths) + " " + ours.map(hundredths) + np.where(near, " =", "")
+    body = []
+    for name, of_row in zip(cells.index, cells.to_numpy(), strict=True):
+        body.append([TITLES[str(name)], *of_row])
+    table = markdown_table(["Method", *cells.columns], body)
+    return [*wrap(words, MARKDOWN_WIDTH), "", *table, ""]
+
+
+def _cells_of_claim(judged: AssessedClaim) -> list[str]:
+    """Return the cells of a claim; without queries or comparisons, fewer."""
+    claim = judged.claim
+    cells = [claim.words, TITLES.get(claim.better, ""), claim.table, judged.decision]
+    if judged.n_queries:
+        cells.append(f"{judged.queries} of {judged.n_queries}")
+    if judged.n_comparisons:
+        cells.append(f"{judged.leads} of {judged.n_comparisons}")
+        cells += [str(judged.significant), str(judged.above_scatter), str(judged.trainings or "")]
+    return cells
 
 
 CLAIMS_EXPLAINED = (
-    "The paper's claims, all methods on one depth view. Only the paper's data support or contradict a claim. On a "
-    "stand-in it holds, fails or stays open, which says nothing of the paper's data. Networks here have a small share "
-    "of the paper's computation, so that none decides a claim on the paper's data, and the one with the paper's pixels "
-    "decides none at all. Queries: those of classes on which no compared network was trained. Leads: comparisons (rows "
-    "times measures) in which the row is ahead. Significant: comparisons with p < .05 among these rows and measures "
-    "(studentised permutation test over whole classes), in either direction and in all trainings, which are seeds of "
-    "the networks times folds. Above scatter: those of them that are larger than codebooks and trainings scatter, and "
-    "of one sign in all trainings; a claim holds if all comparisons are leads above the scatter, and fails if one "
-    f"above it is none. Below {FEWEST_CLASSES} classes, nothing is decided."
+    "The paper's claims, all methods on one depth view. Only the paper's data support or "
+    "contradict a claim. On a stand-in it holds, fails or stays open, which says nothing of the "
+    "paper's data. Networks here have a small share of the paper's computation, so that none "
+    "decides a claim on the paper's data, and the one with the paper's pixels decides none at all. "
+    "Queries: those of classes on which no compared network was trained. Leads: comparisons (rows "
+    "times measures) in which the row is ahead. Significant: comparisons with p < .05 among these "
+    "rows and measures (studentised permutation test over whole classes), in either direction and "
+    "in all trainings, which are seeds of the networks times folds. Above scatter: those of them "
+    "that are larger than codebooks and trainings scatter, and of one sign in all trainings; a "
+    "claim holds if all comparisons are leads above the scatter, and fails if one above it is "
+    f"none. Below {FEWEST_CLASSES} classes, nothing is decided."
 )
 
 
 def _data_of_tables(judged: Sequence[AssessedClaim]) -> str:
     """Say which data each table of claims shows, with the copy of an official set."""
-    tables: dict[str, list[str]] = {}
-    for one in judged:
-        named = tables.setdefault(one.data, [])
-        if one.claim.table not in named:
-            named.append(one.claim.table)
-    texts = [f"{' and '.join(of)}, {data}" for data, of in tables.items() if data]
+    tables: dict[str, dict[str, None]] = {}
+    for assessed in judged:
+        tables.setdefault(assessed.data, {})[assessed.claim.table] = None
+    texts = [f"{' and '.join(numerals)}, {data}" for data, numerals in tables.items() if data]
     return f"Data: {'; '.join(texts)}." if texts else ""

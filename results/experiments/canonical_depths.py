@@ -23,7 +23,7 @@ from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.geometry.depth import render_depth
 from benchmark.pipeline.prepared import frame_of
-from benchmark.report.figures import WIDTH, save
+from benchmark.report.grids import TEXT_WIDTH, write_figure
 from learned.images import resampled
 from learned.methods import Learned, Streamed, TrainedNetwork, WideExtra
 
@@ -131,8 +131,8 @@ def drawn(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
     """Draw a row of panels for each shape, each column cut to its bodies; depth in one scale but for the input."""
     extents = np.array([extent(panel) for panel in [row[1] for row in rows]])
     ratio = (extents[:, 3] - extents[:, 1]).max() / (extents[:, 2] - extents[:, 0]).max()
-    side = 0.9 * WIDTH / len(titles)
-    figure = Figure((WIDTH, 0.35 + 1.02 * ratio * side * len(rows)), layout="constrained")
+    side = 0.9 * TEXT_WIDTH / len(titles)
+    figure = Figure((TEXT_WIDTH, 0.35 + 1.02 * ratio * side * len(rows)), layout="constrained")
     places = figure.subplots(len(rows), len(titles), squeeze=False)
     spread = max(np.nanmax(np.abs(row[1])) for row in rows)
     for number, title in enumerate(titles):
@@ -155,7 +155,7 @@ def main() -> None:
     """Draw the pictures that are named, or all."""
     torch.set_num_threads(1)
     for name in sys.argv[1:] or PICTURES:
-        save(drawn(*panels(PICTURES[name])), FIGURES / f"canonical-{name}.png")
+        write_figure(drawn(*panels(PICTURES[name])), FIGURES / f"canonical-{name}.png")
 
 
 if __name__ == "__main__":

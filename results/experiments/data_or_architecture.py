@@ -23,7 +23,7 @@ import torch
 from torch import Tensor
 
 from benchmark.api.learning import CARD
-from benchmark.protocols.pairs import training_data
+from benchmark.protocols.pairs import data_of_training
 from benchmark.protocols.trainings import SAMPLED_PEOPLE, TRAININGS
 from benchmark.text import say
 from learned.fitting import train
@@ -87,7 +87,7 @@ class Cell:
 
     def train(self, results: Path) -> None:
         """Train the model into a folder of results, and copy it to the models of the experiment."""
-        data = training_data(TRAININGS[self.data], None, say)
+        data = data_of_training(TRAININGS[self.data], None, say)
         folder = results / "models" / self.folder
         options: dict[str, Any] = {**RECIPE, "repeat": REPEATS[self.data]}
         train(self.network, self.seed, data, folder, options, say)
@@ -140,7 +140,7 @@ def average_body(data: str, results: Path) -> Tensor:
     """Return the mean depth of the bodies of some training data, as :func:`depth_range.average_body` does."""
     if data != SAMPLED_PEOPLE:
         return depth_range.average_body(0)
-    bodies = training_data(TRAININGS[data], None, say).bodies
+    bodies = data_of_training(TRAININGS[data], None, say).bodies
     assert bodies is not None
     resolution = depth_range.RESOLUTION
     pairs = keep(bodies, resolution, False, results / "models" / data / f"pairs-{resolution}", say)

@@ -33,7 +33,7 @@ from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.pipeline.prepared import frame_of
 from benchmark.pipeline.views import prepare_view
-from benchmark.protocols.pairs import training_data
+from benchmark.protocols.pairs import data_of_training
 from benchmark.protocols.trainings import TRAININGS
 from learned import fitting, training
 from learned.images import COVERED, DepthScale, checked_image, enlarged, resampled
@@ -84,7 +84,7 @@ def judges() -> tuple[list[str], NDArray[np.float32], NDArray[np.float32]]:
 def training_bodies(fold: int, resolution: int) -> Tensor:
     """Return depth and mask of each training body, shape (n, 2, r, r)."""
     seen: dict[str, NDArray[np.float32]] = {}
-    for pair in training_data(TRAININGS[f"people-fold-{fold}"], None, print).pairs():
+    for pair in data_of_training(TRAININGS[f"people-fold-{fold}"], None, print).pairs():
         if pair.target_identifier not in seen:
             seen[pair.target_identifier] = resampled(checked_image(pair.target), resolution)
     return torch.from_numpy(np.stack([*seen.values()])).double()
@@ -210,7 +210,7 @@ def go_on(results: Path, targets: str) -> None:
     known = pandas.read_csv(SCORES)
     if known["setting"].str.startswith(f"as printed, then {targets}:").any():
         return
-    name, data = "as_printed", training_data(TRAININGS["people-fold-0"], None, print)
+    name, data = "as_printed", data_of_training(TRAININGS["people-fold-0"], None, print)
     configuration, device = CONFIGURATIONS[name], torch.device("cpu")
     schedule = training.resolved(training.Schedule(epochs=FURTHER, early_epochs=0), device)
     pairs = gather(data.pairs(), data.n_pairs, schedule.resolution, configuration.crop)
@@ -302,7 +302,7 @@ def lengthen(results: Path, earlier: Path) -> None:
         "stretch_depth": True,
         "threads": 1,
     }
-    data = training_data(TRAININGS["people-fold-0"], None, print)
+    data = data_of_training(TRAININGS["people-fold-0"], None, print)
     fitting.train(
         "literal",
         0,

@@ -16,8 +16,9 @@ from matplotlib.figure import Figure
 from benchmark.pipeline.records import read_records
 from benchmark.protocols.tables import TITLES
 from benchmark.reference.paper import CLASSICAL, PRINTED
-from benchmark.report.grids import WIDTH, save
-from benchmark.report.tables import TableView, table_views
+from benchmark.report.grids import TEXT_WIDTH, write_figure
+from benchmark.report.table_view import TableView
+from benchmark.report.tables import table_views
 
 RESULTS = Path(__file__).parents[1]
 FIGURES = RESULTS / "figures"
@@ -79,7 +80,7 @@ def lines(view: TableView) -> list[Line]:
 def picture(view: TableView, theme: Theme) -> Figure:
     """Draw a line for each method on one axis."""
     drawn = lines(view)
-    figure = Figure((WIDTH, 3.5), layout="constrained", facecolor=theme.page)
+    figure = Figure((TEXT_WIDTH, 3.5), layout="constrained", facecolor=theme.page)
     place = figure.subplots()
     places = [-number - 0.6 * (number >= len(CONTROLS)) for number in range(len(drawn))]
     for y, line in zip(places, drawn, strict=True):
@@ -130,7 +131,7 @@ def main() -> None:
     views = table_views(read_records(RESULTS, local=False), ["III"], datasets=["tosca"])
     (view,) = (view for view in views if view.table.identifier == "III")
     for name, theme in THEMES.items():
-        save(picture(view, theme), FIGURES / name)
+        write_figure(picture(view, theme), FIGURES / name)
 
 
 if __name__ == "__main__":

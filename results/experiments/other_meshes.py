@@ -25,8 +25,8 @@ from benchmark.api.contracts import Mesh
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import write_mesh
 from benchmark.pipeline.records import read_records
-from benchmark.reference.paper import MEASURES
-from benchmark.report.frames import hundredths
+from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.report.notation import hundredths
 
 #: The animals: of people, classes of one person each are all alike.
 CLASSES = ("cat", "dog", "gorilla", "horse", "wolf")
@@ -121,7 +121,7 @@ def judge(folder: Path) -> None:
         | {"codebooks": np.sqrt(DRAWS) * of.draw_errors.get(measure, np.nan)}
         for of in read_records(folder / "results", published=False)
         for measure, value in of.scores.items()
-        if measure in MEASURES
+        if measure in PRINTED_MEASURES
     ]
     scores = pd.DataFrame(rows).sort_values(["method", "measure", "mesh"])
     scores.to_csv(TABLE, index=False, float_format="%.6f", lineterminator="\n")
@@ -134,7 +134,7 @@ def lines(scores: pd.DataFrame) -> list[str]:
     said = [f"| method | {' | '.join(heads)} |", "|---|---|---|---|"]
     for method, group in scores.groupby("method", sort=False):
         of = group.groupby("measure").agg({"value": ["std", "min", "max"], "codebooks": "mean"})
-        of = of.reindex(MEASURES)
+        of = of.reindex(PRINTED_MEASURES)
         meshes = " ".join(map(thousandths, of["value", "std"]))
         books = " ".join(map(thousandths, of["codebooks", "mean"]))
         ends = " to ".join(hundredths(of.loc["DCG", ("value", end)]) for end in ("min", "max"))

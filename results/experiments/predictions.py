@@ -24,7 +24,7 @@ from benchmark.geometry.camera import Camera
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.prepared import frame_of
-from benchmark.report.grids import WIDTH, save
+from benchmark.report.grids import TEXT_WIDTH, write_figure
 from learned.images import COVERED, resampled
 from learned.methods import Learned
 
@@ -115,7 +115,7 @@ def main() -> None:
     )
     titles = ["input", "truth", *networks, f"{AVERAGE} of training"]
     drawn.sort(key=lambda pair: pair[0])
-    save(
+    write_figure(
         picture([panels for _, panels in drawn], titles),
         HERE.parent / "figures" / "predictions.png",
     )
@@ -129,7 +129,9 @@ def inside(prediction: Tensor) -> NDArray[np.float64]:
 
 def picture(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
     """Draw a row of panels for each view; depth in one scale but for the input, which has its own."""
-    figure = Figure(figsize=(WIDTH, 1.1 * WIDTH * len(rows) / len(titles)), layout="constrained")
+    figure = Figure(
+        figsize=(TEXT_WIDTH, 1.1 * TEXT_WIDTH * len(rows) / len(titles)), layout="constrained"
+    )
     places = figure.subplots(len(rows), len(titles), squeeze=False)
     for first, row, panels in zip([True, *[False] * len(rows)], places, rows, strict=False):
         for number, (place, panel, title) in enumerate(zip(row, panels, titles, strict=True)):

@@ -20,10 +20,10 @@ import pandas as pd
 
 from benchmark.api.parameters import format_value
 from benchmark.pipeline.records import Record, read_records
-from benchmark.reference.paper import MEASURES
+from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.registry import select_one
+from benchmark.report.rivals import DRAW_ERRORS, SAME
 from benchmark.report.statistics import ALPHA, sign_flip_test
-from benchmark.report.tables import DRAW_ERRORS, SAME
 
 #: Weights that the sources do not give, by method.
 WEIGHTS = {
@@ -76,14 +76,14 @@ def records_of(folder: Path, data: str) -> list[Record]:
 
 def queries(record: Record) -> np.ndarray:
     """Return the measures of the queries, shape (N, 4)."""
-    return np.array([record.per_query[name] for name in MEASURES]).T
+    return np.array([record.per_query[name] for name in PRINTED_MEASURES]).T
 
 
 def codebook_errors(record: Record) -> np.ndarray:
     """Return the standard errors of scores over draws of the codebook; 0 for a descriptor."""
     if not record.scorer:
-        return np.zeros(len(MEASURES))
-    return np.array([(record.draw_errors or DRAW_ERRORS)[name] for name in MEASURES])
+        return np.zeros(len(PRINTED_MEASURES))
+    return np.array([(record.draw_errors or DRAW_ERRORS)[name] for name in PRINTED_MEASURES])
 
 
 def changes(ours: Record, other: Record) -> pd.DataFrame:
@@ -97,7 +97,7 @@ def changes(ours: Record, other: Record) -> pd.DataFrame:
     change = gains.mean(axis=0)
     return pd.DataFrame(
         {
-            "measure": MEASURES,
+            "measure": PRINTED_MEASURES,
             "ours": queries(ours).mean(axis=0),
             "change": change,
             "p": sign_flip_test(gains, ours.labels),

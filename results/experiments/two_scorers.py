@@ -13,7 +13,7 @@ import numpy as np
 import pandas
 
 from benchmark.pipeline.records import Record, read_records
-from benchmark.reference.paper import CLASSICAL, MEASURES
+from benchmark.reference.paper import CLASSICAL, PRINTED_MEASURES
 from benchmark.report.statistics import class_intervals
 
 RESULTS = Path(__file__).parents[1]
@@ -22,10 +22,12 @@ SCORERS = ("cm-bof", "spherical-harmonics")
 
 def lines(record: Record) -> pandas.DataFrame:
     """Return a line for each measure of a record."""
-    values = np.array([record.per_query[name] for name in MEASURES], dtype=np.float64).T
+    values = np.array([record.per_query[name] for name in PRINTED_MEASURES], dtype=np.float64).T
     low, high = class_intervals(values, record.labels).T
-    scores = [record.scores[name] for name in MEASURES]
-    table = pandas.DataFrame({"measure": MEASURES, "value": scores, "low": low, "high": high})
+    scores = [record.scores[name] for name in PRINTED_MEASURES]
+    table = pandas.DataFrame(
+        {"measure": PRINTED_MEASURES, "value": scores, "low": low, "high": high}
+    )
     return table.assign(input=record.input, method=record.method, scorer=record.scorer)
 
 

@@ -45,7 +45,7 @@ def test_the_first_form_which_waits_for_kernels_counts_little_beside_an_estimate
 
 
 def test_without_a_terminal_a_line_now_and_then(monkeypatch, capsys):
-    monkeypatch.setattr("benchmark.cli.progress.INTERVAL", 0.0)
+    monkeypatch.setattr("benchmark.cli.progress.SECONDS_BETWEEN_LINES", 0.0)
     with Bar(2, 60.0) as bar:
         bar.watch(Progress(0, 10, ("gps, cat0",)))
         bar.ended("ok           rods mesh gps")
@@ -58,7 +58,7 @@ def test_without_a_terminal_a_line_now_and_then(monkeypatch, capsys):
 def test_items_are_yielded_and_counted_without_a_terminal(capsys, monkeypatch):
     assert list(counting("checking people[draw=0]", ["a", "b"])) == ["a", "b"]
     assert capsys.readouterr() == ("", "checking people[draw=0]: 1 of 2\n")
-    monkeypatch.setattr("benchmark.cli.progress.INTERVAL", 0.0)
+    monkeypatch.setattr("benchmark.cli.progress.SECONDS_BETWEEN_LINES", 0.0)
     assert list(counting("compiling kernels", ["gps", "mds"], name=str)) == ["gps", "mds"]
     assert capsys.readouterr().err.splitlines() == [
         "compiling kernels: 1 of 2, gps",

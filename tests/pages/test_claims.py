@@ -19,11 +19,13 @@ import pytest
 from scipy.stats import kendalltau, rankdata
 
 from benchmark.pipeline.records import read_records
-from benchmark.reference.paper import AS_PRINTED, CLASSICAL, MEASURES
-from benchmark.reference.paper import NETWORKS as PAPERS_NETWORKS
-from benchmark.report.frames import hundredths
-from benchmark.report.tables import Scored, TableView, table_views
-from benchmark.report.tables import tested_rivals as compared
+from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PRINTED_MEASURES
+from benchmark.reference.paper import PAPERS_NETWORKS
+from benchmark.report.notation import hundredths
+from benchmark.report.rivals import compare_rivals
+from benchmark.report.rows import RowScores
+from benchmark.report.table_view import TableView
+from benchmark.report.tables import table_views
 from benchmark.report.verdicts import TOLERANCE, claims, classical_figures, is_near
 
 ROOT = Path(__file__).parents[2]
@@ -66,12 +68,12 @@ class Tables:
     def __init__(self, views: Sequence[TableView]) -> None:
         self.views = {(view.table.identifier, view.dataset): view for view in views}
 
-    def rows(self, table: str, data: str, column: str) -> dict[str, Scored]:
+    def rows(self, table: str, data: str, column: str) -> dict[str, RowScores]:
         """Return the rows with scores."""
         view = self.views[table, data]
         return {row.method: row.scored[column] for row in view.rows if column in row.scored}
 
-    def forms(self, table: str, data: str, column: str) -> dict[str, Scored]:
+    def forms(self, table: str, data: str, column: str) -> dict[str, RowScores]:
         """Return the rows of canonical forms, no form among them."""
         view = self.views[table, data]
         names = {row.method for row in view.rows if row.kind == "form"}
@@ -95,15 +97,17 @@ PEOPLE_SEEN = ("I-view", "people[draw=0]", "5 subjects")
 SCANS_SEEN = ("II-view", "humans-scanlike", "ours")
 
 
-def is_above(one: Scored, other: Scored) -> bool:
+def is_above(one: RowScores, other: RowScores) -> bool:
     """Return whether a row scores above another in every measure."""
-    return all(one.means[name] > other.means[name] + SAME for name in MEASURES)
+    return all(one.means[name] > other.means[name] + SAME for name in PRINTED_MEASURES)
 
 
-def leads(rows: Mapping[str, Scored], first: str, others: Sequence[str]) -> int:
+def leads(rows: Mapping[str, RowScores], first: str, others: Sequence[str]) -> int:
     """Return in how many comparisons a row is ahead, significantly and above the scatter."""
-    tested = compared({name: rows[name] for name in (first, *others)})
-    means = [[rows[first].means[m] - rows[name].means[m] for m in MEASURES] for name in others]
+    tested = compare_rivals({name: rows[name] for name in (first, *others)})
+    means = [
+        [rows[first].means[m] - rows[name].means[m] for m in PRINTED_MEASURES] for name in others
+    ]
     return int((tested.is_above_scatter[0, 1:] & (np.array(means) > 0)).sum())
 
 
@@ -132,7 +136,7 @@ def orders(printed: pd.DataFrame, ours: pd.DataFrame) -> tuple[pd.Series, pd.Dat
     """Return our rank correlations with the paper by measure, and those of all orders of our rows."""
     every = np.array(list(permutations(range(len(ours)))))
     observed, possible = {}, {}
-    for name in MEASURES:
+    for name in PRINTED_MEASURES:
         first, second = standardised(printed[name]), standardised(ours[name].round(6))
         observed[name] = (first * second).mean()
         possible[name] = (first * second[every]).mean(axis=1)
@@ -145,8 +149,10 @@ def test_1_the_order_is_kept_in_dcg_and_ft(every_view):
     assert len(possible) == 40_320
     alone = (possible >= observed - 1e-9).mean()
     largest = possible.max(axis=1).to_numpy()
-    together = pd.Series({name: (largest >= observed[name] - 1e-9).mean() for name in MEASURES})
-    assert [name for name in MEASURES if together[name] < 0.05] == ["FT", "DCG"]
+    together = pd.Series(
+        {name: (largest >= observed[name] - 1e-9).mean() for name in PRINTED_MEASURES}
+    )
+    assert [name for name in PRINTED_MEASURES if together[name] < 0.05] == ["FT", "DCG"]
     lowest = {"gps", "fast-mds"}
     assert {*printed["DCG"].nsmallest(2).index} == {*printed["FT"].nsmallest(2).index} == lowest
     rest = [name for name in CLASSICAL if name not in lowest]
@@ -186,10 +192,12 @@ def test_3_no_form_is_shown_to_be_better_on_tosca(tables):
         ("generated scans", SCANS),
     ):
         rows = tables.rows(*place)
-        tested = compared({form: rows[form] for form in CLASSICAL})
+        tested = compare_rivals({form: rows[form] for form in CLASSICAL})
         pairs = [*combinations(range(len(CLASSICAL)), 2)]
         found = sum(int(tested.is_above_scatter[a, b].sum()) for a, b in pairs)
-        lines.append(f"| {name} | {tested.n_classes} | {found} of {len(pairs) * len(MEASURES)} |")
+        lines.append(
+            f"| {name} | {tested.n_classes} | {found} of {len(pairs) * len(PRINTED_MEASURES)} |"
+        )
         if name == "TOSCA":
             assert not tested.is_significant.any()
     experiments = (ROOT / "results" / "experiments" / "README.md").read_text(encoding="utf-8")
@@ -205,7 +213,7 @@ def test_4_the_scorer_decides_the_order():
     scores = pd.read_csv(ROOT / "results" / "figures" / "two-scorers.csv").query("input == 'mesh'")
     of = scores.set_index(["scorer", "measure", "method"])["value"]
     taus = []
-    for name in MEASURES:
+    for name in PRINTED_MEASURES:
         first, second = (
             [of[scorer, name, form] for form in CLASSICAL]
             for scorer in ("cm-bof", "spherical-harmonics")
@@ -257,10 +265,10 @@ def test_7_the_network_is_not_shown_to_add_more_than_the_outline(tables):
     average, flat = "learned-average", "learned-flat"
     for name in ("learned", average):
         assert leads(rows, name, CLASSICAL) == 32
-    tested = compared({name: rows[name] for name in ("learned", average)})
+    tested = compare_rivals({name: rows[name] for name in ("learned", average)})
     assert not tested.is_significant.any()
-    tested = compared({name: rows[name] for name in ("learned", flat)})
-    ft = MEASURES.index("FT")
+    tested = compare_rivals({name: rows[name] for name in ("learned", flat)})
+    ft = PRINTED_MEASURES.index("FT")
     assert tested.is_significant[0, 1, ft]
     assert not tested.is_above_scatter[0, 1, ft]
     fts = [hundredths(rows[name].means["FT"]) for name in ("learned", flat)]
@@ -282,8 +290,8 @@ def test_8_what_holds_on_generated_people_holds_on_real_ones_for_one_network(tab
     says(
         8,
         f"NN is {nn['learned']}, without any form {nn['identity']}",
-        f"{leads(rows, 'learned', [*forms])} of {len(MEASURES) * len(forms)} differences",
-        f"{leads(rows, best, [*forms])} of {len(MEASURES) * len(forms)} are",
+        f"{leads(rows, 'learned', [*forms])} of {len(PRINTED_MEASURES) * len(forms)} differences",
+        f"{leads(rows, best, [*forms])} of {len(PRINTED_MEASURES) * len(forms)} are",
         f"NN is {nn[best]}.",
     )
 

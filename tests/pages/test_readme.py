@@ -11,10 +11,10 @@ import pytest
 
 from benchmark.check import check
 from benchmark.pipeline.records import read_records
-from benchmark.reference.paper import AS_PRINTED, CLASSICAL, MEASURES, PRINTED
+from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PRINTED, PRINTED_MEASURES
 from benchmark.registry import find
 from benchmark.report.formats import markdown
-from benchmark.report.frames import hundredths
+from benchmark.report.notation import hundredths
 from benchmark.report.notes import table_notes
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import classical_figures, is_near
@@ -67,11 +67,11 @@ class Scores(dict):
     """Scores that are written as in tables: all, or those that a format names."""
 
     def __format__(self, measures):
-        return " ".join(hundredths(self[name]) for name in measures.split() or MEASURES)
+        return " ".join(hundredths(self[name]) for name in measures.split() or PRINTED_MEASURES)
 
 
 def above(one, other):
-    return [name for name in MEASURES if one[name] > other[name]]
+    return [name for name in PRINTED_MEASURES if one[name] > other[name]]
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +110,10 @@ def scores(views, rows):
         of = {name: Scores(one.means) for name, one in of_table.items()}
         of["random"] = Scores(views[table].chance[CITED[table]])
         of["best"] = Scores(
-            {m: max((of[name][m] for name in CLASSICAL if name in of), default=0) for m in MEASURES}
+            {
+                m: max((of[name][m] for name in CLASSICAL if name in of), default=0)
+                for m in PRINTED_MEASURES
+            }
         )
         found[table.replace("-", "_")] = of
     others = (
@@ -295,9 +298,9 @@ def test_figures_of_experiments_are_those_of_their_file(experiments):
     of_settings = pd.read_csv(ROOT / "results/experiments/depth-range.csv").groupby(
         ["fold", "seed", "epochs", "setting"]
     )
-    known |= {*of_settings[[*MEASURES, "error"]].mean().to_numpy().ravel().tolist()}
+    known |= {*of_settings[[*PRINTED_MEASURES, "error"]].mean().to_numpy().ravel().tolist()}
     known |= {
-        *of_settings[[*MEASURES, "error"]]
+        *of_settings[[*PRINTED_MEASURES, "error"]]
         .mean()
         .groupby(["epochs", "setting"])
         .mean()

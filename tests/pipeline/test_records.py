@@ -22,7 +22,7 @@ from benchmark.pipeline.records import (
     unneeded,
     write_record,
 )
-from benchmark.reference.paper import MEASURES
+from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.runs.planning import describe_change
 from tests.runs.toy import planned, run_toy
 from tools import publish as publishing
@@ -46,8 +46,8 @@ def made(method="gps", *, nn=0.5, finished="2026-01-01", key="a", **changes):
         "data": {"name": "pets", "title": "Pets", "source": "pets"},
         "shapes": shapes,
         "labels": ["cat", "cat", "dog", "dog", "owl"],
-        "scores": dict.fromkeys(MEASURES, sum(values) / 4),
-        "per_query": {name: [*values, None] for name in MEASURES},
+        "scores": dict.fromkeys(PRINTED_MEASURES, sum(values) / 4),
+        "per_query": {name: [*values, None] for name in PRINTED_MEASURES},
         "lone_queries": 1,
         "finished": finished,
         "commit": "c0ffee",

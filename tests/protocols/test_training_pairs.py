@@ -11,7 +11,7 @@ from benchmark.api.learning import digest_of
 from benchmark.datasets.base import Part
 from benchmark.errors import ConfigurationError, InvalidMesh
 from benchmark.pipeline.views import prepare_view
-from benchmark.protocols.pairs import training_data
+from benchmark.protocols.pairs import data_of_training
 from benchmark.protocols.trainings import TRAININGS
 from tests.toy import rod
 
@@ -38,7 +38,7 @@ def rods(broken="", name="people[draw=0]", canonical_poses=None):
 def made(monkeypatch, name, dataset=None, say=None, **part):
     monkeypatch.setattr("benchmark.protocols.pairs.open_dataset", lambda *_: dataset or rods())
     training = replace(TRAININGS[name], **part)
-    return training_data(training, None, say or (lambda _: None))
+    return data_of_training(training, None, say or (lambda _: None))
 
 
 def test_pairs_show_a_shape_and_its_subject_in_the_canonical_pose(monkeypatch):
@@ -99,7 +99,7 @@ def test_training_on_what_is_tested_is_refused(monkeypatch):
 
 
 def test_trainings_on_people_are_validated_on_new_ones_and_name_their_distance_from_each_draw():
-    data = training_data(TRAININGS["people-fold-0"], None, print)
+    data = data_of_training(TRAININGS["people-fold-0"], None, print)
     assert (data.n_pairs, data.n_validation) == (200, 40)
     pair = next(data.validation())
     assert pair.subject == "body-12" and pair.image.any()
@@ -112,7 +112,7 @@ def test_trainings_on_people_are_validated_on_new_ones_and_name_their_distance_f
 
 
 def test_random_people_are_kept_apart_from_tested_ones_and_from_the_judges():
-    data = training_data(TRAININGS["humans-sampled"], None, print)
+    data = data_of_training(TRAININGS["humans-sampled"], None, print)
     assert (data.n_pairs, data.n_validation) == (70_000, 40)
     assert data.clearance == dict.fromkeys(
         ("humans", "humans-scanlike", "people", "people[n=12]"), 0.25
@@ -129,4 +129,4 @@ def test_random_people_are_kept_apart_from_tested_ones_and_from_the_judges():
 @pytest.mark.parametrize("name", ["animals-sampled", "humans-varied"])
 def test_frozen_trainings_name_the_commit_that_has_their_generator(name):
     with pytest.raises(ConfigurationError, match="not generated any more; .* commit 4868b8b9"):
-        training_data(TRAININGS[name], None, print)
+        data_of_training(TRAININGS[name], None, print)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.report import columns, formats, notes, pages
-from benchmark.report.columns import JOBS, MEASURED, OBJECTS, Column, median
+from benchmark.report.columns import JOBS, OBJECTS, QUANTITIES, Column, median
 from benchmark.report.formats import as_json, latex, markdown
 from benchmark.report.notes import table_notes
 from benchmark.report.pages import table_html
@@ -23,10 +23,10 @@ def memory(monkeypatch):
         return record.notes["memory"].mean if "memory" in record.notes else None
 
     added = Column("memory", value, title="MiB", unit="most memory of a form", text="{:.0f}".format)
-    printed = (*columns.PRINTED_OF_ROW, median(added))
+    printed = (*columns.PRINTED_QUANTITIES, median(added))
     for module in (columns, formats, pages):
-        monkeypatch.setattr(module, "PRINTED_OF_ROW", printed)
-    monkeypatch.setattr(notes, "MEASURED", (*MEASURED, added))
+        monkeypatch.setattr(module, "PRINTED_QUANTITIES", printed)
+    monkeypatch.setattr(notes, "QUANTITIES", (*QUANTITIES, added))
 
 
 def view():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.report.comparison import ABOVE, compare, details, summaries
+from benchmark.report.comparison import ABOVE, compare_rows, details, summaries
 from benchmark.report.statistics import permutation_test
 from benchmark.report.tables import table_views
 from tests.report.records import LABELS, record
@@ -15,7 +15,7 @@ LETTERS = [name for name in "abcdefgh" for _ in range(2)]
 
 
 def compared(records, first, second=""):
-    return compare(table_views(records, methods=[first, second]), first, second)
+    return compare_rows(table_views(records, methods=[first, second]), first, second)
 
 
 def lines(records, first, second):

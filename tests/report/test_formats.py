@@ -16,10 +16,9 @@ from benchmark.cli.printing import print_markdown
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import entry_of
-from benchmark.report.columns import duration
 from benchmark.report.formats import (
     as_json,
-    bibliography,
+    bibtex_of_tables,
     blocks,
     latex,
     latex_text,
@@ -27,7 +26,7 @@ from benchmark.report.formats import (
     markdown,
     markdown_text,
 )
-from benchmark.report.frames import hundredths
+from benchmark.report.notation import hundredths, two_digits
 from benchmark.report.tables import table_views
 from tests.report.records import failed, record
 
@@ -85,7 +84,7 @@ def test_scores_have_two_decimals_and_no_leading_zero(value, shown):
 
 
 def test_durations_have_two_digits():
-    assert [duration(x) for x in (0.004, 0.61, 3.94, 42.4)] == [
+    assert [two_digits(x) for x in (0.004, 0.61, 3.94, 42.4)] == [
         ".00",
         ".61",
         "3.9",
@@ -149,7 +148,7 @@ def citing(**cites):
 
 def test_rows_cite_their_sources_and_the_bibliography_holds_what_they_cite():
     shown = citing(gps="", mine=ENTRY, other="rustamov2007gps", none="", unknown="nobody2001")
-    table, entries = latex(shown[0]), bibliography(shown)
+    table, entries = latex(shown[0]), bibtex_of_tables(shown)
     cites = {
         "GPS": "rustamov2007gps",
         "Mine": "me:26",
@@ -169,7 +168,7 @@ def test_rows_cite_their_sources_and_the_bibliography_holds_what_they_cite():
 
 def test_two_entries_with_one_key_are_refused():
     with pytest.raises(ConfigurationError, match="'me:26' with different entries"):
-        bibliography(citing(mine=ENTRY, other=ENTRY.replace("Mine", "Hers")))
+        bibtex_of_tables(citing(mine=ENTRY, other=ENTRY.replace("Mine", "Hers")))
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.stats import special_ortho_group
 
-from benchmark.report.forms import Drawn, StoredForms, alignments, centred, turned
+from benchmark.report.forms import Drawn, StoredForms, alignments, centred, turned_to
 from tests.toy import rod
 
 
@@ -22,7 +22,7 @@ def body(bend=1.2):
 def test_rotated_and_mirrored_copies_come_out_equal_and_the_mirrored_one_is_marked(sign, seed):
     mesh, turn = body(), sign * special_ortho_group(3, seed).rvs()
     copy = mesh.with_vertices(mesh.vertices @ turn)
-    form = turned(Drawn(copy), Drawn(mesh))
+    form = turned_to(Drawn(copy), Drawn(mesh))
     assert form.is_mirrored == (sign < 0)
     assert form.mesh.vertices == pytest.approx(mesh.vertices, abs=1e-9)
 
@@ -36,7 +36,7 @@ def test_a_form_that_hardly_differs_from_its_turned_self_is_turned_little():
         mesh.vertices * [1, 1, -1]
         + np.random.default_rng(0).normal(scale=0.02, size=mesh.vertices.shape)
     )
-    form = turned(Drawn(mesh), Drawn(other))
+    form = turned_to(Drawn(mesh), Drawn(other))
     assert form.mesh.vertices == pytest.approx(mesh.vertices, abs=0.1)
 
 
@@ -59,8 +59,8 @@ def test_forms_say_how_far_they_are_from_that_of_the_first_pose_in_any_turn_and_
         Drawn(each.with_vertices(sign * each.vertices @ turn))
         for each, sign in ((mesh, -1), (body(0.1), 1), (body(1.1), 1))
     )
-    assert turned(same, Drawn(mesh)).apart < 1e-9
-    assert 0.01 < turned(near, Drawn(mesh)).apart < 0.5 * turned(other, Drawn(mesh)).apart
+    assert turned_to(same, Drawn(mesh)).apart < 1e-9
+    assert 0.01 < turned_to(near, Drawn(mesh)).apart < 0.5 * turned_to(other, Drawn(mesh)).apart
 
 
 def test_forms_of_a_subject_are_turned_to_that_of_its_first_pose(results):

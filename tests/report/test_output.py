@@ -7,7 +7,7 @@ import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import read_records, write_record
-from benchmark.report.output import LIST, write_files
+from benchmark.report.output import WRITTEN_LIST, write_files
 from benchmark.report.results import Results
 from retrieval.cmbof import CMBOF
 from tests.report.records import record
@@ -18,7 +18,7 @@ def test_own_files_are_replaced_and_removed_and_no_others(tmp_path):
     (tmp_path / "mine.txt").write_text("mine")
     write_files(tmp_path, {"a.md": "1", "b.md": "1"})
     write_files(tmp_path, {"a.md": "2"})
-    assert {path.name for path in tmp_path.iterdir()} == {"a.md", "mine.txt", LIST}
+    assert {path.name for path in tmp_path.iterdir()} == {"a.md", "mine.txt", WRITTEN_LIST}
     assert (tmp_path / "a.md").read_text() == "2"
 
 
@@ -46,7 +46,7 @@ def test_a_list_that_names_files_elsewhere_or_is_damaged_harms_nothing(tmp_path)
         "[1]",
         '{"\udcff": "0"}',
     ):
-        (folder / LIST).write_text(text, errors="surrogateescape")
+        (folder / WRITTEN_LIST).write_text(text, errors="surrogateescape")
         write_files(folder, {"a.md": "1"})
     assert outside.read_text() == "kept"
 

@@ -17,7 +17,7 @@ from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.records import RankedShapes
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
-from benchmark.reference.paper import MEASURES
+from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.report.drawing import shaded
 from benchmark.report.figures import (
     COLOURS,
@@ -29,9 +29,10 @@ from benchmark.report.figures import (
     some_shapes,
 )
 from benchmark.report.forms import StoredForms
-from benchmark.report.grids import save
+from benchmark.report.grids import write_figure
 from benchmark.report.output import write_files
-from benchmark.report.pages import _kept_pose, _nearest, report_files
+from benchmark.report.pages import report_files
+from benchmark.report.query_pages import Match, kept_pose, nearest_matches
 from benchmark.report.sheets import frame_picture, mesh_picture
 from benchmark.report.tables import table_views
 from tests.report.records import by_class, failed, record
@@ -323,10 +324,10 @@ def test_the_overview_names_rows_above_all_others_of_their_block_and_says_where_
             f"{dataset} (generated, {count} classes)",
         )
         for name, score in scores.items():
-            of_query = {measure: [score] * len(labels) for measure in MEASURES}
+            of_query = {measure: [score] * len(labels) for measure in PRINTED_MEASURES}
             facts = {
                 "per_query": of_query,
-                "scores": dict.fromkeys(MEASURES, score),
+                "scores": dict.fromkeys(PRINTED_MEASURES, score),
                 "labels": labels,
             }
             yield record(
@@ -359,7 +360,7 @@ def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch
         "refuses", labels=labels, input_="view", unsupported=[("b4", "too thin; feed it")]
     )
     stored = lambda folder, one: matrix[np.ix_(one.answered, one.answered)]  # noqa: E731
-    monkeypatch.setattr("benchmark.report.pages.read_distances", stored)
+    monkeypatch.setattr("benchmark.report.query_pages.read_distances", stored)
     page = pages(
         tmp_path, record(labels=labels), record("learned", labels=labels, input_="view"), refused
     )
@@ -396,7 +397,9 @@ def test_matches_are_shapes_of_the_gallery_without_the_name_of_the_query():
         (False, [(3, 1, 0.333), (2, 2, 0.667), (1, 3, 1.0)]),
         (True, [(0, 1, None), (3, 2, None)]),
     ):
-        found = _nearest(record(labels=["a", "b"], against=ranked, keeps_same_names=keeps), matrix)
+        found = nearest_matches(
+            record(labels=["a", "b"], against=ranked, keeps_same_names=keeps), matrix
+        )
         assert found[0][: len(expected)] == expected
         assert found[1] == [(2, 1, None), (1, 2, None), (0, 3, None), (3, 4, None)]
 
@@ -408,15 +411,15 @@ def test_how_often_a_wrong_match_has_the_pose_of_the_query_stands_beside_chance(
     # By number: 0 and 1 match the other person, in their pose and in another one; 4 matches its own
     # pose; 2 is right.
     nearest = {
-        0: [(3, 1, 0.5)],
-        1: [(5, 1, 0.5)],
-        2: [(0, 1, 1.0)],
-        3: [(4, 1, 1.0)],
-        4: [(1, 1, 0.5)],
+        0: [Match(3, 1, 0.5)],
+        1: [Match(5, 1, 0.5)],
+        2: [Match(0, 1, 1.0)],
+        3: [Match(4, 1, 1.0)],
+        4: [Match(1, 1, 0.5)],
     }
-    assert _kept_pose(named, nearest) == pytest.approx([2 / 3, (1 / 4 + 1 / 4 + 1 / 3) / 3])
-    assert _kept_pose(named, {2: nearest[2]}) == []  # nothing fails
-    assert _kept_pose(record(), {0: [(4, 1, 0.5)]}) == []  # poses are numbers
+    assert kept_pose(named, nearest) == pytest.approx([2 / 3, (1 / 4 + 1 / 4 + 1 / 3) / 3])
+    assert kept_pose(named, {2: nearest[2]}) == []  # nothing fails
+    assert kept_pose(record(), {0: [Match(4, 1, 0.5)]}) == []  # poses are numbers
 
 
 def test_points_of_a_map_lead_to_their_queries(results, tmp_path):
@@ -434,7 +437,7 @@ def test_points_of_a_map_lead_to_their_queries(results, tmp_path):
 
 def test_the_first_of_the_class_of_a_query_is_listed_with_its_rank_where_it_is_late():
     matrix = np.array([[0.0, *range(9, 1, -1)], *np.zeros((8, 9))])
-    found = _nearest(record(labels=["a", "a", *"bbbbbbb"]), matrix)
+    found = nearest_matches(record(labels=["a", "a", *"bbbbbbb"]), matrix)
     assert found[0] == [
         (8, 1, 0.222),
         (7, 2, 0.333),
@@ -486,7 +489,7 @@ def test_figures_have_fonts_that_publishers_take(results, tmp_path):
     forms = StoredForms(results.folder)
     figures = [map_figure(view, forms), forms_figure(view, forms)]
     for number, figure in enumerate(figures):
-        save(figure, tmp_path / f"{number}.pdf")
+        write_figure(figure, tmp_path / f"{number}.pdf")
         data = (tmp_path / f"{number}.pdf").read_bytes()
         assert b"/Type3" not in data
         assert b"CreationDate" not in data
@@ -584,7 +587,7 @@ def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_p
     ]
     assert len(figure.axes) == 2 * 6
     assert [len(place.images) for place in figure.axes[6:]] == [1, 1, 1, 0, 0, 0]
-    save(figure, tmp_path / "forms.png")
+    write_figure(figure, tmp_path / "forms.png")
     assert Image.open(tmp_path / "forms.png").width == 300 * 5.1
     with pytest.raises(ConfigurationError, match="thin9"):
         forms_figure(view, forms, ["thin9"])

@@ -10,11 +10,11 @@ import pytest
 from benchmark.pipeline.records import write_record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PRINTED
-from benchmark.report.columns import PRINTED_OF_ROW
+from benchmark.report.columns import PRINTED_QUANTITIES
 from benchmark.report.formats import as_json, blocks, markdown, robustness_markdown
-from benchmark.report.frames import chosen_records
 from benchmark.report.notes import table_notes
 from benchmark.report.output import table_files
+from benchmark.report.record_facts import chosen_records
 from benchmark.report.results import Results
 from benchmark.report.tables import table_views
 from tests.report.records import LABELS, failed, record
@@ -198,7 +198,7 @@ def test_below_eight_classes_nothing_is_marked():
     assert table.marks == {}
     none = "No difference is significant and above the scatter: mesh (not decidable: 3 classes)."
     assert none in table_notes(table)
-    alone = replace(table, shown=frozenset({"far"}))
+    alone = replace(table, methods=frozenset({"far"}))
     assert not any("No difference" in note for note in table_notes(alone)), (
         "one row has no rival beside it"
     )
@@ -406,7 +406,9 @@ def test_seconds_are_of_the_processor_and_an_old_record_without_them_has_none():
     new = record("gps", processor_seconds={"canonicalise": 2.0, "geodesics": 0.25})
     old = record("skeleton", processor_seconds={})
     shown = view(new, old)
-    assert {row.method: column.value(row) for row in shown.rows for column in PRINTED_OF_ROW} == {
+    assert {
+        row.method: column.value(row) for row in shown.rows for column in PRINTED_QUANTITIES
+    } == {
         "gps": 2.25,
         "skeleton": None,
     }

@@ -5,11 +5,11 @@ from pandas import DataFrame
 
 from benchmark.datasets.official import SETS
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
-from benchmark.reference.paper import AS_PRINTED, CLASSICAL, MEASURES, PRINTED, Claim
+from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PRINTED, PRINTED_MEASURES, Claim
 from benchmark.report import data_titles, verdicts
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import (
-    _exchanged,
+    _reproduced_by_chance,
     assess,
     classical_figures,
     is_near,
@@ -116,9 +116,9 @@ def test_of_several_trainings_each_must_lead():
 
 def test_the_count_stands_beside_that_of_exchanged_rows_by_hand():
     printed, ours = (
-        DataFrame(dict.fromkeys(MEASURES, of)) for of in ([0.1, 0.5, 0.5], [0.1, 0.5, 0.9])
+        DataFrame(dict.fromkeys(PRINTED_MEASURES, of)) for of in ([0.1, 0.5, 0.5], [0.1, 0.5, 0.9])
     )
-    text = _exchanged(printed, ours)
+    text = _reproduced_by_chance(printed, ours)
     # Of the six exchanges, a stays in two, b's figure falls on b or c in four: 8, 8, 4, 4, 0 and 0
     # figures.
     assert text.startswith(
@@ -129,7 +129,7 @@ def test_the_count_stands_beside_that_of_exchanged_rows_by_hand():
     )  # .50 is near b and c
     assert "one constant for each measure, chosen in hindsight, 8." in text
     assert "NN .87, FT .87" in text
-    assert _exchanged(printed, ours.replace(0.9, np.nan)) == ""
+    assert _reproduced_by_chance(printed, ours.replace(0.9, np.nan)) == ""
 
 
 def test_only_the_papers_data_support_or_contradict_and_the_data_are_named(monkeypatch):

@@ -18,8 +18,8 @@ from benchmark.pipeline.views import prepare_view
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.tables import ROUND
 from benchmark.registry import select, select_one
-from benchmark.report.frames import tables_of
 from benchmark.report.notes import table_notes
+from benchmark.report.record_facts import tables_of
 from benchmark.report.results import open_results
 from benchmark.report.tables import table_views
 from benchmark.runs.planning import plan_selection

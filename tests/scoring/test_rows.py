@@ -13,7 +13,7 @@ from benchmark.commands.external_rows import forms_of, keep_distances, method_na
 from benchmark.commands.score import score
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import read_distances, read_records, write_record
-from benchmark.report.frames import seconds_of
+from benchmark.report.record_facts import seconds_of
 from retrieval.measures import score_draws
 from tests.report.records import record as made_up_record
 from tests.scoring.line import LABELS, NAMES, D
@@ -147,7 +147,7 @@ def test_forms_are_a_row_that_is_scored_once(tmp_path):
 
 
 def test_where_a_row_goes_is_checked_before_anything_is_computed_or_printed(tmp_path, monkeypatch):
-    monkeypatch.setattr("benchmark.cli.verbs.say_lines", None)
+    monkeypatch.setattr("benchmark.cli.scores.say_lines", None)
     command = (
         "score",
         tmp_path / "d.txt",

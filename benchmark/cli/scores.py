@@ -1,0 +1,87 @@
+"""``score``: print the scores of distances of another program, and keep them as a row."""
+
+from __future__ import annotations
+
+import json
+import shlex
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from benchmark.api.contracts import Input
+from benchmark.commands.score import Evaluation, score
+from benchmark.errors import ConfigurationError
+from benchmark.text import say, say_lines
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def print_scores_of_file(
+    distances: Path,
+    labels: Path,
+    order: str,
+    gallery: Path | None,
+    title: str,
+    dataset: str,
+    format: str,
+) -> None:
+    """Print the scores of distances in a file."""
+    if dataset:
+        raise ConfigurationError(
+            "--dataset names the data of a row that is kept", "pass --results, too"
+        )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UserWarning)  # these are among the notes
+        evaluation = score(distances, labels, order, gallery)
+    _print_evaluation(evaluation, title, format)
+
+
+def print_kept_scores(
+    distances: Path,
+    labels: Path,
+    order: str,
+    gallery: Path | None,
+    title: str,
+    dataset: str,
+    format: str,
+    results: Path,
+    input_: Input,
+) -> None:
+    """Print the scores of distances in a file, and keep them as a row in a results folder."""
+    from benchmark.commands.external_rows import score_and_keep  # whose rows need the runner
+
+    if gallery is not None:
+        raise ConfigurationError(
+            "a row that is kept has the queries as its gallery", "omit --gallery or --results"
+        )
+    evaluation, record = score_and_keep(
+        distances, labels, order, results=results, title=title, dataset=dataset, input=input_
+    )
+    _print_evaluation(evaluation, title, format)
+    chosen = shlex.join(["-d", record.data.name, "--results", str(results)])
+    say(f"kept as {record.method}: 'tables {chosen}' and 'report {chosen}' show it", err=True)
+
+
+def _print_evaluation(evaluation: Evaluation, title: str, format: str) -> None:
+    """Print the notes and the scores of an evaluation."""
+    for note in evaluation.notes:
+        say(note, err=True)
+    scores = evaluation.scores.rename_axis(title)
+    if format == "csv":
+        say_lines(scores.to_csv(float_format="%.6f"))
+    elif format == "json":
+        say_lines(_as_json(scores, title, len(evaluation.queries)))
+    elif format == "latex":
+        from benchmark.report.formats import latex_of_scores
+
+        say_lines("\n".join(latex_of_scores(title, scores["score"])))
+    else:
+        say_lines(scores.to_string(float_format="{:.2f}".format, na_rep="--"))
+
+
+def _as_json(scores: DataFrame, title: str, n_shapes: int) -> str:
+    """Return scores as JSON, with null for what does not exist."""
+    rounded = scores.round(6).astype(object).where(scores.notna(), None)
+    content = {"title": title, "n_shapes": n_shapes, **rounded.T.to_dict()}
+    return json.dumps(content, indent=1)

@@ -1,0 +1,184 @@
+"""Matrices of distances in text: numbers with or without names of rows and columns."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain, pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.delimited import (
+    TextRows,
+    ambiguous,
+    cells_of,
+    lines_of,
+    separators_of,
+    usual_separator,
+)
+from benchmark.errors import ConfigurationError
+
+#: A number whose comma may divide thousands.
+_THOUSANDS = re.compile(r"[1-9]\d{0,2},\d{3}")
+
+
+def read_text_matrix(content: bytes, n_rows: int, n_columns: int, hint: str) -> Any:
+    """Return the matrix in a text, as an array, or as a data frame if it names rows or columns.
+
+    Parameters
+    ----------
+    content
+        The text.
+    n_rows, n_columns
+        Numbers of labels, which decide if the first row and column may be names or distances; 0
+        columns for a square matrix.
+    hint
+        What to do if it cannot be read.
+    """
+    from pandas import DataFrame
+
+    lines = lines_of(content)
+    matrix = _plain_numbers(lines)
+    if matrix is not None:
+        expected = (n_rows, n_columns) if n_columns else matrix.shape[:1] * 2
+        if matrix.shape == expected:
+            return matrix
+    rows = _rows_of(lines)
+    if len(rows) > 1 and len(rows[0]) == len(rows[1]) - 1:
+        rows[0].insert(0, "")  # R leaves out the corner
+    _check_widths(rows, lines, hint)
+    if n_columns:
+        has_head, has_names = _names_of_rectangle(rows, n_rows, n_columns)
+    else:
+        has_head, has_names = _names_of_square(rows, n_rows)
+    body = rows[1:] if has_head else rows
+    first_column = [row[0] for row in body]
+    head = rows[0]
+    if has_names:
+        body = [row[1:] for row in body]
+        head = head[1:]
+    _check_commas(body)
+    values = np.array([[*map(_number, row)] for row in body], dtype=object)
+    if not (has_head or has_names):
+        return values
+    return DataFrame(values, first_column if has_names else None, head if has_head else None)
+
+
+def _plain_numbers(lines: Sequence[str]) -> NDArray[np.float64] | None:
+    """Read lines that hold nothing but numbers, the fast way; None if they are others."""
+    separator = next((mark for mark in ";\t," if mark in lines[0]), None)
+    try:
+        # Python takes 1_0 as a number.
+        plain = [line.encode("ascii").replace(b"_", b"?").decode() for line in lines]
+        return np.loadtxt(plain, delimiter=separator, ndmin=2)
+    except ValueError:
+        return None
+
+
+def _rows_of(lines: Sequence[str]) -> TextRows:
+    """Return the cells of lines; where several separators divide them, those between numbers.
+
+    Raises
+    ------
+    ConfigurationError
+        If several separators divide the lines into different cells, none or all of them numbers.
+    """
+    separators = separators_of(lines, has_short_first=True)
+    splits = {mark: cells_of(lines, mark) for mark in separators}
+    numbers = {mark: rows for mark, rows in splits.items() if _divides_numbers(rows)}
+    different = {str(rows): mark for mark, rows in (numbers or splits).items()}
+    if len(different) > 1:
+        raise ambiguous(list(different.values()))
+    for mark in different.values():
+        return splits[mark]
+    return cells_of(lines, usual_separator(lines))
+
+
+def _divides_numbers(rows: TextRows) -> bool:
+    """Return whether cells are numbers but for the first row, the first column and the diagonal."""
+    body = rows[1:] or rows
+    return all(_count_texts(row[1:]) <= 1 for row in body)
+
+
+def _count_texts(cells: Iterable[str]) -> int:
+    """Return how many cells are no numbers."""
+    return sum(not _is_number(cell) for cell in cells)
+
+
+def _check_widths(rows: TextRows, lines: Sequence[str], hint: str) -> None:
+    """Raise ``ConfigurationError`` if rows have different lengths.
+
+    The message says what they may be.
+    """
+    widths = [len(row) for row in rows]
+    steps = {after - before for before, after in pairwise(widths[1:])}
+    if len(rows) > 3 and steps in ({1}, {-1}):
+        problem = "its rows get longer or shorter, as in one triangle of a matrix"
+        raise ConfigurationError(problem, "write the whole matrix")
+    if len(rows) > 2 and len({*widths[1:]}) == 1 and widths[0] != widths[1]:
+        problem = f"its first line, '{lines[0].strip():.60}', is no row of the matrix"
+        raise ConfigurationError(problem, "delete the first line")
+    for number, width in enumerate(widths, 1):
+        if width != widths[0]:
+            problem = f"row {number} has length {width}, not {widths[0]}"
+            raise ConfigurationError(problem, hint)
+
+
+def _names_of_rectangle(rows: TextRows, n_rows: int, n_columns: int) -> tuple[bool, bool]:
+    """Return whether the first row and the first column of M x N distances hold names."""
+    has_head = len(rows) == n_rows + 1 or not all(map(_is_number, rows[0][1:]))
+    first_column = [row[0] for row in rows[1:]]
+    has_names = len(rows[0]) == n_columns + 1 or not all(map(_is_number, first_column))
+    return has_head, has_names
+
+
+def _names_of_square(rows: TextRows, count: int) -> tuple[bool, bool]:
+    """Return whether the first row and the first column of N x N distances hold names.
+
+    If numbers may be names or distances, the corner decides, or else the number of labels.
+    """
+    width = len(rows[0])
+    if len(rows) != width:
+        return len(rows) == width + 1, len(rows) == width - 1
+    has_corner = not _is_number(rows[0][0])
+    has_numbers_on_diagonal = any(map(_is_number, _diagonal(rows)))
+    has_both = has_corner and (has_numbers_on_diagonal or count == width - 1)
+    return has_both, has_both
+
+
+def _diagonal(rows: TextRows) -> Iterator[str]:
+    """Yield the cells of the diagonal of a square, without the corner."""
+    for place in range(1, len(rows)):
+        yield rows[place][place]
+
+
+def _is_number(cell: str) -> bool:
+    """Return whether a cell is a number."""
+    return isinstance(_number(cell), float)
+
+
+def _number(cell: str) -> Any:
+    """Return a cell as a number, in which a comma is decimal.
+
+    What is none stays, as it may lie on the diagonal.
+    """
+    if "_" in cell or not cell.isascii():  # which Python takes as numbers
+        return repr(cell)
+    try:
+        return float(cell.replace(",", "."))
+    except ValueError:
+        return cell
+
+
+def _check_commas(rows: TextRows) -> None:
+    """Raise ``ConfigurationError`` if commas of numbers may be decimal or divide thousands."""
+    cells = [*chain.from_iterable(rows)]
+    with_commas = [cell for cell in cells if "," in cell and _is_number(cell)]
+    if not with_commas:
+        return
+    if all(map(_THOUSANDS.fullmatch, with_commas)) or any("." in cell for cell in cells):
+        raise ConfigurationError(
+            "commas may be decimal or divide thousands", "write decimal points"
+        )

@@ -1,0 +1,145 @@
+"""The overview of a report: one measure of each method on each data set, and which rows lead."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from benchmark.protocols.tables import AGAINST, SURFACES, Block, GalleryGroup
+from benchmark.report.notes import block_lead
+from benchmark.report.page_builder import Pages, data_label
+from benchmark.report.rows import BLOCKS, RowScores, TableRow
+from benchmark.report.table_view import TableView
+
+#: Groups of the columns of the overview.
+OVERVIEW_GROUPS = ("Complete surfaces", "One depth view", "View against surfaces")
+
+#: Numbers of the groups.
+_OF_SURFACES = 0
+_OF_VIEWS = 1
+_AGAINST_SURFACES = 2
+
+
+class _Place(NamedTuple):
+    """Where a column of a table stands in the overview: number of its group, and its label."""
+
+    group: int
+    label: str
+
+
+class _ColumnOfTable(NamedTuple):
+    """A column of a table."""
+
+    view: TableView
+    column: GalleryGroup
+
+
+class _Cell(NamedTuple):
+    """A row in a column of the overview, its scores, and whether these are of views."""
+
+    row: TableRow
+    scores: RowScores
+    is_view: bool
+
+
+def matrix_of(pages: Pages, views: Iterable[TableView]) -> dict[str, Any]:
+    """Return what ``matrix.html`` shows of the columns of some tables.
+
+    Returns
+    -------
+    dict
+        ``columns``: label, name of the page, table and column of each; ``groups``: number of
+        columns of each group; ``rows``: by block and title of a row its cell in each column, or
+        None; ``leads``: sentences on the rows that lead.
+    """
+    columns: dict[_Place, _ColumnOfTable] = {}
+    for view in views:
+        for column in view.columns:
+            columns.setdefault(_place(view, column), _ColumnOfTable(view, column))
+    places = sorted(columns, key=lambda place: place.group)  # stable
+    in_order = []
+    for place in places:
+        view, column = columns[place]
+        in_order.append((place.label, pages.main(view).stem, view, column))
+    rows = {heading: _rows_of_block(block, columns, places) for block, heading in BLOCKS.items()}
+    return {
+        "columns": in_order,
+        "groups": _sizes_of_groups(places),
+        "rows": {heading: of_block for heading, of_block in rows.items() if of_block},
+        "leads": _leads(columns),
+    }
+
+
+def _place(view: TableView, column: GalleryGroup) -> _Place:
+    """Return where a column of a table stands in the overview."""
+    label = data_label(view)
+    if view.table.is_ablation:
+        label += ", ablation"
+    elif column.parts not in [("",), (SURFACES,)]:
+        label += f", {column.title.removeprefix(AGAINST)}"
+    if any(part.startswith(AGAINST) for part in column.parts):
+        return _Place(_AGAINST_SURFACES, label)
+    if column.input == "view":
+        return _Place(_OF_VIEWS, label)
+    return _Place(_OF_SURFACES, label)
+
+
+def _sizes_of_groups(places: Iterable[_Place]) -> dict[str, int]:
+    """Return how many columns each group has, by its heading."""
+    sizes = dict.fromkeys(OVERVIEW_GROUPS, 0)
+    for place in places:
+        sizes[OVERVIEW_GROUPS[place.group]] += 1
+    return sizes
+
+
+def _rows_of_block(
+    block: Block, columns: Mapping[_Place, _ColumnOfTable], places: Sequence[_Place]
+) -> dict[str, list[_Cell | None]]:
+    """Return the rows of a block by title, with their cell in each column, or None."""
+    of_columns = []
+    for place in places:
+        has_own_views = _Place(_OF_VIEWS, place.label) in columns
+        of_columns.append(_cells_of_column(block, columns[place], has_own_views=has_own_views))
+    rows: dict[str, list[_Cell | None]] = {}
+    for cells in of_columns:
+        for title in cells:
+            if title not in rows:
+                rows[title] = [others.get(title) for others in of_columns]
+    return rows
+
+
+def _cells_of_column(
+    block: Block, column: _ColumnOfTable, *, has_own_views: bool
+) -> dict[str, _Cell]:
+    """Return the rows of a block that have scores in a column, by title.
+
+    In a column of complete surfaces, networks have scores of views; they are left out if the views
+    of these data have a column of their own.
+    """
+    title = column.column.title
+    cells = {}
+    for row in column.view.printed_rows:
+        if row.kind != block or title not in row.scored:
+            continue
+        scores = row.scored[title]
+        is_as_printed = column.column.input == "as printed"
+        is_view = is_as_printed and scores.all_records[0].input == "view"
+        if not (has_own_views and is_view):
+            cells[row.title] = _Cell(row, scores, is_view)
+    return cells
+
+
+def _leads(columns: Mapping[_Place, _ColumnOfTable]) -> list[str]:
+    """Say which rows are significantly, and by more than the scatter, above all of their block."""
+    labels = defaultdict[str, list[str]](list)
+    for place, (view, column) in sorted(columns.items()):
+        for (title, block), tested in view.tests.items():
+            sees_views = place.group == _OF_SURFACES and block == "network"
+            if title != column.title or sees_views:
+                continue
+            row, n_behind = block_lead(view, title, block)
+            if n_behind == len(tested.rivals) - 1:
+                group = OVERVIEW_GROUPS[place.group].lower()
+                labels[f"{BLOCKS[block]}, {group}: {row.title}"].append(place.label)
+    return [f"{leader} on {'; '.join(of_leader)}." for leader, of_leader in sorted(labels.items())]

@@ -1,0 +1,139 @@
+"""What all pages of a report share: templates, navigation, pictures, and what tables are called."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from jinja2 import Environment, PackageLoader
+
+from benchmark.report.data_titles import short_data_title
+from benchmark.report.drawing import OBLIQUE, PALETTE, shaded, webp
+from benchmark.report.figures import MEASURE
+from benchmark.report.forms import Drawn, StoredForms
+from benchmark.report.notation import file_name, hundredths
+from benchmark.report.record_facts import change_of
+from benchmark.report.statistics import INTERVALS
+from benchmark.report.table_view import TableView
+from benchmark.text import clean_text
+
+#: Pages of a table by the end of their name.
+PAGES_OF_TABLE = {"": "Scores", "-forms": "Forms", "-queries": "Queries"}
+
+#: The page to play with.
+PLAY = "play.html"
+
+#: Pixels of the picture of a form on a page of forms.
+FORM_PIXELS = 240
+
+
+def _shown(value: Any) -> Any:
+    """Return a value as a template shows it: None as nothing, texts without control characters."""
+    if value is None:
+        return ""
+    if type(value) is str:  # and no markup, which is a kind of str
+        return clean_text(value)
+    return value
+
+
+TEMPLATES = Environment(
+    loader=PackageLoader("benchmark.report"),
+    autoescape=True,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    finalize=_shown,
+)
+TEMPLATES.globals |= {
+    "measure": MEASURE,
+    "side": FORM_PIXELS,
+    "kind_names": PAGES_OF_TABLE,
+    "intervals": INTERVALS,
+    "palette": PALETTE,
+    "viewing": OBLIQUE.direction,
+}
+TEMPLATES.filters |= {"anchor": file_name, "hundredths": hundredths}
+
+
+@dataclass
+class Pages:
+    """Pages and pictures under construction.
+
+    Parameters
+    ----------
+    forms
+        Reader of the forms of a results folder.
+    views
+        The tables.
+    files
+        Contents by name.
+    """
+
+    forms: StoredForms
+    views: Sequence[TableView]
+    files: dict[str, str | bytes] = field(default_factory=dict)
+
+    def add(self, name: str, template: str, title: str, **content: Any) -> None:
+        """Add a page."""
+        self.files[name] = TEMPLATES.get_template(template).render(
+            title=title,
+            here=name,
+            groups=self._navigation(),
+            has_overview=len(self.views) > 1,
+            play=PLAY if PLAY in self.files else "",
+            **content,
+        )
+
+    def _navigation(self) -> dict[str, dict[str, str]]:
+        """Return the tables that have pages: their labels by data and address."""
+        groups: dict[str, dict[str, str]] = {}
+        for view in self.views:
+            if self.main(view) is view:
+                label = "own" if view.is_of_own_data else view.table.identifier
+                groups.setdefault(data_label(view), {})[view.stem] = label
+        return groups
+
+    def main(self, view: TableView) -> TableView:
+        """Return the table on whose pages another one stands: that of the unchanged views."""
+        change = change_of(view.dataset)
+        if change is None or not view.table.is_cross:
+            return view
+        for other in self.views:
+            if other.table == view.table and other.dataset == change.base:
+                return other
+        return view
+
+    def picture(
+        self, name: str, drawn: Drawn | None, size: int, *, is_coloured: bool = False
+    ) -> str:
+        """Return the name of the picture of a surface, which is drawn once.
+
+        It is "" without a surface.
+        """
+        if drawn is None:
+            return ""
+        file = f"pictures/{file_name(name)}.webp"
+        if file not in self.files:
+            values = drawn.values if is_coloured else None
+            self.files[file] = webp(shaded(drawn.mesh, OBLIQUE, size, values))
+        return file
+
+
+def heading_of_table(view: TableView) -> str:
+    """Return the heading of the pages of a table."""
+    if view.is_of_own_data:
+        return view.caption
+    return f"Table {view.table.identifier}. {view.caption}"
+
+
+def label_of_table(view: TableView) -> str:
+    """Return a short name of a table and its data."""
+    if view.is_of_own_data:
+        return data_label(view)
+    return f"{view.table.identifier}: {data_label(view)}"
+
+
+def data_label(view: TableView) -> str:
+    """Return a short name of the data of a table."""
+    sample = next(iter(view.samples.values()))[0]
+    return clean_text(short_data_title(sample))

@@ -1,0 +1,280 @@
+"""Pages of queries: what each method finds for each shape, and why it fails."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.pipeline.records import RankedShapes, Record, read_distances
+from benchmark.report.figures import MEASURE, first_records
+from benchmark.report.notation import file_name
+from benchmark.report.page_builder import Pages
+from benchmark.report.table_view import TableView
+from benchmark.text import clean_text, listed
+
+#: Matches of a query that a page names.
+_N_MATCHES = 5
+
+#: Failed queries whose forms are drawn, the hardest ones.
+_HARDEST = 20
+
+#: Pixels of the picture of a shape.
+_PIXELS = 96
+
+#: What a row does with a query.
+_REFUSED = 0
+_MISSED = 1
+_HIT = 2
+
+#: What follows the class in the name of a shape whose pose has a name.
+_POSE = re.compile(r"[_/-]([^\W\d_][^\d]*)")
+
+
+class Match(NamedTuple):
+    """A shape that is near to a query.
+
+    Parameters
+    ----------
+    number
+        Its number in the gallery.
+    rank
+        Its rank, counted from 1.
+    ratio
+        Its distance over that of the first shape of the class of the query; None if that is 0, or
+        there is none.
+    """
+
+    number: int
+    rank: int
+    ratio: float | None
+
+
+#: Matches of queries by number.
+Nearest = Mapping[int, Sequence[Match]]
+
+
+class _Outcome(NamedTuple):
+    """What a row does with a query: refused, missed or hit, and its score."""
+
+    state: int
+    score: float
+
+
+@dataclass(frozen=True)
+class _QueryRow:
+    """A row on a page of queries.
+
+    Parameters
+    ----------
+    title, method
+        Title and name of its method.
+    record
+        Its record.
+    nearest
+        Its matches.
+    """
+
+    title: str
+    method: str
+    record: Record
+    nearest: Nearest
+
+    @cached_property
+    def outcomes(self) -> dict[int, _Outcome]:
+        """What it does with each query."""
+        scores = self.record.per_query[MEASURE]
+        return {
+            number: _Outcome(self._state(number), score or 0.0)
+            for number, score in enumerate(scores)
+        }
+
+    def _state(self, number: int) -> int:
+        """Return whether a query is refused, missed, or a hit."""
+        if number not in self.nearest:
+            return _REFUSED
+        labels = self.record.sides[-1].labels
+        for match in self.nearest[number][:1]:
+            if labels[match.number] == self.record.labels[number]:
+                return _HIT
+        return _MISSED
+
+
+def queries_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
+    """Add pictures of shapes and of failed queries, and return what ``queries.html`` shows.
+
+    Parameters
+    ----------
+    pages
+        The report.
+    view
+        A table with a single column.
+
+    Returns
+    -------
+    dict
+        ``title`` of the column; ``queries``, refused and missed ones first, with the outcome of
+        each row; ``rows``: title and anchor; ``kept``: see :func:`kept_pose`; ``refused`` shapes
+        with reasons; ``data`` for the script. It is empty if no distances are stored.
+    """
+    rows = _rows(pages, view)
+    if not rows:
+        return {}
+    first = rows[0].record
+    queries = [number for number, score in enumerate(first.per_query[MEASURE]) if score is not None]
+    outcomes = {number: _outcomes_of(number, rows) for number in queries}
+    worst = {number: min(of_query).state for number, of_query in outcomes.items()}
+
+    def hardness(number: int) -> tuple[int, float]:
+        """Return what queries are sorted by: the worst outcome, then the sum of scores."""
+        return worst[number], sum(outcome.score for outcome in outcomes[number])
+
+    order = sorted(queries, key=hardness)
+    missed = [number for number in order if worst[number] < _HIT][:_HARDEST]
+    of_rows = [(row.title, row.nearest, _pictures_of_missed(pages, row, missed)) for row in rows]
+    in_order = []
+    for number in order:
+        is_fine = worst[number] == _HIT
+        in_order.append({"number": number, "cells": outcomes[number], "is_fine": is_fine})
+    return {
+        "title": view.columns[0].title,
+        "queries": in_order,
+        "rows": [(row.title, file_name(row.method)) for row in rows],
+        "kept": [kept_pose(row.record, row.nearest) for row in rows],
+        "refused": _refusals(rows),
+        "data": {"sides": [_shapes(pages, side) for side in first.sides], "rows": of_rows},
+    }
+
+
+def _outcomes_of(number: int, rows: Iterable[_QueryRow]) -> list[_Outcome]:
+    """Return what each row does with a query."""
+    return [row.outcomes[number] for row in rows]
+
+
+def _rows(pages: Pages, view: TableView) -> list[_QueryRow]:
+    """Return the rows of a table whose distances are stored."""
+    rows = []
+    for row, record in first_records(view).items():
+        matrix = read_distances(pages.forms.folder, record)
+        if matrix is not None:
+            nearest = nearest_matches(record, matrix)
+            rows.append(_QueryRow(row.title, row.method, record, nearest))
+    return rows
+
+
+def nearest_matches(record: Record, matrix: NDArray[np.float64]) -> Nearest:
+    """Return the nearest shapes of each query with a result, but itself.
+
+    The first shape of its class is also among them if it is later.
+    """
+    gallery = record.sides[-1]
+    numbers = np.array(gallery.answered)
+    shapes = np.array(gallery.shapes)[numbers]
+    labels = np.array(gallery.labels)[numbers]
+    matches = {}
+    for query, distances in zip(record.answered, matrix, strict=True):
+        order = np.argsort(distances, kind="stable")
+        if not record.keeps_same_names:
+            order = order[shapes[order] != record.shapes[query]]
+        of_class = np.flatnonzero(labels[order] == record.labels[query])[:1].tolist()
+        unit = float(distances[order[of_class[0]]]) if of_class else 0.0
+        places = [*range(min(_N_MATCHES, len(order)))]
+        places += [place for place in of_class if place >= _N_MATCHES]
+        matches[query] = [
+            Match(int(numbers[order[place]]), place + 1, _ratio(distances[order[place]], unit))
+            for place in places
+        ]
+    return matches
+
+
+def _ratio(distance: float, unit: float) -> float | None:
+    """Return a distance over another one; None if that is 0."""
+    if not unit:
+        return None
+    return round(float(distance) / unit, 3)
+
+
+def kept_pose(record: Record, nearest: Nearest) -> list[float]:
+    """Return how often the match of a failed query has its pose, and how often by chance.
+
+    Chance is a random shape of another class. It is empty if poses have no names, as in
+    ``man-1_kneeling``, or no query fails.
+    """
+    poses = [_poses(side) for side in record.sides]
+    if not all(poses):
+        return []
+    of_queries = poses[0]
+    in_gallery = np.array(poses[-1])
+    labels = np.array(record.sides[-1].labels)
+    has_pose = []
+    shares = []
+    for query, matches in nearest.items():
+        is_other = labels != record.labels[query]
+        for match in matches[:1]:
+            if is_other[match.number]:
+                has_pose.append(in_gallery[match.number] == of_queries[query])
+                shares.append(np.mean(in_gallery[is_other] == of_queries[query]))
+    if not any(shares):
+        return []
+    return [float(np.mean(has_pose)), float(np.mean(shares))]
+
+
+def _poses(side: RankedShapes) -> list[str]:
+    """Return the poses of shapes, as their names say them; empty if a name says none."""
+    poses = []
+    for shape, label in zip(side.shapes, side.labels, strict=True):
+        pose = _POSE.fullmatch(shape.removeprefix(label))
+        if pose is None:
+            return []
+        poses.append(pose[1])
+    return poses
+
+
+def _refusals(rows: Iterable[_QueryRow]) -> list[tuple[str, str, str]]:
+    """Return the shapes that were refused, the reason with its remedy, and the rows that say so."""
+    titles = defaultdict[tuple[str, str], dict[str, None]](dict)
+    for row in rows:
+        for shape, reason in chain.from_iterable(side.unsupported for side in row.record.sides):
+            titles[shape, reason][row.title] = None
+    return [
+        (clean_text(shape), clean_text(reason), listed(of_refusal))
+        for (shape, reason), of_refusal in titles.items()
+    ]
+
+
+def _shapes(pages: Pages, side: RankedShapes) -> list[tuple[str, str, str]]:
+    """Return names, classes and pictures of shapes that are queries or ranked."""
+    place = f"{side.input}-{side.data.name}"
+    shapes = []
+    for shape, label in zip(side.shapes, side.labels, strict=True):
+        picture = pages.picture(f"{place}-{shape}", pages.forms.shape(side, shape), _PIXELS)
+        shapes.append((clean_text(shape), clean_text(label), picture))
+    return shapes
+
+
+def _pictures_of_missed(pages: Pages, row: _QueryRow, missed: Sequence[int]) -> dict[int, str]:
+    """Return the pictures of the forms of missed queries, and of their matches, by number.
+
+    It is empty if no forms are stored.
+    """
+    record = row.record
+    numbers = {query for query in missed if query in row.nearest}
+    if len(record.sides) == 1:
+        for query in missed:
+            numbers.update(match.number for match in row.nearest.get(query, ()))
+    name = f"{record.input}-{record.data.name}-{record.method}-near"
+    files = {}
+    for number in sorted(numbers):
+        shape = record.shapes[number]
+        form = pages.forms.form_like_shape(record, shape)
+        file = pages.picture(f"{name}-{shape}", form, _PIXELS, is_coloured=True)
+        if file:
+            files[number] = file
+    return files

@@ -1,0 +1,143 @@
+"""Which differences between rows are significant, and which are larger than the scatter of scores.
+
+A test over classes says nothing about the scatter: two runs of one method would differ as well,
+because each draws its codebook and each training starts at its own seed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.defaults import DEFAULT_SCORER
+from benchmark.pipeline.records import Record
+from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.registry.names import base_name
+from benchmark.report.record_facts import block_of
+from benchmark.report.rows import RowScores
+from benchmark.report.statistics import ALPHA, permutation_test
+
+#: Differences below half a unit of the last decimal of records are none.
+SAME = 5e-7
+
+#: Standard errors of means over three draws of the codebook, for records that do not hold theirs:
+#: those of four methods on complete surfaces of TOSCA, over twelve draws.
+DRAW_ERRORS = {"NN": 0.011, "FT": 0.004, "ST": 0.006, "DCG": 0.003}
+
+
+@dataclass(frozen=True, eq=False)
+class ComparedRivals:
+    """Rows of a block in one column that can be compared, with the outcome of their tests.
+
+    Parameters
+    ----------
+    rivals
+        Scores of the rows by method.
+    is_significant
+        Which differences have p < .05 in the test of all rows and measures, shape (rows, rows,
+        measures).
+    is_above_scatter
+        Which of them are also larger than the scatter of codebooks and trainings.
+    """
+
+    rivals: Mapping[str, RowScores]
+    is_significant: NDArray[np.bool_]
+    is_above_scatter: NDArray[np.bool_]
+
+    @property
+    def n_classes(self) -> int:
+        """Number of classes over which is tested."""
+        first = next(iter(self.rivals.values()))
+        return len({*first.labels})
+
+    def marks(self) -> dict[str, dict[str, str]]:
+        """Return the marks of the rows by method and measure.
+
+        ``"bold"`` for the best, ``"italic"`` where it is not significantly better than a row,
+        ``"scatter"`` where it is, but within the scatter of codebooks or trainings, and "".
+        """
+        means = _means(self.rivals.values())
+        is_best = means >= means.max(axis=0) - SAME
+        best = is_best.argmax(axis=0)[None, None]
+        is_worse = np.take_along_axis(self.is_significant, best, axis=0)[0]
+        is_above = np.take_along_axis(self.is_above_scatter, best, axis=0)[0]
+        marks = np.where(is_above, "", "scatter")
+        marks[~is_worse] = "italic"
+        marks[is_best] = "bold"
+        return {
+            method: dict(zip(PRINTED_MEASURES, of_row, strict=True))
+            for method, of_row in zip(self.rivals, marks.tolist(), strict=True)
+        }
+
+
+def compare_rivals(rivals: Mapping[str, RowScores]) -> ComparedRivals:
+    """Test all differences between some rows, in all measures at once."""
+    rows = [*rivals.values()]
+    means = _means(rows)
+    p_values = permutation_test([row.values for row in rows], rows[0].labels)
+    is_significant = p_values < ALPHA
+    is_above = np.abs(means[:, None] - means) > scatter_of(rows).least + SAME
+    return ComparedRivals(rivals, is_significant, is_significant & is_above)
+
+
+class Scatter(NamedTuple):
+    """How far the scores of rows may be apart though their methods are equally good.
+
+    Parameters
+    ----------
+    least
+        The difference, by measure, that one above the scatter exceeds; infinite where there is
+        nothing to tell it from.
+    where
+        What a smaller difference is within, in words.
+    """
+
+    least: NDArray[np.float64]
+    where: str
+
+
+def scatter_of(rows: Sequence[RowScores]) -> Scatter:
+    """Return the scatter of the scores of some rows.
+
+    It is twice the standard error of a difference over draws of the codebook. Between networks, it
+    is also the largest range of the scores of a row over its seeds and folds.
+    """
+    records = [row.all_records for row in rows]
+    squared_errors = [_squared_error(of_row) for of_row in records]
+    of_codebooks = np.asarray(2 * np.sqrt(2 * np.mean(squared_errors, axis=0)))
+    if any(block_of(of_row[0]) != "network" for of_row in records):
+        return Scatter(of_codebooks, "within the scatter of codebooks")
+    ranges = [_range(of_row) for of_row in records if len(of_row) > 1]
+    if not ranges:
+        return Scatter(np.full(len(PRINTED_MEASURES), np.inf), "one training each")
+    of_trainings = np.max(ranges, axis=0)
+    return Scatter(np.maximum(of_codebooks, of_trainings), "within the spread of trainings")
+
+
+def _squared_error(records: Sequence[Record]) -> NDArray[np.float64]:
+    """Return the squared standard error, by measure, of a mean over records."""
+    squares = np.square([_draw_errors(record) for record in records])
+    return np.asarray(squares.sum(axis=0) / len(records) ** 2)
+
+
+def _draw_errors(record: Record) -> list[float]:
+    """Return the standard errors of the scores of a record over draws of the codebook."""
+    errors = record.draw_errors
+    if not errors and base_name(record.scorer) == DEFAULT_SCORER:
+        errors = DRAW_ERRORS
+    return [errors.get(measure, 0.0) for measure in PRINTED_MEASURES]
+
+
+def _range(records: Iterable[Record]) -> NDArray[np.float64]:
+    """Return the range of the scores of records, by measure."""
+    scores = [[*map(record.scores.__getitem__, PRINTED_MEASURES)] for record in records]
+    return np.asarray(np.ptp(scores, axis=0))
+
+
+def _means(rows: Iterable[RowScores]) -> NDArray[np.float64]:
+    """Return the means of rows, shape (rows, measures)."""
+    return np.array([[*row.means.values()] for row in rows])
