@@ -19,8 +19,7 @@ import pytest
 from scipy.stats import kendalltau, rankdata
 
 from benchmark.pipeline.records import read_records
-from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PRINTED_MEASURES
-from benchmark.reference.paper import PAPERS_NETWORKS
+from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PAPERS_NETWORKS, PRINTED_MEASURES
 from benchmark.report.notation import hundredths
 from benchmark.report.rivals import compare_rivals
 from benchmark.report.rows import RowScores
