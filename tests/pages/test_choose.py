@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import pytest
-from benchmark.report.frames import seconds_of
 
 from benchmark.commands.compare import compare
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry.known import BUILT_IN
+from benchmark.report.record_facts import seconds_of
 from tests.pages.test_readme import ROOT, every_view, rows, scores, views  # noqa: F401
 
 PAGE = (ROOT / "docs/start/choose.md").read_text(encoding="utf-8")
