@@ -17,6 +17,7 @@ from msgspec.structs import asdict
 from typer import Argument, Exit, Option, Typer
 from typer.core import TyperCommand
 
+from benchmark.cli.examples import example_of
 from benchmark.defaults import DATA_VARIABLE, DEFAULT_SCORER
 
 _application = partial(
@@ -52,6 +53,12 @@ class Verb(TyperCommand):
             if given.count(option) > 1 and not (takes_several or is_flag):
                 ctx.fail(f"{max(option.opts, key=len)} is given twice")
         return super().parse_args(ctx, args)
+
+    def format_epilog(self, ctx: Any, formatter: Any) -> None:
+        """Write an example below the options."""
+        if example := example_of(ctx.command_path):
+            with formatter.section("Example"):
+                formatter.write_text(example)
 
 
 # Options of several verbs, by their types

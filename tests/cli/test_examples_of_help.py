@@ -1,0 +1,35 @@
+"""Each verb has an example in its help, whose words the verb knows."""
+
+import shlex
+
+import pytest
+import typer
+
+from benchmark.cli.examples import EXAMPLES, example_of
+from tests.verbs import VERBS, call
+
+
+def paths(commands, before=()):
+    """Yield the words of each verb, with those of the group around it."""
+    for name, command in commands.items():
+        if hasattr(command, "commands"):
+            yield from paths(command.commands, (*before, name))
+        else:
+            yield (*before, name)
+
+
+@pytest.mark.parametrize("path", list(paths(VERBS)), ids=" ".join)
+def test_the_help_of_a_verb_ends_with_an_example_that_it_understands(path):
+    example = example_of(f"python -m benchmark {' '.join(path)}")
+    help_text = " ".join(call(*path, "--help").split())
+    assert help_text.endswith(f"Example: {example}")
+    words = shlex.split(example)[3:]
+    assert tuple(words[: len(path)]) == path
+    command = VERBS[path[0]]
+    for name in path[1:]:
+        command = command.commands[name]
+    command.make_parser(typer.Context(command)).parse_args(words[len(path) :])
+
+
+def test_no_example_is_of_a_verb_that_is_gone():
+    assert EXAMPLES.keys() == {" ".join(path) for path in paths(VERBS)}
