@@ -23,6 +23,7 @@ from benchmark.report.forms import StoredForms
 from benchmark.report.page_builder import data_label, heading_of_table
 from benchmark.report.pages import fixed_file, report_files, table_html
 from benchmark.report.play import play_galleries, play_page, render_play_page
+from benchmark.report.table_view import TableView
 from benchmark.report.tables import table_views
 
 if TYPE_CHECKING:
@@ -41,22 +42,35 @@ PUBLISHED_TABLES = {
     for view in table_views(read_records(REPOSITORY / "results", local=False), paper=True)
 }
 
-#: The report of these tables, and what links to it: in the repository, the folder of the tables.
-REPORT, REPORTED = "report/index.html", "results/tables"
+#: The report of these tables.
+REPORT = "report/index.html"
 
-#: The page to play with, and the small data that it shows where no quick run is kept.
-PLAY, PLAY_DATA = "play.html", REPOSITORY / "results" / "figures" / "play.json"
+#: What links to it in the repository: the folder of the tables.
+REPORTED = "results/tables"
 
-#: Examples that are pages of the site, by their path.
-EXAMPLES = {
-    path.relative_to(REPOSITORY).as_posix(): f"examples/{path.name.replace('.', '-')}.md"
-    for pattern in ("*.py", "*.cpp", "*.m")
-    for path in sorted((REPOSITORY / "examples").glob(pattern))
-    if not path.name.startswith("test_")
-}
+#: The page to play with.
+PLAY = "play.html"
+
+#: The small data that it shows where no quick run is kept.
+PLAY_DATA = REPOSITORY / "results" / "figures" / "play.json"
 
 #: Languages of examples by the end of their name.
 LANGUAGES = {".py": "python", ".cpp": "cpp", ".m": "matlab"}
+
+
+def _examples() -> dict[str, str]:
+    """Return the addresses of examples on the site, by their path."""
+    addresses = {}
+    for ending in LANGUAGES:
+        for path in sorted((REPOSITORY / "examples").glob(f"*{ending}")):
+            if not path.name.startswith("test_"):
+                address = f"examples/{path.name.replace('.', '-')}.md"
+                addresses[path.relative_to(REPOSITORY).as_posix()] = address
+    return addresses
+
+
+#: Examples that are pages of the site.
+EXAMPLES = _examples()
 
 #: Where pages of the report name each other, and here also the documentation.
 NAVIGATION = '<nav aria-label="Tables">'
@@ -156,7 +170,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def play_page_of_site() -> str:
-    """Return the page to play with, of the quick runs of generated sets that are kept here, or of small data.
+    """Return the page to play with, of the quick runs that are kept here, or of small data.
 
     The geometry of official sets is not published.
     """
@@ -166,7 +180,8 @@ def play_page_of_site() -> str:
         for record in read_records(results, published=False)
         if record.data.quick and not record.data.path and not official_set(record)
     ]
-    if galleries := play_galleries(StoredForms(results), records):
+    galleries = play_galleries(StoredForms(results), records)
+    if galleries:
         return play_page(galleries, back="index.html")
     data = json.loads(PLAY_DATA.read_bytes())
     return render_play_page(data["content"], data["numbers"], back="index.html")
@@ -184,37 +199,55 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     address = page.file.src_uri
     if address.startswith("api/"):
         return markdown
-    if view := PUBLISHED_TABLES.get(address.removeprefix("repository/")):
+    view = PUBLISHED_TABLES.get(address.removeprefix("repository/"))
+    if view is not None:
         page.meta["hide"] = ["toc"]  # a wide table has the room
-        report = posixpath.relpath(REPORT, posixpath.dirname(address))
-        lead = f"[Classes, maps and queries]({report})"
-        return f"# {heading_of_table(view)}\n\n{lead}\n\n{table_html(view)}"
-    source = next((path for path, uri in URIS.items() if uri == address), None)
-    source = source or (
-        address.removeprefix("repository/")
-        if address.startswith("repository/")
-        else f"docs/{address}"
-    )
+        return _page_of_table(view, address)
+    source = _source(address)
+    known = files.src_uris
 
-    def led(link: re.Match[str]) -> str:
+    def converted(link: re.Match[str]) -> str:
+        """Return a link to a page of the site; the text of a link to anything else."""
         picture, text, target, anchor = link.groups(default="")
         path = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
         uri = REPORT if path == REPORTED else _uri(path)
-        if uri not in files.src_uris:
+        if uri not in known:
             return text
-        return f"{picture}[{text}]({posixpath.relpath(uri, posixpath.dirname(address) or '.')}{anchor})"
+        return f"{picture}[{text}]({_relative(uri, address)}{anchor})"
 
-    def shown(found: re.Match[str]) -> str:
-        start, target = found.groups()
+    def converted_picture(picture: re.Match[str]) -> str:
+        """Return the beginning of a picture in HTML with its address on the site."""
+        start, target = picture.groups()
         path = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
-        return start + posixpath.relpath(_uri(path), posixpath.dirname(address) or ".")
+        return start + _relative(_uri(path), address)
 
     # Markdown leaves a <div> alone, and a <span> within its line.
     markdown = MATH.sub(lambda found: f"<div>{_formula(found[1], 'block')}</div>\n", markdown)
     markdown = INLINE_MATH.sub(
         lambda found: f"<span>{_formula(found[1], 'inline')}</span>", markdown
     )
-    return PICTURE.sub(shown, LINK.sub(led, markdown))
+    return PICTURE.sub(converted_picture, LINK.sub(converted, markdown))
+
+
+def _page_of_table(view: TableView, address: str) -> str:
+    """Return the page of a published table."""
+    lead = f"[Classes, maps and queries]({_relative(REPORT, address)})"
+    return f"# {heading_of_table(view)}\n\n{lead}\n\n{table_html(view)}"
+
+
+def _relative(uri: str, address: str) -> str:
+    """Return the way from a page of the site to a file of it."""
+    return posixpath.relpath(uri, posixpath.dirname(address) or ".")
+
+
+def _source(address: str) -> str:
+    """Return the file of the repository that a page of the site shows."""
+    for path, uri in URIS.items():
+        if uri == address:
+            return path
+    if address.startswith("repository/"):
+        return address.removeprefix("repository/")
+    return f"docs/{address}"
 
 
 class Docstrings(Extension):
@@ -229,34 +262,42 @@ class Docstrings(Extension):
 
 
 def _formula(latex: str, display: str) -> str:
+    """Return a formula as MathML."""
     return convert(" ".join(latex.split()), display=display)
 
 
 def _reference(role: re.Match[str]) -> str:
+    """Return a role as a link to what it names, if the site has it."""
     name = escape(role[1])
-    return f'<autoref identifier="{name}" optional><code>{name.rpartition(".")[2]}</code></autoref>'
+    _, _, short = name.rpartition(".")
+    return f'<autoref identifier="{name}" optional><code>{short}</code></autoref>'
 
 
 def _paths(*patterns: str) -> list[str]:
-    paths = [
-        path.relative_to(REPOSITORY).as_posix()
-        for pattern in patterns
-        for path in sorted(REPOSITORY.glob(pattern))
-    ]
-    return list(dict.fromkeys(paths))
+    """Return the files of the repository that match patterns, each once."""
+    paths: dict[str, None] = {}
+    for pattern in patterns:
+        for path in sorted(REPOSITORY.glob(pattern)):
+            paths[path.relative_to(REPOSITORY).as_posix()] = None
+    return [*paths]
 
 
 def _modules() -> list[str]:
-    names = (path.removesuffix(".py").replace("/", ".") for path in _paths(*DOCUMENTED))
+    """Return the names of the modules that form the reference."""
+    names = [path.removesuffix(".py").replace("/", ".") for path in _paths(*DOCUMENTED)]
     return [name.removesuffix(".__init__") for name in names]
 
 
 def _uri(path: str) -> str:
     """Return the address on the site of a file of the repository."""
-    inside = path.removeprefix("docs/") if path.startswith("docs/") else f"repository/{path}"
-    return URIS.get(path, inside)
+    if path in URIS:
+        return URIS[path]
+    if path.startswith("docs/"):
+        return path.removeprefix("docs/")
+    return f"repository/{path}"
 
 
 def _title(path: str) -> str:
+    """Return the title of a page without a heading: the name of its file."""
     words = Path(path).stem.replace("-", " ")
     return words[0].upper() + words[1:]

@@ -54,7 +54,7 @@ from retrieval.views import BACKGROUND, view_sphere
 from tests.learned.toy import person
 from tests.retrieval.figures import figure
 
-Work = Callable[[], Any]
+Workload = Callable[[], Any]
 FloatArray = NDArray[np.float64]
 HEADER = ("what", "ours", "limit", "other program", "its time", "ratio", "how it was measured")
 readable = EngFormatter("s", places=2)
@@ -81,9 +81,9 @@ class Measurement(NamedTuple):
     """
 
     name: str
-    ours: Work
+    ours: Workload
     peer: str = ""
-    theirs: Work | None = None
+    theirs: Workload | None = None
     detail: str = ""
     units: int = 1
     peer_units: int = 1
@@ -102,8 +102,8 @@ class Measurement(NamedTuple):
         return (self.name, readable(ours), limit, *peer, self.detail)
 
 
-def least(work: Work) -> float:
-    """Return the least processor time of three runs, or of one slow run, after one that compiles."""
+def least(work: Workload) -> float:
+    """Return the least processor time of three runs, or of a slow one, after one that compiles."""
     start = time.process_time()
     work()
     is_fast = time.process_time() - start < 5
@@ -247,7 +247,8 @@ N_VIEWS = len(SPHERE.directions)
 
 def of_scorer(n_words: int = 1500, n_forms: int = 40, n_peers: int = 4) -> Iterator[Measurement]:
     """Measure one signature and one pair on one core."""
-    scorer, form = CMBOF(), figure(0, parts=12)
+    scorer = CMBOF()
+    form = figure(0, parts=12)
     upright = normalise(form, scorer.pose, scorer.image_size)
     yield Measurement(
         "CM-BOF signature of one form",
@@ -334,7 +335,7 @@ def dense_counts(form: Histograms, n_words: int) -> NDArray[np.int32]:
 
 
 def dense_matching(first: NDArray[np.int32], second: NDArray[np.int32]) -> float:
-    """Return the clock matching of two tables of word counts, shape (66, n_words), by definition."""
+    """Return the clock matching of two tables of word counts by its definition."""
     larger = np.maximum(first.sum(axis=1)[:, None], second.sum(axis=1))
     shared = np.array([np.minimum(view, second).sum(axis=1) for view in first])
     dissimilarity = 1 - shared / larger
@@ -378,7 +379,10 @@ def of_frames() -> Iterator[Measurement]:
         """Return the form of the frame."""
         return form_of_object(files.observe(), method).mesh
 
-    steps: dict[str, Work] = {"form": form, "signature": lambda: compute_signature(scorer, form())}
+    steps: dict[str, Workload] = {
+        "form": form,
+        "signature": lambda: compute_signature(scorer, form()),
+    }
     for name, work in steps.items():
         yield Measurement(
             f"frame of a depth camera, file to {name}", work, detail="320 x 240 pixels, with a mask"

@@ -37,7 +37,7 @@ def write_demo(
 
 
 def has_screen() -> bool:
-    """Return whether a browser can show a page: not in a container, or in a shell on another machine."""
+    """Return whether a browser can show a page, as it cannot in a container or a remote shell."""
     if sys.platform == "darwin":
         return "SSH_CONNECTION" not in os.environ
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -39,13 +39,16 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@cli.callback()
+@cli.callback(
+    help="Canonical forms for non-rigid 3D shape retrieval: "
+    "run methods, score them, make the tables."
+)
 def root(
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print it.")
     ] = False,
 ) -> None:
-    """Canonical forms for non-rigid 3D shape retrieval: run methods, score them, make the tables."""
+    """Take the options that stand before a verb."""
 
 
 def program() -> None:

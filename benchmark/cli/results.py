@@ -42,7 +42,7 @@ def write_tables(
     say(f"wrote {len(files)} files to {output}")
 
 
-def write_report(selection: Selection, output: Path, *, failed: bool, force: bool) -> None:
+def write_report_pages(selection: Selection, output: Path, *, failed: bool, force: bool) -> None:
     """Write the pages of a report."""
     from benchmark.commands.report import write_pages
 

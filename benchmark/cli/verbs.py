@@ -123,10 +123,10 @@ def report_verb(
 
     Pages show tables, maps, and canonical forms in 3D.
     """
-    from benchmark.cli.results import draw_figure, write_report
+    from benchmark.cli.results import draw_figure, write_report_pages
 
     if figure is None:
-        write_report(selection, output or Path("results/report"), failed=failed, force=force)
+        write_report_pages(selection, output or Path("results/report"), failed=failed, force=force)
     else:
         draw_figure(selection, output or Path(f"{figure}.pdf"), figure, shapes, force=force)
 

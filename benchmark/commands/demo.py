@@ -154,7 +154,7 @@ def _every_form(shapes: Sequence[DemoShape], components: Sequence[Component]) ->
 
 @dataclass
 class _Drawn:
-    """Shapes and forms as the page shows them: each form is turned to the first one of its subject."""
+    """Shapes and forms as the page shows them, each form turned to the first of its subject."""
 
     bodies: dict[str, Drawn]
     forms: dict[tuple[str, str], Drawn] = field(default_factory=dict)
@@ -163,7 +163,8 @@ class _Drawn:
 
     def add(self, wanted: DemoForm, form: Mesh) -> None:
         """Add the form of a shape."""
-        shape, method = wanted.shape, wanted.method.name
+        shape = wanted.shape
+        method = wanted.method.name
         drawn = drawn_form(form, self.bodies[shape.name])
         first = self._firsts.setdefault((shape.label, method), drawn)
         if first is not drawn:
@@ -186,7 +187,7 @@ def _mesh_of(arrays: Arrays) -> Mesh:
 
 
 def _prepared(shape: DemoShape) -> Arrays:
-    """Return the prepared surface of a shape; raise ``ShapeError``, which names it, if there is none."""
+    """Return the prepared surface of a shape; raise ``ShapeError`` if there is none."""
     try:
         return prepare_mesh(shape.mesh)
     except ShapeError as error:

@@ -178,7 +178,8 @@ def surface_html(form: Form) -> str:
         f"<script>const SURFACE = {json.dumps(surface)};\n{script}</script></body>"
     )
     return (
-        f'<figure style="display:inline-block;margin:4px"><iframe srcdoc="{escape(page, quote=True)}" '
+        '<figure style="display:inline-block;margin:4px">'
+        f'<iframe srcdoc="{escape(page, quote=True)}" '
         f'width="{_PIXELS}" height="{_PIXELS}" style="border:0"></iframe>'
         f"<figcaption>{escape(form.title)}</figcaption></figure>"
     )

@@ -113,7 +113,7 @@ class Plan:
 
     @property
     def frame(self) -> DataFrame:
-        """A line a job, with ``data``, ``input``, ``method``, ``state``, ``reason`` and ``runs``."""
+        """A line a job: ``data``, ``input``, ``method``, ``state``, ``reason`` and ``runs``."""
         from pandas import DataFrame
 
         return DataFrame(

@@ -262,7 +262,7 @@ def _doubts(found: SearchResult, shape: Shape, maker: Any, *, is_image: bool) ->
 
 @dataclass(frozen=True)
 class _Prepared:
-    """Prepares queries as the shapes of a gallery, and keeps why the form of a depth image may be wrong."""
+    """Prepares queries as the shapes of a gallery, and keeps doubts about depth images."""
 
     results: Path
     shapes: PreparedShapes
@@ -300,7 +300,7 @@ class _Prepared:
         return prepare_view(mesh, FRONT, self._half_width())
 
     def _of_depth_image(self, path: Path, *, of_gallery: bool) -> Arrays:
-        """Return a depth image, with the camera of the gallery's folder if it is one of its images."""
+        """Return a depth image; one of the gallery has the camera of its folder."""
         folder = self.shapes.shapes.folder
         settings: dict[str, Any] = {}
         if of_gallery and folder:
@@ -375,7 +375,7 @@ def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> An
 def _inputs(
     query: str, component: Component, wanted: Input | None, *, is_view: bool
 ) -> tuple[Input, Input]:
-    """Return the inputs of query and gallery: views if either is one, or the method reads no others."""
+    """Return the inputs of query and gallery: views if either is one, or nothing else is read."""
     of_query: Input = "mesh"
     if is_view or "mesh" not in component.info.inputs:
         of_query = "view"

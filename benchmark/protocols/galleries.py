@@ -542,7 +542,7 @@ def _galleries_of_set(
 def _gallery_of_queries(
     table: Table, source: str, part: str, data_root: Path | None, *, quick: bool
 ) -> Gallery:
-    """Return the gallery of queries: of their own data set by default, and surfaces if there are any."""
+    """Return the gallery of queries: of their own data set by default, if possible of surfaces."""
     name = table.gallery or source
     dataset = open_dataset(name, data_root)
     while "mesh" not in dataset.inputs and split_changes(name)[1]:

@@ -1,4 +1,4 @@
-"""Pictures in a grid, and figures as files; a command that draws a single form needs nothing else."""
+"""Pictures in a grid, and figures as files: all that a command needs to draw a single form."""
 
 from __future__ import annotations
 

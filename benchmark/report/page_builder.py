@@ -22,7 +22,7 @@ from benchmark.text import clean_text
 PAGES_OF_TABLE = {"": "Scores", "-forms": "Forms", "-queries": "Queries"}
 
 #: The page to play with.
-PLAY = "play.html"
+PLAY_PAGE = "play.html"
 
 #: Pixels of the picture of a form on a page of forms.
 FORM_PIXELS = 240
@@ -80,7 +80,7 @@ class Pages:
             here=name,
             groups=self._navigation(),
             has_overview=len(self.views) > 1,
-            play=PLAY if PLAY in self.files else "",
+            play=PLAY_PAGE if PLAY_PAGE in self.files else "",
             **content,
         )
 

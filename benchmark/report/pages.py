@@ -26,7 +26,7 @@ from benchmark.report.notes import leads, table_notes
 from benchmark.report.overview import matrix_of
 from benchmark.report.page_builder import (
     PAGES_OF_TABLE,
-    PLAY,
+    PLAY_PAGE,
     TEMPLATES,
     Pages,
     heading_of_table,
@@ -63,7 +63,7 @@ def report_files(
         pages.files[name] = fixed_file(name)
     galleries = play_galleries(pages.forms, _records_of(views))
     if galleries:
-        pages.files[PLAY] = play_page(galleries, back="index.html")
+        pages.files[PLAY_PAGE] = play_page(galleries, back="index.html")
     titles = [_add_table(pages, view) for view in views if pages.main(view) is view]
     pages.add(
         "index.html",

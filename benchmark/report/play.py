@@ -134,7 +134,7 @@ def play_page(galleries: Sequence[PlayGallery], back: str = "") -> str:
 
 
 def play_data(galleries: Sequence[PlayGallery]) -> tuple[dict[str, Any], str]:
-    """Return what the script of the page of some galleries reads, and the numbers of its surfaces as text.
+    """Return what the script of the page reads, and the numbers of its surfaces as text.
 
     Raises
     ------
@@ -236,7 +236,7 @@ def _gallery(records: Sequence[Record], forms: StoredForms, most_surfaces: int) 
 
 
 def _chosen(labels: Sequence[str], most: int) -> list[int]:
-    """Return the numbers of shapes for which there is room, with equally many poses of each class."""
+    """Return the numbers of shapes for which there is room, as many poses of each class."""
     places: dict[str, list[int]] = {}
     for number, label in enumerate(labels):
         places.setdefault(label, []).append(number)
@@ -348,7 +348,7 @@ class Surfaces:
         return base64.b64encode(zlib.compress(numbers.T.tobytes(), 9)).decode()
 
 
-def thinned(
+def thinned_surface(
     mesh: Mesh, n_vertices: int = N_VERTICES
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return some vertices of a mesh, shape (n,), and triangles of them, shape (m, 3)."""
@@ -381,7 +381,7 @@ def _gallery_content(gallery: PlayGallery, surfaces: Surfaces) -> dict[str, Any]
 
 def _shape_content(shape: PlayShape, surfaces: Surfaces) -> dict[str, Any]:
     """Add the surfaces of a shape, and return what the script of the page reads of it."""
-    kept, faces = thinned(shape.body.mesh)
+    kept, faces = thinned_surface(shape.body.mesh)
     mesh = surfaces.add_mesh(faces, shape.body.values[kept])
     body = {"mesh": mesh, "points": surfaces.add_points(shape.body.mesh.vertices[kept])}
     forms: list[dict[str, Any] | None] = []
@@ -406,7 +406,7 @@ def _form_content(
 ) -> dict[str, Any]:
     """Add a form, with the mesh of its shape unless it has vertices of its own."""
     if form.body is not body:
-        kept, faces = thinned(form.mesh)
+        kept, faces = thinned_surface(form.mesh)
         mesh = surfaces.add_mesh(faces, form.values[kept])
     points = surfaces.add_points(form.mesh.vertices[kept])
     content: dict[str, Any] = {"mesh": mesh, "points": points}

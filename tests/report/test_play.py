@@ -20,7 +20,7 @@ from benchmark.report.play import (
     PlayShape,
     play_galleries,
     play_page,
-    thinned,
+    thinned_surface,
     write_play_page,
 )
 from benchmark.report.results import open_results
@@ -103,7 +103,7 @@ def test_the_page_holds_each_surface_once_within_the_unit_ball(galleries):
     for shape, made in zip(gallery["shapes"], galleries[0].shapes, strict=True):
         for surface, drawn in zip(shape["forms"], made.forms, strict=True):
             points = points_of(surface, content["meshes"], numbers) / 32767
-            kept, _ = thinned(made.body.mesh)
+            kept, _ = thinned_surface(made.body.mesh)
             true = drawn.mesh.vertices[kept]
             true = true - (true.min(axis=0) + true.max(axis=0)) / 2
             true = true / np.linalg.norm(true, axis=1).max()
@@ -112,7 +112,7 @@ def test_the_page_holds_each_surface_once_within_the_unit_ball(galleries):
 
 def test_a_surface_is_thinned_to_whole_triangles_of_its_own_vertices():
     mesh = rod(0.1, 1.0)
-    kept, faces = thinned(mesh, mesh.n_vertices // 2)
+    kept, faces = thinned_surface(mesh, mesh.n_vertices // 2)
     assert len(kept) <= mesh.n_vertices // 2 + 10
     assert kept.max() < mesh.n_vertices
     assert faces.max() == len(kept) - 1
