@@ -62,8 +62,11 @@ PLAY_DATA = FOLDER / "play.json"
 #: Pixels per inch.
 DPI = 200
 
-#: Views of the scorer that are shown, and words.
-N_SHOWN, N_WORDS = 18, 40
+#: Views of the scorer that are shown.
+N_SHOWN = 18
+
+#: Words of the codebook that are shown.
+N_WORDS = 40
 
 #: Two cats and a man, whose words are compared.
 COMPARED = {"cat, standing": "cat0", "cat, another pose": "cat4", "man": "michael0"}
@@ -174,7 +177,8 @@ def views_of(form: Mesh) -> NDArray[np.float32]:
 def shade(image: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return a depth image in grey, near points dark, transparent where there is no surface."""
     is_seen = image < BACKGROUND
-    near, far = image[is_seen].min(), image[is_seen].max()
+    near = image[is_seen].min()
+    far = image[is_seen].max()
     grey = np.where(is_seen, 0.2 + 0.65 * (image - near) / max(far - near, 1e-6), 1.0)
     return np.dstack([grey, grey, grey, is_seen.astype(float)])
 

@@ -57,7 +57,8 @@ def form_costs() -> str:
     body = []
     for method in METHODS:
         of_method = seconds[method]
-        last, before = SIZES[-1], SIZES[-2]
+        last = SIZES[-1]
+        before = SIZES[-2]
         growth = log(float(of_method[last]) / float(of_method[before])) / log(last / before)
         cells = [of_method[size] for size in SIZES]
         body.append([f"`{method}`", *cells, f"n to the {growth:.1f}"])

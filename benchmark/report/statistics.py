@@ -26,6 +26,9 @@ DRAWS = 9999
 #: Permutations whose sums are in memory at a time.
 _AT_A_TIME = 500
 
+#: Nominal confidence level of intervals.
+_LEVEL = 0.95
+
 #: Significance level of the tests.
 ALPHA = 0.05
 
@@ -66,7 +69,6 @@ def class_sums(
 def class_intervals(
     values: ArrayLike,
     labels: Sequence[Hashable],
-    level: float = 0.95,
     *,
     are_gains: bool = False,
     fewest: int = FEWEST_CLASSES,
@@ -84,8 +86,6 @@ def class_intervals(
         Shape (N, M): M columns.
     labels
         Class of each query.
-    level
-        Nominal confidence level.
     are_gains
         Whether they are differences, in [-1, 1], whose intervals are on their own scale.
     fewest
@@ -107,7 +107,7 @@ def class_intervals(
     residuals = sums / _MILLION / sizes.sum() - np.outer(shares, means)
     with np.errstate(all="ignore"):
         variances = (residuals**2 / (1 - shares)[:, None]).sum(axis=0)
-        half_widths = np.sqrt(variances) * stdtrit(n_classes - 1, (1 + level) / 2)
+        half_widths = np.sqrt(variances) * stdtrit(n_classes - 1, (1 + _LEVEL) / 2)
         if are_gains:
             ends = np.clip([means - half_widths, means + half_widths], -1, 1)
         else:

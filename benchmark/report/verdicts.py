@@ -134,11 +134,6 @@ class AssessedClaim:
     above_scatter: int = 0
     trainings: int = 0
 
-    @property
-    def is_tested(self) -> bool:
-        """Whether a test decided it, or could have."""
-        return bool(self.n_comparisons) and not self.decision.startswith("not ")
-
 
 class DecisionWords(NamedTuple):
     """What it is called that a claim holds, that it fails, and neither."""

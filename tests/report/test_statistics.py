@@ -16,11 +16,11 @@ ROOT = Path(__file__).parents[2]
 
 def test_intervals_are_those_of_a_t_test_of_class_means_or_logits():
     values = np.random.default_rng(1).random((12, 1)).round(6)
-    low, high = stats.ttest_1samp(values[:, 0], 0).confidence_interval(0.9)
-    assert class_intervals(values, range(12), 0.9, are_gains=True)[0] == pytest.approx([low, high])
+    low, high = stats.ttest_1samp(values[:, 0], 0).confidence_interval(0.95)
+    assert class_intervals(values, range(12), are_gains=True)[0] == pytest.approx([low, high])
     mean, half = values.mean(), (high - low) / 2
     ends = special.logit(mean) + np.array([-1, 1]) * half / (mean * (1 - mean))
-    assert class_intervals(values, range(12), 0.9)[0] == pytest.approx(special.expit(ends))
+    assert class_intervals(values, range(12))[0] == pytest.approx(special.expit(ends))
     assert class_intervals(np.ones((9, 1)), "aabcdefgh").tolist() == [[1, 1]]
     assert np.isnan(class_intervals([[0.5], [0.7]], "aa", fewest=1)).all()
 
@@ -52,7 +52,7 @@ def test_intervals_cover_what_the_legend_says(n_classes):
 def test_queries_of_one_class_count_as_one():
     few = np.repeat(np.random.default_rng(2).random((8, 1)), 50, axis=0)
     labels = np.repeat(np.arange(8), 50).tolist()
-    wide, narrow = (np.ptp(class_intervals(few, names, 0.95)) for names in (labels, range(400)))
+    wide, narrow = (np.ptp(class_intervals(few, names)) for names in (labels, range(400)))
     assert wide > 4 * narrow
 
 
