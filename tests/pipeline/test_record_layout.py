@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import shutil
+from pathlib import Path
+from typing import NamedTuple
 
 import msgspec
 import pytest
@@ -89,32 +92,76 @@ def test_unknown_fields_are_kept_by_merge_and_publish(tmp_path, monkeypatch, lay
     assert read_records(tmp_path / "ours", local=False)[0].data.unknown == {"licence": "CC0"}
 
 
-@pytest.mark.parametrize("layout", [[LAYOUT[0] + 1, 0], [99, 7]])
-def test_a_newer_major_layout_is_named_left_out_and_left_alone(tmp_path, rods, layout):
-    results, gps = tmp_path / "results", ("-d", rods, "-m", "identity", "--input", "mesh")
-    call("run", *gps, "-j", 0, "--results", results)
+class Newer(NamedTuple):
+    """A results folder with a record in a newer layout, and what is said of that."""
+
+    results: Path
+    record: Path
+    form: Path
+    job: tuple[object, ...]
+    problem: str
+
+    @property
+    def words(self) -> tuple[object, ...]:
+        return "--results", self.results
+
+
+@pytest.fixture(scope="module", params=[[LAYOUT[0] + 1, 0], [99, 7]], ids=str)
+def newer_results(rods, tmp_path_factory, request):
+    results = tmp_path_factory.mktemp("newer") / "results"
+    job = ("-d", rods, "-m", "identity", "--input", "mesh")
+    call("run", *job, "-j", 0, "--results", results)
     (path,) = (results / "runs" / "records").glob("*.json")
-    newer = signed({"layout": layout, "key": path.stem, "rows": [{"file": "c" * 32}]})
-    path.write_bytes(newer)
-    form = results / "runs" / "forms" / f"{'c' * 32}.npz"
-    form.write_bytes(b"x")
+    content = {"layout": request.param, "key": path.stem, "rows": [{"file": "c" * 32}]}
+    path.write_bytes(signed(content))
+    (results / "runs" / "forms" / f"{'c' * 32}.npz").write_bytes(b"x")
     write_record(results, made("gps", key="b"))
-    words, told = ("--results", results), f"its layout, {layout[0]}.{layout[1]}, is newer"
-    assert "|gps|" in call("tables", *words).lower()
-    for verb in ("plan", "run"):
-        assert f"{path}: {told}" in call(verb, *gps, *words, code=int(verb == "run"))
-    call("merge", results, "--results", tmp_path / "other", code=1)
-    assert not (tmp_path / "other" / "runs" / "records" / path.name).exists()
-    assert "1 not taken" in call("merge", results, "--results", path.parents[2] / "2", code=1)
-    with pytest.raises(StorageError, match=told):
-        write_record(results, msgspec.structs.replace(made(), key=path.stem))
-    call("forget", "-m", "gps", "--yes", *words)
-    call("forget", "--unused", "--yes", *words)
-    assert path.read_bytes() == newer
-    assert form.exists()
-    call("forget", "--record", path.stem, "--yes", *words)
-    assert not path.exists()
-    assert not form.exists()
+    major, minor = request.param
+    return results, path.name, job, f"its layout, {major}.{minor}, is newer"
+
+
+@pytest.fixture
+def newer(newer_results, tmp_path):
+    """Such a folder, with a record that can be read."""
+    results, name, job, problem = newer_results
+    copy = shutil.copytree(results, tmp_path / "results")
+    form = copy / "runs" / "forms" / f"{'c' * 32}.npz"
+    return Newer(copy, copy / "runs" / "records" / name, form, job, problem)
+
+
+def test_a_table_leaves_out_a_record_in_a_newer_layout(newer):
+    assert "|gps|" in call("tables", *newer.words).lower()
+
+
+@pytest.mark.parametrize("verb", ["plan", "run"])
+def test_a_plan_and_a_run_name_a_record_in_a_newer_layout(newer, verb):
+    said = call(verb, *newer.job, *newer.words, code=int(verb == "run"))
+    assert f"{newer.record}: {newer.problem}" in said
+
+
+def test_a_merge_takes_no_record_in_a_newer_layout(newer, tmp_path):
+    said = call("merge", newer.results, "--results", tmp_path / "other", code=1)
+    assert "1 not taken" in said
+    assert not (tmp_path / "other" / "runs" / "records" / newer.record.name).exists()
+
+
+def test_no_record_is_written_over_one_in_a_newer_layout(newer):
+    with pytest.raises(StorageError, match=newer.problem):
+        write_record(newer.results, msgspec.structs.replace(made(), key=newer.record.stem))
+
+
+def test_a_record_in_a_newer_layout_is_left_alone_with_its_files(newer):
+    before = newer.record.read_bytes()
+    call("forget", "-m", "gps", "--yes", *newer.words)
+    call("forget", "--unused", "--yes", *newer.words)
+    assert newer.record.read_bytes() == before
+    assert newer.form.exists()
+
+
+def test_a_record_in_a_newer_layout_goes_by_its_key_with_its_files(newer):
+    call("forget", "--record", newer.record.stem, "--yes", *newer.words)
+    assert not newer.record.exists()
+    assert not newer.form.exists()
 
 
 def test_publish_rewrites_no_line_in_a_newer_layout(tmp_path, monkeypatch, capsys):
