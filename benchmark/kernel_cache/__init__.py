@@ -25,7 +25,7 @@ _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 def drop_stale_kernels() -> None:
-    """Remove the compiled kernels of the suite that are older than code that they were made from."""
+    """Remove the compiled kernels of the suite that are older than their code."""
     for source in suite_sources():
         if b"numba" not in source.read_bytes():
             continue
@@ -76,15 +76,16 @@ def kernel_folder(source: Path) -> Path:
 
 
 def choose_kernel_cache() -> None:
-    """Set a folder for compiled kernels, for this process and its children, if the suite's is read-only.
+    """Set a folder for compiled kernels if that of the suite is read-only.
 
-    Kernels are executed, so a folder to which others can write is not used.
+    It holds for this process and its children. Kernels are executed, so a folder to which others can write is not used.
     """
     if VARIABLE in os.environ or os.access(Path(__file__).parent, os.W_OK):
         return
     user_cache = os.environ.get("XDG_CACHE_HOME")
     if not user_cache:
-        user_cache = os.path.expanduser("~/.cache")  # noqa: PTH111  # unlike Path, it raises nothing
+        # Unlike Path.expanduser, this raises nothing.
+        user_cache = os.path.expanduser("~/.cache")  # noqa: PTH111
     folder = Path(user_cache) / "canonical-forms-kernels"
     if not _make_private_folder(folder):
         folder = Path(tempfile.mkdtemp(prefix="canonical-forms-"))

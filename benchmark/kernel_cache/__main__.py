@@ -72,7 +72,7 @@ def _figure_as_input() -> dict[str, Shape]:
 
 
 def _load_bent_shape(name: str) -> None:
-    """Load the second shape of a generated set, which is bent, so that its pose is computed, too."""
+    """Load the second shape of a generated set: it is bent, so that its pose is computed, too."""
     from benchmark.datasets.catalogue import open_dataset
 
     dataset = open_dataset(name, None)
