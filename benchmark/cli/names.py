@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from inspect import cleandoc
 from pathlib import Path
 
 from benchmark.cli.options import Selection
@@ -16,7 +15,7 @@ from benchmark.commands.listing import (
     listing,
     parameters_of,
 )
-from benchmark.registry import Component
+from benchmark.registry.documented import describe_parameters
 from benchmark.text import say, say_lines, say_table
 
 #: Columns that fit 80 characters, by kind; the JSON has all.
@@ -65,16 +64,16 @@ def print_description(name: str, plugins: Sequence[Path], *, as_json: bool) -> N
     parameters = parameters_of(component)
     say(f"{facts.pop('name')}: {facts.pop('title')}")
     rows = [(f"  {fact}", text) for fact, text in facts.items() if text]
-    chosen = [f"{name}={text}" for name, text in parameters.items()]
-    rows.append(("  parameters", ", ".join(chosen) or "none"))
+    if not parameters:
+        rows.append(("  parameters", "none"))
     say_table(rows, whole=(0,))
     if parameters:
-        _say_documented_parameters(component)
-
-
-def _say_documented_parameters(component: Component) -> None:
-    """Print the docstrings of a class and its bases that describe parameters."""
-    docstrings = [cleandoc(base.__doc__ or "") for base in component.load().__mro__]
-    for text in dict.fromkeys(docstrings):
-        if "\nParameters\n" in text:
-            say_lines(f"\n{text}")
+        say("  parameters")
+        described = describe_parameters(component.load())
+        say_table(
+            [
+                (f"    {name} = {value}", described.get(name, ""))
+                for name, value in parameters.items()
+            ],
+            whole=(0,),
+        )

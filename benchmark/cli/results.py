@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from benchmark.cli.options import OF_RECORDS, Selection
 from benchmark.cli.printing import print_markdown
 from benchmark.commands.tables import Tables, tables
 from benchmark.errors import ConfigurationError
 from benchmark.text import say, say_lines, say_table
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 def print_tables(selection: Selection, format: str | None, *, paper: bool, failed: bool) -> None:
@@ -83,7 +86,6 @@ def draw_figure(
 def print_comparison(selection: Selection, first: str, second: str, format: str) -> None:
     """Print the differences of a method to another one, or to every row of its tables."""
     from benchmark.commands.compare import compare
-    from benchmark.report.comparison import details, summaries
 
     of_records = selection.arguments(name for name in OF_RECORDS if name != "methods")
     differences = compare(first, second, **of_records)
@@ -92,13 +94,22 @@ def print_comparison(selection: Selection, first: str, second: str, format: str)
         say_lines(differences.to_csv(index=False, float_format="%.6f"))
     elif format == "json":
         say_lines(differences.to_json(orient="records", indent=1, double_precision=6))
-    elif second:
+    else:
+        _print_differences(differences, has_second=bool(second))
+        say(f"Above 0: {first} scores higher.")
+
+
+def _print_differences(differences: DataFrame, *, has_second: bool) -> None:
+    """Print differences to one method in full, or to many methods a line each."""
+    from benchmark.report.comparison import details, summaries
+
+    if has_second:
         for line in details(differences):
             say(line)
-    else:
-        for heading, rows in summaries(differences):
-            say(heading)
-            say_table(rows, whole=range(1, 6))
+        return
+    for heading, rows in summaries(differences):
+        say(heading)
+        say_table(rows, whole=range(1, 6))
 
 
 def _tables_with_notes(selection: Selection, *, paper: bool, failed: bool) -> Tables:

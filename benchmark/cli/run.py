@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Sequence
 
@@ -10,7 +11,7 @@ from benchmark.cli.printing import print_markdown
 from benchmark.cli.progress import Bar
 from benchmark.commands.plan import Plan, lacking, plan
 from benchmark.commands.run import records_after, run_plan, tables_of_run
-from benchmark.commands.selection import outcome
+from benchmark.commands.selection import RESULTS, outcome
 from benchmark.errors import ConfigurationError
 from benchmark.kernel_cache import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
@@ -198,6 +199,20 @@ def _print_tables(planned: Plan, records: Sequence[Record], selection: Selection
             "- The best of several values is tuned on these shapes; choose it on others: "
             "--subjects A,B."
         )
+    say(f"next: {_report_of(selection)}, for classes, failed queries, and forms to turn", err=True)
+
+
+def _report_of(selection: Selection) -> str:
+    """Return the command that writes the report of a selection."""
+    words = ["python", "-m", "benchmark", "report"]
+    for option, names in (("-t", selection.tables), ("-d", selection.data)):
+        for name in names:
+            words += [option, str(name)]
+    if selection.quick:
+        words.append("--quick")
+    if selection.results != RESULTS:
+        words += ["--results", str(selection.results)]
+    return shlex.join(words)
 
 
 def _say_lacking(models: Sequence[LackingModel]) -> None:

@@ -122,11 +122,14 @@ def _lead_of_block(view: TableView, title: str, block: Block, tested: ComparedRi
     """Say which row leads a block in a column, and how many are significantly worse."""
     row, n_behind = block_lead(view, title, block)
     score = hundredths(tested.rivals[row.method].means[_LEADING_MEASURE])
-    worse = f"{n_behind or 'none'} of {len(tested.rivals) - 1}"
-    return (
-        f"{BLOCKS[block]}: {row.title} scores highest in {_LEADING_MEASURE} ({score}; "
-        f"significantly worse, above the scatter: {worse})"
+    n_others = len(tested.rivals) - 1
+    leader = f"{BLOCKS[block]}: {row.title} has the highest {_LEADING_MEASURE}, {score}"
+    if not n_behind:
+        return f"{leader}, but not significantly above any of the {n_others} others"
+    behind = (
+        f"the {n_others} others" if n_behind == n_others else f"{n_behind} of {n_others} others"
     )
+    return f"{leader}, significantly and by more than the scatter above {behind}"
 
 
 def block_lead(view: TableView, title: str, block: Block) -> tuple[TableRow, int]:

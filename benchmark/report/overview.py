@@ -140,6 +140,7 @@ def _leads(columns: Mapping[_Place, _ColumnOfTable]) -> list[str]:
                 continue
             row, n_behind = block_lead(view, title, block)
             if n_behind == len(tested.rivals) - 1:
-                group = OVERVIEW_GROUPS[place.group].lower()
-                labels[f"{BLOCKS[block]}, {group}: {row.title}"].append(place.label)
+                group = OVERVIEW_GROUPS[place.group]
+                leader = f"{group}: {row.title} scores above all other {BLOCKS[block].lower()}"
+                labels[leader].append(place.label)
     return [f"{leader} on {'; '.join(of_leader)}." for leader, of_leader in sorted(labels.items())]

@@ -310,7 +310,10 @@ def test_published_distances_make_the_page_of_queries_and_a_damaged_file_is_name
 def test_a_sentence_above_a_table_says_which_row_leads_and_how_surely(tmp_path):
     values = {"gps": 0.9, "skeleton": 0.5, "classic-mds": 0.9}
     of_labels = lambda count: [f"s{k // 2}" for k in range(2 * count)]  # noqa: E731
-    for count, says in ((9, "scores highest in DCG ("), (3, "3 classes decide nothing here.")):
+    for count, says in (
+        (9, "has the highest DCG, .70, but not significantly above any of the 2 others."),
+        (3, "3 classes decide nothing here."),
+    ):
         rows = [record(name, nn, labels=of_labels(count)) for name, nn in values.items()]
         assert says in pages(tmp_path / str(count), *rows)["index.html"]
 
@@ -344,7 +347,10 @@ def test_the_overview_names_rows_above_all_others_of_their_block_and_says_where_
     ]
     index = pages(tmp_path, *first, *others)
     found = Facts(index["index.html"]).text
-    assert "Canonical forms, complete surfaces: GPS on rods (generated)." in found
+    assert (
+        "Complete surfaces: GPS scores above all other canonical forms on rods (generated)."
+        in found
+    )
     assert "None." not in found
     none = pages(tmp_path / "none", *others)
     assert "None." in Facts(none["index.html"]).text
