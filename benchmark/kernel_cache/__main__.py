@@ -27,14 +27,14 @@ if TYPE_CHECKING:  # numerical libraries are imported once threads are pinned
     from benchmark.registry import Component
 
 
-class Step(NamedTuple):
+class KernelUse(NamedTuple):
     """A step of a run that uses kernels, and what it is called."""
 
     name: str
     compute: Callable[[], object]
 
 
-def steps(*, quick: bool = False) -> list[Step]:
+def steps(*, quick: bool = False) -> list[KernelUse]:
     """Return steps that use kernels: those of methods, generated data sets and the scorer.
 
     With ``quick``, they are the steps of a quick run that compile any: no network has a kernel, and
@@ -44,14 +44,14 @@ def steps(*, quick: bool = False) -> list[Step]:
     from benchmark.protocols.galleries import QUICK_ROWS
     from benchmark.registry import by_name
 
-    found: list[Step] = []
+    uses: list[KernelUse] = []
     for name, method in by_name("method").items():
         if not quick or (name in QUICK_ROWS and not method.learns):
-            found.append(Step(name, partial(_apply, method)))
+            uses.append(KernelUse(name, partial(_apply, method)))
     for name, known_set in CATALOGUE.items():
         if not (quick or known_set.folder):
-            found.append(Step(name, partial(_load_bent_shape, name)))
-    return [*found, Step(DEFAULT_SCORER, _compare_figures)]
+            uses.append(KernelUse(name, partial(_load_bent_shape, name)))
+    return [*uses, KernelUse(DEFAULT_SCORER, _compare_figures)]
 
 
 @cache
