@@ -18,13 +18,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.mesh import FloatArray
+
+if TYPE_CHECKING:
+    from benchmark.geometry.mesh import FloatArray
+
 
 #: Decimals of the measures of single queries in records.
 DECIMALS = 6

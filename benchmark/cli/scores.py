@@ -8,13 +8,14 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from benchmark.api.contracts import Input
 from benchmark.commands.score import Evaluation, score
 from benchmark.errors import ConfigurationError
 from benchmark.text import say, say_lines
 
 if TYPE_CHECKING:
     from pandas import DataFrame
+
+    from benchmark.api.contracts import Input
 
 
 def print_scores_of_file(
