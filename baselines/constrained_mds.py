@@ -91,7 +91,8 @@ class ConstrainedMDS(CheckedParameters):
         surface = AsRigidAsPossible.of(shape)
         areas = shape.mesh.vertex_areas
         images = [
-            aligned(targets * [sign, 1.0, 1.0], shape.mesh.vertices, areas) for sign in (1.0, -1.0)
+            aligned(image, shape.mesh.vertices, areas)
+            for image in (targets * [1.0, 1.0, 1.0], targets * [-1.0, 1.0, 1.0])
         ]
         deformed = [surface.rest, surface.rest]
         for strength in np.geomspace(self.first_pull, self.last_pull, self.cascades):
@@ -101,14 +102,16 @@ class ConstrainedMDS(CheckedParameters):
                 for _ in range(self.iterations):
                     load = surface.load(surface.rotations(deformed[k])) + pull[:, None] * image
                     deformed[k] = solve(load)
-        energies = [
-            surface.energy(x, surface.rotations(x)) + float(pull @ ((x - image) ** 2).sum(axis=1))
-            for x, image in zip(deformed, images, strict=True)
-        ]
-        kept = int(energies[1] < energies[0])
+        energies = []
+        for vertices, image in zip(deformed, images, strict=True):
+            elastic = surface.energy(vertices, surface.rotations(vertices))
+            energies.append(elastic + float(pull @ ((vertices - image) ** 2).sum(axis=1)))
+        is_mirrored = energies[1] < energies[0]
+        kept = int(is_mirrored)
         notes = {
             **surface.strains(deformed[kept]),
             "energy": energies[kept],
             "rejected_energy": energies[1 - kept],
         }
-        return shape.form(deformed[kept], **notes, mirrored="yes" if kept else "no")
+        mirrored = "yes" if is_mirrored else "no"
+        return shape.form(deformed[kept], **notes, mirrored=mirrored)

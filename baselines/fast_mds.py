@@ -81,7 +81,8 @@ class FastMDS(CheckedParameters):
         (start,) = farthest_points(shape, 1)
         for axis in range(3):
             first, second = self._pivots(residual, start)
-            to_first, to_second = residual(first), residual(second)
+            to_first = residual(first)
+            to_second = residual(second)
             squared = to_first[second]
             if squared > 0.0:
                 points[:, axis] = (to_first + squared - to_second) / (2 * np.sqrt(squared))
@@ -90,7 +91,17 @@ class FastMDS(CheckedParameters):
         return shape.form(points, rows=len(rows), stress_of_rows=stress)
 
     def _pivots(self, residual: Callable[[int], FloatArray], start: int) -> tuple[int, int]:
-        near, far = start, start
+        """Return two vertices far apart, by a walk to the farthest vertex.
+
+        Parameters
+        ----------
+        residual
+            Returns the squared distances from a vertex that the axes so far leave.
+        start
+            Where the walk begins.
+        """
+        near = start
+        far = start
         for _ in range(self.sweeps):
             near = far
             far = int(residual(far).argmax())

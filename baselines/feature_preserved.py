@@ -21,10 +21,12 @@ if TYPE_CHECKING:
     from baselines._kernels.arap import AsRigidAsPossible
 
 MIRROR_MARGIN = 0.05
-"""Share by which a mirror image must fit better: the nearly flat parts of an open surface fit both
-equally well.
+"""Share by which a mirror image must fit better.
+
+The nearly flat parts of an open surface fit both equally well.
 """
 
+#: Part of each vertex, shape (n,).
 Parts = NDArray[np.int64]
 
 PART_SIZE = 16
@@ -101,17 +103,21 @@ class FeaturePreserved(CheckedParameters):
         masses = np.maximum(shape.mesh.vertex_areas, np.finfo(float).tiny)
         seeds = farthest_points(shape, max(1, min(self.parts, shape.mesh.n_vertices // PART_SIZE)))
         nearest = np.unique(shape.geodesics()[seeds].argmin(axis=0), return_inverse=True)[1]
-        fits, misses = [], []
+        fits = []
+        misses = []
         for image in (targets, targets * [-1.0, 1.0, 1.0]):
             parts = refit_parts(surface, image, masses, nearest, self.rounds)
-            fits.append((parts, *rigid_motions(surface, image, masses, parts)))
-            misses.append(masses @ ((_moved(surface, *fits[-1]) - image) ** 2).sum(axis=1))
-        kept = int(misses[1] < (1 - MIRROR_MARGIN) * misses[0])
-        parts, rotations, translations = fits[kept]
+            rotations, translations = rigid_motions(surface, image, masses, parts)
+            fits.append((parts, rotations, translations))
+            moved = _moved(surface, parts, rotations, translations)
+            misses.append(masses @ ((moved - image) ** 2).sum(axis=1))
+        is_mirrored = misses[1] < (1 - MIRROR_MARGIN) * misses[0]
+        parts, rotations, translations = fits[int(is_mirrored)]
         translations = close_gaps(surface, masses, parts, rotations, translations)
         vertices = smooth_seams(surface, masses, parts, rotations, translations, self.seam)
         notes = surface.strains(vertices)
-        return shape.form(vertices, parts=len(rotations), **notes, mirrored="yes" if kept else "no")
+        mirrored = "yes" if is_mirrored else "no"
+        return shape.form(vertices, parts=len(rotations), **notes, mirrored=mirrored)
 
 
 def _moved(
@@ -203,7 +209,8 @@ def close_gaps(
     start = start[seam]
     end = end[seam]
     weights = graph.data[seam]
-    first, second = parts[start], parts[end]
+    first = parts[start]
+    second = parts[end]
     # The gap is R_c m + t_c - R_d m - t_d at the middle m of the edge.
     middles = (surface.rest[start] + surface.rest[end]) / 2
     gaps = np.einsum("eab,eb->ea", rotations[second] - rotations[first], middles)

@@ -22,9 +22,10 @@ if TYPE_CHECKING:
     from baselines._kernels.arap import AsRigidAsPossible
 
 PROXIMITY = 1e-4
-"""Diagonal of the global step, as a share of the stiffness. Both energies are invariant under
-translation, so the system needs a hold; a weak hold of every vertex at its current position keeps
-the descent monotone.
+"""Diagonal of the global step, as a share of the stiffness.
+
+Both energies are invariant under translation, so the system needs a hold; a weak hold of every
+vertex at its current position keeps the descent monotone.
 """
 
 
@@ -162,12 +163,18 @@ def relax(
 def repulsion(positions: FloatArray, masses: FloatArray) -> FloatArray:
     r"""Return the gradient of the spread :math:`\sum_{i<j} a_i a_j \|x_i - x_j\|`, shape (n, 3)."""
     # Every pair is visited twice: without writes, the inner loop vectorises.
-    x, y, z = positions[:, 0].copy(), positions[:, 1].copy(), positions[:, 2].copy()
+    x = positions[:, 0].copy()
+    y = positions[:, 1].copy()
+    z = positions[:, 2].copy()
     forces = np.empty_like(positions)
     for i in range(len(masses)):
-        sx, sy, sz = 0.0, 0.0, 0.0
+        sx = 0.0
+        sy = 0.0
+        sz = 0.0
         for j in range(len(masses)):
-            dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
+            dx = x[i] - x[j]
+            dy = y[i] - y[j]
+            dz = z[i] - z[j]
             squared = dx * dx + dy * dy + dz * dz
             # A root in single precision and one step of Newton's method: all digits in two thirds
             # of the time.
@@ -177,6 +184,10 @@ def repulsion(positions: FloatArray, masses: FloatArray) -> FloatArray:
                 else 0.0
             )
             push = masses[j] * guess * (1.5 - 0.5 * squared * guess * guess)
-            sx, sy, sz = sx + push * dx, sy + push * dy, sz + push * dz
-        forces[i, 0], forces[i, 1], forces[i, 2] = masses[i] * sx, masses[i] * sy, masses[i] * sz
+            sx = sx + push * dx
+            sy = sy + push * dy
+            sz = sz + push * dz
+        forces[i, 0] = masses[i] * sx
+        forces[i, 1] = masses[i] * sy
+        forces[i, 2] = masses[i] * sz
     return forces

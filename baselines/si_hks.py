@@ -103,25 +103,26 @@ class ScaleInvariantHKS(CheckedParameters):
         from scipy.spatial.distance import cdist
         from sklearn.cluster import KMeans
 
+        frequencies = [self._vertices(descriptor)[:, 1:] for descriptor in gallery]
         # Sorted, so that the words do not depend on the order of the gallery.
-        vertices = np.unique(np.concatenate([self._vertices(of)[:, 1:] for of in gallery]), axis=0)
+        vertices = np.unique(np.concatenate(frequencies), axis=0)
         count = min(self.words, len(vertices))
         words = KMeans(count, n_init=1, random_state=0).fit(vertices).cluster_centers_
-        sigma = (
-            max(2 * np.median(cKDTree(words).query(vertices)[0]), 1e-9 * np.ptp(vertices)) or 1.0
-        )
+        median = np.median(cKDTree(words).query(vertices)[0])
+        sigma = max(2 * median, 1e-9 * np.ptp(vertices)) or 1.0
 
         def bag(descriptor: FloatArray) -> FloatArray:
+            """Return the share of each word in a shape."""
             shape = self._vertices(descriptor)
             squares = cdist(shape[:, 1:], words, "sqeuclidean")
             closeness = np.exp((squares.min(axis=1, keepdims=True) - squares) / (2 * sigma**2))
-            return np.asarray(
-                shape[:, 0] @ (closeness / closeness.sum(axis=1, keepdims=True))
-            ).round(9)
+            shares = closeness / closeness.sum(axis=1, keepdims=True)
+            return np.asarray(shape[:, 0] @ shares).round(9)
 
-        columns = [bag(of) for of in gallery]
-        rows = columns if queries is gallery else [bag(of) for of in queries]
+        columns = [bag(descriptor) for descriptor in gallery]
+        rows = columns if queries is gallery else [bag(descriptor) for descriptor in queries]
         return np.asarray(cdist(rows, columns, "cityblock"))
 
     def _vertices(self, descriptor: FloatArray) -> FloatArray:
+        """Return the area and frequencies of each vertex, shape (n, 1 + frequencies)."""
         return descriptor.reshape(-1, 1 + self.frequencies)

@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from benchmark.api.contracts import (
     CanonicalForm,
@@ -18,7 +17,7 @@ from benchmark.api.contracts import (
     Shape,
     UnsupportedShape,
 )
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import IntArray, Mesh
 
 if TYPE_CHECKING:
     from baselines._kernels.curve_skeleton import CurveSkeleton
@@ -105,7 +104,7 @@ class Skeleton(CheckedParameters):
         joints, _ = majorise(
             transform, skeleton.joints, max_iterations=self.max_iterations, rtol=self.rtol
         )
-        rotations = bone_rotations(skeleton.joints, joints, skeleton.bones)
+        rotations = minimal_rotations(skeleton.joints, joints, skeleton.bones)
         vertices = follow_rotations(
             mesh, shape.laplacian(), rotations[bones_of_triangles(mesh, skeleton)]
         )
@@ -148,13 +147,14 @@ def geodesics_from_extremity(shape: Shape) -> FloatArray:
     The extremity is the vertex with the largest geodesic distance from the vertex farthest from the
     centroid in space.
     """
-    vertices, areas = shape.mesh.vertices, shape.mesh.vertex_areas
+    vertices = shape.mesh.vertices
+    areas = shape.mesh.vertex_areas
     outermost = int(np.linalg.norm(vertices - areas @ vertices / areas.sum(), axis=1).argmax())
     extremity = int(shape.geodesics_from([outermost])[0].argmax())
     return np.asarray(shape.geodesics_from([extremity])[0])
 
 
-def bone_rotations(before: FloatArray, after: FloatArray, bones: NDArray[np.int64]) -> FloatArray:
+def minimal_rotations(before: FloatArray, after: FloatArray, bones: IntArray) -> FloatArray:
     """Return the minimal rotation of each bone, without twist, shape (b, 3, 3).
 
     Parameters
@@ -166,12 +166,13 @@ def bone_rotations(before: FloatArray, after: FloatArray, bones: NDArray[np.int6
     """
     from scipy.spatial.transform import Rotation
 
-    old, new = (_unit(joints[bones[:, 1]] - joints[bones[:, 0]]) for joints in (before, after))
+    old = _unit(before[bones[:, 1]] - before[bones[:, 0]])
+    new = _unit(after[bones[:, 1]] - after[bones[:, 0]])
     turns = [Rotation.align_vectors(b, a)[0] for a, b in zip(old, new, strict=True)]
     return np.asarray(Rotation.concatenate(turns).as_matrix())
 
 
-def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]:
+def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> IntArray:
     """Return the bone that each triangle follows, shape (m,).
 
     A triangle across the border of two parts follows the bone between their joints. Any other
@@ -184,27 +185,27 @@ def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> NDArray[np.int64]
     corners = np.sort(skeleton.owners[mesh.faces], axis=1)
     low, middle, high = corners.T
     across = (low != high) & ((low == middle) | (middle == high))
-    chosen: NDArray[np.int64] = np.searchsorted(bones[:, 0] * k + bones[:, 1], low * k + high)
+    chosen: IntArray = np.searchsorted(bones[:, 0] * k + bones[:, 1], low * k + high)
     offsets = mesh.vertices[mesh.faces].mean(axis=1)[:, None] - skeleton.joints[corners]
     rows = np.arange(mesh.n_faces)
     nearest = np.linalg.norm(offsets, axis=2).argmin(axis=1)
-    joints, offsets = corners[rows, nearest], offsets[rows, nearest]
+    joints = corners[rows, nearest]
+    offsets = offsets[rows, nearest]
     # Bones are sorted, so the search finds each pair that exists; the loop assigns the other
     # triangles joint by joint.
     for joint in np.unique(joints[~across]):
         incident = np.flatnonzero((bones == joint).any(axis=1))
-        directions = _unit(
-            skeleton.joints[bones[incident].sum(axis=1) - joint] - skeleton.joints[joint]
-        )
-        own = np.flatnonzero(~across & (joints == joint))
-        chosen[own] = incident[(offsets[own] @ directions.T).argmax(axis=1)]
+        far_ends = bones[incident].sum(axis=1) - joint
+        directions = _unit(skeleton.joints[far_ends] - skeleton.joints[joint])
+        triangles = np.flatnonzero(~across & (joints == joint))
+        chosen[triangles] = incident[(offsets[triangles] @ directions.T).argmax(axis=1)]
     return chosen
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    return np.asarray(
-        vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), np.finfo(float).tiny)
-    )
+    """Return vectors of length 1 in the directions of the given ones."""
+    lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.maximum(lengths, np.finfo(float).tiny))
 
 
 def follow_rotations(mesh: Mesh, laplacian: Laplacian, rotations: FloatArray) -> FloatArray:

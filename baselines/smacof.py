@@ -21,13 +21,15 @@ from benchmark.api.contracts import (
     Shape,
 )
 from benchmark.geometry.embedding import oriented
+from benchmark.geometry.mesh import IntArray
 
 Transform = Callable[[FloatArray], tuple[FloatArray, float]]
 """Returns the transform of positions, shape (n, 3), and the stress of the given ones."""
 
-LEVELS = 2**16
-"""Number of levels of the distances in non-metric MDS: 1.5e-5 of the largest, finer than any solver
-is accurate.
+N_LEVELS = 2**16
+"""Number of levels of the distances in non-metric MDS.
+
+A level is 1.5e-5 of the largest distance, finer than any solver is accurate.
 """
 
 COINCIDENT = np.float32(1e-18)
@@ -94,6 +96,7 @@ class LeastSquaresMDS(CheckedParameters):
         return form
 
     def _fit(self, shape: Shape, distances: FloatArray) -> CanonicalForm:
+        """Return the form for geodesic distances."""
         order, targets = _in_own_order(shape, distances)
         if self.start == "classic":
             start = _classic_start(shape, order, targets)
@@ -167,28 +170,21 @@ class NonMetricMDS(CheckedParameters):
         return shape.form(points[np.argsort(order)], **notes)
 
 
-def _in_own_order(
-    shape: Shape, distances: FloatArray
-) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+def _in_own_order(shape: Shape, distances: FloatArray) -> tuple[IntArray, NDArray[np.float32]]:
     """Return the vertices by the sum of their distances, and the distances in this order.
 
-    Ties are broken by position.
-
-    In it, sums are rounded alike however the vertices are numbered; those of single-precision
-    distances are exact. Single precision moves a form by less than the tolerance, in a third of the
-    time.
+    Ties are broken by position. In this order, sums are rounded alike however the vertices are
+    numbered; those of single-precision distances are exact. Single precision moves a form by less
+    than the tolerance, in a third of the time.
     """
     order = np.lexsort((*shape.mesh.vertices.T, distances.sum(axis=1)))
     return order, distances.astype(np.float32)[order].take(order, axis=1)
 
 
-def _classic_start(
-    shape: Shape, order: NDArray[np.int64], distances: NDArray[np.float32]
-) -> FloatArray:
+def _classic_start(shape: Shape, order: IntArray, distances: NDArray[np.float32]) -> FloatArray:
     """Return classic MDS in a given order of the vertices, rounded."""
-    return _rounded(
-        oriented(classic_scaling(distances.astype(np.float64))[0], shape.mesh.vertex_areas[order])
-    )
+    points, _ = classic_scaling(distances.astype(np.float64))
+    return _rounded(oriented(points, shape.mesh.vertex_areas[order]))
 
 
 def _rounded(points: FloatArray) -> FloatArray:
@@ -230,7 +226,7 @@ def majorise(
         last plain step.
     """
     points = np.ascontiguousarray(start - start.mean(axis=0))
-    stresses = list[float]()
+    stresses: list[float] = []
     while True:
         moved, stress = transform(points)
         if relaxed:
@@ -240,8 +236,11 @@ def majorise(
         stresses.append(float(stress))
         settled = len(stresses) > 1 and stresses[-2] - stress <= rtol * stresses[-2]
         if settled or len(stresses) > max_iterations:
-            return moved if relaxed else points, stresses
+            break
         points = 2 * moved - scale * points if relaxed else moved
+    if relaxed:
+        points = moved
+    return points, stresses
 
 
 @njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
@@ -286,6 +285,19 @@ def _add_strip(sums, places, first, targets):  # type: ignore[no-untyped-def]  #
 
 @njit(inline="always")
 def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
+    """Add the pulls of some points on each point, and the squared misses.
+
+    Parameters
+    ----------
+    sums
+        Sums of x, y and z of the pulls, and of the misses, shape (4, n).
+    places
+        Coordinates of the points, shape (3, n).
+    first, targets
+        The first point of the strip, and the distances of its points to all.
+    row, count
+        Which of the points of the strip are added.
+    """
     x, y, z = places[0], places[1], places[2]
     sums_x, sums_y, sums_z, sums_of_misses = sums[0], sums[1], sums[2], sums[3]
     # Each point has sums of its own: this loop vectorises, and no order depends on its width.
@@ -294,11 +306,15 @@ def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-unty
         for k in range(row, row + count):
             i = first + k
             target = targets[k, j]
-            dx, dy, dz = x[j] - x[i], y[j] - y[i], z[j] - z[i]
+            dx = x[j] - x[i]
+            dy = y[j] - y[i]
+            dz = z[j] - z[i]
             distance = np.sqrt(dx * dx + dy * dy + dz * dz)
             ratio = target / max(distance, COINCIDENT)
             miss = distance - target
-            pull_x, pull_y, pull_z = pull_x + ratio * dx, pull_y + ratio * dy, pull_z + ratio * dz
+            pull_x = pull_x + ratio * dx
+            pull_y = pull_y + ratio * dy
+            pull_z = pull_z + ratio * dz
             misses += miss * miss
         sums_x[j] += pull_x
         sums_y[j] += pull_y
@@ -309,7 +325,7 @@ def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-unty
 def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]:
     """Return the Guttman transform towards disparities, and the root of the sum of their squares.
 
-    Dissimilarities are rounded to :data:`LEVELS` levels. Pairs of one level are tied, and have one
+    Dissimilarities are rounded to :data:`N_LEVELS` levels. Pairs of one level are tied, and have one
     disparity (Kruskal's secondary approach), so that a regression has at most as many places as
     there are levels, not pairs.
 
@@ -320,7 +336,7 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
     """
     from scipy.optimize import isotonic_regression  # lazy
 
-    levels, pairs = _used_levels(dissimilarities, (LEVELS - 1) / dissimilarities.max())
+    levels, pairs = _used_levels(dissimilarities, (N_LEVELS - 1) / dissimilarities.max())
     norm = float(np.sqrt((dissimilarities**2).sum() / 2))
     sums = np.empty(len(pairs))
 
@@ -343,7 +359,7 @@ def _used_levels(
     Only levels that have pairs are counted.
     """
     levels = np.empty(dissimilarities.shape, np.uint16)
-    counts = np.zeros(LEVELS, np.int64)
+    counts = np.zeros(N_LEVELS, np.int64)
     for i in range(len(levels)):
         for j in range(len(levels)):
             levels[i, j] = np.uint16(np.rint(dissimilarities[i, j] * scale))
@@ -360,16 +376,16 @@ def _used_levels(
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArray) -> None:
     """Write the sum of the distances of the pairs of each level, in double precision."""
-    x, y, z = (
-        points[:, 0].astype(np.float32),
-        points[:, 1].astype(np.float32),
-        points[:, 2].astype(np.float32),
-    )
+    x = points[:, 0].astype(np.float32)
+    y = points[:, 1].astype(np.float32)
+    z = points[:, 2].astype(np.float32)
     distances = np.empty(len(points), np.float32)
     sums[:] = 0.0
     for i in range(len(points)):
         for j in range(i):
-            dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
+            dx = x[i] - x[j]
+            dy = y[i] - y[j]
+            dz = z[i] - z[j]
             distances[j] = np.sqrt(dx * dx + dy * dy + dz * dz)
         for j in range(i):
             sums[levels[i, j]] += distances[j]

@@ -11,7 +11,7 @@ import numpy as np
 from benchmark.api.contracts import FloatArray, MethodInfo, Shape, UnsupportedShape
 
 #: Largest relative difference of two areas that rounding alone explains.
-ROUNDING = 1e-9
+EQUAL_AREAS = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,8 @@ class SurfaceArea:
         self, queries: Sequence[FloatArray], gallery: Sequence[FloatArray], draw: int = 0
     ) -> FloatArray:
         """Return those of M queries to N shapes, shape (M, N)."""
-        of_query, of_shape = np.reshape(queries, (-1, 1)), np.reshape(gallery, (1, -1))
-        differences = np.abs(of_query - of_shape)
-        is_rounding = differences <= ROUNDING * np.maximum(of_query, of_shape)
+        rows = np.reshape(queries, (-1, 1))
+        columns = np.reshape(gallery, (1, -1))
+        differences = np.abs(rows - columns)
+        is_rounding = differences <= EQUAL_AREAS * np.maximum(rows, columns)
         return np.where(is_rounding, 0.0, differences)

@@ -20,8 +20,10 @@ unconstrained.
 """
 
 AMBIGUOUS = 1e-3
-"""Share of the cube of its norm, below which the product of the sums of two singular values of a
-covariance each leaves the closed form of its rotation without enough digits.
+"""Bound below which the closed form of a rotation has not enough digits.
+
+It bounds the product of the sums of two singular values of a covariance each, as a share of the
+cube of its norm.
 """
 
 
@@ -109,9 +111,8 @@ def nearest_rotations(covariances: FloatArray) -> FloatArray:
     rotations, ambiguous = _closed_form(covariances)
     if ambiguous.any():
         stacked = np.ascontiguousarray(covariances[ambiguous].transpose(1, 0, 2).reshape(-1, 3))
-        rotations[ambiguous] = (
-            np.asarray(igl.fit_rotations(stacked)).reshape(3, -1, 3).transpose(1, 0, 2)
-        )
+        fitted = np.asarray(igl.fit_rotations(stacked)).reshape(3, -1, 3)
+        rotations[ambiguous] = fitted.transpose(1, 0, 2)
     return np.asarray(rotations)
 
 
@@ -132,7 +133,10 @@ def _closed_form(covariances: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]
         area = 0.0
         for a in range(3):
             for b in range(3):
-                c, d, e, f = (a + 1) % 3, (a + 2) % 3, (b + 1) % 3, (b + 2) % 3
+                c = (a + 1) % 3
+                d = (a + 2) % 3
+                e = (b + 1) % 3
+                f = (b + 2) % 3
                 rotation[b, a] = matrix[c, e] * matrix[d, f] - matrix[c, f] * matrix[d, e]
                 gram[a, b] = (
                     matrix[0, a] * matrix[0, b]
@@ -173,7 +177,8 @@ def _closed_form(covariances: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]
 
 def aligned(points: FloatArray, reference: FloatArray, weights: FloatArray) -> FloatArray:
     """Return the points after the proper rigid motion nearest to a reference (Kabsch 1976)."""
-    centre, goal = weights @ points / weights.sum(), weights @ reference / weights.sum()
+    centre = weights @ points / weights.sum()
+    goal = weights @ reference / weights.sum()
     covariance = (points - centre).T @ ((reference - goal) * weights[:, None])
     return np.asarray((points - centre) @ nearest_rotations(covariance[None])[0].T + goal)
 
@@ -181,9 +186,8 @@ def aligned(points: FloatArray, reference: FloatArray, weights: FloatArray) -> F
 def factorise_definite(matrix: csr_array) -> Callable[[FloatArray], FloatArray]:
     """Factorise a symmetric positive definite sparse matrix.
 
-    The result solves for any number of columns.
-
-    The factorisation is Eigen's: it calls no BLAS, whose last digits differ between processors.
+    The result solves for any number of columns. The factorisation is Eigen's: it calls no BLAS,
+    whose last digits differ between processors.
 
     Raises
     ------
@@ -210,6 +214,15 @@ def _covariances(
     rest: FloatArray,
     positions: FloatArray,
 ) -> FloatArray:
+    """Return the covariances of edges at rest and moved, of each cell, shape (n, 3, 3).
+
+    Parameters
+    ----------
+    starts, ends, weights
+        First edge of each vertex, and end and weight of each edge.
+    rest, positions
+        Positions of the vertices, shape (n, 3).
+    """
     covariances = np.zeros((len(rest), 3, 3))
     for i in range(len(rest)):
         for k in range(starts[i], starts[i + 1]):
@@ -229,6 +242,10 @@ def _loads(
     rest: FloatArray,
     rotations: FloatArray,
 ) -> FloatArray:
+    """Return the right-hand side for rotations of the cells, shape (n, 3).
+
+    The other parameters are those of :func:`_covariances`.
+    """
     loads = np.zeros_like(rest)
     for i in range(len(rest)):
         for k in range(starts[i], starts[i + 1]):

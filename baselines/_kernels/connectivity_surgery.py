@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import FloatArray
 from benchmark.geometry.mesh import Mesh
 
+#: For each pair of vertices 0 if no edge joins them, else 1 and the number of triangles at it.
 Links = NDArray[np.int16]
 
 
@@ -36,9 +37,8 @@ def collapse(mesh: Mesh) -> NDArray[np.int64]:
     numpy.ndarray
         The vertex into which each vertex collapsed, shape (n,); survivors map to themselves.
     """
-    n, edges = mesh.n_vertices, mesh.edges
-    # For each pair of vertices 0 if no edge joins them, else 1 and the number of triangles at the
-    # edge.
+    n = mesh.n_vertices
+    edges = mesh.edges
     links = np.zeros((n, n), dtype=np.int16)
     first, second = edges.ends.T
     links[first, second] = links[second, first] = 1 + edges.counts
@@ -48,10 +48,10 @@ def collapse(mesh: Mesh) -> NDArray[np.int64]:
 
 def _line_quadrics(vertices: FloatArray, edges: NDArray[np.int64]) -> FloatArray:
     """Return the quadrics of the squared distance to the edges of each vertex, shape (n, 4, 4)."""
-    start, end = vertices[edges[:, 0]], vertices[edges[:, 1]]
-    direction = (end - start) / np.maximum(
-        np.linalg.norm(end - start, axis=1, keepdims=True), np.finfo(float).tiny
-    )
+    start = vertices[edges[:, 0]]
+    end = vertices[edges[:, 1]]
+    lengths = np.linalg.norm(end - start, axis=1, keepdims=True)
+    direction = (end - start) / np.maximum(lengths, np.finfo(float).tiny)
     # The rows map a homogeneous point p to direction x p - moment, whose length is its distance to
     # the line.
     rows = np.zeros((len(edges), 3, 4))
@@ -67,6 +67,10 @@ def _line_quadrics(vertices: FloatArray, edges: NDArray[np.int64]) -> FloatArray
 def _collapse(
     points: FloatArray, faces: NDArray[np.int32], links: Links, quadrics: FloatArray
 ) -> NDArray[np.int64]:
+    """Collapse the cheapest edge at a triangle until none is left; see :func:`collapse`.
+
+    All arrays but the points are changed. Returns the vertex into which each vertex collapsed.
+    """
     n = len(points)
     owner = np.arange(n)
     target = np.full(n, -1)
@@ -87,10 +91,7 @@ def _collapse(
             links[i, k] = links[k, i] = 0
             if k != j:
                 links[j, k] = links[k, j] = max(links[j, k], 1)
-        for f in around:
-            for corner in range(3):
-                if faces[f, corner] == i:
-                    faces[f, corner] = j
+        _replace(faces, around, i, j)
         _count(faces, around, links, 1)
         _evaluate(j, points, quadrics, links, cost, target)
         for k in np.flatnonzero(links[j]):
@@ -99,6 +100,15 @@ def _collapse(
         while owner[owner[i]] != owner[i]:
             owner[i] = owner[owner[i]]
     return owner
+
+
+@njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
+def _replace(faces: NDArray[np.int32], around: NDArray[np.int64], vertex: int, by: int) -> None:
+    """Replace a vertex by another one in some triangles."""
+    for f in around:
+        for corner in range(3):
+            if faces[f, corner] == vertex:
+                faces[f, corner] = by
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
@@ -135,9 +145,10 @@ def _evaluate(
             x = points[j, 0]
             y = points[j, 1]
             z = points[j, 2]
-            for a, left in enumerate((x, y, z, 1.0)):
-                for b, right in enumerate((x, y, z, 1.0)):
-                    shape += left * right * (quadrics[i, a, b] + quadrics[j, a, b])
+            for a, row in enumerate((x, y, z, 1.0)):
+                for b, column in enumerate((x, y, z, 1.0)):
+                    shape += row * column * (quadrics[i, a, b] + quadrics[j, a, b])
             price = max(shape, 0.0) + lengths[place] * (lengths.sum() - lengths[place])
             if price < cost[i]:
-                cost[i], target[i] = price, j
+                cost[i] = price
+                target[i] = j

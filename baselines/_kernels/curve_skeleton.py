@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.csgraph import shortest_path
 
@@ -14,9 +13,7 @@ from baselines._kernels.connectivity_surgery import collapse
 from benchmark.api.contracts import FloatArray
 from benchmark.geometry.cleaning import component_labels, weighted_means
 from benchmark.geometry.laplacian import cotangent_laplacian
-from benchmark.geometry.mesh import Mesh
-
-Indices = NDArray[np.int64]
+from benchmark.geometry.mesh import IntArray, Mesh
 
 CENTREDNESS_GAIN = 0.9
 """A junction moves onto a neighbour if that lowers the spread of its distances to the surface below
@@ -38,9 +35,13 @@ FIRST_CONTRACTION = 1e-3
 """Initial contraction weight over the square root of the mean face area."""
 
 CONTRACTION_GROWTH = 3.0
+"""Factor by which the contraction weight grows with each iteration."""
 LARGEST_CONTRACTION = 2048.0
+"""Bound of the contraction weight."""
 LARGEST_ATTRACTION = 10_000.0
+"""Bound of the attraction weight of a vertex."""
 MAX_ITERATIONS = 20
+"""Most iterations of the contraction."""
 
 AREA_RATIO = 0.01
 """Share of the area at which the contraction ends."""
@@ -62,8 +63,8 @@ class CurveSkeleton:
     """
 
     joints: FloatArray
-    owners: Indices
-    bones: Indices
+    owners: IntArray
+    bones: IntArray
 
     def path_lengths(self) -> FloatArray:
         """Return the lengths of the shortest paths along the bones between joints, shape (k, k)."""
@@ -161,13 +162,14 @@ def contract(mesh: Mesh) -> FloatArray:
         current = candidate
         contraction = min(CONTRACTION_GROWTH * contraction, LARGEST_CONTRACTION)
         attraction = np.minimum(np.sqrt(first_areas / areas), LARGEST_ATTRACTION)
-    left = current.area / first_areas.sum()
-    if left > 10 * AREA_RATIO:
-        raise ContractionFailed(f"{left:.0%} of the area is left")
+    share_left = current.area / first_areas.sum()
+    if share_left > 10 * AREA_RATIO:
+        raise ContractionFailed(f"{share_left:.0%} of the area is left")
     return np.asarray(current.vertices * unit + centre)
 
 
 def _contraction_step(mesh: Mesh, contraction: float, attraction: FloatArray) -> FloatArray:
+    """Return the vertices after a step of contraction, shape (n, 3)."""
     laplacian = cotangent_laplacian(mesh).stiffness
     squared: FloatArray = attraction**2
     normal_matrix = csr_array(contraction**2 * (laplacian @ laplacian) + diags_array(squared))
@@ -201,12 +203,13 @@ def level_set_skeleton(mesh: Mesh, levels: FloatArray, bands: int) -> CurveSkele
     return CurveSkeleton(weighted_means(mesh.vertices, areas, owners), owners, _bones(mesh, owners))
 
 
-def _bones(mesh: Mesh, owners: Indices) -> Indices:
+def _bones(mesh: Mesh, owners: IntArray) -> IntArray:
+    """Return the pairs of parts that share an edge, shape (b, 2), smaller number first, sorted."""
     pairs = np.sort(owners[mesh.edges.ends], axis=1)
     return np.unique(pairs[pairs[:, 0] != pairs[:, 1]], axis=0)
 
 
-def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: Indices) -> FloatArray:
+def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: IntArray) -> FloatArray:
     """Return the displacement of each joint, shape (k, 3).
 
     0 where a part touches another in a single vertex.
@@ -233,40 +236,59 @@ def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: Indices) 
     return np.nan_to_num(np.where(degrees > 1, means, whole))
 
 
-def _merge_junctions(mesh: Mesh, joints: FloatArray, owners: Indices) -> tuple[FloatArray, Indices]:
+def _merge_junctions(
+    mesh: Mesh, joints: FloatArray, owners: IntArray
+) -> tuple[FloatArray, IntArray]:
     """Move junctions onto their best neighbours while that evens out the distances of a part."""
-    vertices = mesh.vertices
     merged = True
     while merged:
         merged = False
-        for junction in np.flatnonzero(np.bincount(_bones(mesh, owners).ravel()) > 2):
-            while (part := owners == junction).any():
-                bones = _bones(mesh, owners)
-                others = np.setdiff1d(bones[(bones == junction).any(axis=1)], junction)
-                spreads = [
-                    _spread(vertices[part | (owners == other)], joints[other]) for other in others
-                ]
-                if min(spreads, default=np.inf) >= CENTREDNESS_GAIN * _spread(
-                    vertices[part], joints[junction]
-                ):
-                    break
-                junction = others[np.argmin(spreads)]
+        degrees = np.bincount(_bones(mesh, owners).ravel())
+        for junction in np.flatnonzero(degrees > 2).tolist():
+            neighbour = _better_joint(mesh, joints, owners, junction)
+            while neighbour is not None:
+                owners = np.where(owners == junction, neighbour, owners)
                 merged = True
-                owners = np.where(part, junction, owners)
+                junction = neighbour
+                neighbour = _better_joint(mesh, joints, owners, junction)
     kept, owners = np.unique(owners, return_inverse=True)
     return joints[kept], owners
 
 
-def _absorb_pockets(mesh: Mesh, joints: FloatArray, owners: Indices) -> tuple[FloatArray, Indices]:
+def _better_joint(mesh: Mesh, joints: FloatArray, owners: IntArray, junction: int) -> int | None:
+    """Return the neighbour of a junction in whose part the distances to its joint spread less.
+
+    None if there is none, or if the junction has no vertices any more.
+    """
+    part = owners == junction
+    if not part.any():
+        return None
+    bones = _bones(mesh, owners)
+    others = np.setdiff1d(bones[(bones == junction).any(axis=1)], junction)
+    spreads = [_spread(mesh.vertices[part | (owners == other)], joints[other]) for other in others]
+    spread = _spread(mesh.vertices[part], joints[junction])
+    if min(spreads, default=np.inf) >= CENTREDNESS_GAIN * spread:
+        return None
+    return int(others[np.argmin(spreads)])
+
+
+def _absorb_pockets(
+    mesh: Mesh, joints: FloatArray, owners: IntArray
+) -> tuple[FloatArray, IntArray]:
+    """Let each pocket join the part around its mouth.
+
+    A pocket is an end of the skeleton whose surface faces its joint: a dent, not a limb.
+    """
     corners_of_faces = mesh.vertices[mesh.faces]
+    middles = corners_of_faces.mean(axis=1)
     outwards = np.sign(np.einsum("fi,fi->", mesh.face_normals, corners_of_faces[:, 0]))
     while True:
         corners = np.sort(owners[mesh.faces], axis=1)
         joint_of_face = corners[:, 1]
-        flux = outwards * np.einsum(
-            "fi,fi->f", mesh.face_normals, corners_of_faces.mean(axis=1) - joints[joint_of_face]
+        flux_of_face = outwards * np.einsum(
+            "fi,fi->f", mesh.face_normals, middles - joints[joint_of_face]
         )
-        flux = np.bincount(joint_of_face, weights=flux, minlength=len(joints))
+        flux = np.bincount(joint_of_face, weights=flux_of_face, minlength=len(joints))
         bones = _bones(mesh, owners)
         degrees = np.bincount(bones.ravel(), minlength=len(joints))
         pockets = np.flatnonzero((degrees == 1) & (flux < 0))
@@ -278,17 +300,18 @@ def _absorb_pockets(mesh: Mesh, joints: FloatArray, owners: Indices) -> tuple[Fl
         owners = _absorb(owners, pocket, mouth)
 
 
-def _absorb(owners: Indices, part: int, into: int) -> Indices:
+def _absorb(owners: IntArray, part: int, into: int) -> IntArray:
     """Return the owners after a part has joined another; the numbers of later parts move up."""
     joined = np.where(owners == part, into, owners)
     return np.asarray(joined - (joined > part))
 
 
 def _spread(points: FloatArray, joint: FloatArray) -> float:
+    """Return the standard deviation of the distances of points from a joint."""
     return float(np.linalg.norm(points - joint, axis=1).std())
 
 
-def _absorb_specks(owners: Indices, edges: Indices, areas: FloatArray) -> Indices:
+def _absorb_specks(owners: IntArray, edges: IntArray, areas: FloatArray) -> IntArray:
     """Merge pieces below ``SPECK_SHARE`` of the area into the neighbour with most common edges."""
     while True:
         shares = np.bincount(owners, weights=areas) / areas.sum()

@@ -26,6 +26,7 @@ def farthest_points(shape: Shape, count: int) -> list[int]:
 
 
 def _spread(graph: csr_array, first: int, count: int) -> list[int]:
+    """Return at most ``count`` vertices, each as far from the previous as possible."""
     chosen = [first]
     nearest = dijkstra(graph, indices=first)
     while len(chosen) < min(count, len(nearest)):
