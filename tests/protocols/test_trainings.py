@@ -129,7 +129,7 @@ def test_official_scans_get_the_network_of_the_official_people_where_these_are(
         trainings, "is_present", lambda name, root: present and name == "shrec14-synthetic"
     )
     names = [
-        trainings._trainings(Learned(), name, None)[0].name
+        trainings._trainings_for(Learned(), name, None)[0].name
         for name in ("shrec14-real", "humans-scanlike")
     ]
     assert names == ["shrec14-synthetic-fold-0" if present else "people-fold-0", "people-fold-0"]
