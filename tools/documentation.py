@@ -222,7 +222,9 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         return start + _relative(_uri(path), address)
 
     # Markdown leaves a <div> alone, and a <span> within its line.
-    markdown = MATH.sub(lambda found: f"<div>{_formula(found[1], 'block')}</div>\n", markdown)
+    markdown = MATH.sub(
+        lambda found: f"<div class='formula'>{_formula(found[1], 'block')}</div>\n", markdown
+    )
     markdown = INLINE_MATH.sub(
         lambda found: f"<span>{_formula(found[1], 'inline')}</span>", markdown
     )
