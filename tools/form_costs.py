@@ -1,4 +1,4 @@
-"""``python -m tools.form_costs``: seconds of each canonical form on surfaces of several sizes, as a CSV file.
+"""``python -m tools.form_costs``: seconds of each form on surfaces of several sizes, as a CSV file.
 
 The seconds are those of a processor, for the form with its geodesic distances, as in the tables.
 """

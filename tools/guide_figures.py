@@ -87,7 +87,7 @@ def main() -> None:
 
 
 def write_play_data(results: Path) -> None:
-    """Write the small data of the page to play with, which the site shows where no quick run is kept."""
+    """Write the small data of the page to play with, for a site without a quick run."""
     records = records_of(results)
     galleries = play_galleries(StoredForms(results), [records[name] for name in PLAYED])
     content, numbers = play_data(galleries)
@@ -140,7 +140,7 @@ def form_of(mesh: Mesh) -> Mesh:
 
 
 def figure_of_pose(*poses: Mesh) -> Figure:
-    """Return two poses, coloured by the distance from one hand: through the air, and along the surface."""
+    """Return two poses, coloured by the distance from one hand: in the air, and along the surface."""
     camera = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
     side = TEXT_WIDTH / 4
     columns = []

@@ -26,7 +26,7 @@ EXAMPLES = {
 
 
 def example_of(path: str) -> str:
-    """Return the example of a verb by its path, such as ``canonical-forms data check``; "" without one."""
+    """Return the example of a verb by its path, such as ``PROGRAM data check``; "" without one."""
     words = path.split()
     for start in range(len(words)):
         verb = " ".join(words[start:])

@@ -56,7 +56,8 @@ class Verb(TyperCommand):
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write an example below the options."""
-        if example := example_of(ctx.command_path):
+        example = example_of(ctx.command_path)
+        if example:
             with formatter.section("Example"):
                 formatter.write_text(example)
 

@@ -68,6 +68,7 @@ class DemoForm:
     method: Component
 
     def __str__(self) -> str:
+        """Return what it is called while it is computed."""
         return f"{self.method.name} of {self.shape.name}"
 
 
@@ -183,6 +184,7 @@ def _check_replaceable(page: Path) -> None:
 
 
 def _mesh_of(arrays: Arrays) -> Mesh:
+    """Return the surface in the arrays of a prepared shape."""
     return Mesh(arrays["vertices"], arrays["faces"])
 
 

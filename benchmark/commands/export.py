@@ -134,6 +134,7 @@ def export(
     dataset = open_dataset(name, data_folder(data_root))
 
     def describe(target: Path, written: Mapping[str, Entry]) -> Sequence[str]:
+        """Write the files about a set beside its shapes."""
         return _describe(dataset, name, target, written)
 
     is_generated = dataset.folder is None
@@ -200,8 +201,8 @@ def _description(dataset: ShapeSet) -> str:
     """Return in a sentence what a set is."""
     n_classes = len(by_subject(dataset.shapes))
     return (
-        f"{dataset.title}: {len(dataset.shapes)} generated triangle meshes of {n_classes} classes, for the "
-        "retrieval of non-rigid 3D shapes."
+        f"{dataset.title}: {len(dataset.shapes)} generated triangle meshes of {n_classes} classes, "
+        "for the retrieval of non-rigid 3D shapes."
     )
 
 
@@ -213,8 +214,8 @@ def _data_sheet(dataset: ShapeSet, name: str, written: Mapping[str, Entry]) -> s
     stands_in = ""
     if dataset.stand_in_for:
         stands_in = (
-            f"\nThe set stands in for `{dataset.stand_in_for}`, which may not be passed on. Scores on one say little "
-            "about scores on the other.\n"
+            f"\nThe set stands in for `{dataset.stand_in_for}`, which may not be passed on. Scores "
+            "on one say little about scores on the other.\n"
         )
     frame = "the frame is fitted to the largest shape"
     if dataset.half_width is not None:
@@ -222,8 +223,9 @@ def _data_sheet(dataset: ShapeSet, name: str, written: Mapping[str, Entry]) -> s
     folds = "There are no splits: every shape is a query, and all others are its gallery."
     if _folds(dataset):
         folds = (
-            "`shapes.csv` names the fold in which each subject is tested. Models for a fold are trained on the "
-            "subjects of the two others. In whole galleries, every shape is a query, and all others are its gallery."
+            "`shapes.csv` names the fold in which each subject is tested. Models for a fold are "
+            "trained on the subjects of the two others. In whole galleries, every shape is a "
+            "query, and all others are its gallery."
         )
     return f"""# {dataset.title}
 
