@@ -325,8 +325,8 @@ def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-unty
 def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]:
     """Return the Guttman transform towards disparities, and the root of the sum of their squares.
 
-    Dissimilarities are rounded to :data:`N_LEVELS` levels. Pairs of one level are tied, and have one
-    disparity (Kruskal's secondary approach), so that a regression has at most as many places as
+    Dissimilarities are rounded to :data:`N_LEVELS` levels. Pairs of one level are tied: they get
+    one disparity (Kruskal's secondary approach), so that a regression has at most as many places as
     there are levels, not pairs.
 
     Parameters

@@ -69,7 +69,7 @@ class MethodInfo(CheckedParameters):
         ``"paper"`` for a row of the paper, ``"control"`` for a baseline, ``"external"`` for forms
         that another program made before, ``"extended"`` for any other method.
     summary
-        What the method does, in a sentence for readers who do not know it: for ``list methods``, and
+        What the method does, in a sentence for readers who do not know it; for ``list methods`` and
         for the page to play with.
     departs
         How the method departs from its source, in one or two sentences; "" if it does not. Shown by

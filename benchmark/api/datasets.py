@@ -1,4 +1,4 @@
-"""Data sets: a :class:`ShapeSet` lists shapes, with functions that return mesh and camera of one."""
+"""Data sets: a :class:`ShapeSet` lists shapes, and returns the mesh and the camera of one."""
 
 from __future__ import annotations
 

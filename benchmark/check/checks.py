@@ -233,7 +233,7 @@ def _parameters(case: Case) -> str:
     listed = ", ".join(names)
     raise FailedCheck(
         f"{listed} of __init__ cannot be chosen, and no record says the value: parameters are the"
-        f" fields of a dataclass; drop __init__, decorate the class with @dataclass(frozen=True) and"
+        " fields of a dataclass; drop __init__, decorate the class with @dataclass(frozen=True) and"
         f" write '{names[0]}: float = 0.02' in it"
     )
 

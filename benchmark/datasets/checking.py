@@ -484,7 +484,7 @@ def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> CheckedShape:
 
 
 def _dropped_faces(dataset: ShapeSet, entry: Entry) -> Iterator[tuple[str, str]]:
-    """Yield how many faces of the mesh file of a shape have no corners, and what happens to them."""
+    """Yield how many faces of the mesh file of a shape have no corners, and what is done."""
     if entry.path is None or entry.path not in dataset.files(entry):
         return
     count = faces_without_corners(entry.path)

@@ -17,7 +17,7 @@ from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.errors import ConfigurationError, DatasetError, ShapeError
 from benchmark.geometry.camera import Camera
 
-#: Writes further files into the folder of a set, given the shape in each file, and returns their names.
+#: Writes further files into the folder of a set, given the shape in each file; returns their names.
 Describe = Callable[[Path, Mapping[str, Entry]], Sequence[str]]
 
 

@@ -10,7 +10,7 @@ _SECTION = re.compile(
     r"^(\w[\w ]*)\n-{3,}\n(.*?)(?=^\w[\w ]*\n-{3,}\n|\Z)", re.MULTILINE | re.DOTALL
 )
 
-#: A line that names parameters, such as ``first_pull, last_pull``, and the lines that describe them.
+#: A line that names parameters, such as ``first_pull, last_pull``, and lines that describe them.
 _ENTRY = re.compile(r"^(\w+(?:, \w+)*)[^\n]*\n((?:[ ]+[^\n]*\n?|\n)+)", re.MULTILINE)
 
 #: A role, such as ``:class:`~module.Name```, and text in double backquotes.
