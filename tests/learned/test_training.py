@@ -143,8 +143,8 @@ def test_the_ablation_of_the_weighting_has_no_early_epochs(
     plans: list[Schedule] = []
     fitted = Fitted([{}], 1.0)
     monkeypatch.setattr(fitting, "fit", lambda *given, **_: plans.append(given[3]) or fitted)
-    monkeypatch.setattr(fitting, "save", lambda *_: None)
-    monkeypatch.setattr(fitting, "load", lambda _: None)
+    monkeypatch.setattr(fitting, "save_model", lambda *_: None)
+    monkeypatch.setattr(fitting, "load_model", lambda _: None)
     monkeypatch.setattr(fitting, "_measured", lambda *_: {})
     options = {"resolution": 32, "device": "cpu", "threads": 1}
     fitting.train(name, 0, toy_data(), tmp_path, options, quiet)
