@@ -16,9 +16,16 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 
-def print_tables(selection: Selection, format: str | None, *, paper: bool, failed: bool) -> None:
+def print_tables(
+    selection: Selection,
+    format: str | None,
+    *,
+    paper: bool,
+    failed: bool,
+    submissions: Path | None = None,
+) -> None:
     """Print tables in a format; Markdown by default."""
-    selected = _tables_with_notes(selection, paper=paper, failed=failed)
+    selected = _tables_with_notes(selection, paper=paper, failed=failed, submissions=submissions)
     if format is None:
         print_markdown(selected.markdown())
     elif format == "latex":
@@ -35,11 +42,12 @@ def write_tables(
     paper: bool,
     failed: bool,
     force: bool,
+    submissions: Path | None = None,
 ) -> None:
     """Write tables as files in a format, or in all."""
     from benchmark.report.output import TABLE_FORMATS
 
-    selected = _tables_with_notes(selection, paper=paper, failed=failed)
+    selected = _tables_with_notes(selection, paper=paper, failed=failed, submissions=submissions)
     formats = [format] if format else TABLE_FORMATS
     files = selected.write(output, formats, force=force)
     say(f"wrote {len(files)} files to {output}")
@@ -112,10 +120,14 @@ def _print_differences(differences: DataFrame, *, has_second: bool) -> None:
         say_table(rows, whole=range(1, 6))
 
 
-def _tables_with_notes(selection: Selection, *, paper: bool, failed: bool) -> Tables:
+def _tables_with_notes(
+    selection: Selection, *, paper: bool, failed: bool, submissions: Path | None = None
+) -> Tables:
     """Return the tables of a selection; say what was left out."""
     of_records = selection.arguments(name for name in OF_RECORDS if name != "tables")
-    selected = tables(selection.tables, **of_records, paper=paper, failed=failed)
+    selected = tables(
+        selection.tables, **of_records, paper=paper, failed=failed, submissions=submissions
+    )
     _say_notes(selected.notes)
     return selected
 

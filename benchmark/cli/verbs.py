@@ -89,6 +89,10 @@ def tables_verb(
     ] = False,
     force: shared.ForceOption = False,
     failed: shared.FailedOption = False,
+    submissions: Annotated[
+        Path | None,
+        Option("--submissions", metavar="DIR", help="Add rows of others, scored here."),
+    ] = None,
 ) -> None:
     """Print or write the tables of finished jobs.
 
@@ -97,9 +101,17 @@ def tables_verb(
     from benchmark.cli.results import print_tables, write_tables
 
     if output is None:
-        print_tables(selection, format, paper=paper, failed=failed)
+        print_tables(selection, format, paper=paper, failed=failed, submissions=submissions)
     else:
-        write_tables(selection, output, format, paper=paper, failed=failed, force=force)
+        write_tables(
+            selection,
+            output,
+            format,
+            paper=paper,
+            failed=failed,
+            force=force,
+            submissions=submissions,
+        )
 
 
 @verb(*OF_RECORDS, "data_root")

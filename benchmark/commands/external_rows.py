@@ -12,6 +12,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.api.contracts import CanonicalForm, Input, MethodInfo, Shape
 from benchmark.code_digest import code_of_modules, digest, digest_of_bytes
@@ -90,6 +91,36 @@ def keep_distances(
     ConfigurationError
         If the shapes have no names, or differ from those of the other rows.
     """
+    beside = record_beside(results, dataset, input_, title)
+    record, matrix = record_of_distances(evaluation, beside, dataset, title=title, input_=input_)
+    with writing(results):
+        every = read_records(results, published=False)
+        before = next((other for other in every if other.row == record.row), None)
+        _check_title(record, before)
+        Cache(results).write("records", record.key, {"distances": matrix})
+        write_record(results, record, before.key if before else "")
+    return record
+
+
+def record_of_distances(
+    evaluation: Evaluation, beside: Record | None, dataset: str, *, title: str, input_: Input
+) -> tuple[Record, NDArray[np.float64]]:
+    """Return the record of distances, and the distances in the order of its shapes.
+
+    Parameters
+    ----------
+    evaluation
+        Distances with the names and classes of their shapes.
+    beside
+        A record of the same shapes; None for a table of its own.
+    dataset, title, input_
+        As for :func:`keep_distances`.
+
+    Raises
+    ------
+    ConfigurationError
+        If the shapes have no names, or differ from those of the record.
+    """
     if evaluation.queries.index.dtype.kind == "i":  # numbers of rows
         hint = (
             "name rows and columns in a CSV, or pass labels with lines 'name label' in the order "
@@ -99,7 +130,7 @@ def keep_distances(
             "rows are paired by the names of shapes, and these distances have none", hint
         )
     labels = evaluation.queries["class"].to_dict()
-    facts = _facts(record_beside(results, dataset, input_, title), dataset, labels)
+    facts = _facts(beside, dataset, labels)
     known = dict(zip(facts["shapes"], facts["labels"], strict=True))
     if known != labels:
         raise _other_shapes(known, labels, facts["gallery"])
@@ -124,14 +155,7 @@ def keep_distances(
         "commit": commit(),
         "packages": packages(),
     }
-    record = record_of(msgspec.to_builtins(content))
-    with writing(results):
-        every = read_records(results, published=False)
-        before = next((other for other in every if other.row == record.row), None)
-        _check_title(record, before)
-        Cache(results).write("records", key, {"distances": matrix})
-        write_record(results, record, before.key if before else "")
-    return record
+    return record_of(msgspec.to_builtins(content)), matrix
 
 
 def _other_shapes(

@@ -110,6 +110,8 @@ class RecordSelection:
         Whether to show quick runs; by default they are shown where there are no others.
     published
         Whether to show published records alone.
+    submitted
+        Records of others, which are shown beside them; see :mod:`benchmark.commands.submissions`.
     """
 
     results: Path = RESULTS
@@ -121,6 +123,7 @@ class RecordSelection:
     seed: int = 0
     quick: bool = False
     published: bool = False
+    submitted: Sequence[Record] = ()
 
     @property
     def is_whole(self) -> bool:
@@ -138,7 +141,8 @@ class RecordSelection:
         ConfigurationError
             If there is none, or no record knows a table or data set.
         """
-        every = label_data_sets(read_records(self.results, local=not self.published))
+        kept = read_records(self.results, local=not self.published)
+        every = label_data_sets([*kept, *self.submitted])
         known = {table.identifier for table in TABLES} | {record.data.name for record in every}
         check_known("table", self.tables, known | {"extended"})
         of_data = records_of(every, self.data) if self.data else every

@@ -123,6 +123,7 @@ def tables(
     published: bool = False,
     paper: bool = False,
     failed: bool = False,
+    submissions: str | Path | None = None,
 ) -> Tables:
     """Return the tables of finished jobs; it needs no data.
 
@@ -138,12 +139,22 @@ def tables(
         Whether to add rows of the paper that never ran.
     failed
         Whether to add methods that fail in every job.
+    submissions
+        Folder of submissions whose rows are added; see
+        :func:`benchmark.commands.submissions.submitted_rows`.
 
     Raises
     ------
     ConfigurationError
         If nothing fits the selection, or a name is unknown.
     """
+    submitted: tuple[Record, ...] = ()
+    told: tuple[str, ...] = ()
+    if submissions is not None:
+        from benchmark.commands.submissions import submitted_rows  # whose forms need the runner
+
+        rows = submitted_rows(submissions, results)
+        submitted, told = rows.records, rows.notes
     selection = RecordSelection(
         results=Path(results),
         tables=as_list(names),
@@ -154,12 +165,13 @@ def tables(
         seed=seed,
         quick=quick,
         published=published,
+        submitted=submitted,
     )
     records, notes = selection.records(failed=failed)
     return Tables(
         tuple(selection.views(records, paper=paper)),
         tuple(records),
-        tuple(notes),
+        (*notes, *told),
         has_robustness=selection.is_whole or "robustness" in selection.tables,
         has_verdicts=selection.is_whole,
     )

@@ -1,0 +1,233 @@
+"""Rows of others: folders with distances or forms and a ``submission.toml``, which are scored here.
+
+Nothing in a submission is run: its files are data.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from benchmark.api.contracts import Input
+from benchmark.commands.external_rows import record_beside, record_of_distances
+from benchmark.commands.plan import plan
+from benchmark.commands.run import records_after, run_plan
+from benchmark.commands.score import score
+from benchmark.datasets.settings import read_settings
+from benchmark.errors import BenchmarkError, ConfigurationError, check_known
+from benchmark.pipeline.records import Origin, Record
+from benchmark.text import brief, listed
+
+#: Name of the file that describes a submission.
+SUBMISSION = "submission.toml"
+
+#: Folder of the results folder that keeps what forms of submissions scored.
+KEPT = "submissions"
+
+#: What each submission says, and what the keys mean.
+REQUIRED = {
+    "method": "its name in tables",
+    "authors": "a list of names",
+    "trained_on": "the data that it was trained on; 'nothing' for a method that does not learn",
+    "seen": "a list of the classes of the test set that were in its training data; [] for none",
+    "compute": "machine and time",
+    "licence": "of the distances or forms",
+    "citation": "a BibTeX entry or a sentence",
+    "code": "an address, or why there is none",
+    "data": "the data set whose shapes are compared",
+}
+
+#: What is scored: one of these.
+SCORED = ("distances", "forms")
+
+#: What else a submission may say.
+_OPTIONAL = ("input", *SCORED)
+
+#: Keys whose values are lists of text; all others are text.
+_LISTS = ("authors", "seen")
+
+
+@dataclass(frozen=True)
+class Submission:
+    """What a ``submission.toml`` says.
+
+    Parameters
+    ----------
+    folder
+        The folder of the submission.
+    facts
+        Values by key.
+    input
+        Whether the method saw complete surfaces or views.
+    scored
+        The file of distances, or the folder of forms.
+    """
+
+    folder: Path
+    facts: Mapping[str, Any]
+    input: Input
+    scored: Path
+
+    @property
+    def title(self) -> str:
+        """The title of its row, which says that others brought it."""
+        return brief(f"{self.facts['method']} (submitted)")
+
+    @property
+    def in_words(self) -> str:
+        """What a table says of it."""
+        authors = listed(self.facts["authors"])
+        kind = "a folder of forms" if self.scored.is_dir() else "distances"
+        return brief(
+            f"{self.title}: scored here from {kind} by {authors}; trained on {self.facts['trained_on']}; "
+            f"compute: {self.facts['compute']}; licence: {self.facts['licence']}; code: {self.facts['code']}; "
+            f"{self.facts['citation']}",
+            2000,
+        )
+
+
+@dataclass(frozen=True)
+class SubmittedRows:
+    """Rows of others.
+
+    Parameters
+    ----------
+    records
+        A record of each submission with scores.
+    notes
+        What each submission says of itself, and why others have no row.
+    """
+
+    records: tuple[Record, ...]
+    notes: tuple[str, ...]
+
+
+def submitted_rows(folder: str | Path, results: str | Path) -> SubmittedRows:
+    """Score the submissions in the sub-folders of a folder.
+
+    Parameters
+    ----------
+    folder
+        The folder; each of its sub-folders with a ``submission.toml`` is a submission.
+    results
+        The results folder, beside whose rows they are shown.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no submission.
+    """
+    paths = sorted(Path(folder).glob(f"*/{SUBMISSION}"))
+    if not paths:
+        problem = f"no folder in {folder} has a {SUBMISSION}"
+        raise ConfigurationError(problem, "see docs/how-to/submit.md")
+    records = list[Record]()
+    notes = list[str]()
+    for path in paths:
+        try:
+            submission = read_submission(path)
+            record = score_submission(submission, Path(results))
+        except BenchmarkError as error:
+            notes.append(f"no row: {path.parent}: {error}")
+            continue
+        if record.method in {other.method for other in records if other.row == record.row}:
+            notes.append(f"no row: {path.parent}: another submission has its name")
+            continue
+        records.append(record)
+        notes.append(submission.in_words)
+    return SubmittedRows(tuple(records), tuple(notes))
+
+
+def read_submission(path: Path) -> Submission:
+    """Return what a ``submission.toml`` says.
+
+    Raises
+    ------
+    BenchmarkError
+        If it cannot be read, lacks a key, or has an unknown one or a value of another kind.
+    """
+    facts = read_settings(path, [*REQUIRED, *_OPTIONAL])
+    for key, value in facts.items():
+        _check_value(key, value)
+    missing = [key for key in REQUIRED if not facts.get(key) and facts.get(key) != []]
+    if missing:
+        said = "; ".join(f"{key}: {REQUIRED[key]}" for key in missing)
+        raise ConfigurationError(f"it does not say {listed(missing)}", f"write {said}")
+    given = [key for key in SCORED if key in facts]
+    if len(given) != 1:
+        raise ConfigurationError(
+            f"it names {listed(given) or 'neither distances nor forms'}",
+            'write distances = "FILE" or forms = "FOLDER"',
+        )
+    check_known("input", [facts.get("input", "mesh")], ("mesh", "view"))
+    scored = path.parent / facts[given[0]]
+    if not scored.resolve().is_relative_to(path.parent.resolve()):
+        raise ConfigurationError(f"{facts[given[0]]} lies outside of it", "put it into its folder")
+    is_right = scored.is_dir() if given[0] == "forms" else scored.is_file()
+    if not is_right:
+        raise ConfigurationError(f"its {given[0]} {facts[given[0]]} are not there", "add them")
+    return Submission(path.parent, facts, facts.get("input", "mesh"), scored)
+
+
+def _check_value(key: str, value: object) -> None:
+    """Raise ``ConfigurationError`` unless a value is text, or a list of text where one is wanted."""
+    if key in _LISTS:
+        is_right = isinstance(value, list) and all(isinstance(each, str) for each in value)
+        wanted = "a list of texts"
+    else:
+        is_right = isinstance(value, str)
+        wanted = "text"
+    if not is_right:
+        raise ConfigurationError(f"'{key}' is not {wanted}", f"write {wanted} in quotes")
+
+
+def score_submission(submission: Submission, results: Path) -> Record:
+    """Return the record of a submission beside the rows of its data set.
+
+    Raises
+    ------
+    BenchmarkError
+        If its shapes or classes are not those of the data set, or nothing can be scored.
+    """
+    data = submission.facts["data"]
+    beside = record_beside(results, data, submission.input, submission.title)
+    if beside is None:
+        raise ConfigurationError(f"'{data}' is no data set with rows here", "name one of tables")
+    check_known("class", submission.facts["seen"], beside.labels)
+    if submission.scored.is_dir():
+        record = _score_forms(submission, results)
+    else:
+        labels = dict(zip(beside.shapes, beside.labels, strict=True))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # that distances may be similarities
+            evaluation = score(submission.scored, labels)
+        record, _ = record_of_distances(
+            evaluation, beside, data, title=submission.title, input_=submission.input
+        )
+    seen = set(submission.facts["seen"])
+    shapes = [
+        shape for shape, label in zip(record.shapes, record.labels, strict=True) if label in seen
+    ]
+    origin = Origin(folder=submission.folder.name)
+    return msgspec.structs.replace(record, seen=shapes, merged_from=origin)
+
+
+def _score_forms(submission: Submission, results: Path) -> Record:
+    """Return the record of the forms of a submission, which are ranked by the scorer of tables."""
+    planned = plan(
+        [submission.facts["data"]],
+        forms={submission.title: submission.scored},
+        input=submission.input,
+        results=results / KEPT,
+        rerun=["failed"],
+    )
+    ended = list(run_plan(planned))
+    (record,) = planned.known_records(records_after(planned, ended))
+    if record.status != "ok":
+        raise ConfigurationError(f"its forms have no scores: {record.reason}", "correct them")
+    return record

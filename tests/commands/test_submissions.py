@@ -1,0 +1,158 @@
+"""``tables --submissions``: rows of others are scored here, marked as such, and named where something is missing."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pandas import DataFrame
+
+import benchmark
+from benchmark.commands.submissions import REQUIRED, submitted_rows
+from benchmark.errors import ConfigurationError
+from benchmark.pipeline.records import read_files
+from tests.verbs import call, refusal
+
+PUBLISHED = Path(__file__).parents[2] / "results" / "records" / "animals.jsonl"
+
+FACTS = {
+    "method": '"Far sight"',
+    "authors": '["A. Author", "B. Author"]',
+    "trained_on": '"nothing"',
+    "seen": "[]",
+    "compute": '"a minute of one core"',
+    "licence": '"CC-BY-4.0"',
+    "citation": '"Author and Author, 2026"',
+    "code": '"not yet"',
+    "data": '"animals"',
+    "distances": '"distances.csv"',
+}
+
+
+@pytest.fixture(scope="module")
+def published():
+    """A published record of the set ``animals``, whose shapes submissions compare."""
+    records = read_files([PUBLISHED])
+    return next(
+        record
+        for record in records
+        if record.gallery == "animals" and record.input == "mesh" and record.method == "gps"
+    )
+
+
+@pytest.fixture
+def submit(tmp_path, monkeypatch, published):
+    """Return a function that writes a submission of perfect distances, with some facts changed."""
+    monkeypatch.chdir(tmp_path)
+    Path("results/records").mkdir(parents=True)
+    shutil.copy(PUBLISHED, "results/records")
+    labels = np.array(published.labels)
+    perfect = (labels[:, None] != labels).astype(float)
+
+    def write(name="mine", matrix=perfect, shapes=tuple(published.shapes), **changes):
+        folder = tmp_path / "submissions" / name
+        folder.mkdir(parents=True)
+        facts = FACTS | changes
+        lines = [f"{key} = {value}" for key, value in facts.items() if value]
+        (folder / "submission.toml").write_text("\n".join(lines))
+        DataFrame(matrix, index=shapes, columns=shapes).to_csv(folder / "distances.csv")
+        return folder
+
+    return write
+
+
+def test_distances_make_a_row_that_says_whose_it_is(submit):
+    submit()
+    text = call("tables", "-d", "animals", "--input", "mesh", "--submissions", "submissions")
+    row = next(line for line in text.splitlines() if line.startswith("|Far sight (submitted)"))
+    assert row.count("1.00") == 4
+    assert "scored here from distances by A. Author, B. Author; trained on nothing" in text
+    assert "licence: CC-BY-4.0" in text
+    assert not (Path("results") / "runs").exists()
+
+
+def test_rows_are_named_by_shape_in_any_order(submit, published):
+    matrix = np.abs(np.subtract.outer(np.arange(80.0), np.arange(80.0)))
+    submit("first", matrix, method='"First"')
+    order = np.random.default_rng(1).permutation(80)
+    shuffled = matrix[np.ix_(order, order)]
+    submit("second", shuffled, [published.shapes[k] for k in order], method='"Second"')
+    first, second = submitted_rows("submissions", "results").records
+    assert first.per_query == second.per_query
+
+
+def test_a_row_that_saw_classes_is_never_bold(submit, published):
+    random = np.random.default_rng(3).random((80, 80))
+    submit("honest", method='"Honest"')
+    submit("random", random + random.T, method='"Random"')
+    submit("trained", method='"Trained"', seen='["cat", "dog"]', trained_on='"cats and dogs"')
+    text = call("tables", "-d", "animals", "--input", "mesh", "--submissions", "submissions")
+    rows = {line.split("|")[1]: line for line in text.splitlines() if "(submitted)|" in line}
+    assert "**1.00" in rows["Honest (submitted)"]
+    assert "*" not in rows["Trained (submitted)"]
+    n_seen = sum(label in ("cat", "dog") for label in published.labels)
+    note = f"Trained on the classes of: Trained (submitted) {n_seen} of 80 shapes"
+    assert note in " ".join(text.split())
+
+
+@pytest.mark.parametrize("key", REQUIRED)
+def test_what_is_missing_is_named_with_what_it_means(submit, key):
+    submit(**{key: ""})
+    submit("whole", method='"Whole"')
+    rows = submitted_rows("submissions", "results")
+    assert [record.title for record in rows.records] == ["Whole (submitted)"]
+    (note,) = [note for note in rows.notes if note.startswith("no row: submissions/mine")]
+    assert f"it does not say {key}; write {key}: {REQUIRED[key]}" in note
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"distances": '"../other.csv"'}, "../other.csv lies outside of it"),
+        ({"distances": '"/etc/passwd"'}, "/etc/passwd lies outside of it"),
+        ({"distances": '"none.csv"'}, "its distances none.csv are not there"),
+        ({"distances": ""}, "neither distances nor forms"),
+        ({"forms": '"forms"'}, "it names distances, forms"),
+        ({"seen": '["unicorn"]'}, "unicorn"),
+        ({"seen": '"cat"'}, "'seen' is not a list of texts"),
+        ({"authors": "[1]"}, "'authors' is not a list of texts"),
+        ({"method": "3"}, "'method' is not text"),
+        ({"data": '"dragons"'}, "'dragons' is no data set with rows here"),
+        ({"input": '"touch"'}, "touch"),
+        ({"colour": '"red"'}, "colour"),
+    ],
+)
+def test_a_submission_that_cannot_be_scored_is_named(submit, changes, reason):
+    submit(**changes)
+    (note,) = submitted_rows("submissions", "results").notes
+    assert note.startswith("no row: submissions/mine: ")
+    assert reason in note
+
+
+def test_other_shapes_and_damaged_distances_are_named(submit, published):
+    matrix = np.ones((3, 3)) - np.eye(3)
+    submit("few", matrix, published.shapes[:3])
+    folder = submit("nan", method='"Nan"')
+    text = (folder / "distances.csv").read_text().replace("1.0", "nan", 1)
+    (folder / "distances.csv").write_text(text)
+    rows = submitted_rows("submissions", "results")
+    assert rows.records == ()
+    assert all(note.startswith("no row: ") for note in rows.notes)
+
+
+def test_two_submissions_of_one_name_are_told(submit):
+    submit("a")
+    submit("b")
+    rows = submitted_rows("submissions", "results")
+    assert len(rows.records) == 1
+    assert rows.notes[-1] == "no row: submissions/b: another submission has its name"
+
+
+def test_a_folder_without_submissions_is_refused(tmp_path):
+    assert "has a submission.toml; see docs/how-to/submit.md" in refusal(
+        "tables", "--submissions", tmp_path
+    )
+    with pytest.raises(ConfigurationError):
+        benchmark.tables(submissions=tmp_path)
