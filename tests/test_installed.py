@@ -29,6 +29,7 @@ LARGEST_WHEEL = 25e6
 #: Commands of README that need a checkout, or run for an hour.
 ELSEWHERE = re.compile(
     r"make |git |pip |cd |\. \.venv|export PIP|.*benchmark run --all(?! --quick)"
+    r"|.*report --quick"  # of the jobs that `make bench` ran
 )
 
 #: What a reader puts in the places of words in capitals.
