@@ -7,6 +7,7 @@ Tests compare all parts with what their functions return.
 from __future__ import annotations
 
 import csv
+import importlib.util
 import re
 from collections import Counter
 from collections.abc import Callable, Mapping
@@ -15,6 +16,7 @@ from math import log
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from benchmark.commands.score import score
 from benchmark.defaults import DEFAULT_SCORER
@@ -30,6 +32,7 @@ from tools.form_costs import COSTS, METHODS, SIZES
 ROOT = Path(__file__).parents[1]
 GUIDE = ROOT / "docs" / "guide"
 RESULTS = ROOT / "results"
+EXPERIMENTS = RESULTS / "experiments"
 
 PART = re.compile(
     r"(<!-- part: ([\w-]+) -->\n)((?!<!-- part: ).*\n)*?(<!-- end of part -->)", re.MULTILINE
@@ -38,7 +41,7 @@ PART = re.compile(
 
 def pages_with_parts() -> list[Path]:
     """Return the pages that hold parts."""
-    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    pages = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), EXPERIMENTS / "README.md"]
     return [page for page in sorted(pages) if PART.search(page.read_text(encoding="utf-8"))]
 
 
@@ -127,7 +130,18 @@ def departs(method: str) -> str:
 
 
 #: What a part holds, by its name.
+def experiment(name: str) -> str:
+    """Return the table of an experiment, made by its module from its file."""
+    place = importlib.util.spec_from_file_location(name, EXPERIMENTS / f"{name}.py")
+    assert place is not None and place.loader is not None
+    module = importlib.util.module_from_spec(place)
+    place.loader.exec_module(module)
+    return "\n".join(module.lines(pd.read_csv(module.TABLE)))
+
+
 PARTS: Mapping[str, Callable[[], str]] = {
+    "sensitivity": partial(experiment, "sensitivity"),
+    "other-meshes": partial(experiment, "other_meshes"),
     "form-costs": form_costs,
     "worst-classes": worst_classes,
     "five-shapes": five_shapes,

@@ -14,12 +14,10 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import igl
 import numpy as np
 import pandas as pd
-import pymeshlab
-import trimesh
 
 from benchmark.api.contracts import Mesh
 from benchmark.datasets.catalogue import open_dataset
@@ -27,6 +25,9 @@ from benchmark.datasets.mesh_files import write_mesh
 from benchmark.pipeline.records import read_records
 from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.report.notation import hundredths
+
+if TYPE_CHECKING:
+    import pymeshlab
 
 #: The animals: of people, classes of one person each are all alike.
 CLASSES = ("cat", "dog", "gorilla", "horse", "wolf")
@@ -46,6 +47,8 @@ TABLE = Path(__file__).with_name("other-meshes.csv")
 
 def of_meshlab(mesh: Mesh) -> pymeshlab.MeshSet:
     """Return a set with the mesh for pymeshlab."""
+    import pymeshlab  # lazy: what was scored needs no program for meshes
+
     meshes = pymeshlab.MeshSet()
     meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
     return meshes
@@ -61,6 +64,8 @@ def decimated_by_meshlab(mesh: Mesh) -> Mesh:
 
 def remeshed_by_meshlab(mesh: Mesh) -> Mesh:
     """Re-mesh isotropically, with edges as long as those of as many equilateral triangles."""
+    import pymeshlab
+
     meshes = of_meshlab(mesh)
     length = float(np.sqrt(mesh.area / WHOLE * 4 / np.sqrt(3)))
     meshes.meshing_isotropic_explicit_remeshing(
@@ -72,6 +77,8 @@ def remeshed_by_meshlab(mesh: Mesh) -> Mesh:
 
 def collapsed(vertices: np.ndarray, faces: np.ndarray, n_faces: int) -> Mesh:
     """Collapse edges by libigl's quadric errors."""
+    import igl
+
     points, triangles, *_ = igl.qslim(np.asarray(vertices), np.asarray(faces), n_faces)
     return Mesh(points, triangles)
 
@@ -83,6 +90,8 @@ def decimated_by_libigl(mesh: Mesh) -> Mesh:
 
 def remeshed_by_trimesh(mesh: Mesh) -> Mesh:
     """Split all triangles in four by trimesh, and collapse as many by libigl: other vertices on the same surface."""
+    import trimesh
+
     return collapsed(*trimesh.remesh.subdivide(mesh.vertices, mesh.faces.astype(np.int64)), WHOLE)
 
 
