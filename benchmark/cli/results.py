@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Literal
 
 from benchmark.cli.options import OF_RECORDS, Selection
 from benchmark.cli.printing import print_markdown
-from benchmark.commands.tables import Tables, tables
+from benchmark.commands.printable_tables import Tables
+from benchmark.commands.tables import tables
 from benchmark.errors import ConfigurationError
 from benchmark.text import say, say_lines, say_table
 

@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import Literal
 
 from benchmark.api.contracts import Input
-from benchmark.commands.tables import Tables, tables
+from benchmark.commands.printable_tables import Tables
+from benchmark.commands.tables import tables
 from benchmark.defaults import DEFAULT_SCORER, RESULTS
 from benchmark.errors import ConfigurationError
 from benchmark.report.forms import StoredForms

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from benchmark.api.contracts import Input
 from benchmark.commands.plan import Plan, plan
-from benchmark.commands.tables import Tables
+from benchmark.commands.printable_tables import Tables
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.machine import available_cores
 from benchmark.pipeline.data_names import label_data_sets
