@@ -14,7 +14,7 @@ def test_it_can_be_ranked(tmp_path: Path) -> None:
     write(tmp_path)
     report = check_source(str(tmp_path), None)
     assert report.usable
-    assert len(report.rows) == len(WIDTHS) * len(BENDS)
+    assert len(report.shapes) == len(WIDTHS) * len(BENDS)
 
 
 def test_bending_keeps_the_area_of_a_round_one() -> None:

@@ -21,9 +21,9 @@ pytestmark = pytest.mark.timeout(900)
 
 def walked(folder: Path, page: str) -> None:
     """Run the commands of a page in a folder, and look for what its other indented lines show."""
-    blocks = re.findall(
-        r"^    (.*)$", (DOCS / f"{page}.md").read_text(encoding="utf-8"), re.MULTILINE
-    )
+    text = (DOCS / f"{page}.md").read_text(encoding="utf-8")
+    without_files = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
+    blocks = re.findall(r"^    (.*)$", without_files, re.MULTILINE)
     commands = [line for line in blocks if line.startswith(("python ", "cd ", "(cd "))]
     shown = [" ".join(line.split()) for line in blocks if line not in commands]
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
