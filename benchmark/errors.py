@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from benchmark.text import LONGEST_MESSAGE, brief, clean_text
@@ -113,6 +114,15 @@ class InvalidSignature(ShapeError):
 
 class UnsupportedShape(ShapeError):
     """A method cannot process a shape; the message says why."""
+
+
+@contextmanager
+def naming_file(file: Path) -> Iterator[None]:
+    """Name a file in the errors of a shape that name none."""
+    try:
+        yield
+    except ShapeError as error:
+        raise ShapeError(error.problem, error.hint, error.file or file) from error
 
 
 def one_line(error: BaseException) -> str:

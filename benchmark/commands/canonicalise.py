@@ -26,7 +26,7 @@ from benchmark.datasets.mesh_files import read_surface
 from benchmark.depth.frame import FrameFiles, ObservedObject
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
-from benchmark.errors import ConfigurationError, ShapeError
+from benchmark.errors import ConfigurationError, ShapeError, naming_file
 from benchmark.geometry.camera import FRONT
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.views import fit_frame, prepare_view
@@ -129,14 +129,12 @@ def form_of_file(source: Path, method: str, *, plugins: Iterable[Path] = (), see
     """
     component = select_one(method, plugins)
     maker = form_maker(component)
-    try:
+    with naming_file(source):
         mesh = read_surface(source)
         if "mesh" in component.info.inputs:
             return form_of_surface(maker, mesh, source.stem, seed=seed)
         arrays = prepare_view(mesh, FRONT, fit_frame(mesh, FRONT))
         return form_with_notes(maker, shape_of(arrays, source.stem, seed), {})
-    except ShapeError as error:
-        raise ShapeError(error.problem, error.hint, error.file or source) from error
 
 
 # Depth images

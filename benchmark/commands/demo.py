@@ -8,10 +8,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from benchmark.api.contracts import Shape
 from benchmark.commands.forms import form_maker, form_with_notes
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import read_surface
-from benchmark.errors import ConfigurationError, ShapeError
+from benchmark.errors import ConfigurationError, ShapeError, naming_file
 from benchmark.files import open_file
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
@@ -132,8 +133,11 @@ def demo(
             shape.name: drawn_from(_mesh_of(prepared[shape.name]), shape.camera) for shape in shapes
         }
     )
+    surface: Shape | None = None
     for wanted in watched(_every_form(shapes, components)):
-        surface = shape_of(prepared[wanted.shape.name], wanted.shape.name, seed)
+        if surface is None or surface.identifier != wanted.shape.name:
+            # All methods of a shape use its geodesics, which go with it, as they need much memory.
+            surface = shape_of(prepared[wanted.shape.name], wanted.shape.name, seed)
         try:
             form = form_with_notes(makers[wanted.method.name], surface, {})
         except ShapeError as error:
@@ -190,10 +194,8 @@ def _mesh_of(arrays: Arrays) -> Mesh:
 
 def _prepared(shape: DemoShape) -> Arrays:
     """Return the prepared surface of a shape; raise ``ShapeError`` if there is none."""
-    try:
+    with naming_file(Path(shape.name)):
         return prepare_mesh(shape.mesh)
-    except ShapeError as error:
-        raise ShapeError(error.problem, error.hint, error.file or Path(shape.name)) from error
 
 
 def _method_of_surfaces(name: str, plugins: Sequence[str | Path]) -> Component:
@@ -226,10 +228,8 @@ def _shapes_of_files(meshes: Sequence[str | Path]) -> list[DemoShape]:
     for path, name in zip(paths, names, strict=True):
         label = re.sub(r"[\W_]*\d+$", "", name) or name
         title = str(path) if names.count(name) > 1 else name
-        try:
+        with naming_file(path):
             shapes.append(DemoShape(title, label, read_surface(path)))
-        except ShapeError as error:
-            raise ShapeError(error.problem, error.hint, error.file or path) from error
     return shapes
 
 

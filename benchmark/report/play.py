@@ -279,7 +279,7 @@ def _sentence(record: Record) -> str:
     sentence = record.summary
     if not sentence:
         try:
-            sentence = select_one(record.method.partition("[")[0]).summary
+            sentence = select_one(record.base_name).summary
         except ConfigurationError:  # a row of another program
             return ""
     sentence = brief(sentence)
