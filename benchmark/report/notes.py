@@ -271,7 +271,7 @@ def _why_no_scores(row: TableRow, column: str, without_networks: Container[str])
     if column in row.scored or (row.kind == "network" and column in without_networks):
         return ""
     if row.records or row.failed:
-        return "no record yet"
+        return "not run, or the method does not take this input"
     if row.kind == "network":
         return "no model was trained for this data, or it was not run"
     return "not run"
