@@ -21,7 +21,7 @@ EXAMPLES = {
     "demo": "demo cat.off",
     "data check": "data check FOLDER",
     "data export": "data export FOLDER -o DIR",
-    "models fetch": "models fetch",
+    "models fetch": "models fetch --from CHECKOUT/learned/models",
 }
 
 

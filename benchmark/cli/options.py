@@ -134,11 +134,18 @@ class Selection(Struct, frozen=True, kw_only=True):
         list[str],
         Option("-d", "--dataset", metavar="DATASET|FOLDER", help="Data set, or your folder."),
     ] = []
-    input: Annotated[Literal["mesh", "view"] | None, Option("--input", help="Default: both.")] = (
-        None
-    )
+    input: Annotated[
+        Literal["mesh", "view"] | None,
+        Option("--input", help="Complete surface or depth image. [both]"),
+    ] = None
     scorer: Annotated[
-        str, Option("--scorer", metavar="SCORER", help="Scorer; see 'list scorers'.")
+        str,
+        Option(
+            "--scorer",
+            metavar="SCORER",
+            help="Scorer; see 'list scorers'. [cm-bof]",
+            show_default=False,
+        ),
     ] = DEFAULT_SCORER
     plugins: Annotated[
         list[Path], Option("--plugin", metavar="FILE", help="File with methods or scorers.")
@@ -160,19 +167,29 @@ class Selection(Struct, frozen=True, kw_only=True):
         bool, Option("--quick", help="Fewer poses per subject, and only the paper's methods.")
     ] = False
     subjects: Annotated[
-        str, Option("--subjects", metavar="A,B", help="Only these, to choose parameters on.")
+        str,
+        Option("--subjects", metavar="A,B", help="Only these subjects, to choose parameters on."),
     ] = ""
     gallery: Annotated[
-        str, Option("--gallery", metavar="DATASET|FOLDER", help="Gallery of the queries in -d.")
+        str,
+        Option(
+            "--gallery", metavar="DATASET|FOLDER", help="Rank these shapes for each query of -d."
+        ),
     ] = ""
     gallery_views: Annotated[
         int,
         Option(
-            "--gallery-views", min=0, metavar="N", help="Show it to N cameras around each shape."
+            "--gallery-views",
+            min=0,
+            metavar="N",
+            help="Render each shape of the gallery by N cameras.",
         ),
     ] = 0
     same_names: Annotated[
-        bool, Option("--same-names", help="Leave out of it what has the query's name.")
+        bool,
+        Option(
+            "--same-names", help="Leave the shape with the name of the query out of the gallery."
+        ),
     ] = False
     published: Annotated[bool, Option("--published", help="Only published records.")] = False
     intrinsics: Annotated[

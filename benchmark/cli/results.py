@@ -104,21 +104,38 @@ def print_comparison(selection: Selection, first: str, second: str, format: str)
     elif format == "json":
         say_lines(differences.to_json(orient="records", indent=1, double_precision=6))
     else:
-        _print_differences(differences, has_second=bool(second))
-        say(f"Above 0: {first} scores higher.")
+        if second:
+            _print_details(differences, first, second)
+        else:
+            _print_summaries(differences, first)
 
 
-def _print_differences(differences: DataFrame, *, has_second: bool) -> None:
-    """Print differences to one method in full, or to many methods a line each."""
-    from benchmark.report.comparison import details, summaries
+def _print_details(differences: DataFrame, first: str, second: str) -> None:
+    """Print the differences of two rows in full."""
+    from benchmark.report.comparison import LEGEND, details
 
-    if has_second:
-        for line in details(differences):
+    say(f"A: {first}")
+    say(f"B: {second}")
+    say("A - B above 0: A scores higher.")
+    for heading, of_place in details(differences):
+        say()
+        say(heading)
+        for rows in of_place:
+            say_table(rows, whole=range(4))
+    if differences.p.notna().any():
+        say()
+        for line in LEGEND:
             say(line)
-        return
+
+
+def _print_summaries(differences: DataFrame, first: str) -> None:
+    """Print the differences of a row to many others, a line each."""
+    from benchmark.report.comparison import summaries
+
     for heading, rows in summaries(differences):
         say(heading)
         say_table(rows, whole=range(1, 6))
+    say(f"Above 0: {first} scores higher.")
 
 
 def _tables_with_notes(

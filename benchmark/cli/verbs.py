@@ -228,7 +228,8 @@ def retrieve_verb(
     query: Annotated[Path, Argument(metavar="QUERY", exists=True, dir_okay=False)],
     k: Annotated[int, Option("-k", min=1, metavar="N", help="Number of shapes to show.")] = 5,
     input: Annotated[
-        Literal["mesh", "view"] | None, Option("--input", help="Of the gallery. [the query's]")
+        Literal["mesh", "view"] | None,
+        Option("--input", help="Input of the gallery. [that of the query]"),
     ] = None,
 ) -> None:
     """Show the shapes that are nearest to a mesh or a depth image."""

@@ -29,13 +29,15 @@ ABOVE = "significant, above the scatter"
 
 #: Headings of the verdicts of both tests.
 ALONE = "planned alone"
-AMONG = "among the {} rows of the table"
+AMONG = "among the {} rows"
 
+#: What the columns of a comparison of two rows mean, a sentence each.
 LEGEND = (
-    "low, high: nominal 95 % interval over classes, too narrow where few classes differ. "
-    "Planned alone: if only these two rows were ever meant to be compared; the signs of whole "
-    "classes are flipped. Among the n rows of the table: studentised permutation test over whole "
-    "classes, of all measures and pairs of rows of their blocks, as in tables."
+    "95 % interval: nominal, over classes; too narrow where few classes differ.",
+    "planned alone: if only these two rows were ever meant to be compared; the signs of whole "
+    "classes are flipped.",
+    "among the n rows: studentised permutation test over whole classes, of all measures and pairs "
+    "of rows of their blocks, as in tables.",
 )
 
 
@@ -267,41 +269,51 @@ class _Pair:
 # ------------------------------------------------------------------------------------------------
 
 
-def details(frame: DataFrame) -> Iterator[str]:
-    """Yield the comparison of two rows as text: for each column a heading, and a line a measure."""
-    yield f"{frame.method[0]} - {frame.other[0]}"
+def details(frame: DataFrame) -> Iterator[tuple[str, list[list[list[str]]]]]:
+    """Yield the comparison of two rows: for each column a heading, the scores and the verdicts.
+
+    Scores and verdicts are two tables with a line a measure, because one would be too wide for a
+    terminal.
+    """
     for place, of_pair in frame.groupby("place", sort=False):
         first = of_pair.iloc[0]
         seen = f"; {first.seen} queries are of classes seen in training" if first.seen else ""
-        yield f"{place}: {first.differing} of {first.queries} queries differ{seen}"
-        if first.queries:
-            yield from _lines_of_measures(of_pair)
-    if frame.p.notna().any():
-        yield LEGEND
+        heading = f"{place}: {first.differing} of {first.queries} queries differ{seen}"
+        tables = [_scores_of_measures(of_pair), _verdicts_of_measures(of_pair)]
+        yield heading, tables if first.queries else []
 
 
-def _lines_of_measures(of_pair: DataFrame) -> list[str]:
-    """Return the scores of two rows, their differences and verdicts as lines of text."""
-    first = of_pair.iloc[0]
-    figures = of_pair[["measure", "score", "other_score", "difference", "low", "high"]].assign(
-        alone=_with_p(of_pair.verdict_alone, of_pair.p_alone),
-        among=_with_p(of_pair.verdict, of_pair.p),
-    )
-    among = AMONG.format(first["rows"])
-    header = ["", first.method, first.other, "difference", "low", "high", ALONE, among]
-    text = figures.to_string(index=False, header=header, float_format="{:.3f}".format, na_rep="")
-    return str(text).splitlines()
+def _scores_of_measures(of_pair: DataFrame) -> list[list[str]]:
+    """Return the scores of two rows and their difference with its interval, a line a measure."""
+    lines = [["", "A", "B", "A - B", "95 % interval"]]
+    for row in of_pair.itertuples():
+        interval = ""
+        if not np.isnan(row.low):
+            interval = f"{_thousandths(row.low)} to {_thousandths(row.high)}"
+        scores = [f"{score:.3f}" for score in (row.score, row.other_score)]
+        lines.append([row.measure, *scores, _thousandths(row.difference), interval])
+    return lines
 
 
-def _with_p(verdicts: Series, p_values: Series) -> list[str]:
-    """Return verdicts with their p-values in brackets, where there are any."""
-    texts = []
-    for verdict, p_value in zip(verdicts, p_values, strict=True):
-        if np.isnan(p_value):
-            texts.append(verdict)
-        else:
-            texts.append(f"{verdict} (p {p_value:.3f})")
-    return texts
+def _verdicts_of_measures(of_pair: DataFrame) -> list[list[str]]:
+    """Return the p-values and verdicts on the differences by both tests, a line a measure."""
+    among = AMONG.format(of_pair.iloc[0]["rows"])
+    lines = [["", "p", ALONE, "p", among]]
+    for row in of_pair.itertuples():
+        alone = [_p_value(row.p_alone), row.verdict_alone]
+        lines.append([row.measure, *alone, _p_value(row.p), row.verdict])
+    return lines
+
+
+def _thousandths(difference: float) -> str:
+    """Return a difference of scores with its sign and three decimals."""
+    rounded = round(difference, 3) + 0.0  # no "-0.000"
+    return f"{rounded:+.3f}"
+
+
+def _p_value(p: float) -> str:
+    """Return a p-value as text; "" where there is none."""
+    return "" if np.isnan(p) else f"{p:.3f}"
 
 
 def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:

@@ -28,7 +28,18 @@ def test_the_help_of_a_verb_ends_with_an_example_that_it_understands(path):
     command = VERBS[path[0]]
     for name in path[1:]:
         command = command.commands[name]
-    command.make_parser(typer.Context(command)).parse_args(words[len(path) :])
+    values, *_ = command.make_parser(typer.Context(command)).parse_args(words[len(path) :])
+    assert [parameter.name for parameter in command.params if parameter.required] == [
+        parameter.name
+        for parameter in command.params
+        if parameter.required and values.get(parameter.name)
+    ]
+
+
+@pytest.mark.parametrize("path", [(), ("data",), ("models",), *paths(VERBS)], ids=" ".join)
+def test_the_help_of_a_verb_fits_80_columns_and_breaks_no_word(path):
+    lines = call(*path, "--help").splitlines()
+    assert [line for line in lines if len(line) > 80 or line.rstrip().endswith("-")] == []
 
 
 def test_no_example_is_of_a_verb_that_is_gone():

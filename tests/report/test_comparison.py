@@ -18,8 +18,10 @@ def compared(records, first, second=""):
     return compare_rows(table_views(records, methods=[first, second]), first, second)
 
 
-def lines(records, first, second):
-    return list(details(compared(records, first, second)))
+def tables(records, first, second):
+    """Return the heading of the only column, and its tables of scores and of verdicts."""
+    ((heading, found),) = details(compared(records, first, second))
+    return heading, *found
 
 
 def test_differences_are_first_minus_second_with_intervals():
@@ -27,45 +29,34 @@ def test_differences_are_first_minus_second_with_intervals():
         record("a", 0.5, labels=LETTERS),
         record("b", [0.75] * 8 + [0.5] * 8, labels=LETTERS),
     )
-    head, where, names, nn, *_, legend = lines([first, second], "a", "b")
-    assert (head, where) == ("a - b", "rods, mesh: 8 of 16 queries differ")
-    assert names.split()[:5] == ["a", "b", "difference", "low", "high"]
-    assert "  planned alone  " in names
-    assert names.endswith("  among the 2 rows of the table")
-    assert nn.split()[:6] == [
-        "NN",
-        "0.500",
-        "0.625",
-        "-0.125",
-        "-0.237",
-        "-0.013",
-    ]  # .125 and 2.365 x .134 / sqrt(8)
+    heading, scores, verdicts = tables([first, second], "a", "b")
+    assert heading == "rods, mesh: 8 of 16 queries differ"
+    assert scores[0] == ["", "A", "B", "A - B", "95 % interval"]
+    assert verdicts[0] == ["", "p", "planned alone", "p", "among the 2 rows"]
+    # .125 and 2.365 x .134 / sqrt(8)
+    assert scores[1] == ["NN", "0.500", "0.625", "-0.125", "-0.237 to -0.013"]
     # 2 of 16 exchanges of the four classes that differ
-    alike = "not significant (8 classes) (p 0.125)"
-    assert nn.split(maxsplit=6)[6] == f"{alike} {alike}"
-    assert legend.startswith("low, high: nominal 95 % interval")
-    assert (
-        "among the n rows of the table: studentised permutation test over whole classes"
-        in legend.lower()
-    )
+    alike = ["0.125", "not significant (8 classes)"]
+    assert verdicts[1] == ["NN", *alike, *alike]
 
 
 def test_few_classes_decide_nothing():
-    found = lines([record("gps", 0.9), record("skeleton", 0.1)], "gps", "skeleton")
-    assert found[3].split("  ")[-1].strip() == "not decidable (3 classes)"
-    assert found[3].split()[:4] == ["NN", "0.900", "0.100", "0.800"]
-    assert len(found) == 7
+    _, scores, verdicts = tables([record("gps", 0.9), record("skeleton", 0.1)], "gps", "skeleton")
+    assert scores[1] == ["NN", "0.900", "0.100", "+0.800", ""]
+    assert verdicts[1] == ["NN", *["", "not decidable (3 classes)"] * 2]
 
 
 def test_classes_that_one_of_the_two_has_seen_in_training_are_no_queries():
     high = [1.0] * 4 + [0.5] * 8
-    found = lines([record("net", high, seen=["cat1"]), record("gps", 0.5)], "net", "gps")
-    assert (
-        found[1] == "rods, mesh: 0 of 8 queries differ; 4 queries are of classes seen in training"
-    )
-    assert found[3].split()[:4] == ["NN", "0.500", "0.500", "0.000"]
-    everything = lines([record("net", seen=["cat0", "dog4", "owl8"]), record("gps")], "net", "gps")
-    assert everything[1].startswith("rods, mesh: 0 of 0 queries differ")
+    records = [record("net", high, seen=["cat1"]), record("gps", 0.5)]
+    heading, scores, _ = tables(records, "net", "gps")
+    seen = "4 queries are of classes seen in training"
+    assert heading == f"rods, mesh: 0 of 8 queries differ; {seen}"
+    assert scores[1][:4] == ["NN", "0.500", "0.500", "+0.000"]
+    records = [record("net", seen=["cat0", "dog4", "owl8"]), record("gps")]
+    heading, *found = tables(records, "net", "gps")
+    assert heading.startswith("rods, mesh: 0 of 0 queries differ")
+    assert found == []
 
 
 def test_a_quick_run_decides_nothing():
@@ -75,9 +66,9 @@ def test_a_quick_run_decides_nothing():
 
 def test_the_significant_difference_is_named():
     records = [record("a", 0.4, labels=LETTERS), record("b", 0.6, labels=LETTERS)]
-    found = lines(records, "a", "b")
-    assert found[3].count("significant, above the scatter (p 0.008)") == 2  # 2 of 2^8
-    assert found[4].count("(p 1.000)") == 2
+    _, _, verdicts = tables(records, "a", "b")
+    assert verdicts[1] == ["NN", *["0.008", ABOVE] * 2]  # 2 of 2^8
+    assert verdicts[2][1::2] == ["1.000", "1.000"]
 
 
 def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_test_of_the_marks():
@@ -102,10 +93,7 @@ def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_te
             found = compared([*records, seen, other_block], *pair)
             assert found.verdict[0] == of_nn.verdict[other], "a comparison has one verdict"
     ((heading, (head, first, *_)),) = summaries(frame)
-    assert (
-        heading
-        == "Table III on tosca, ours: mine - each row, 16 queries, among the 4 to 5 rows of the table"
-    )
+    assert heading == "Table III on tosca, ours: mine - each row, 16 queries, among the 4 to 5 rows"
     assert [*zip(head, first, strict=True)][1:3] == [("NN", "+.40"), ("FT", "+.00")]
     assert first[0::5] == ["Classic MDS", "significant, above the scatter (NN)"]
     assert len(json.loads(frame.to_json(orient="records"))) == 20
