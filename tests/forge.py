@@ -1,7 +1,8 @@
 """Forge records by structure, with right checksums: each must be refused by name, or give its own figures.
 
 ``python -m tests.forge SEED COUNT FOLDER`` runs every verb on them and prints what they said. The
-folder gets the records that end a verb in an error or show another figure."""
+folder gets the records that end a verb in an error or show another figure. Started again, it goes
+on where it was stopped."""
 
 from __future__ import annotations
 
@@ -17,7 +18,6 @@ import traceback
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import redirect_stderr, suppress
-from itertools import islice
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -29,9 +29,11 @@ from benchmark import open_results
 from benchmark.cli.main import cli
 from benchmark.code_digest import digest, digest_of_bytes
 from benchmark.errors import BenchmarkError
+from benchmark.files import write_text
 from benchmark.pipeline import records as records_module
 from benchmark.pipeline.record_layout import RecordError
 from benchmark.pipeline.records import (
+    Record,
     encode_record,
     local_files,
     parse_record,
@@ -331,10 +333,11 @@ def spoil_text(text: bytes, chance: random.Random) -> bytes:
     return spoilt[kind]
 
 
-def forge(seed: int, count: int) -> Iterator[tuple[str, bytes]]:
-    """Yield forged records with the names of what was done to them."""
-    chance, originals = random.Random(seed), bases()
-    for number in range(count):
+def forge(seed: int, count: int, start: int = 0) -> Iterator[tuple[str, bytes]]:
+    """Yield forged records from a number on, with the names of what was done to them."""
+    originals = bases()
+    for number in range(start, start + count):
+        chance = random.Random(f"{seed} {number}")
         content = copy.deepcopy(chance.choice(originals))
         content.pop("checksum", None)
         content["key"] = f"{2**32 + number:032x}"
@@ -511,33 +514,100 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in (folder / "runs" / "records").glob("*.json")}
 
 
-#: Forgeries that the verbs meet at a time; each alone where some of them are at fault.
+def remembering(parse: Callable[[bytes], Record]) -> Callable[[bytes], Record]:
+    """Return a parser of records that parses each text once.
+
+    Every verb reads all records of a folder. Parsing, of which most of the time would be spent, says
+    the same of a text each time.
+    """
+    results: dict[bytes, Record | RecordError] = {}
+
+    def parse_once(text: bytes) -> Record:
+        if text not in results:
+            try:
+                results[text] = parse(text)
+            except RecordError as error:
+                results[text] = error
+        result = results[text]
+        if isinstance(result, RecordError):
+            raise result.with_traceback(None)
+        return result
+
+    return parse_once
+
+
+#: Forgeries that the verbs meet at a time.
 BATCH = 250
+
+
+class Findings(msgspec.Struct):
+    """What was said of a batch of forgeries.
+
+    Parameters
+    ----------
+    said
+        How many of them were used, or skipped for which reason.
+    faults
+        What went wrong with those at fault by their numbers.
+    """
+
+    said: dict[str, int]
+    faults: dict[int, list[str]]
+
+
+def examine(workshop: Workshop, seed: int, start: int, count: int) -> Findings:
+    """Show every verb a batch of forgeries."""
+    texts = {}
+    said = Counter[str]()
+    faults = {}
+    for number, (kinds, text) in enumerate(forge(seed, count, start), start):
+        texts[number] = text
+        try:
+            why = finding(text)
+        except Exception:
+            why = "FAULT"
+            faults[number] = [kinds, traceback.format_exc()]
+        said[re.sub(r"['‘].*?['’]|[0-9][0-9.,]*|`.*?`", "*", why)[:110]] += 1
+    with patch.object(records_module, "parse_record", remembering(parse_record)):
+        faults |= guilty(workshop, texts)
+    return Findings({**said}, faults)
+
+
+def guilty(workshop: Workshop, texts: Mapping[int, bytes]) -> dict[int, list[str]]:
+    """Return what goes wrong with which forgeries; with the first, if only with several together."""
+    found = [*workshop.faults([*texts.values()])]
+    if not found:
+        return {}
+    if len(texts) == 1:
+        return dict.fromkeys(texts, found)
+    numbers = [*texts]
+    halves = numbers[: len(numbers) // 2], numbers[len(numbers) // 2 :]
+    faults: dict[int, list[str]] = {}
+    for half in halves:
+        faults |= guilty(workshop, {number: texts[number] for number in half})
+    return faults or {numbers[0]: ["together", *found]}
 
 
 def main(seed: int, count: int, folder: Path) -> int:
     """Show every verb the forgeries; return how many faults were found."""
+    workshop = None
+    shutil.rmtree(folder / "work", ignore_errors=True)
     said, n_faults = Counter[str](), 0
-    workshop, forgeries = Workshop(folder / "work"), forge(seed, count)
     for start in range(0, count, BATCH):
-        batch = [*islice(forgeries, BATCH)]
-        at_fault = {}
-        for number, (kinds, text) in enumerate(batch, start):
-            try:
-                why = finding(text)
-            except Exception:
-                why = "FAULT"
-                at_fault[number] = [kinds, traceback.format_exc()]
-            said[re.sub(r"['‘].*?['’]|[0-9][0-9.,]*|`.*?`", "*", why)[:110]] += 1
-        if of_batch := [*workshop.faults([text for _, text in batch])]:
-            for number, (kinds, text) in enumerate(batch, start):
-                if alone := [*workshop.faults([text])]:
-                    at_fault[number] = [kinds, *alone]
-            at_fault = at_fault or {start: ["together", *of_batch]}
-        for number, faults in at_fault.items():
-            (folder / f"{number}.json").write_bytes(batch[number - start][1])
+        n_batch = min(BATCH, count - start)
+        stored = folder / f"{seed}-{start}-{n_batch}.json"
+        if not stored.is_file():
+            workshop = workshop or Workshop(folder / "work")
+            write_text(
+                stored, msgspec.json.encode(examine(workshop, seed, start, n_batch)).decode()
+            )
+        findings = msgspec.json.decode(stored.read_bytes(), type=Findings)
+        for number, faults in findings.faults.items():
+            [(_, text)] = forge(seed, 1, number)
+            (folder / f"fault-{number}.json").write_bytes(text)
             print(number, *faults, sep="\n", flush=True)
-        n_faults += len(at_fault)
+        said.update(findings.said)
+        n_faults += len(findings.faults)
     for why, times in said.most_common():
         print(f"{times:6} {why}")
     print(f"{count} forged records with seed {seed}: {n_faults} faults")

@@ -31,7 +31,7 @@ def print_plan(selection: Selection, *, traceback: bool = False, every: bool = F
     It returns whether all data sets can be used.
     """
     planned = plan(**selection.arguments(OF_JOBS))
-    for note in planned.notes:
+    for note in [*planned.notes, *planned.problems_of_files()]:
         say(note, err=True)
     _say_refused(planned)
     lists_each = every or len(planned.jobs) <= _LISTED

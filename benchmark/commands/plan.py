@@ -22,7 +22,7 @@ from benchmark.commands.selection import (
 from benchmark.datasets.anomalies import by_kind
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
 from benchmark.datasets.changes import split_changes
-from benchmark.datasets.checking import unfinished_files, unread_files
+from benchmark.datasets.checking import unfinished_files, unread_files, unreadable_files
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.data_names import label_data_sets
@@ -141,7 +141,7 @@ class Plan:
             *self._folders_that_are_gone(),
             *self._stand_ins(),
             *self._queries_of_the_gallery(),
-            *self._files_that_are_not_read(),
+            *self.problems_of_files(),
         ]
 
     def _folders_that_are_gone(self) -> Iterable[str]:
@@ -180,17 +180,22 @@ class Plan:
                 "out"
             )
 
-    def _files_that_are_not_read(self) -> Iterable[str]:
-        """Say which files of the folders of users are not read."""
+    def problems_of_files(self) -> list[str]:
+        """Say which files in the folders of users cannot be read, or are no shapes."""
         folders: dict[str, ShapeSet] = {}
         for job in self.jobs:
             for gallery in job.galleries:
                 if not is_known(gallery.source):
                     folders[gallery.source] = gallery.dataset
+        problems = []
         for source, dataset in folders.items():
-            anomalies = [*unread_files(dataset), *unfinished_files(dataset, dataset.shapes)]
-            for anomaly in by_kind(anomalies):
-                yield f"{source}: {anomaly}"
+            anomalies = [
+                *unreadable_files(dataset),
+                *unread_files(dataset),
+                *unfinished_files(dataset, dataset.shapes),
+            ]
+            problems += [f"{source}: {anomaly}" for anomaly in by_kind(anomalies)]
+        return problems
 
     def _repr_html_(self) -> str:
         """Show the jobs as a table."""

@@ -30,7 +30,14 @@ from benchmark.datasets.mesh_files import (
 )
 from benchmark.datasets.official import SETS
 from benchmark.datasets.settings import SETTINGS_FILE
-from benchmark.errors import BenchmarkError, DatasetError, ShapeError, surface_command
+from benchmark.errors import (
+    BenchmarkError,
+    DatasetError,
+    ShapeError,
+    UnreadableMesh,
+    surface_command,
+)
+from benchmark.files import file_digest
 from benchmark.geometry.cleaning import compact, topology
 from benchmark.geometry.depth import (
     FEWEST_PIXELS,
@@ -374,6 +381,16 @@ def _surplus_meshes(place: Path, folder: Path, used: Container[Path | None]) -> 
         elif path not in used:
             what = "none of the shapes of this data set"
             yield Anomaly("warning", (name,), what, "remove it, or list it if it belongs here")
+
+
+def unreadable_files(dataset: ShapeSet) -> Iterator[Anomaly]:
+    """Yield the files of shapes that are missing, or no files that end; their shapes are refused."""
+    for path in dict.fromkeys(chain.from_iterable(map(dataset.files, dataset.shapes))):
+        try:
+            file_digest(path)
+        except UnreadableMesh as error:
+            file = _relative(path, dataset.folder) if dataset.folder else path.name
+            yield Anomaly("error", (file,), error.problem, error.hint)
 
 
 def unfinished_files(dataset: ShapeSet, entries: Iterable[Entry]) -> Iterator[Anomaly]:

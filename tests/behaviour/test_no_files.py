@@ -39,6 +39,11 @@ KINDS = (os.mkfifo, device, without_end, by_system, connection)
 #: What each verb is asked, and the file that is none.
 VERBS = {
     "plan": ("plan", "-d", "set", "-m", "gps", "set/thin2.off"),
+    "plan, scene": ("plan", "-d", "set", "-m", "gps", "set/thin2.gltf"),
+    "plan, beside": ("plan", "-d", "set", "-m", "gps", "set/thin2.vert"),
+    "plan, image": ("plan", "-d", "frames", "-m", "gps", "frames/thin2.png"),
+    "plan, mask": ("plan", "-d", "frames", "-m", "gps", "frames/thin0_mask.png"),
+    "plan, camera": ("plan", "-d", "frames", "-m", "gps", "frames/camera.json"),
     "data check": ("data", "check", "set", "set/thin2.off"),
     "data check, settings": ("data", "check", "set", "set/dataset.toml"),
     "data check, labels": ("data", "check", "set", "set/labels.csv"),
@@ -58,8 +63,8 @@ VERBS = {
 }
 
 
-#: Verbs that do not need the file: a plan reads no shape, and tables replace their list.
-SILENT = (VERBS["plan"], VERBS["tables"])
+#: Verbs that do not need the file: tables replace their list.
+SILENT = (VERBS["tables"],)
 
 
 @pytest.fixture
@@ -85,6 +90,9 @@ def test_every_verb_ends_and_names_what_is_no_file(
     (tmp_path / "set").mkdir()
     for number, (name, size) in enumerate((("thin", 0.1), ("thick", 1.0)) * 2):
         write_off(tmp_path / "set" / f"{name}{number // 2}.off", rod(0.1, size + number / 10))
+    (tmp_path / "frames").mkdir()
+    for name in ("thin0", "thin1", "thick0", "thick1"):
+        np.save(tmp_path / "frames" / f"{name}.npy", np.ones((30, 40)))
     np.savetxt(tmp_path / "d.txt", np.ones((3, 3)))
     (tmp_path / "l.txt").write_text("a\na\nb\n")
     *arguments, name = asked
