@@ -1,4 +1,7 @@
-"""Pages show what their commands print: a block of text is the output of the block of commands before it."""
+"""Pages show what their commands print.
+
+A block of text is the output of the block of commands before it.
+"""
 
 from __future__ import annotations
 
