@@ -240,7 +240,18 @@ def _frames_under(source: Path, camera: CameraSettings) -> list[FrameFiles]:
 def forms_of_frames(
     frames: Sequence[FrameFiles], method: str, *, plugins: Sequence[Path] = (), seed: int = 0
 ) -> Iterator[FormOfFrame]:
-    """Yield the form of each depth image, or the error with which it is refused.
+    """Yield the canonical form of the object in each depth image, or why it is refused.
+
+    Parameters
+    ----------
+    frames
+        Depth images, each with the files of its camera and mask.
+    method
+        Name of a method that accepts views.
+    plugins
+        Plugin files that may define the method.
+    seed
+        Seed of all random choices.
 
     Raises
     ------

@@ -128,11 +128,10 @@ def demo(
     makers = {component.name: form_maker(component) for component in components}
     shapes = _shapes_of_files(meshes) if meshes else _animal_in_two_poses()
     prepared = {shape.name: _prepared(shape) for shape in shapes}
-    drawn = _Drawn(
-        bodies={
-            shape.name: drawn_from(_mesh_of(prepared[shape.name]), shape.camera) for shape in shapes
-        }
-    )
+    bodies = {}
+    for shape in shapes:
+        bodies[shape.name] = drawn_from(_mesh_of(prepared[shape.name]), shape.camera)
+    drawn = _Drawn(bodies=bodies)
     surface: Shape | None = None
     for wanted in watched(_every_form(shapes, components)):
         if surface is None or surface.identifier != wanted.shape.name:
@@ -218,7 +217,18 @@ def _animal_in_two_poses() -> list[DemoShape]:
 
 
 def _shapes_of_files(meshes: Sequence[str | Path]) -> list[DemoShape]:
-    """Return the shapes of mesh files."""
+    """Read mesh files as shapes of a demo.
+
+    A shape is named after its file, and belongs to the class that this name says without the number
+    at its end: ``cat1.off`` and ``cat2.off`` show one subject.
+
+    Raises
+    ------
+    ConfigurationError
+        If there are more files than the page has room for.
+    ShapeError
+        If a mesh cannot be read; the message names the file.
+    """
     if len(meshes) > MOST_MESHES:
         problem = f"these are {len(meshes)} meshes, and a page holds {MOST_MESHES}"
         raise ConfigurationError(problem, "name fewer, or run methods on a folder: run -d FOLDER")
@@ -227,16 +237,27 @@ def _shapes_of_files(meshes: Sequence[str | Path]) -> list[DemoShape]:
     shapes = []
     for path, name in zip(paths, names, strict=True):
         label = re.sub(r"[\W_]*\d+$", "", name) or name
-        title = str(path) if names.count(name) > 1 else name
+        unique_name = str(path) if names.count(name) > 1 else name
         with naming_file(path):
-            shapes.append(DemoShape(title, label, read_surface(path)))
+            shapes.append(DemoShape(unique_name, label, read_surface(path)))
     return shapes
 
 
 def _gallery(
     title: str, shapes: Sequence[DemoShape], methods: Sequence[Component], drawn: _Drawn
 ) -> PlayGallery:
-    """Return what the page shows; the first form of each shape is the shape itself."""
+    """Return what the page shows: the shapes, and the form that each method made of each.
+
+    Parameters
+    ----------
+    title
+        Heading of the page.
+    shapes, methods
+        What was computed.
+    drawn
+        The shapes and forms to draw; a form that could not be computed is missing. The shape itself
+        is shown as the form of the first method.
+    """
     shown = []
     for shape in shapes:
         body = drawn.bodies[shape.name]

@@ -41,7 +41,7 @@ class NamedDistances(NamedTuple):
 
 
 def as_distances(distances: object, n_rows: int = 0, n_columns: int = 0) -> NamedDistances:
-    """Return a matrix of distances.
+    """Return distances as one matrix of floats, with the names of its rows and columns, if any.
 
     Parameters
     ----------
@@ -55,8 +55,8 @@ def as_distances(distances: object, n_rows: int = 0, n_columns: int = 0) -> Name
     Raises
     ------
     ConfigurationError
-        If a file cannot be read, or they are not one matrix of real numbers, N x N if it has to be
-        square.
+        If a file cannot be read, or does not hold one matrix of real numbers, N x N if
+        ``n_columns`` is 0.
     """
     content: Any = distances
     what = "the distances"
@@ -91,7 +91,24 @@ def _as_array(content: Any, *, is_square: bool) -> NDArray[Any]:
 
 
 def _check_is_matrix(matrix: NDArray[Any], what: str, content: Any, *, is_square: bool) -> None:
-    """Raise ``ConfigurationError`` if an array is no matrix of real numbers, or not square."""
+    """Check that an array is a matrix of real numbers.
+
+    Parameters
+    ----------
+    matrix
+        The array.
+    what
+        What the error calls it, such as its file.
+    content
+        The object from which the array was made.
+    is_square
+        Whether it has to be square.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is not; the error says what was given.
+    """
     has_shape = matrix.ndim == 2 and (not is_square or matrix.shape[0] == matrix.shape[1])
     if has_shape and matrix.size and matrix.dtype.kind in "iufb":
         return
@@ -106,9 +123,22 @@ def _check_is_matrix(matrix: NDArray[Any], what: str, content: Any, *, is_square
 
 
 def _without_names(frame: Any, *, is_square: bool) -> tuple[Any, tuple[str, ...], tuple[str, ...]]:
-    """Return the values of a frame, and the names of its rows and columns.
+    """Split a pandas frame of distances into its values and its names.
 
-    If it is square, the columns are in the order of the rows.
+    Parameters
+    ----------
+    frame
+        The frame; an index of plain row numbers names nothing.
+    is_square
+        Whether rows and columns are the same shapes. If so, one of both may name them, and columns
+        are brought into the order of the rows.
+
+    Returns
+    -------
+    values : array
+        The distances.
+    rows, columns : tuple of str
+        Names of rows and columns.
     """
     rows = names_of(frame.index)
     columns = names_of(frame.columns)
@@ -121,8 +151,8 @@ def _without_names(frame: Any, *, is_square: bool) -> tuple[Any, tuple[str, ...]
     if sorted(rows) != sorted(columns) or len({*rows}) < len(rows):
         problem = "rows and columns of the distances have different names, or a name appears twice"
         raise ConfigurationError(problem, "name both like the shapes")
-    places = {name: place for place, name in enumerate(columns)}
-    values = frame.to_numpy()[:, [places[name] for name in rows]]
+    column_of = {name: number for number, name in enumerate(columns)}
+    values = frame.to_numpy()[:, [column_of[name] for name in rows]]
     return values, tuple(rows), tuple(rows)
 
 
@@ -131,7 +161,25 @@ def _without_names(frame: Any, *, is_square: bool) -> tuple[Any, tuple[str, ...]
 
 
 def _read(path: Path, n_rows: int, n_columns: int) -> Any:
-    """Return the matrix in a file: an array, or a data frame if it names rows or columns."""
+    """Read a matrix of distances from a file of any accepted format.
+
+    Parameters
+    ----------
+    path
+        The file; its extension, and for ``.matrix`` its content, tell the format.
+    n_rows, n_columns
+        As for :func:`as_distances`.
+
+    Returns
+    -------
+    numpy.ndarray or pandas.DataFrame
+        A frame if the file names rows or columns.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be read.
+    """
     suffix = path.suffix.lower()
     with named_errors(path, "matrix of distances", ConfigurationError, _HINT):
         content = read_file(path, _LARGEST)
@@ -143,6 +191,7 @@ def _read(path: Path, n_rows: int, n_columns: int) -> Any:
             return _read_npz(content, n_rows, n_columns)
         if suffix == ".mat":
             return _read_mat(content, n_rows, n_columns)
+        # Binary, as the tools of Princeton write it; other programs write text with this extension.
         if suffix == ".matrix" and content.translate(None, _NUMERALS):
             return _read_psb(content, n_rows, n_columns)
         return read_text_matrix(content, n_rows, n_columns, _HINT)
@@ -169,12 +218,26 @@ def _read_mat(content: bytes, n_rows: int, n_columns: int) -> Any:
 
 
 def _read_psb(content: bytes, n_rows: int, n_columns: int) -> NDArray[np.float32]:
-    """Read distances of the tools of the Princeton Shape Benchmark: rows in the list's order."""
+    """Read distances as tools of the Princeton Shape Benchmark write them: plain 4-byte floats.
+
+    Parameters
+    ----------
+    content
+        The bytes, row by row; rows have the order of a ``.cla`` list.
+    n_rows, n_columns
+        Shape of the matrix; 0 columns for a square one.
+
+    Raises
+    ------
+    ConfigurationError
+        If its numbers are so small that the order of their bytes must be wrong.
+    """
     shape = (n_rows, n_columns)
     if not n_columns:
         side = math.isqrt(len(content) // 4)
         shape = (side, side)
     matrix = np.frombuffer(content, dtype="<f4").reshape(shape)
+    # Floats read in the wrong order of bytes are mostly tiny.
     if ((matrix != 0) & (np.abs(matrix) < _SMALLEST)).any():
         raise ConfigurationError(
             f"it has numbers below {_SMALLEST}", "write it with the lowest byte first"
@@ -183,7 +246,20 @@ def _read_psb(content: bytes, n_rows: int, n_columns: int) -> NDArray[np.float32
 
 
 def _matrix_of(variables: Mapping[str, Any], n_rows: int, n_columns: int) -> Any:
-    """Return the only matrix among variables, with names if texts among them name its rows."""
+    """Return the only matrix of distances among the variables of a ``.mat`` or ``.npz`` file.
+
+    Parameters
+    ----------
+    variables
+        Arrays, and other values that are ignored, by name.
+    n_rows, n_columns
+        Expected shape; 0 columns for any square matrix.
+
+    Returns
+    -------
+    numpy.ndarray or pandas.DataFrame
+        A frame if another variable is a list of as many different texts, which names the shapes.
+    """
     from pandas import DataFrame
 
     arrays = {
@@ -200,7 +276,8 @@ def _matrix_of(variables: Mapping[str, Any], n_rows: int, n_columns: int) -> Any
     if n_columns:
         return matrix
     for names in _lists_of_names(arrays):
-        if len({*names}) == len(matrix) == len(names):
+        are_unique = len(set(names)) == len(names)
+        if are_unique and len(names) == len(matrix):
             return DataFrame(matrix, names, names)
     return matrix
 

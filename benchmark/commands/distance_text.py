@@ -25,26 +25,37 @@ _THOUSANDS = re.compile(r"[1-9]\d{0,2},\d{3}")
 
 
 def read_text_matrix(content: bytes, n_rows: int, n_columns: int, hint: str) -> Any:
-    """Return the matrix in a text, as an array, or as a data frame if it names rows or columns.
+    """Read a matrix from a text of numbers, with or without names of its rows and columns.
 
     Parameters
     ----------
     content
-        The text.
+        The text; values are separated by commas, semicolons, tabs or spaces.
     n_rows, n_columns
         Numbers of labels, which decide if the first row and column may be names or distances; 0
         columns for a square matrix.
     hint
-        What to do if it cannot be read.
+        What to do if it cannot be read, for the error.
+
+    Returns
+    -------
+    numpy.ndarray or pandas.DataFrame
+        A frame if the text names rows or columns.
+
+    Raises
+    ------
+    ConfigurationError
+        If the rows differ in length, or numbers have commas for points.
     """
     from pandas import DataFrame
 
     lines = lines_of(content)
-    matrix = _plain_numbers(lines)
+    matrix = _plain_numbers(lines)  # nearly every file, and much faster
     if matrix is not None:
-        expected = (n_rows, n_columns) if n_columns else matrix.shape[:1] * 2
+        expected = (n_rows, n_columns) if n_columns else (len(matrix), len(matrix))
         if matrix.shape == expected:
             return matrix
+
     rows = _rows_of(lines)
     if len(rows) > 1 and len(rows[0]) == len(rows[1]) - 1:
         rows[0].insert(0, "")  # R leaves out the corner
@@ -53,17 +64,22 @@ def read_text_matrix(content: bytes, n_rows: int, n_columns: int, hint: str) -> 
         has_head, has_names = _names_of_rectangle(rows, n_rows, n_columns)
     else:
         has_head, has_names = _names_of_square(rows, n_rows)
-    body = rows[1:] if has_head else rows
-    first_column = [row[0] for row in body]
-    head = rows[0]
+
+    column_names = None
+    if has_head:
+        column_names = rows[0]
+        rows = rows[1:]
+    row_names = None
     if has_names:
-        body = [row[1:] for row in body]
-        head = head[1:]
-    _check_commas(body)
-    values = np.array([[*map(_number, row)] for row in body], dtype=object)
+        row_names = [row[0] for row in rows]
+        rows = [row[1:] for row in rows]
+        if column_names:
+            column_names = column_names[1:]  # without the corner
+    _check_commas(rows)
+    values = np.array([list(map(_number, row)) for row in rows], dtype=object)
     if not (has_head or has_names):
         return values
-    return DataFrame(values, first_column if has_names else None, head if has_head else None)
+    return DataFrame(values, row_names, column_names)
 
 
 def _plain_numbers(lines: Sequence[str]) -> NDArray[np.float64] | None:
@@ -108,9 +124,21 @@ def _count_texts(cells: Iterable[str]) -> int:
 
 
 def _check_widths(rows: TextRows, lines: Sequence[str], hint: str) -> None:
-    """Raise ``ConfigurationError`` if rows have different lengths.
+    """Check that all rows of a text have the same number of values.
 
-    The message says what they may be.
+    Parameters
+    ----------
+    rows
+        The values of each row.
+    lines
+        The lines from which they come, for the error.
+    hint
+        What to do, unless the rows look like a triangle, or like a matrix below a title.
+
+    Raises
+    ------
+    ConfigurationError
+        If they differ; the error says what the text seems to be.
     """
     widths = [len(row) for row in rows]
     steps = {after - before for before, after in pairwise(widths[1:])}

@@ -146,16 +146,36 @@ def export(
 def _describe(
     dataset: ShapeSet, name: str, target: Path, written: Mapping[str, Entry]
 ) -> list[str]:
-    """Write the files that describe a generated set, and return their names."""
-    shapes = _shapes_csv(dataset, written)
+    """Write the files that describe a generated data set beside its shapes.
+
+    They are a data sheet, a list of the shapes, licence and citation, a Croissant description for
+    machines, and the SHA-256 of every file.
+
+    Parameters
+    ----------
+    dataset
+        The set.
+    name
+        Its name, with which the suite generates it again.
+    target
+        Folder of the files.
+    written
+        The shapes by the name of their file.
+
+    Returns
+    -------
+    list of str
+        Names of the written files.
+    """
     texts = {
         SHEET: _data_sheet(dataset, name, written),
-        SHAPES: shapes,
+        SHAPES: _shapes_csv(dataset, written),
         LICENCE: _licence(),
         CITATION: _citation(dataset),
     }
     for file, text in texts.items():
         (target / file).write_bytes(text.encode("utf-8"))
+    # Each of these files holds the digests of those before it.
     digests = {file: _digest(target / file) for file in [*written, SETTINGS_FILE, *texts]}
     croissant = json.dumps(_croissant(dataset, digests), indent=1, ensure_ascii=False) + "\n"
     (target / CROISSANT).write_bytes(croissant.encode("utf-8"))
@@ -265,7 +285,7 @@ MIT, see `LICENSE.txt`. Please cite `CITATION.cff`.
 
 
 def _licence() -> str:
-    """Return the text of the licence, which the distribution of the suite has, too."""
+    """Return the text of the licence (MIT), with the year and the holder of the suite's own."""
     holder = metadata(_PROJECT)["Author"]
     return f"""MIT License
 
@@ -287,7 +307,7 @@ OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE DATA OR THE USE OR OTH
 
 
 def _citation(dataset: ShapeSet) -> str:
-    """Return how to cite the set."""
+    """Return how to cite the data, as a ``CITATION.cff`` file."""
     holder = metadata(_PROJECT)["Author"]
     return f"""cff-version: 1.2.0
 message: Please cite these data, and the version of the benchmark that generated them.
@@ -315,7 +335,15 @@ def _address() -> str:
 
 
 def _croissant(dataset: ShapeSet, digests: Mapping[str, str]) -> dict[str, Any]:
-    """Return the description of a set for machines, as JSON-LD in the vocabulary of Croissant 1.0."""
+    """Return the description of a data set for machines, as JSON-LD of Croissant 1.0.
+
+    Parameters
+    ----------
+    dataset
+        The set.
+    digests
+        SHA-256 of each of its files.
+    """
     holder = metadata(_PROJECT)["Author"]
     cited = f"{holder}, {_cited_title(dataset)}, version {version(_PROJECT)}, {RELEASED[:4]}"
     return {
@@ -345,7 +373,7 @@ def _croissant(dataset: ShapeSet, digests: Mapping[str, str]) -> dict[str, Any]:
 
 
 def _file_object(file: str, digest: str) -> dict[str, Any]:
-    """Return the description of a file."""
+    """Return the Croissant description of one file, with its SHA-256."""
     formats = {
         ".off": "model/vnd.off",
         ".csv": "text/csv",

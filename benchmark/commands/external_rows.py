@@ -57,10 +57,22 @@ def score_and_keep(
     dataset: str = "",
     input: Input = "mesh",
 ) -> tuple[Evaluation, Record]:
-    """Score distances in a file, and store them as a row.
+    """Score distances in a file, and store them as a row of the tables.
 
-    See :func:`benchmark.score` and :func:`keep_distances`. That there can be no row is said before
-    all work.
+    If there can be no row, that is said before all work.
+
+    Parameters
+    ----------
+    distances, labels, order
+        As for :func:`benchmark.score`.
+    results
+        The results folder.
+    title
+        Title of the row; by default the name of the file.
+    dataset
+        Name of the data set; by default the name of the labels.
+    input
+        Whether the distances are of surfaces or of views.
     """
     row = title or distances.stem
     name = dataset or labels.resolve().stem
@@ -76,15 +88,20 @@ def keep_distances(
 ) -> Record:
     """Store distances as a row beside those of a data set, and return its record.
 
+    A row of the same title is replaced.
+
     Parameters
     ----------
     results
         The results folder.
     evaluation
         Distances with the names and classes of their shapes.
-    title, dataset, input_
-        Title of the row; name of the data set or gallery, and the input of the rows beside it. A
-        name that is not known makes a table of its own.
+    title
+        Title of the row.
+    dataset
+        Name of the data set or gallery. A name that is not known makes a table of its own.
+    input_
+        Whether the distances are of surfaces or of views.
 
     Raises
     ------
@@ -94,27 +111,38 @@ def keep_distances(
     beside = record_beside(results, dataset, input_, title)
     record, matrix = record_of_distances(evaluation, beside, dataset, title=title, input_=input_)
     with writing(results):
-        every = read_records(results, published=False)
-        before = next((other for other in every if other.row == record.row), None)
-        _check_title(record, before)
+        replaced = None
+        for other in read_records(results, published=False):
+            if other.row == record.row:
+                replaced = other
+                break
+        _check_title(record, replaced)
         Cache(results).write("records", record.key, {"distances": matrix})
-        write_record(results, record, before.key if before else "")
+        write_record(results, record, replaced.key if replaced else "")
     return record
 
 
 def record_of_distances(
     evaluation: Evaluation, beside: Record | None, dataset: str, *, title: str, input_: Input
 ) -> tuple[Record, NDArray[np.float64]]:
-    """Return the record of distances, and the distances in the order of its shapes.
+    """Return the record of distances that another program computed.
 
     Parameters
     ----------
     evaluation
-        Distances with the names and classes of their shapes.
+        The distances, with the names and classes of their shapes.
     beside
-        A record of the same shapes; None for a table of its own.
+        A record of the same shapes, beside whose row they will stand; None for a table of their
+        own.
     dataset, title, input_
         As for :func:`keep_distances`.
+
+    Returns
+    -------
+    record : Record
+        Its scores, as if a method of the suite had made it.
+    matrix : numpy.ndarray
+        The distances in the order of the record's shapes, shape (N, N).
 
     Raises
     ------
@@ -130,19 +158,18 @@ def record_of_distances(
             "rows are paired by the names of shapes, and these distances have none", hint
         )
     labels = evaluation.queries["class"].to_dict()
-    facts = _facts(beside, dataset, labels)
-    known = dict(zip(facts["shapes"], facts["labels"], strict=True))
+    gallery = _fields_of_gallery(beside) if beside else _fields_of_new_gallery(dataset, labels)
+    known = dict(zip(gallery["shapes"], gallery["labels"], strict=True))
     if known != labels:
-        raise _other_shapes(known, labels, facts["gallery"])
+        raise _other_shapes(known, labels, gallery["gallery"])
     order = evaluation.queries.index.get_indexer(list(known))
     matrix = evaluation.distances[np.ix_(order, order)]
-    ranking = code_of_modules([STAGE_MODULES["records"]])
-    key = digest(
-        [facts["gallery_digest"], input_, title, digest_of_bytes(matrix.tobytes()), ranking]
-    )
+    code_of_measures = code_of_modules([STAGE_MODULES["records"]])
+    digest_of_matrix = digest_of_bytes(matrix.tobytes())
+    key = digest([gallery["gallery_digest"], input_, title, digest_of_matrix, code_of_measures])
     content = {
-        **facts,
-        **score_draws([matrix], facts["labels"]),
+        **gallery,
+        **score_draws([matrix], gallery["labels"]),
         "key": key,
         "status": "ok",
         "method": method_name(title),
@@ -172,14 +199,30 @@ def _other_shapes(
 
 
 def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Record | None:
-    """Return a record beside whose row an external one is shown.
+    """Return a record beside whose row an external one will be shown.
 
-    It is None for a name that makes a table of its own.
+    It tells which shapes the data set has.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    dataset
+        Name of the data set or gallery.
+    input_
+        Whether the row is of surfaces or of views.
+    title
+        Title of the external row, which a former one of the same title is not beside.
+
+    Returns
+    -------
+    Record or None
+        None if the name is that of no data set: it makes a table of its own.
 
     Raises
     ------
     ConfigurationError
-        If the name means data without a row here, or cannot be that of a table.
+        If the data set is known, but has no row here, or the name cannot be that of a table.
     """
     method = method_name(title)
     beside = [
@@ -209,11 +252,25 @@ def _records_of_gallery(records: Sequence[Record], name: str) -> list[Record]:
     return [record for record in records if record.key in of_data or record.gallery == name]
 
 
-def _facts(beside: Record | None, dataset: str, labels: Mapping[str, str]) -> dict[str, Any]:
-    """Return the facts of the gallery of a record, or of a table of its own."""
-    if beside:
-        names = ("gallery", "gallery_digest", "data", "shapes", "labels")
-        return {name: getattr(beside, name) for name in names}
+#: Fields of a record that say which shapes it ranks.
+_GALLERY_FIELDS = ("gallery", "gallery_digest", "data", "shapes", "labels")
+
+
+def _fields_of_gallery(record: Record) -> dict[str, Any]:
+    """Return the fields of a record that say which shapes it ranks, for a record of the same."""
+    return {name: getattr(record, name) for name in _GALLERY_FIELDS}
+
+
+def _fields_of_new_gallery(dataset: str, labels: Mapping[str, str]) -> dict[str, Any]:
+    """Return the fields that say which shapes a record ranks, for data that are not known here.
+
+    Parameters
+    ----------
+    dataset
+        Name that the user gives to the data; nothing else is known of their title and source.
+    labels
+        Class of each shape by its name.
+    """
     return {
         "gallery": dataset,
         "gallery_digest": digest([dataset, *labels.items()]),
@@ -256,9 +313,19 @@ class ExternalForms:
 
 
 def forms_of(folder: Path, title: str) -> Component:
-    """Return the forms in a folder as a method.
+    """Return a method that reads the forms which another program has written into a folder.
 
-    Raise ``ConfigurationError`` if there is no such folder.
+    Parameters
+    ----------
+    folder
+        Folder with a mesh file for each shape, named after it.
+    title
+        Title of the method.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such folder.
     """
     if not folder.is_dir():
         raise ConfigurationError(f"{folder} is not a folder", "name the folder of the forms")

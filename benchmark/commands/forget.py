@@ -48,9 +48,9 @@ def forget(
     results: str | Path = RESULTS,
     yes: bool = False,
 ) -> Forgotten:
-    """Delete the results of methods or data sets, and files that no record names.
+    """Delete the results of methods or data sets, or files that no record names.
 
-    A file that is not used as a record stays, with all files that it names, unless it is named.
+    A file that no record can be read from stays, with all files that it names, unless it is named.
 
     Parameters
     ----------
@@ -65,38 +65,44 @@ def forget(
     yes
         Whether to delete them; by default they are only named.
 
+    Returns
+    -------
+    Forgotten
+        What was deleted, or would be.
+
     Raises
     ------
     ConfigurationError
         If nothing or too much is selected, or nothing fits.
     """
     folder = Path(results)
-    chosen = as_list(methods)
-    has_selection = bool(chosen or data)
-    if has_selection + bool(records) + unused != 1:
+    names = as_list(methods)
+    has_selection = bool(names or data)
+    n_ways = [has_selection, bool(records), unused].count(True)
+    if n_ways != 1:
         raise ConfigurationError(
             "one selection is needed",
             "name methods with -m or data sets with -d, name records with --record, or pass "
             "--unused",
         )
-    every = read_records(folder, published=False)
-    _check_known(folder, every, records)
-    labelled = label_data_sets(every)
-    sets = [str(name) for name in as_list(data)]
-    if sets:
-        labelled = records_of(labelled, sets)
-    of_data = {record.key for record in labelled}
+    all_records = read_records(folder, published=False)
+    _check_known(folder, all_records, records)
+    of_data = label_data_sets(all_records)
+    datasets = [str(name) for name in as_list(data)]
+    if datasets:
+        of_data = records_of(of_data, datasets)
+    keys_of_data = {record.key for record in of_data}
 
     def is_unwanted(record: Record) -> bool:
         """Return whether a record is one of the methods and data sets that go."""
-        is_selected = is_of_methods(record, chosen) or not are_named(chosen)
-        return has_selection and record.key in of_data and is_selected
+        is_of_method = is_of_methods(record, names) or not are_named(names)
+        return has_selection and record.key in keys_of_data and is_of_method
 
     with writing(folder):
         unwanted, files = unneeded(folder, is_unwanted, records)
         if has_selection and not unwanted:
             problem = f"no record under {folder} fits the selection"
-            known = sorted({record.method for record in every})
+            known = sorted({record.method for record in all_records})
             raise ConfigurationError(problem, f"there are {', '.join(known) or 'no records'}")
         size = sum(path.stat().st_size for path in files)
         if yes:

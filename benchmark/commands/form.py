@@ -82,15 +82,25 @@ class Form(CanonicalForm):
         )
 
     def write(self, path: str | Path) -> list[str]:
-        """Write it as a mesh file, and return what the format does not keep, in words.
+        """Write the form as a mesh file.
 
         OFF, OBJ and PLY keep coordinates in double precision. GLB has them in single precision and
         colours by part. STL has the same triangles, whose corners it repeats.
 
+        Parameters
+        ----------
+        path
+            The file; its extension says the format.
+
+        Returns
+        -------
+        list of str
+            Sentences on what the format does not keep.
+
         Raises
         ------
         ConfigurationError
-            If the file has another extension.
+            If there is no such format.
         """
         target = Path(path)
         suffix = target.suffix.lower()
@@ -152,7 +162,10 @@ def check_writable(path: Path) -> None:
 
 
 def surface_html(form: Form) -> str:
-    """Return a form as HTML: a picture, which a script turns into a surface in 3D."""
+    """Return a form as HTML for a notebook: a picture, which a script makes a surface to turn.
+
+    The surface is thinned, and packed into the text, so that the HTML needs no network.
+    """
     from scipy.spatial import cKDTree
 
     from benchmark.geometry.preparation import decimate
@@ -163,7 +176,7 @@ def surface_html(form: Form) -> str:
     small = mesh
     if mesh.n_vertices > _VERTICES:
         small = decimate(mesh, _VERTICES)
-    _, nearest = cKDTree(mesh.vertices).query(small.vertices)
+    _, nearest = cKDTree(mesh.vertices).query(small.vertices)  # for the colours of its vertices
     surface: dict[str, Any] = {
         "points": _packed(centred(small).vertices.astype("<f4")),
         "faces": _packed(small.faces.astype("<u2")),
@@ -172,6 +185,7 @@ def surface_html(form: Form) -> str:
     }
     picture = base64.b64encode(form.picture()).decode("ascii")
     script = files("benchmark.commands").joinpath("surface.js").read_text(encoding="utf-8")
+    # A frame of its own keeps the script apart from those of the notebook.
     page = (
         f"<body style='margin:0'><img width='{_PIXELS}' height='{_PIXELS}' "
         f"src='data:image/webp;base64,{picture}' alt='{escape(form.title, quote=True)}'>"

@@ -132,12 +132,13 @@ def form_of_object(
     half_width: float = HALF_WIDTH,
     seed: int = 0,
 ) -> Form:
-    """Return the canonical form of a segmented object.
+    """Return the canonical form of an object that was segmented in a depth image.
 
     Parameters
     ----------
     observed
-        See :func:`benchmark.depth.frame.observe`.
+        Surface of the object, and what is doubtful about it; see
+        :func:`benchmark.depth.frame.observe`.
     maker
         The method; see :func:`method_of_depth`.
     name
@@ -145,13 +146,18 @@ def form_of_object(
     half_width, seed
         As in :func:`canonical_form_of_depth`.
 
+    Returns
+    -------
+    Form
+        The form; its note ``"doubt"`` says what may be wrong with it.
+
     Raises
     ------
     ShapeError
         If the method refuses the shape.
     """
     view = depth_surface(observed.surface, UPRIGHT, half_width)
-    area = view.surface.area
+    area = view.surface.area  # square metres; methods take surfaces of unit area
     mesh = view.surface.with_vertices(view.surface.vertices / np.sqrt(area))
     shape = Shape(identifier=name, mesh=mesh, depth=view.depth, source_area=area, seed=seed)
     notes = dict(observed.notes)
@@ -209,20 +215,27 @@ def form_of_surface(
 
 
 def form_with_notes(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> Form:
-    """Return the form of a shape with the given notes, and those of the method."""
+    """Compute the form of a shape, with notes on it.
+
+    Parameters
+    ----------
+    maker
+        The method.
+    shape
+        The prepared shape.
+    first
+        Notes that precede those of the method.
+    """
     form = compute_form(maker, shape)
     notes = dict(first)
     for name, note in form.notes.items():
         notes[name] = str(note) if isinstance(note, str) else float(note)
     notes.update(measured_fit(maker, shape))
-    has_faces_of_shape = np.array_equal(form.faces, shape.mesh.faces)
-    return Form(
-        form.vertices,
-        form.faces,
-        notes,
-        body=shape.mesh if has_faces_of_shape else None,
-        title=f"{shape.identifier}, {maker.info.title}",
-    )
+    body = None
+    if np.array_equal(form.faces, shape.mesh.faces):
+        body = shape.mesh
+    title = f"{shape.identifier}, {maker.info.title}"
+    return Form(form.vertices, form.faces, notes, body=body, title=title)
 
 
 def measured_fit(maker: object, shape: Shape) -> dict[str, float | str]:

@@ -88,7 +88,7 @@ def parameters_of(component: Component) -> dict[str, str]:
 
 
 def details_of(component: Component) -> dict[str, str | list[str]]:
-    """Return the details of a method or a scorer by name."""
+    """Return what ``describe`` says of a method or a scorer: texts, and lists of texts, by name."""
     info = component.info
     is_method = component.kind == "method"
     details: dict[str, str | list[str]] = {
@@ -124,7 +124,16 @@ def _kind_of(component: Component) -> str:
 
 
 def _facts_of(name: str, component: Component) -> dict[str, str]:
-    """Return facts about a method or a scorer; of one that cannot be imported, the reason."""
+    """Return one line of the list of methods or scorers.
+
+    Parameters
+    ----------
+    name
+        Name of the component.
+    component
+        The method or scorer. If it cannot be imported, its state is "broken", and its summary the
+        reason.
+    """
     try:
         facts = {"name": name, "title": component.info.title}
         if component.kind == "method":
@@ -144,21 +153,27 @@ def _facts_of(name: str, component: Component) -> dict[str, str]:
 
 
 def _datasets(root: Path | None) -> _Facts:
-    """Return the data sets, official or generated, present or absent."""
+    """Return one line for each data set, official or generated.
+
+    Parameters
+    ----------
+    root
+        Folder of the official sets, which tells those that are present.
+    """
     return [
         {
             "name": name,
-            "kind": "official" if known.folder else "generated",
-            "state": "present" if is_present(name, root) else f"not at {known.folder}",
-            "shapes": str(known.n_shapes or "?"),
-            "classes": str(known.n_classes),
-            "source": known.origin or "generated",
-            "summary": known.summary,
-            "url": known.url,
-            "terms": known.terms,
-            "use": known.other_use or "retrieval",
+            "kind": "official" if dataset.folder else "generated",
+            "state": "present" if is_present(name, root) else f"not at {dataset.folder}",
+            "shapes": str(dataset.n_shapes or "?"),
+            "classes": str(dataset.n_classes),
+            "source": dataset.origin or "generated",
+            "summary": dataset.summary,
+            "url": dataset.url,
+            "terms": dataset.terms,
+            "use": dataset.other_use or "retrieval",
         }
-        for name, known in CATALOGUE.items()
+        for name, dataset in CATALOGUE.items()
     ]
 
 
@@ -176,8 +191,11 @@ def _tables(root: Path | None) -> _Facts:
 
 
 def _models(results: Path) -> _Facts:
-    """Return finished models with their training; those trained here precede the shipped ones."""
-    origins = {results / "models": "trained here"}
+    """Return one line for each finished model, with where it comes from and how it was trained.
+
+    Models that were trained here precede those of the suite.
+    """
+    origins = {results / "models": "trained here"}  # by the folder of the models
     for component in by_name("method").values():
         if not component.learns:
             continue

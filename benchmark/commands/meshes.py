@@ -19,7 +19,9 @@ TAKEN = (
 
 
 def as_mesh(given: Any, faces: Any = None) -> Mesh:
-    """Return a mesh that another library holds, or that is in a file; vertices keep their order.
+    """Return a mesh that another library holds, or that is in a file.
+
+    Vertices keep their order.
 
     Parameters
     ----------
@@ -54,7 +56,8 @@ def as_mesh(given: Any, faces: Any = None) -> Mesh:
 def _vertices_and_triangles(given: Any) -> tuple[Any, Any]:
     """Return the vertices and the triangles that an object of another library holds.
 
-    It is None for what it lacks.
+    Objects are told by their attributes, so that no library has to be imported. Either is None if
+    the object lacks it.
     """
     if hasattr(given, "to_legacy"):  # tensors of Open3D
         given = given.to_legacy()

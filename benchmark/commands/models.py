@@ -77,11 +77,16 @@ def fetch_models(
     watched
         Progress wrapper.
 
+    Returns
+    -------
+    FetchedModels
+        The folder; names of models that are new and that were there; and problems, by name.
+
     Raises
     ------
     ConfigurationError
-        If a name is unknown, the source is neither a folder nor an address, or the target cannot
-        be written.
+        If a name is unknown, the source is neither a folder nor an address, or the target cannot be
+        written.
     """
     read = _reader(source)
     named = os.environ.get(MODELS_VARIABLE)
@@ -100,8 +105,10 @@ def fetch_models(
                 problem, f"name a folder of yours in {MODELS_VARIABLE}"
             ) from error
         else:
-            models = fetched if is_new else present
-            models.append(model)
+            if is_new:
+                fetched.append(model)
+            else:
+                present.append(model)
     return FetchedModels(folder, tuple(fetched), tuple(present), problems)
 
 
@@ -131,9 +138,30 @@ def _reader(source: str | Path) -> Callable[[str], bytes]:
 
 
 def _fetch_model(model: str, read: Callable[[str], bytes], folder: Path) -> bool:
-    """Bring the files of a model that are missing, the card last; return whether there was one."""
+    """Copy the files of one model that are missing.
+
+    Parameters
+    ----------
+    model
+        Name of its folder.
+    read
+        Returns the content of a file of the source.
+    folder
+        Folder of all models.
+
+    Returns
+    -------
+    bool
+        Whether a file was missing.
+
+    Raises
+    ------
+    _NotFetched
+        If a file of the source is not the published one, or the target is another file, which
+        stays.
+    """
     is_new = False
-    for name in (WEIGHTS, CARD):
+    for name in (WEIGHTS, CARD):  # the card comes last: a model with a card is complete
         path = f"{model}/{name}"
         expected = published_files()[path]
         target = folder / path
@@ -170,7 +198,13 @@ def _read_from_disk(path: Path) -> bytes:
 
 
 def _downloaded(address: str) -> bytes:
-    """Return a file of a web server; raise ``_NotFetched`` if it cannot be had whole."""
+    """Return the content of a file on a web server.
+
+    Raises
+    ------
+    _NotFetched
+        If it cannot be had, or ends too early.
+    """
     request = Request(address, headers={"User-Agent": "canonical-forms-benchmark"})  # noqa: S310
     try:
         with urlopen(request, timeout=SILENCE) as response:  # noqa: S310  # http or https alone
@@ -188,7 +222,13 @@ def _downloaded(address: str) -> bytes:
 
 
 def _read_within_bounds(response: HTTPResponse, address: str) -> bytes:
-    """Return the body of a response; raise ``_NotFetched`` if it is too long, or takes too long."""
+    """Read the body of a web server's response.
+
+    Raises
+    ------
+    _NotFetched
+        If it is longer than any model, or takes too long; the message names the address.
+    """
     start = time.monotonic()
     content = bytearray()
     while piece := response.read1(_PIECE):

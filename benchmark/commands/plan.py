@@ -145,14 +145,21 @@ class Plan:
         ]
 
     def _folders_that_are_gone(self) -> Iterable[str]:
-        """Say which folders had the names of those of the jobs, and are no longer there."""
-        every = [job.record.data for job in self.jobs]
-        folders = {data.name: data.path for data in every if data.path}
-        elsewhere = {
-            record.data.path
-            for record in self.records
-            if folders.get(record.data.name, record.data.path) != record.data.path
-        }
+        """Say which folders results come from that are no longer there.
+
+        Named are those that had the name of a data set of this plan, such as a folder that was
+        moved: its rows would stand beside those of the new place.
+        """
+        present = {}  # folder of each data set, by its name
+        for job in self.jobs:
+            data = job.record.data
+            if data.path:
+                present[data.name] = data.path
+        elsewhere = set()
+        for record in self.records:
+            data = record.data
+            if present.get(data.name, data.path) != data.path:
+                elsewhere.add(data.path)
         for path in sorted(elsewhere):
             # Of a path that no system allows, Path.exists raises an error.
             if not os.path.exists(split_changes(path)[0]):  # noqa: PTH110

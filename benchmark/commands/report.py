@@ -99,20 +99,22 @@ def draw_tables(
     results: Path = RESULTS,
     data_root: Path | None = None,
 ) -> None:
-    """Draw a figure of the first of some tables.
+    """Draw a figure of the first of some tables, and write it as a picture.
 
     Parameters
     ----------
     selected
         The tables.
     path
-        File with the extension of a picture.
+        The picture; its extension says the format.
     kind
         ``"forms"`` for poses and their forms, or ``"map"`` for shapes as points.
     shapes
-        Shapes of a figure of forms; by default three poses of the first class.
-    results, data_root
-        The results folder with the forms; folder of the official data sets.
+        Names of the shapes of a figure of forms; by default three poses of the first class.
+    results
+        The results folder with the stored forms.
+    data_root
+        Folder of the official data sets, whose cameras say which side of a shape is up.
 
     Raises
     ------

@@ -121,15 +121,16 @@ class Matches:
         return f"undecided: {label} has {margin}, within the range of the scorer's draws"
 
     def picture(self) -> Figure:
-        """Draw the query and the nearest forms side by side."""
+        """Draw the form of the query beside the nearest forms of the gallery, with their ranks."""
         from benchmark.report import sheets  # matplotlib takes half a second
 
         stored = StoredForms(self.results, self.data_root)
         shape = drawn_from(self.query.mesh, self.camera)
-        drawn = shape
+        form_of_query = shape
         if self.found.form:
-            drawn = drawn_form(self.found.form, shape)
-        panels: list[tuple[str, Drawn | None]] = [(f"query\n{Path(self.name).name}\n", drawn)]
+            form_of_query = drawn_form(self.found.form, shape)
+        title = f"query\n{Path(self.name).name}\n"
+        panels: list[tuple[str, Drawn | None]] = [(title, form_of_query)]
         for rank, hit in enumerate(self.found.hits[: self.count], 1):
             title = f"{rank}. {hit.shape}\n{hit.subject}\n{hit.distance:.4g}"
             panels.append((title, stored.form_like_shape(self.gallery, hit.shape)))
@@ -335,9 +336,27 @@ def _finished(
     which: str,
     input_: Input,
 ) -> Planned:
-    """Return the finished job of a gallery.
+    """Return the finished job that made the forms of a gallery.
 
-    Raise ``ConfigurationError`` if there is none, or it is of other code.
+    Parameters
+    ----------
+    planned
+        Jobs of the gallery, finished or not.
+    name
+        Name of the data set, for the error.
+    shapes
+        The shapes of the gallery.
+    component
+        The method.
+    which
+        Options of ``run`` that select the gallery, for the error.
+    input_
+        Whether the forms are of surfaces or of views.
+
+    Raises
+    ------
+    ConfigurationError
+        If no job is finished, or code or data have changed since; the error says what to run.
     """
     command = (
         f"run `python -m benchmark run -m {component.name} -d {shlex.quote(name)} {which}` first"
@@ -354,9 +373,26 @@ def _finished(
 
 
 def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> Any:
-    """Return a method with the model that made the forms of a gallery, or of a query among them."""
-    of_shape = dict(zip(job.record.shapes, job.models, strict=True))
-    models = {of_shape[name] for name in itself} or set(of_shape.values())
+    """Return a method, with the trained model that made the forms of a gallery.
+
+    A query has to be mapped by the same model as the shapes that it is compared with.
+
+    Parameters
+    ----------
+    component
+        The method.
+    job
+        The finished job of the gallery, which names the model of each shape.
+    itself
+        Name of the query, if it is one of the shapes of the gallery; then its model is taken.
+
+    Raises
+    ------
+    ConfigurationError
+        If a new query is compared with forms of several models, as those of folds are.
+    """
+    model_of_shape = dict(zip(job.record.shapes, job.models, strict=True))
+    models = {model_of_shape[name] for name in itself} or set(model_of_shape.values())
     if len(models) > 1:
         problem = (
             f"the forms of {job.record.gallery} are of {len(models)} models, and a query is in no "
@@ -375,17 +411,36 @@ def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> An
 def _inputs(
     query: str, component: Component, wanted: Input | None, *, is_view: bool
 ) -> tuple[Input, Input]:
-    """Return the inputs of query and gallery: views if either is one, or nothing else is read."""
+    """Return whether the query, and the gallery, are taken as surfaces or as depth views.
+
+    The gallery is taken like the query unless the user wants otherwise.
+
+    Parameters
+    ----------
+    query
+        Name of the query, for the error.
+    component
+        The method, which accepts surfaces (``"mesh"``), views (``"view"``) or both.
+    wanted
+        What the user wants for the gallery, if anything.
+    is_view
+        Whether the query is given as a view.
+
+    Raises
+    ------
+    ConfigurationError
+        If the method does not accept one of both.
+    """
     of_query: Input = "mesh"
     if is_view or "mesh" not in component.info.inputs:
         of_query = "view"
     of_gallery = wanted or of_query
-    for each in (of_query, of_gallery):
-        if each not in component.info.inputs:
-            takes = " and ".join(map(_IN_WORDS.__getitem__, component.info.inputs))
+    for input_ in (of_query, of_gallery):
+        if input_ not in component.info.inputs:
+            accepted = " and ".join(_IN_WORDS[name] for name in component.info.inputs)
             problem = (
-                f"method '{component.name}' needs {takes}, and {query} is compared with "
-                f"{_IN_WORDS[each]}"
+                f"method '{component.name}' needs {accepted}, and {query} is compared with "
+                f"{_IN_WORDS[input_]}"
             )
-            raise ConfigurationError(problem, f"choose a method that accepts {_IN_WORDS[each]}")
+            raise ConfigurationError(problem, f"choose a method that accepts {_IN_WORDS[input_]}")
     return of_query, of_gallery

@@ -173,50 +173,53 @@ def records_after(plan: Plan, ended: Iterable[Record]) -> list[Record]:
 def tables_of_run(
     plan: Plan, records: Sequence[Record], *, quick: bool = False, scorer: str, seed: int = 0
 ) -> Tables:
-    """Return the tables of the jobs of a plan, with all rows of their galleries.
+    """Return the tables that a run has filled, with all rows that earlier runs put into them.
 
-    If methods were named, there are only their rows.
+    If methods were named, only their rows are printed.
 
     Parameters
     ----------
     plan
-        The plan.
+        The plan of the run.
     records
-        Records after its run; see :func:`records_after`.
+        All records after the run; see :func:`records_after`.
     quick, scorer, seed
         As for :func:`benchmark.plan`.
     """
+    # Both are labelled at once, so that two folders of one name get different labels.
     labelled = label_data_sets([*records, *(job.record for job in plan.jobs)])
-    known = labelled[: len(records)]
+    all_records = labelled[: len(records)]
     of_run = labelled[len(records) :]
-    places = {(record.gallery, record.input) for record in of_run}
-    wanted = set[str]()
-    sets = set[str]()
+
+    identifiers = set[str]()
+    datasets = set[str]()
     for job, record in zip(plan.jobs, of_run, strict=True):
         for gallery in job.galleries:
             table = gallery.table
             if not table.is_robustness:
-                sets.add(record.data.name)
+                datasets.add(record.data.name)
             if table not in TABLES:
                 table = own_table(record.data.name, fold_of(record))
-            wanted.add(table.identifier)
-    every = chosen_records(known, quick=quick, scorer=scorer, seed=seed)
-    of_jobs = [record for record in every if (record.gallery, record.input) in places]
+            identifiers.add(table.identifier)
+
+    galleries = {(record.gallery, record.input) for record in of_run}
+    chosen = chosen_records(all_records, quick=quick, scorer=scorer, seed=seed)
+    chosen = [record for record in chosen if (record.gallery, record.input) in galleries]
     methods = [record.method for record in of_run] if plan.is_narrow else ()
-    views = table_views(of_jobs, wanted, methods, sets)
+    views = table_views(chosen, identifiers, methods, datasets)
     return Tables(
-        tuple(view for view in views if view.table.identifier in wanted),
-        tuple(of_jobs),
+        tuple(view for view in views if view.table.identifier in identifiers),
+        tuple(chosen),
         has_robustness=any(change_of(record.data.name) for record in of_run),
     )
 
 
 def _lines_of_progress() -> Callable[[Any], None]:
-    """Return a function that says now and then on stderr how far a run is."""
+    """Return a function that prints the state of a run on stderr, at most every few seconds."""
     last = -math.inf
 
     def watch(state: Any) -> None:
-        """Say how far the run is, unless it was said a moment ago."""
+        """Print how far the run is, unless that was done a moment ago."""
         nonlocal last
         now = time.monotonic()
         if now - last >= _INTERVAL:

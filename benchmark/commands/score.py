@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -100,9 +101,9 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     given = [labels] if gallery is None else [labels, gallery]
     matrix, sides = _joined(distances, order, given)
     rows = sides[0]
-    targets = None
+    targets = None  # each query ranks the others
     if gallery is None:
-        _check_classes({*rows.classes})
+        _check_classes(set(rows.classes))
     else:
         in_gallery = _classes_of_gallery(sides[1].classes)
         _check_classes({*rows.classes, *in_gallery})
@@ -128,16 +129,22 @@ def _check_classes(classes: set[str]) -> None:
 
 
 def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | None) -> Evaluation:
-    """Return the scores of distances.
+    """Return all measures of distances, with intervals, chance levels and notes.
 
     Parameters
     ----------
     matrix
-        The distances, with a row for each query.
+        The distances, with a row for each query and a column for each shape of the gallery. If both
+        are the same, its diagonal is set to 0.
     rows
         Names and classes of the queries.
     targets
         The gallery; None if it is the queries.
+
+    Warns
+    -----
+    UserWarning
+        If the scores are so far below chance that the distances may be similarities.
     """
     from pandas import DataFrame
 
@@ -147,11 +154,13 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
         np.fill_diagonal(matrix, 0)
         n_results -= 1
     scores = evaluate(matrix, rows.classes, targets=targets)
+    # Shapes that have nothing to find are no queries: their measures are NaN.
     values = np.column_stack(list(scores.per_query.values()))
     is_query = ~np.isnan(values[:, 0])
-    queried = zip(rows.classes, is_query, strict=True)
-    of_queries = [label for label, counts in queried if counts]
-    ends = class_intervals(values[is_query], of_queries)
+    values = values[is_query]
+    query_classes = list(compress(rows.classes, is_query))
+
+    ends = class_intervals(values, query_classes)
     columns = {
         "score": scores.means,
         "low": ends[:, 0],
@@ -160,8 +169,9 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
     }
     table = DataFrame(columns, index=list(scores.means))
     table = table.loc[[name for name in table.index if MEASURES[name].says_something(n_results)]]
+
     # Of few classes, too: this interval only raises a question.
-    low, high = class_intervals(values[is_query][:, :1], of_queries, fewest=2)[0]
+    low, high = class_intervals(values[:, :1], query_classes, fewest=2)[0]
     chance = table.loc["NN", "chance"]
     if targets is None and not low > chance:
         _check_diagonal(diagonal, matrix)
@@ -169,7 +179,7 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
         notes = _notes_on_shapes(len(matrix), scores.lone_queries)
     else:
         notes = _notes_on_queries(matrix, scores.lone_queries)
-    n_classes = len({*of_queries})
+    n_classes = len(set(query_classes))
     if n_classes < FEWEST_CLASSES:
         few = f"no intervals: the queries are of {n_classes} classes, fewer than {FEWEST_CLASSES}"
         notes.append(few)
@@ -192,7 +202,15 @@ def _notes_on_shapes(n_shapes: int, n_lone: int) -> list[str]:
 
 
 def _notes_on_queries(matrix: NDArray[np.float64], n_lone: int) -> list[str]:
-    """Say how many queries another gallery answers, and whether it seems to hold some of them."""
+    """Say what queries another gallery can answer, and whether it may hold some of them.
+
+    Parameters
+    ----------
+    matrix
+        Distances of the queries (rows) to the shapes of the gallery (columns).
+    n_lone
+        Number of queries of whose class the gallery has no shape.
+    """
     notes = [
         f"{len(matrix) - n_lone} queries; {n_lone} left out, as the gallery has no shape of their "
         "class"
@@ -228,16 +246,37 @@ class _Side(NamedTuple):
 def _joined(
     distances: object, order: str, given: Sequence[object]
 ) -> tuple[NDArray[np.float64], list[_Side]]:
-    """Return distances with names and classes of their rows, and of their columns if others."""
-    labels = [as_labels(each) for each in given]
-    matrix, *names = as_distances(distances, *(len(each.classes) for each in labels))
-    _check_order(order, labels, has_names=any(names))
+    """Read distances and labels, and join them by name, or by the order of the rows.
+
+    Parameters
+    ----------
+    distances, order
+        As for :func:`score`.
+    given
+        Labels of the rows; and those of the columns, if these are other shapes.
+
+    Returns
+    -------
+    matrix : numpy.ndarray
+        The distances.
+    sides : list of _Side
+        Names and classes of the rows, and of the columns if these are other shapes.
+
+    Raises
+    ------
+    ConfigurationError
+        If numbers or names do not fit, or the order of rows without names is not known.
+    """
+    all_labels = [as_labels(labels) for labels in given]
+    sizes = [len(labels.classes) for labels in all_labels]
+    matrix, *all_names = as_distances(distances, *sizes)
+    _check_order(order, all_labels, has_names=any(all_names))
     is_psb = isinstance(distances, str | Path) and Path(distances).suffix.lower() == ".matrix"
     sides = []
-    for each, of_side, what, count in zip(
-        labels, names, ("rows", "columns"), matrix.shape, strict=False
+    for labels, names, what, count in zip(
+        all_labels, all_names, ("rows", "columns"), matrix.shape, strict=False
     ):
-        side = _side(each, of_side, _order_of(each, order, is_psb=is_psb))
+        side = _side(labels, names, _order_of(labels, order, is_psb=is_psb))
         if len(side.classes) != count or len(set(side.names)) < len(side.names):
             problem = (
                 f"there are {count} {what} of distances and {len(side.classes)} labels, or a name "
@@ -277,7 +316,23 @@ def _order_of(labels: ShapeLabels, order: str, *, is_psb: bool) -> str:
 
 
 def _side(labels: ShapeLabels, names: tuple[str, ...], order: str) -> _Side:
-    """Return the names and classes of rows or columns, joined by name if both have names."""
+    """Return the names and classes of the rows, or of the columns, in their order.
+
+    Parameters
+    ----------
+    labels
+        Their classes: by name, or in the order of a list.
+    names
+        Names that the distances give them, by which they are joined; none or row numbers if they
+        have no names.
+    order
+        Which order of the labels the rows have, if they have no names; "" if there is one only.
+
+    Raises
+    ------
+    ConfigurationError
+        If a name has no label, or only one of both has names.
+    """
     if are_row_numbers(names):
         names = ()
     classes = labels.classes
@@ -299,12 +354,27 @@ def _side(labels: ShapeLabels, names: tuple[str, ...], order: str) -> _Side:
 
 
 def _ordered(orders: Mapping[str, Sequence[str]], order: str) -> tuple[str, ...]:
-    """Return the names of rows that have none, in the named order, or in that of all."""
+    """Return the names of rows that have none themselves.
+
+    Parameters
+    ----------
+    orders
+        The names in each order in which programs list such shapes, by the name of the order.
+    order
+        The order that the user names; "" if they say nothing.
+
+    Raises
+    ------
+    ConfigurationError
+        If the user says nothing, and the orders differ.
+    """
     if order:
         return tuple(orders[order])
     for row, names in enumerate(zip(*orders.values(), strict=True)):
-        if len({*names}) > 1:
-            kinds = [f"{kind}: {', '.join(each[row : row + 3])}" for kind, each in orders.items()]
+        if len(set(names)) > 1:
+            kinds = [
+                f"{kind}: {', '.join(listed[row : row + 3])}" for kind, listed in orders.items()
+            ]
             problem = (
                 "the rows have no names, and the shapes several orders, which differ from row "
                 f"{row + 1}: {'; '.join(kinds)}"

@@ -51,7 +51,15 @@ def data_folder(given: str | Path | None = None) -> Path | None:
 
 
 def shadowed_folders(names: Iterable[str], data_root: Path | None) -> list[str]:
-    """Say which names are those of sets of the suite, though folders here have them, too."""
+    """Say which names mean a data set of the suite, though there is a folder of the same name here.
+
+    Parameters
+    ----------
+    names
+        Names of data sets, as users write them.
+    data_root
+        Folder of the official data sets, whose sub-folders are meant.
+    """
     notes = []
     for name in names:
         base, _ = split_changes(name)
@@ -66,7 +74,7 @@ def shadowed_folders(names: Iterable[str], data_root: Path | None) -> list[str]:
 
 
 def outcome(record: Record) -> str:
-    """Return scores and seconds of a record, or why it has none, on one line."""
+    """Return the scores of a record, and its times, on one line; if it has none, why."""
     if record.status != "ok":
         return brief(record.reason)
     scores = " ".join(f"{column.title} {column.cell(record)}" for column in PRINTED_SCORES)
@@ -131,22 +139,27 @@ class RecordSelection:
         return not (self.tables or self.methods or self.data or self.input or self.quick)
 
     def records(self, *, failed: bool = False) -> SelectedRecords:
-        """Return the records, and notes on those that are left out.
+        """Return the records that the selection means, and sentences on those that it leaves out.
 
-        With ``failed``, also those of methods that have scores on no data at all, are not selected,
-        and not the paper's.
+        Parameters
+        ----------
+        failed
+            Whether to keep methods that have scores on no data at all. Otherwise only those are
+            kept that were selected, or are rows of the paper.
 
         Raises
         ------
         ConfigurationError
-            If there is none, or no record knows a table or data set.
+            If there is no such record, or none knows a table or data set that was named.
         """
-        kept = read_records(self.results, local=not self.published)
-        every = label_data_sets([*kept, *self.submitted])
-        known = {table.identifier for table in TABLES} | {record.data.name for record in every}
-        check_known("table", self.tables, known | {"extended"})
-        of_data = records_of(every, self.data) if self.data else every
+        stored = read_records(self.results, local=not self.published)
+        all_records = label_data_sets([*stored, *self.submitted])
+        names = {table.identifier for table in TABLES}
+        names.update(record.data.name for record in all_records)
+        check_known("table", self.tables, names | {"extended"})
+        of_data = records_of(all_records, self.data) if self.data else all_records
         of_input = [record for record in of_data if self.input in (None, record.input)]
+        # A quick run, with some of the poses alone, is shown if it is asked for, or nothing else is.
         full = chosen_records(of_input, scorer=self.scorer, seed=self.seed)
         quick = chosen_records(of_input, quick=True, scorer=self.scorer, seed=self.seed)
         records = quick
@@ -157,12 +170,24 @@ class RecordSelection:
             raise self._no_records(notes)
         if failed:
             return SelectedRecords(records, notes)
-        return self._without_failing(records, notes, every)
+        return self._without_failing(records, notes, all_records)
 
     def _without_failing(
         self, records: list[Record], notes: list[str], every: Iterable[Record]
     ) -> SelectedRecords:
-        """Return records without those of methods that fail in every job, if there are others."""
+        """Leave out the records of methods that fail in every job, unless nothing else is left.
+
+        Methods that were selected, and rows of the paper, stay.
+
+        Parameters
+        ----------
+        records
+            Records of the selection.
+        notes
+            Sentences on others that were left out before.
+        every
+            All records, which say whether a method has scores anywhere.
+        """
         scored = {row_of(record) for record in every if record.status == "ok"}
         shown = []
         hidden = {}
@@ -174,9 +199,12 @@ class RecordSelection:
                 hidden[record.method] = outcome(record)
         if not shown:
             return SelectedRecords(records, notes)
-        fails = "left out, as it fails in every job"
-        others = [f"{fails}: {name}: {why}; --failed shows it" for name, why in hidden.items()]
-        return SelectedRecords(shown, [*notes, *others])
+        notes = list(notes)
+        for method, reason in hidden.items():
+            notes.append(
+                f"left out, as it fails in every job: {method}: {reason}; --failed shows it"
+            )
+        return SelectedRecords(shown, notes)
 
     def _no_records(self, notes: Sequence[str]) -> ConfigurationError:
         """Return an error that says that there is no record, and how to get some."""
@@ -205,7 +233,7 @@ class RecordSelection:
         return views
 
     def _of_other_scorers(self, records: Iterable[Record]) -> list[str]:
-        """Say how many records of other scorers or seeds there are."""
+        """Say how many jobs of other scorers or seeds there are, and which options show them."""
         others = [
             record
             for record in records
@@ -213,11 +241,12 @@ class RecordSelection:
         ]
         if not others:
             return []
-        ways = {
+        options = {
             f"--scorer {record.scorer or self.scorer} --seed {record.seed}" for record in others
         }
         jobs = counted(len(others), "job")
-        return [f"not shown: {jobs} of another scorer or seed: pass {', or '.join(sorted(ways))}"]
+        choices = ", or ".join(sorted(options))
+        return [f"not shown: {jobs} of another scorer or seed: pass {choices}"]
 
     def _of_quick_runs(self, full: Sequence[Record], quick: Sequence[Record]) -> list[str]:
         """Say which quick runs are newer than all others, or that there are no others."""

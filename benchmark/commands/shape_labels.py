@@ -82,7 +82,15 @@ def _with_orders_of_numbers(classes: dict[str, str] | list[str]) -> ShapeLabels:
 
 
 def _folder_labels(folder: Path) -> ShapeLabels:
-    """Return the classes of the shapes of a folder, and the orders in which programs list them."""
+    """Read the classes of the shapes in a folder, and the orders in which programs list them.
+
+    Returns
+    -------
+    ShapeLabels
+        Class of each shape by name. Orders: ``"listing"``, as Python sorts paths; ``"natural"``,
+        with cat2 before cat10; and, if the folder has a ``.cla`` file, the order of its ``"list"``
+        and of its ``"number"``.
+    """
     from benchmark.datasets.base import natural_key
     from benchmark.datasets.folder import class_list, folder_set, read_cla
 
@@ -93,9 +101,9 @@ def _folder_labels(folder: Path) -> ShapeLabels:
         "listing": [entry.identifier for entry in by_path],
         "natural": list(classes),
     }
-    source = class_list([folder])
-    if source:
-        numbers = list(read_cla(source))
+    cla_file = class_list([folder])
+    if cla_file:
+        numbers = list(read_cla(cla_file))  # in the order of the file
         by_number = dict(zip(sorted(numbers), classes, strict=True))
         orders["natural"] = sorted(classes, key=natural_key)
         orders["list"] = [by_number[number] for number in numbers]

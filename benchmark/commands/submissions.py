@@ -117,6 +117,11 @@ def submitted_rows(folder: str | Path, results: str | Path) -> SubmittedRows:
     results
         The results folder, beside whose rows they are shown.
 
+    Returns
+    -------
+    SubmittedRows
+        A record for each submission that can be scored, and a sentence on each of all.
+
     Raises
     ------
     ConfigurationError
@@ -144,7 +149,12 @@ def submitted_rows(folder: str | Path, results: str | Path) -> SubmittedRows:
 
 
 def read_submission(path: Path) -> Submission:
-    """Return what a ``submission.toml`` says.
+    """Read and check the ``submission.toml`` of a submission.
+
+    Parameters
+    ----------
+    path
+        The file; the distances or forms that it names lie in its folder.
 
     Raises
     ------
@@ -154,7 +164,7 @@ def read_submission(path: Path) -> Submission:
     facts = read_settings(path, [*REQUIRED, *_OPTIONAL])
     for key, value in facts.items():
         _check_value(key, value)
-    missing = [key for key in REQUIRED if not facts.get(key) and facts.get(key) != []]
+    missing = [key for key in REQUIRED if facts.get(key) in (None, "")]
     if missing:
         said = "; ".join(f"{key}: {REQUIRED[key]}" for key in missing)
         raise ConfigurationError(f"it does not say {listed(missing)}", f"write {said}")
@@ -187,7 +197,14 @@ def _check_value(key: str, value: object) -> None:
 
 
 def score_submission(submission: Submission, results: Path) -> Record:
-    """Return the record of a submission beside the rows of its data set.
+    """Score a submission against the shapes of its data set, and return its record.
+
+    Parameters
+    ----------
+    submission
+        What it says of itself, and its distances or forms.
+    results
+        The results folder, which has rows of the data set and so knows its shapes.
 
     Raises
     ------
@@ -209,12 +226,11 @@ def score_submission(submission: Submission, results: Path) -> Record:
         record, _ = record_of_distances(
             evaluation, beside, data, title=submission.title, input_=submission.input
         )
-    seen = set(submission.facts["seen"])
-    shapes = [
-        shape for shape, label in zip(record.shapes, record.labels, strict=True) if label in seen
-    ]
+    seen_classes = set(submission.facts["seen"])
+    labelled = zip(record.shapes, record.labels, strict=True)
+    seen_shapes = [shape for shape, label in labelled if label in seen_classes]
     origin = Origin(folder=submission.folder.name)
-    return msgspec.structs.replace(record, seen=shapes, merged_from=origin)
+    return msgspec.structs.replace(record, seen=seen_shapes, merged_from=origin)
 
 
 def _score_forms(submission: Submission, results: Path) -> Record:

@@ -27,9 +27,9 @@ def train(
     data_root: str | Path | None = None,
     tell: Callable[[str], None] = say,
 ) -> list[Path]:
-    """Train the models of a learner.
+    """Train the models of a method that learns.
 
-    An interrupted training goes on, and finished models are skipped.
+    An interrupted training goes on where it stopped, and finished models are skipped.
 
     Parameters
     ----------

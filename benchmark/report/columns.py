@@ -308,7 +308,9 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
     from pandas import DataFrame
 
     scores: list[Score] = []
-    with_paper = set[tuple[str, str]]()
+    with_paper = set[
+        tuple[str, str]
+    ]()  # tables, and their data sets, for which the paper has scores
     for record in records:
         dataset = record.data.name
         for table in tables_of(dataset, fold_of(record)):
@@ -319,13 +321,22 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
                 with_paper.add((table.identifier, dataset))
     for numeral, dataset in sorted(with_paper):
         scores += _scores_of_paper(numeral, dataset)
-    *places, value = Score._fields
     frame = DataFrame(scores, columns=Score._fields)
-    return frame.groupby(places, sort=False, as_index=False)[value].mean()
+    # Lines that differ in nothing but the value come from several trainings with one seed each.
+    *all_but_value, value = Score._fields
+    return frame.groupby(all_but_value, sort=False, as_index=False)[value].mean()
 
 
 def _scores_of_record(table: str, record: Record) -> Iterator[Score]:
-    """Yield the scores of a record as lines of a table."""
+    """Yield one line for each measure that a record holds.
+
+    Parameters
+    ----------
+    table
+        Identifier of the table, such as ``"III"``.
+    record
+        Record of a finished job; its scores are means over queries.
+    """
     for measure, value in record.scores.items():
         yield Score(
             table,

@@ -83,24 +83,50 @@ def compare_rows(views: Sequence[TableView], first: str, second: str = "") -> Da
 
 
 def _check_have_scores(views: Iterable[TableView], names: Iterable[str]) -> None:
-    """Raise ``ConfigurationError`` if a row has no scores; of other data, it says so."""
-    known = set[str]()
-    left_out: list[str] = []
+    """Check that each compared method has scores in at least one table.
+
+    Parameters
+    ----------
+    views
+        The tables that are compared.
+    names
+        Names of methods.
+
+    Raises
+    ------
+    ConfigurationError
+        If a method has none; the error says so if it has scores of another version of the data.
+    """
+    with_scores = set[str]()
+    of_other_data: list[str] = []
     for view in views:
-        known.update(row.method for row in view.rows if row.scored)
-        left_out += view.left_out
+        with_scores.update(row.method for row in view.rows if row.scored)
+        of_other_data += view.left_out
     for name in names:
-        if name in known:
+        if name in with_scores:
             continue
         problem = f"{name} has no scores"
-        old = [text for text in left_out if text.startswith(f"{name} on ")]
-        if old:
-            problem = f"{old[0]} ranks another version of the data"
-        raise ConfigurationError(problem, f"run it, or choose among {', '.join(sorted(known))}")
+        other_data = [text for text in of_other_data if text.startswith(f"{name} on ")]
+        if other_data:
+            problem = f"{other_data[0]} ranks another version of the data"
+        choices = ", ".join(sorted(with_scores))
+        raise ConfigurationError(problem, f"run it, or choose among {choices}")
 
 
 def _frames(view: TableView, column: str, first: str, second: str) -> Iterator[DataFrame]:
-    """Yield the differences to another row, or to each one, in a column of a table."""
+    """Yield how a method differs from others in one column of a table, one frame per pair.
+
+    Parameters
+    ----------
+    view
+        The table.
+    column
+        Title of the column.
+    first
+        Name of the method; nothing is yielded if it has no scores in the column.
+    second
+        Name of the only method to compare it with; "" for all.
+    """
     rows = {row.method: row for row in view.rows if column in row.scored}
     if first not in rows:
         return
@@ -219,13 +245,24 @@ class _Pair:
         return names
 
     def differences(self) -> dict[str, Any]:
-        """Return the differences, a value for each measure or for all of them."""
-        n_queries = len(self.queries)
+        """Return how the two methods differ on the queries that neither was trained on.
+
+        Returns
+        -------
+        dict
+            Columns of a frame with one line per measure: both scores, their difference with the
+            ends of its interval (``low``, ``high``), p-values and verdicts; and numbers that hold
+            for all lines. ``p`` is of the test with all methods of the table, ``p_alone`` of that
+            with this pair.
+        """
+        # Measures of each query have the shape (queries, measures).
         mine = self.mine.values[self.queries]
         other = self.other.values[self.queries]
+        gains = mine - other
+        n_queries = len(self.queries)
         score = mine.sum(axis=0) / max(1, n_queries)
         other_score = other.sum(axis=0) / max(1, n_queries)
-        gains = mine - other
+
         p_values = self.tests.p_values(self.family, self.seen, self.queries, self.labels)
         p = p_values[self.family.index(self.first), self.family.index(self.second)]
         p_alone = sign_flip_test(gains, self.labels)
@@ -251,7 +288,19 @@ class _Pair:
     def _verdicts(
         self, p_values: NDArray[np.float64], differences: NDArray[np.float64]
     ) -> str | NDArray[np.str_]:
-        """Return the verdict on each difference, or why there is none on any."""
+        """Return in words what a test says of the differences.
+
+        Parameters
+        ----------
+        p_values, differences
+            Outcome of the test, and difference of the mean scores, by measure.
+
+        Returns
+        -------
+        str or numpy.ndarray
+            One text per measure: not significant, significant but no larger than the scatter, or
+            above it. A single text if nothing can be decided, which says why.
+        """
         n_classes = len(set(self.labels))
         if self.mine.missing or self.other.missing:
             return "incomplete"

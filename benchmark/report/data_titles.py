@@ -24,9 +24,10 @@ from benchmark.text import brief
 
 
 def data_title(record: Record) -> str:
-    """Return the title of the data of a record.
+    """Return what tables call the data of a record.
 
-    It always says if they are a stand-in, or unverified.
+    Generated data that stand in for an official set say so, and so do files that only have the
+    names of an official set, but not its content.
     """
     data = record.data
     if data.stand_in_for:
@@ -40,8 +41,9 @@ def data_title(record: Record) -> str:
         return brief(data.title)
     copy = known_copy(record)
     title = copy.title if copy else f"files named like {official.title}, unverified"
-    _, has_title, change = data.title.partition(official.title)
-    if has_title:
+    # What follows the title of the set in that of the data says how the set was changed.
+    _, is_titled, change = data.title.partition(official.title)
+    if is_titled:
         title += change
     return brief(title)
 
@@ -75,31 +77,55 @@ def known_copy(record: Record) -> KnownCopy | None:
 
 
 def _ranks(record: Record, copy: KnownCopy) -> bool:
-    """Return whether the digest of a record is that of the files of a copy."""
+    """Return whether a record was computed from the files of a known copy of an official data set.
+
+    The copy publishes a digest of each file. The digest that the record keeps of its gallery is
+    computed again from these, and compared.
+
+    Parameters
+    ----------
+    record
+        A record of an official data set.
+    copy
+        One of the known copies of this set.
+    """
     queries = _digest(record, copy)
     gallery = record.gallery_of_queries
     if gallery is None:
         return record.gallery_digest == queries
     if gallery.gallery_digest != _digest(gallery, copy):
         return False
-    # The gallery was rendered from this many cameras, with or without that of each shape itself.
+    # The record does not say how its gallery was rendered: by one camera, by several around each
+    # shape, or by these and the camera of the shape itself. Any of these may be meant.
     views = gallery.views
-    around = ("", f"[cameras={views}]", f"[cameras-and-own={views - 1}]")
-    return any(
-        record.gallery_digest
-        == digest_of_both(
+    for cameras in ("", f"[cameras={views}]", f"[cameras-and-own={views - 1}]"):
+        expected = digest_of_both(
             queries,
             gallery.gallery_digest,
             gallery.input,
             keeps_same_names=record.keeps_same_names,
             cameras=cameras,
         )
-        for cameras in around
-    )
+        if record.gallery_digest == expected:
+            return True
+    return False
 
 
 def _digest(ranked: RankedShapes, copy: KnownCopy) -> str:
-    """Return the digest of ranked shapes if they are those of a copy, changed as their set."""
+    """Return the digest that these shapes would have if their files were those of a copy.
+
+    Parameters
+    ----------
+    ranked
+        Names, classes and data set of the shapes; the name of the set says how it was changed.
+    copy
+        Digests of the files of a copy of an official set.
+
+    Returns
+    -------
+    str
+        The digest; "" if the set was changed in a way that this version does not know.
+    """
     try:
         _, changes = split_changes(ranked.data.name)
     except ConfigurationError:  # a change that this version does not know

@@ -101,19 +101,22 @@ def shaded(
     frame
         Points that the picture has room for, shape (n, 3); by default those of the mesh.
     """
+    # Scale the surface so that the frame fills most of [-1, 1] in the plane of the image.
     framed = mesh.vertices if frame is None else frame
     turned = framed @ camera.rotation.T
     low = turned.min(axis=0)
     high = turned.max(axis=0)
     half = max(float((high - low)[:2].max()) / 2, 1e-12) / _FILLED
     scaled = (mesh.vertices @ camera.rotation.T - (low + high) / 2) / half
+
+    # Draw it larger than asked; the picture is reduced at the end, which smooths its edges.
     fine = size * _FINER
     pixels = np.column_stack(
         [(1 + scaled[:, 0]) * fine / 2, (1 - scaled[:, 1]) * fine / 2, -scaled[:, 2]]
     )
     depth = depth_buffer(pixels, mesh.faces, fine, np.inf).astype(np.float64)
     is_surface = np.isfinite(depth)
-    picture = np.zeros((fine, fine, 4))
+    picture = np.zeros((fine, fine, 4))  # red, green, blue and opacity from 0 to 1
     if is_surface.any():
         colours = _PLAIN
         if values is not None:
@@ -138,10 +141,27 @@ def _surface_colours(
     is_surface: NDArray[np.bool_],
     values: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return the colour of each pixel of a surface by the values of near vertices, shape (n, 3)."""
+    """Return the colour of each pixel of a surface, from the values of the three nearest vertices.
+
+    Parameters
+    ----------
+    scaled
+        Vertices as the camera sees them, shape (v, 3); the image is [-1, 1] x [-1, 1].
+    depth
+        Depth of each pixel of the image, square.
+    is_surface
+        The n pixels that show the surface.
+    values
+        Value of each vertex from 0 to 1.
+
+    Returns
+    -------
+    numpy.ndarray
+        Red, green and blue from 0 to 1, shape (n, 3).
+    """
     side = len(depth)
     rows, columns = np.nonzero(is_surface)
-    # Pixels that become one have one colour.
+    # Pixels of a block are reduced to one pixel of the picture: the colour of the first serves all.
     blocks = rows // _FINER * side + columns // _FINER
     _, first, block = np.unique(blocks, return_index=True, return_inverse=True)
     points = np.column_stack(

@@ -72,9 +72,10 @@ MISSED = "#8c2318"
 
 
 def rows_of_figures(view: TableView) -> list[tuple[TableRow, RowScores]]:
-    """Return printed rows with their scores in the first column that has some.
+    """Return the rows that a figure draws, each with its scores in one column of the table.
 
-    The title of a row names the column if it is not the first one of the table.
+    It is the first column in which the row has scores. The title of a row names the column if it is
+    not the first one of the table.
     """
     rows = []
     for row in view.printed_rows:
@@ -106,10 +107,19 @@ def class_means(view: TableView) -> DataFrame:
 
 
 def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
-    """Draw the shapes as points whose distances have the order of those of each row.
+    """Draw a map of the shapes for each method: the nearer two points, the more alike their forms.
 
-    Lines lead to the mean of a class, and a ring marks a shape whose nearest match is of another
-    class. Points lead to the queries of a page, if it is named.
+    Only the order of the distances is kept. Lines lead from each shape to the middle of its class.
+    A ring marks a shape whose nearest match is of another class.
+
+    Parameters
+    ----------
+    view
+        The table whose rows are drawn.
+    forms
+        Reader of the stored forms and distances.
+    page
+        Address of the page to whose queries the points link; "" for no links.
 
     Raises
     ------
@@ -137,13 +147,27 @@ def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
 
 
 def _draw_map(place: Axes, record: Record, matrix: NDArray[np.float64], page: str) -> None:
-    """Draw the shapes that a record ranks as points; see :func:`map_figure`."""
+    """Draw the map of one method; see :func:`map_figure`.
+
+    Parameters
+    ----------
+    place
+        Axes to draw into.
+    record
+        Names and classes of the n shapes.
+    matrix
+        Distances between the shapes that have a form, shape (n, n).
+    page
+        Address to which the points link; "" for no links.
+    """
     labels = np.array(record.labels)[record.answered]
     without_itself = matrix + np.diag(np.full(len(matrix), np.inf))
     is_missed = labels[without_itself.argmin(axis=1)] != labels
     points = _positions(matrix)
     classes = np.unique(record.labels)
     class_colours = np.resize(COLOURS, len(classes))
+
+    # There is room to name some classes: those with the most missed shapes.
     by_misses = sorted(np.unique(labels), key=lambda label: -is_missed[labels == label].sum())
     names = []
     for number, label in enumerate(by_misses):
@@ -155,6 +179,7 @@ def _draw_map(place: Axes, record: Record, matrix: NDArray[np.float64], page: st
             colour = str(class_colours[np.searchsorted(classes, label)])
             names.append(_ClassName(clean_text(label), centre[0], of_class[:, 1].max(), colour))
     _write_names(place, names, points)
+
     place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED)
     addresses = None
     if page:
@@ -181,10 +206,20 @@ class _ClassName(NamedTuple):
 
 
 def _write_names(place: Axes, names: Iterable[_ClassName], points: Points) -> None:
-    """Write names above their points, in their colours, moved up where they would overlap."""
+    """Write the names of classes above their points, moved up where they would overlap.
+
+    Parameters
+    ----------
+    place
+        Axes to write into.
+    names
+        Text, position and colour of each name.
+    points
+        All points of the map, shape (n, 2): the size of letters is estimated from their extent.
+    """
     height = 0.055 * np.ptp(points[:, 1])
-    width = 0.03 * np.ptp(points[:, 0])
-    taken: list[tuple[float, float, float]] = []
+    width = 0.03 * np.ptp(points[:, 0])  # of a letter
+    taken: list[tuple[float, float, float]] = []  # middle, height and half width of each name
     for name in sorted(names, key=lambda name: name.top):
         half = len(name.text) * width / 2
         x = name.middle
@@ -252,14 +287,18 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
 def figure_of_records(
     records: Mapping[str, Record], forms: StoredForms, shapes: Sequence[str] = ()
 ) -> Figure:
-    """Draw poses of subjects and their forms, as :func:`forms_figure` does.
+    """Draw poses of subjects and what each method makes of them; see :func:`forms_figure`.
+
+    Each subject has a column with its shapes, and one for each method with their forms.
 
     Parameters
     ----------
     records
         Records of one gallery by the title of their method.
-    forms, shapes
-        See :func:`forms_figure`.
+    forms
+        Reader of the stored forms.
+    shapes
+        Names of the shapes; by default three poses of the first class.
 
     Raises
     ------
@@ -268,9 +307,9 @@ def figure_of_records(
     """
     first = next(iter(records.values()))
     labels = dict(zip(first.shapes, first.labels, strict=True))
-    names = [*shapes] or some_shapes(first)
+    names = list(shapes) or some_shapes(first)
     check_known("shape", names, labels)
-    subjects = [*dict.fromkeys(labels[name] for name in names)]
+    subjects = list(dict.fromkeys(labels[name] for name in names))
     columns: list[_Column] = []
     has_forms = False
     for subject in subjects:
@@ -297,18 +336,29 @@ class _Column(NamedTuple):
 
 
 def _pictures(columns: Sequence[_Column], camera: Camera) -> Figure:
-    """Draw columns of pictures, each column at one scale and with one centre."""
-    side = min(TEXT_WIDTH / len(columns), _LARGEST_SIDE)
+    """Draw columns of surfaces; those of a column share one scale and one centre.
+
+    Parameters
+    ----------
+    columns
+        Title and surfaces of each column; None where there is nothing to draw.
+    camera
+        Direction from which all are seen.
+    """
+    side = min(TEXT_WIDTH / len(columns), _LARGEST_SIDE)  # inches
     panels = []
     for column in columns:
-        frame = np.concatenate([each.mesh.vertices for each in column.drawn if each])
-        pictures = [_picture(each, camera, round(side * DPI), frame) for each in column.drawn]
-        panels.append((fill(column.title, round(18 * side)), pictures))
+        frame = np.concatenate([surface.mesh.vertices for surface in column.drawn if surface])
+        n_pixels = round(side * DPI)
+        pictures = [_picture(surface, camera, n_pixels, frame) for surface in column.drawn]
+        title = fill(column.title, round(18 * side))  # 18 letters to the inch
+        panels.append((title, pictures))
     figure = grid(panels, side)
     for number, column in enumerate(columns):
-        for place, each in zip(figure.axes[number :: len(columns)], column.drawn, strict=False):
-            note = "mirrored" if each and each.is_mirrored else ""
-            place.text(0.5, 0, note, ha="center", fontsize=5, transform=place.transAxes)
+        axes_of_column = figure.axes[number :: len(columns)]
+        for place, surface in zip(axes_of_column, column.drawn, strict=False):
+            if surface and surface.is_mirrored:
+                place.text(0.5, 0, "mirrored", ha="center", fontsize=5, transform=place.transAxes)
     return figure
 
 

@@ -46,10 +46,10 @@ def forms_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
     shapes = some_shapes(first, _CLASSES, _POSES)
     rows = []
     for row, record in records.items():
-        drawn = [pages.forms.form(record, shape) for shape in shapes]
-        if any(drawn):
+        surfaces = [pages.forms.form(record, shape) for shape in shapes]
+        if any(surfaces):
             name = f"{record.input}-{record.data.name}-{record.method}"
-            forms = _surfaces(pages, name, f" by {row.title}", shapes, drawn)
+            forms = _surfaces(pages, name, f" by {row.title}", shapes, surfaces)
             rows.append((row.title, file_name(row.method), forms))
     if not rows:
         return {}
@@ -62,18 +62,23 @@ def forms_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
 def _surfaces(
     pages: Pages, name: str, by: str, shapes: Sequence[str], drawn: Sequence[Drawn | None]
 ) -> list[dict[str, Any]]:
-    """Add surfaces of shapes, or of their forms; return what a page says of each.
+    """Add the pictures of some surfaces to the report, and return what the page needs of each.
 
     Parameters
     ----------
     pages
-        The report.
+        The report, to which files are added.
     name
-        Name of the row, for files.
+        Begin of the names of the files.
     by
-        What a picture says of the method behind the name of the shape; "" for shapes.
+        Follows the name of the shape in the description of a picture, as " by GPS"; "" for shapes.
     shapes, drawn
-        The shapes, and what is drawn for each; None if it is not stored.
+        Names of the shapes, and the surface of each; None if none is stored.
+
+    Returns
+    -------
+    list of dict
+        See :func:`_surface`; empty for a shape without a surface.
     """
     content: list[dict[str, Any]] = []
     for shape, surface in zip(shapes, drawn, strict=True):
@@ -88,7 +93,25 @@ def _surfaces(
 
 
 def _surface(pages: Pages, name: str, says: str, drawn: Drawn) -> dict[str, Any]:
-    """Add the picture of a surface, and the surface in 3D, and return their names and facts."""
+    """Add a surface to the report, as a picture and as a thinned mesh to turn.
+
+    Parameters
+    ----------
+    pages
+        The report, to which files are added.
+    name
+        Name of the files without extension.
+    says
+        Description for those who cannot see the picture.
+    drawn
+        The surface, with a value of each vertex that gives its colour.
+
+    Returns
+    -------
+    dict
+        Addresses of the ``picture`` and of the ``mesh``, the description, and how the surface was
+        aligned.
+    """
     small = drawn.mesh
     if small.n_vertices > _VERTICES:
         small = decimate(small, _VERTICES)

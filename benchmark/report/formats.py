@@ -157,22 +157,23 @@ class Line:
 
 
 def blocks(view: TableView) -> Iterator[tuple[str, list[Line]]]:
-    """Yield the blocks of a table: their headings with their lines.
+    """Yield the blocks of a table, such as its canonical forms: the heading, and its lines.
 
-    A random order stands last, without a heading.
+    The last block is the row of a random order, without a heading.
     """
-    is_as_printed = {column.input for column in view.columns} == {"as printed"}
+    has_mixed_inputs = {column.input for column in view.columns} == {"as printed"}
     groups = score_groups(view)
     for block, heading in BLOCKS.items():
         rows = [row for row in view.printed_rows if row.kind == block]
-        if rows:
-            words = [*_draws_in_words(view, rows)]
-            if is_as_printed:
-                words.insert(0, _input_in_words(block, rows))
-            details = "; ".join(filter(None, words))
-            if details:
-                heading = f"{heading} ({details})"
-            yield heading, [_line(view, groups, row) for row in rows]
+        if not rows:
+            continue
+        remarks = list(_draws_in_words(view, rows))
+        if has_mixed_inputs:
+            remarks.insert(0, _input_in_words(block, rows))
+        details = "; ".join(filter(None, remarks))
+        if details:
+            heading = f"{heading} ({details})"
+        yield heading, [_line(view, groups, row) for row in rows]
     yield "", [_chance_line(view, groups)]
 
 
@@ -209,19 +210,35 @@ def _line(view: TableView, groups: Iterable[Group], row: TableRow) -> Line:
 
 
 def _cells(view: TableView, group: Group, row: TableRow) -> list[Cell]:
-    """Return the cells of a row in a group; without scores, a single one that says why."""
+    """Return the cells of a row in a group of columns.
+
+    Parameters
+    ----------
+    view
+        The table.
+    group
+        Columns below one heading, such as the four measures of a gallery.
+    row
+        The row.
+
+    Returns
+    -------
+    list of Cell
+        One per column with score, mark and range over folds; a single one that says why there are
+        no scores, if so.
+    """
     if not view.scores(row, group.title):
         return [Cell(_why_empty(group.title, row))]
     marks = view.marks.get((row.method, group.title), {})
-    folds: list[tuple[str, str] | None] = [
-        (hundredths(low), hundredths(high)) for low, high in view.of_folds(row, group.title)
-    ]
-    if not folds:
-        folds = [None for _ in group.columns]
-    return [
-        Cell(column.cell(row), marks.get(column.key, ""), column.value(row), of_column)
-        for column, of_column in zip(group.columns, folds, strict=True)
-    ]
+    ranges: list[tuple[str, str] | None] = [None for _ in group.columns]
+    over_folds = view.of_folds(row, group.title)
+    if over_folds:
+        ranges = [(hundredths(low), hundredths(high)) for low, high in over_folds]
+    cells = []
+    for column, range_over_folds in zip(group.columns, ranges, strict=True):
+        mark = marks.get(column.key, "")
+        cells.append(Cell(column.cell(row), mark, column.value(row), range_over_folds))
+    return cells
 
 
 def _why_empty(group: str, row: TableRow) -> str:
@@ -271,7 +288,10 @@ def _joined_folds(cells: Iterable[Cell]) -> str:
 
 
 def markdown(view: TableView) -> str:
-    """Return a table as Markdown of at most 100 columns, with its notes."""
+    """Return a table as Markdown of at most 100 columns: caption, cells, and a list of notes.
+
+    A row with ranges over folds has a second line for them.
+    """
     body: list[list[str]] = []
     for heading, lines in blocks(view):
         if heading:
@@ -337,13 +357,14 @@ _LATEX_STYLES = {
 
 
 def latex(view: TableView) -> str:
-    r"""Return a table for ``\input``: one column of a paper, or ``table*``.
+    r"""Return a table as LaTeX, to be read by ``\input``.
 
-    It needs booktabs and tabularx.
+    It fits one column of a two-column paper if it can, and else spans both (``table*``). The paper
+    has to load booktabs and tabularx.
     """
     groups = score_groups(view)
-    every = [*blocks(view)]
-    all_lines = chain.from_iterable(lines for _, lines in every)
+    all_blocks = list(blocks(view))
+    all_lines = chain.from_iterable(lines for _, lines in all_blocks)
     has_folds = any(line.has_folds for line in all_lines)
     n_scores = sum(len(group.columns) for group in groups)
     is_wide = n_scores > _SCORES_OF_ONE_COLUMN or has_folds  # ranges do not fit one column
@@ -361,7 +382,7 @@ def latex(view: TableView) -> str:
         rf"\begin{{{kind}}}{{\linewidth}}{{{columns}}}",
         r"\toprule",
         *_latex_head(groups),
-        *_latex_body(groups, every),
+        *_latex_body(groups, all_blocks),
         r"\bottomrule",
         rf"\end{{{kind}}}",
         rf"\par\smallskip\parbox{{\linewidth}}{{\scriptsize\raggedright {latex_text(notes)}}}",
@@ -401,14 +422,15 @@ def _latex_size(*, is_wide: bool, has_folds: bool) -> str:
 
 
 def _latex_head(groups: Sequence[Group]) -> list[str]:
-    """Return the headings of the groups, rules below these, and the headings of the columns."""
+    """Return the lines of the head: headings of groups, rules below these, titles of columns."""
+    # Behind the groups of scores stand measured quantities, such as seconds, without a heading.
     blank = [""] * len(PRINTED_QUANTITIES)
     measured = [column.title for column in PRINTED_QUANTITIES]
     headings = [_spread(_latex_heading(group.title), group) for group in groups]
     columns = chain.from_iterable(group.columns for group in groups)
     titles = [column.title for column in columns]
     rules = []
-    last = 1
+    last = 1  # the first column of a table holds the titles of the rows
     for group in groups:
         first = last + 1
         last += len(group.columns)
@@ -434,7 +456,15 @@ def _latex_heading(title: str) -> str:
 def _latex_body(
     groups: Sequence[Group], every: Iterable[tuple[str, Sequence[Line]]]
 ) -> Iterator[str]:
-    """Yield the rows of a table by block."""
+    """Yield the lines of the body: a rule and a heading for each block, then its rows.
+
+    Parameters
+    ----------
+    groups
+        Groups of columns with scores.
+    every
+        Heading and rows of each block; a block without a heading has "".
+    """
     n_columns = 1 + sum(len(group.columns) for group in groups) + len(PRINTED_QUANTITIES)
     for heading, lines in every:
         yield r"\midrule"
@@ -479,19 +509,20 @@ def _spread(words: str, group: Group) -> str:
 
 
 def bibtex_of_tables(views: Sequence[TableView]) -> str:
-    """Return the BibTeX entries that tables in LaTeX cite.
+    """Return the BibTeX entries that LaTeX tables cite, as the content of a ``.bib`` file.
 
     Raises
     ------
     ConfigurationError
-        If two different entries have one key.
+        If two methods cite different entries under one key.
     """
     cited = [_PAPER_KEY] if any(view.paper for view in views) else []
     for view in views:
         cited += [row.cite for row in view.printed_rows]
     entries: dict[str, str] = {}
     for key, entry in map(entry_of, cited):
-        if entries.setdefault(key, entry) != entry:
+        known_entry = entries.setdefault(key, entry)
+        if known_entry != entry:
             raise ConfigurationError(
                 f"two methods cite '{key}' with different entries", "rename a key, and run again"
             )
@@ -521,20 +552,18 @@ _ROBUSTNESS_MEASURE = "NN"
 
 
 def robustness_markdown(records: Iterable[Record]) -> str:
-    """Return the table of robustness: NN of some methods on each changed set.
+    """Return the table of robustness: how well methods retrieve shapes of damaged data.
 
-    It is "" without results on any.
+    It has a line for each change of a data set and its strength, and a column for each of some
+    methods. "" if no changed set has a result.
     """
     known = [record for record in records if _is_of_robustness(record)]
-    scores = defaultdict[DataChange, dict[str, float]](dict)
-    for record in known:
-        name = record.data.name
-        change = change_of(name) or DataChange(name, "", "0")
-        scores[change][record.method] = record.scores.get(_ROBUSTNESS_MEASURE, 0.0)
+    scores = _scores_by_change(known)
     changed_sets = [change.base for change in sorted(scores) if change.kind]
     changes = [change for change in sorted(scores) if change.base in changed_sets]
     if not changes:
         return ""
+
     columns = [
         Column[DataChange]("change", lambda change: change.kind or "unchanged", "Change"),
         Column[DataChange]("strength", lambda change: change.strength, "strength"),
@@ -544,18 +573,29 @@ def robustness_markdown(records: Iterable[Record]) -> str:
     columns += [
         _robustness_of(method, titles[method], scores) for method in ROBUST if method in methods
     ]
+    head = [column.title for column in columns]
+    table = markdown_table(head, [cells(columns, change) for change in changes])
+
     data_titles = {name: name for name in changed_sets}
     for record in known:
         if record.data.name in data_titles:
             data_titles[record.data.name] = data_title(record)
     sets = ", ".join(map(markdown_text, data_titles.values()))
-    words = (
+    caption = (
         f"**Robustness.** {_ROBUSTNESS_MEASURE} of complete surfaces of {sets}; "
         f"a destroyed shape counts 0. {scored_by(known).note}"
     )
-    head = [column.title for column in columns]
-    table = markdown_table(head, [cells(columns, change) for change in changes])
-    return "\n".join([words, "", *table]) + "\n"
+    return "\n".join([caption, "", *table]) + "\n"
+
+
+def _scores_by_change(records: Iterable[Record]) -> dict[DataChange, dict[str, float]]:
+    """Return the score of each method, by the change of its data; unchanged data have kind ""."""
+    scores = defaultdict[DataChange, dict[str, float]](dict)
+    for record in records:
+        name = record.data.name
+        change = change_of(name) or DataChange(name, "", "0")
+        scores[change][record.method] = record.scores.get(_ROBUSTNESS_MEASURE, 0.0)
+    return scores
 
 
 def _is_of_robustness(record: Record) -> bool:

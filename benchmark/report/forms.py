@@ -110,9 +110,21 @@ class StoredForms:
         return drawn_from(mesh, camera)
 
     def form(self, record: Record, name: str) -> Drawn | None:
-        """Return the form of a shape, turned to that of the first pose; None if it is not stored.
+        """Return the stored form of a shape, turned so that all poses of a subject face alike.
 
-        The form of the first pose of a subject is turned as its shape.
+        The form of the subject's first pose is turned as that shape is, the others as its form.
+
+        Parameters
+        ----------
+        record
+            Record of the method that made the form.
+        name
+            Name of the shape.
+
+        Returns
+        -------
+        Drawn or None
+            The form; None if it is not stored.
         """
         first = _first_pose(record, name)
         if (record.key, first) not in self._firsts:
@@ -195,26 +207,39 @@ def centred(mesh: Mesh) -> Mesh:
 
 
 def turned_to(form: Drawn, target: Drawn) -> Drawn:
-    """Return a form, turned to another one as little as brings it near.
+    """Return a form, turned to face as another one does.
 
-    It is mirrored if that brings it clearly nearer. How far points are from the centre of the body
-    tells a head from a foot.
+    Of all rotations that bring it equally near, the smallest is taken. It is mirrored if that
+    brings it clearly nearer.
+
+    Parameters
+    ----------
+    form, target
+        Two centred forms of one subject. Their values, how far each point is from the centre of the
+        body, tell a head from a foot.
+
+    Returns
+    -------
+    Drawn
+        The turned form, with its mean distance from the target.
     """
     points = _points_with_values(form)
     targets = _points_with_values(target)
-    distances, turns = alignments(points, targets)
-    mirrored_distances, mirrored_turns = alignments(points * _MIRROR, targets)
+    distances, rotations = alignments(points, targets)
+    mirrored_distances, mirrored_rotations = alignments(points * _MIRROR, targets)
     is_mirrored = bool(mirrored_distances.min() < NEARER * distances.min())
     if is_mirrored:
         distances = mirrored_distances
-        turns = -mirrored_turns
-    # Front and back of a body hardly differ, so the least of all near turns is taken.
-    is_near = NEARER * distances <= distances.min() + 1e-6
-    near = turns[is_near]
-    turn = near[np.trace(near, axis1=1, axis2=2).argmax()]
-    apart, _ = _closest(form.mesh.vertices, target.mesh.vertices, turn[None], 0)
-    mesh = form.mesh.with_vertices(form.mesh.vertices @ turn)
-    return Drawn(mesh, form.body, is_mirrored, float(apart[0]))
+        rotations = -mirrored_rotations
+    # Front and back of a body hardly differ. Of all rotations that bring it about as near as the
+    # best one, take the smallest: the trace of a rotation falls with its angle.
+    near = rotations[NEARER * distances <= distances.min() + 1e-6]
+    rotation = near[np.trace(near, axis1=1, axis2=2).argmax()]
+    (distance,), _ = _iterate_closest_points(
+        form.mesh.vertices, target.mesh.vertices, rotation[None], steps=0
+    )
+    mesh = form.mesh.with_vertices(form.mesh.vertices @ rotation)
+    return Drawn(mesh, form.body, is_mirrored, float(distance))
 
 
 def _points_with_values(surface: Drawn) -> Points:
@@ -225,22 +250,31 @@ def _points_with_values(surface: Drawn) -> Points:
 
 
 def alignments(points: Points, target: Points) -> tuple[NDArray[np.float64], Points]:
-    """Return mean distances to the nearest point, both ways, and rotations that make them small.
+    """Return rotations that bring points near a target, and how far apart these remain.
 
-    The principal axes of both are brought together in all ways; each is a start of iterative
-    closest points with few points, and the best are refined with all.
+    Principal axes of both are brought together in all ways. Each way is refined by iterative
+    closest points, first with some of the points, then the best ways with all of them.
 
     Parameters
     ----------
     points, target
-        Centred coordinates and what else near points share, shape (n, 3 or more).
+        Centred points, one a row: three coordinates, then values that do not turn with them.
+
+    Returns
+    -------
+    distances : numpy.ndarray
+        Mean distance to the nearest point, both ways, shape (k,).
+    rotations : numpy.ndarray
+        Matrices R of ``points @ R``, shape (k, 3, 3).
     """
     starts = _principal_axes(points) @ CUBE_SYMMETRIES @ _principal_axes(target).T
     starts = starts[np.linalg.det(starts) > 0]
     coarse = slice(None, None, max(1, len(points) // _COARSE_POINTS))
-    distances, turns = _closest(points[coarse], target[coarse], starts, _COARSE_STEPS)
+    distances, rotations = _iterate_closest_points(
+        points[coarse], target[coarse], starts, _COARSE_STEPS
+    )
     best = np.argsort(distances, kind="stable")[:_REFINED]
-    return _closest(points, target, turns[best], _STEPS)
+    return _iterate_closest_points(points, target, rotations[best], _STEPS)
 
 
 def _principal_axes(points: Points) -> Points:
@@ -250,38 +284,62 @@ def _principal_axes(points: Points) -> Points:
     return np.asarray(axes)
 
 
-def _closest(
-    points: Points, target: Points, turns: Points, steps: int
+def _iterate_closest_points(
+    points: Points, target: Points, rotations: Points, steps: int
 ) -> tuple[NDArray[np.float64], Points]:
-    """Return distances and rotations after some steps of iterative closest points, both ways.
+    """Refine rotations by iterative closest points (ICP), with matches in both directions.
 
     Parameters
     ----------
     points, target
-        Coordinates and what else near points share, shape (n, 3 or more).
-    turns
-        Rotations to start from, shape (k, 3, 3).
+        Points of two surfaces, one a row: coordinates in the first three columns; in others, values
+        that do not turn, and that matching points share.
+    rotations
+        Matrices R of ``points @ R`` to start from, shape (k, 3, 3).
     steps
-        Number of steps; none only measures the distances.
+        Number of steps; 0 only measures the distances.
+
+    Returns
+    -------
+    distances : numpy.ndarray
+        Mean distance to the nearest point, both ways, after each rotation, shape (k,).
+    rotations : numpy.ndarray
+        The refined rotations, shape (k, 3, 3).
     """
     tree = cKDTree(points)
     target_tree = cKDTree(target)
-    for step in range(steps + 1):
-        away, nearest = target_tree.query(_moved(points, turns))
-        back, nearest_back = tree.query(_moved(target, turns.transpose(0, 2, 1)))
-        if step < steps:
-            pairs = (
-                points[:, :3].T @ target[nearest, :3]
-                + points[nearest_back, :3].transpose(0, 2, 1) @ target[:, :3]
-            )
-            left, _, right = np.linalg.svd(pairs)
-            left[..., 2] *= np.linalg.det(left @ right)[:, None]  # no mirror image
-            turns = left @ right
-    return (away.mean(axis=1) + back.mean(axis=1)) / 2, turns
+    for _ in range(steps):
+        _, in_target = target_tree.query(_rotated(points, rotations))
+        _, in_points = tree.query(_rotated(target, rotations.transpose(0, 2, 1)))
+        rotations = _best_rotations(points[:, :3], target[:, :3], in_target, in_points)
+    to_target, _ = target_tree.query(_rotated(points, rotations))
+    to_points, _ = tree.query(_rotated(target, rotations.transpose(0, 2, 1)))
+    return (to_target.mean(axis=1) + to_points.mean(axis=1)) / 2, rotations
 
 
-def _moved(points: Points, turns: Points) -> Points:
+def _best_rotations(
+    points: Points, target: Points, in_target: NDArray[np.int64], in_points: NDArray[np.int64]
+) -> Points:
+    """Return the rotations R that bring ``points @ R`` nearest to their matches (Kabsch 1976).
+
+    Parameters
+    ----------
+    points, target
+        Coordinates, shapes (n, 3) and (m, 3).
+    in_target
+        The match of each point in the target, for each of k rotations, shape (k, n).
+    in_points
+        The match of each point of the target, shape (k, m).
+    """
+    covariances = points.T @ target[in_target] + points[in_points].transpose(0, 2, 1) @ target
+    left, _, right = np.linalg.svd(covariances)
+    # A product of determinant -1 is a mirror image: turn its least certain axis round.
+    left[..., 2] *= np.linalg.det(left @ right)[:, None]
+    return np.asarray(left @ right)
+
+
+def _rotated(points: Points, rotations: Points) -> Points:
     """Return points after each rotation, shape (k, n, 3 or more); what is no position stays."""
     n_others = points.shape[1] - 3
-    others = np.broadcast_to(points[:, 3:], (len(turns), len(points), n_others))
-    return np.concatenate([points[:, :3] @ turns, others], axis=2)
+    others = np.broadcast_to(points[:, 3:], (len(rotations), len(points), n_others))
+    return np.concatenate([points[:, :3] @ rotations, others], axis=2)

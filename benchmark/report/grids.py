@@ -34,12 +34,13 @@ _UNDATED: dict[str, dict[str, str | None]] = {
 
 
 def grid(columns: Sequence[tuple[str, Sequence[Any]]], side: float = 1.0) -> Figure:
-    """Return a figure of columns of pictures, each below its title.
+    """Return a figure of pictures in columns, each column below its title.
 
     Parameters
     ----------
     columns
-        Titles and pictures; None is no picture.
+        Title and pictures of each column. A picture is an image, or an array of grey or colour
+        values; None leaves its place empty.
     side
         Side of a picture in inches.
     """

@@ -46,9 +46,16 @@ DEPARTURES = "How a method departs from its source: 'python -m benchmark describ
 
 
 def table_notes(view: TableView) -> list[str]:
-    """Return the notes of a table."""
+    """Return the sentences below a table: on the marks, on its data, and on what it lacks.
+
+    Parameters
+    ----------
+    view
+        The table.
+    """
     rows = view.printed_rows
     without_networks = _columns_without_networks(view)
+    # A sentence is left out if there is nothing to fill into it.
     facts = {
         "{}": " ".join([view.scored_by.note, *_data_and_columns(view)]).strip(),
         "No form of a surface: {}.": listed(_networks_without(rows, without_networks)),
@@ -68,7 +75,7 @@ def table_notes(view: TableView) -> list[str]:
         "Merged from other results folders: {}.": listed(_merged(rows), "; "),
         "Trained with one seed, so no spread over seeds: {}.": listed(_trained_once(rows), "; "),
     }
-    notes = [words.format(fact) for words, fact in facts.items() if fact]
+    notes = [sentence.format(fact) for sentence, fact in facts.items() if fact]
     if view.marks:
         notes.insert(0, _note_on_marks(view))
     return [*notes, DEPARTURES]
@@ -104,7 +111,11 @@ def _networks_without(rows: Iterable[TableRow], columns: set[str]) -> list[str]:
 
 
 def leads(view: TableView) -> list[str]:
-    """Say for each column which row leads its block, and how many are significantly worse."""
+    """Return one sentence for each column of a table: which row leads, and how clearly.
+
+    A row leads its block, such as the canonical forms. How clearly is the number of other rows of
+    the block that are significantly worse.
+    """
     sentences: dict[str, list[str]] = {}
     for (title, block), tested in view.tests.items():
         if tested.n_classes < FEWEST_CLASSES:
@@ -119,17 +130,29 @@ def leads(view: TableView) -> list[str]:
 
 
 def _lead_of_block(view: TableView, title: str, block: Block, tested: ComparedRivals) -> str:
-    """Say which row leads a block in a column, and how many are significantly worse."""
-    row, n_behind = block_lead(view, title, block)
+    """Say which row leads a block in a column, and how many are significantly worse.
+
+    Parameters
+    ----------
+    view
+        The table.
+    title
+        Title of the column.
+    block
+        The rows that are compared, such as ``"form"`` or ``"network"``.
+    tested
+        The scores of these rows, and which of their differences are significant.
+    """
+    row, n_worse = block_lead(view, title, block)
     score = hundredths(tested.rivals[row.method].means[_LEADING_MEASURE])
     n_others = len(tested.rivals) - 1
     leader = f"{BLOCKS[block]}: {row.title} has the highest {_LEADING_MEASURE}, {score}"
-    if not n_behind:
+    if n_worse == 0:
         return f"{leader}, but not significantly above any of the {n_others} others"
-    behind = (
-        f"the {n_others} others" if n_behind == n_others else f"{n_behind} of {n_others} others"
-    )
-    return f"{leader}, significantly and by more than the scatter above {behind}"
+    worse = f"{n_worse} of {n_others} others"
+    if n_worse == n_others:
+        worse = f"the {n_others} others"
+    return f"{leader}, significantly and by more than the scatter above {worse}"
 
 
 def block_lead(view: TableView, title: str, block: Block) -> tuple[TableRow, int]:
@@ -145,12 +168,13 @@ def block_lead(view: TableView, title: str, block: Block) -> tuple[TableRow, int
 
 
 def _undecided(view: TableView) -> Iterable[str]:
-    """Name the blocks in which no difference is significant and above the scatter.
+    """Name the blocks of rows, by column, in which no row is clearly better than another.
 
-    Columns of too few classes are named instead of their blocks.
+    A difference is clear if it is significant and larger than the scatter of repeated trainings or
+    codebooks. A column with too few classes for any test is named as a whole.
     """
     printed = {row.method for row in view.printed_rows}
-    undecided: dict[str, None] = {}
+    undecided: dict[str, None] = {}  # an ordered set
     for (title, block), tested in view.tests.items():
         if len(printed & tested.rivals.keys()) < 2:
             continue
@@ -168,7 +192,7 @@ def _undecided(view: TableView) -> Iterable[str]:
 
 
 def _data_and_columns(view: TableView) -> Iterator[str]:
-    """Say what the data are, and what the columns show."""
+    """Yield sentences on the data of a table, the means in its columns, and its measured times."""
     yield from _remarks_on_table(view)
     for column in view.columns:
         yield from _spread_over_draws(view, column)
@@ -182,7 +206,7 @@ def _data_and_columns(view: TableView) -> Iterator[str]:
 
 
 def _remarks_on_table(view: TableView) -> Iterator[str]:
-    """Say what holds for all columns of a table."""
+    """Yield sentences on what a table shows, as far as its caption does not say it."""
     if view.table.remark:
         yield view.table.remark
     if any(column.input == "as printed" for column in view.columns):
@@ -214,17 +238,21 @@ def _printed_places(view: TableView) -> Iterator[tuple[TableRow, GalleryGroup]]:
 
 
 def _spread_over_draws(view: TableView, column: GalleryGroup) -> Iterator[str]:
-    """Say how far scores are apart over draws of the data, in a column of means over them."""
+    """Say how much the scores of a column vary over draws of the data.
+
+    Generated data are drawn several times, with different random bodies; such a column shows means
+    over draws. Nothing is yielded for other columns.
+    """
     rows = [(row, row.scored[column.title]) for row in view.rows if column.title in row.scored]
-    numbers = [len(scores.records) for _, scores in rows]
-    n_draws = max(numbers, default=0)
+    numbers_of_draws = [len(scores.records) for _, scores in rows]
+    n_draws = max(numbers_of_draws, default=0)
     if not column.over_draws or n_draws < 2:
         return
-    apart, where = max(chain.from_iterable(_ranges(row, scores) for row, scores in rows))
-    alone = "; networks: one draw" if min(numbers) == 1 else ""
+    largest_range, where = max(chain.from_iterable(_ranges(row, scores) for row, scores in rows))
+    remark = "; networks: one draw" if min(numbers_of_draws) == 1 else ""
     yield (
-        f"{column.title}: mean of {n_draws} draws, at most {hundredths(apart)} apart "
-        f"({where}){alone}."
+        f"{column.title}: mean of {n_draws} draws, at most {hundredths(largest_range)} apart "
+        f"({where}){remark}."
     )
 
 
@@ -264,7 +292,22 @@ def _without_result(
 
 
 def _why_no_scores(row: TableRow, column: str, without_networks: Container[str]) -> str:
-    """Return why a row has no scores in a column; "" if it has, or is not meant to have any."""
+    """Return why a cell of a table is empty.
+
+    Parameters
+    ----------
+    row
+        Row of the table.
+    column
+        Title of the column.
+    without_networks
+        Columns in which networks are not meant to have scores.
+
+    Returns
+    -------
+    str
+        The reason; "" if the row has scores, or is not meant to have any.
+    """
     if column in row.failed:
         failed = row.failed[column][0]
         return f"{failed.status}: {brief(short_reason(failed.reason))}"
@@ -286,23 +329,36 @@ def _missing_galleries(rows: Iterable[TableRow]) -> Iterator[str]:
 
 
 def _unreadable(view: TableView, rows: Sequence[TableRow]) -> Iterator[str]:
-    """Name the shapes that no method could use, with the columns and inputs of which it is true."""
-    places = defaultdict[str, dict[str, None]](dict)
+    """Name the shapes that no method could use, because their files cannot be read or prepared.
+
+    Behind the name of a shape stands in which columns and inputs it is so, where a table has
+    several.
+
+    Parameters
+    ----------
+    view
+        The table.
+    rows
+        The rows that are printed.
+    """
+    places_of_shapes = defaultdict[str, dict[str, None]](dict)  # an ordered set for each shape
     for column in view.columns:
         scores = [row.scored[column.title] for row in rows if column.title in row.scored]
-        records = [*chain.from_iterable(of_row.all_records for of_row in scores)]
+        records = list(chain.from_iterable(of_row.all_records for of_row in scores))
         has_both_inputs = len({record.input for record in records}) > 1
         for record in records:
-            where = []
+            place = []
             if len(view.columns) > 1:
-                where.append(column.title)
+                place.append(column.title)
             if has_both_inputs:
-                where.append(record.input)
+                place.append(record.input)
             for shape in _unprepared_shapes(record):
-                places[shape][", ".join(where)] = None
-    for shape, wheres in places.items():
-        where_in_words = f" in {' and '.join(wheres)}" if any(wheres) else ""
-        yield shape + where_in_words
+                places_of_shapes[shape][", ".join(place)] = None
+    for shape, places in places_of_shapes.items():
+        if any(places):
+            yield f"{shape} in {' and '.join(places)}"
+        else:
+            yield shape
 
 
 def _unprepared_shapes(record: Record) -> Iterator[str]:
@@ -357,18 +413,27 @@ def _trained_once(rows: Iterable[TableRow]) -> Iterator[str]:
 
 
 def _merged(rows: Iterable[TableRow]) -> Iterator[str]:
-    """Name the rows that were merged, with their folders, and digests of their plugins."""
+    """Name the rows whose records were merged from other results folders.
+
+    Behind a row stand the folders, by their last two parts, and the plugins that made the records,
+    each with the digest of its file.
+    """
     for row in rows:
-        origins = [record.merged_from for record in row.records if record.merged_from]
-        folders: dict[str, None] = {}
+        folders: dict[str, None] = {}  # ordered sets
         plugins: dict[str, None] = {}
-        for origin in origins:
+        for record in row.records:
+            origin = record.merged_from
+            if not origin:
+                continue
             folders["/".join(PurePath(origin.folder).parts[-2:])] = None
             for path, digest in origin.plugins.items():
                 plugins[f"{PurePath(path).name} {digest}"] = None
-        if origins:
-            by = f": {brief(listed(plugins))}" if plugins else ""
-            yield f"{row.title} ({brief(listed(folders))}{by})"
+        if not folders:
+            continue
+        origins = brief(listed(folders))
+        if plugins:
+            origins += f": {brief(listed(plugins))}"
+        yield f"{row.title} ({origins})"
 
 
 def _published(rows: Iterable[TableRow]) -> str:
@@ -385,7 +450,10 @@ def _published(rows: Iterable[TableRow]) -> str:
 
 
 def _moved_ranks(view: TableView) -> str:
-    """Name the rows whose rank by a second scorer is another one by three or more."""
+    """Name the rows that a second scorer ranks differently, by three places or more.
+
+    "" for a table without ranks by a second scorer.
+    """
     if not view.has_ranks:
         return ""
     if not view.ranks:

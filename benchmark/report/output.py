@@ -33,10 +33,10 @@ def table_files(
     verdicts: bool = True,
     robustness: bool = True,
 ) -> dict[str, str]:
-    """Return tables as text by file name.
+    """Return tables in several formats, as texts by file name.
 
-    LaTeX and Markdown have a file for each table, CSV and JSON one for all.
-    Files of another scorer or seed than the default have other names.
+    LaTeX and Markdown have a file for each table, CSV and JSON one for all. The names of files say
+    if another scorer or seed than the default was used.
 
     Parameters
     ----------
@@ -46,8 +46,10 @@ def table_files(
         The records that they come from.
     formats
         Some of :data:`TABLE_FORMATS`.
-    verdicts, robustness
-        Whether to add what the paper's claims come to, and the table of robustness, to Markdown.
+    verdicts
+        Whether to add a Markdown file on the claims of the paper, and whether they hold.
+    robustness
+        Whether to add the Markdown table of robustness.
     """
     files: dict[str, str] = {}
     suffix = scored_by(records).suffix
@@ -100,13 +102,14 @@ def write_files(
     for name, text in files.items():
         contents[name] = text.encode() if isinstance(text, str) else text
     digests = {name: hashlib.sha256(contents[name]).hexdigest() for name in sorted(contents)}
-    earlier = _earlier(folder / listed)
+    earlier = _earlier(folder / listed)  # digests of what the last command wrote
     if not force:
         _check_own(folder, digests, earlier)
     for name, data in contents.items():
         _write_bytes(folder / name, data)
     for name in earlier.keys() - contents.keys():
-        if _digest(folder / name) == earlier[name]:
+        is_unedited = _digest(folder / name) == earlier[name]
+        if is_unedited:
             (folder / name).unlink()
     write_text(folder / listed, json.dumps(digests, indent=0))
 
@@ -128,7 +131,11 @@ def _write_bytes(path: Path, data: bytes) -> None:
 
 
 def _earlier(path: Path) -> dict[str, str]:
-    """Return the digests of the files of the last command, without names outside the folder."""
+    """Read the list of the files that the last command wrote: their digests by name.
+
+    A missing or damaged list is an empty one. Names that lead out of the folder of the list are
+    left out: what is listed may be deleted.
+    """
     try:
         listed = msgspec.json.decode(read_file(path), type=dict[str, str])
     except (OSError, msgspec.DecodeError, UnicodeError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import chain
 from typing import Any, NamedTuple
 
 from benchmark.protocols.tables import AGAINST, SURFACES, Block, GalleryGroup
@@ -44,35 +45,49 @@ class _Cell(NamedTuple):
 
 
 def matrix_of(pages: Pages, views: Iterable[TableView]) -> dict[str, Any]:
-    """Return what ``matrix.html`` shows of the columns of some tables.
+    """Return the content of the overview: rows of methods, a column for each data set.
+
+    Parameters
+    ----------
+    pages
+        The report, which knows the page of each table.
+    views
+        The tables, whose columns become columns of the overview.
 
     Returns
     -------
     dict
-        ``columns``: label, name of the page, table and column of each; ``groups``: number of
-        columns of each group; ``rows``: by block and title of a row its cell in each column, or
-        None; ``leads``: sentences on the rows that lead.
+        What the template ``matrix.html`` reads. ``columns``: label, name of the page, table and
+        column of each; ``groups``: number of columns of each group; ``rows``: by block and title of
+        a row its cell in each column, or None; ``leads``: sentences on the rows that lead.
     """
     columns: dict[_Place, _ColumnOfTable] = {}
     for view in views:
         for column in view.columns:
             columns.setdefault(_place(view, column), _ColumnOfTable(view, column))
     places = sorted(columns, key=lambda place: place.group)  # stable
-    in_order = []
+    headings = []
     for place in places:
         view, column = columns[place]
-        in_order.append((place.label, pages.main(view).stem, view, column))
-    rows = {heading: _rows_of_block(block, columns, places) for block, heading in BLOCKS.items()}
+        headings.append((place.label, pages.main(view).stem, view, column))
+    rows_of_blocks = {}
+    for block, heading in BLOCKS.items():
+        rows = _rows_of_block(block, columns, places)
+        if rows:
+            rows_of_blocks[heading] = rows
     return {
-        "columns": in_order,
+        "columns": headings,
         "groups": _sizes_of_groups(places),
-        "rows": {heading: of_block for heading, of_block in rows.items() if of_block},
+        "rows": rows_of_blocks,
         "leads": _leads(columns),
     }
 
 
 def _place(view: TableView, column: GalleryGroup) -> _Place:
-    """Return where a column of a table stands in the overview."""
+    """Return where a column of a table stands in the overview: its group and its label.
+
+    Columns are grouped by what is compared: surfaces, depth views, or views with surfaces.
+    """
     label = data_label(view)
     if view.table.is_ablation:
         label += ", ablation"
@@ -96,26 +111,47 @@ def _sizes_of_groups(places: Iterable[_Place]) -> dict[str, int]:
 def _rows_of_block(
     block: Block, columns: Mapping[_Place, _ColumnOfTable], places: Sequence[_Place]
 ) -> dict[str, list[_Cell | None]]:
-    """Return the rows of a block by title, with their cell in each column, or None."""
-    of_columns = []
+    """Return the rows of a block, such as the canonical forms, in the overview.
+
+    Parameters
+    ----------
+    block
+        Name of the block.
+    columns
+        Columns of tables by their place in the overview.
+    places
+        The places in their order.
+
+    Returns
+    -------
+    dict
+        By title of a row, its cells in the order of the places; None where it has no scores.
+    """
+    cells_of_columns = []
     for place in places:
         has_own_views = _Place(_OF_VIEWS, place.label) in columns
-        of_columns.append(_cells_of_column(block, columns[place], has_own_views=has_own_views))
-    rows: dict[str, list[_Cell | None]] = {}
-    for cells in of_columns:
-        for title in cells:
-            if title not in rows:
-                rows[title] = [others.get(title) for others in of_columns]
-    return rows
+        cells = _cells_of_column(block, columns[place], has_own_views=has_own_views)
+        cells_of_columns.append(cells)
+    titles = dict.fromkeys(chain.from_iterable(cells_of_columns))
+    return {title: [cells.get(title) for cells in cells_of_columns] for title in titles}
 
 
 def _cells_of_column(
     block: Block, column: _ColumnOfTable, *, has_own_views: bool
 ) -> dict[str, _Cell]:
-    """Return the rows of a block that have scores in a column, by title.
+    """Return the cells of one column of the overview, by the title of their row.
 
-    In a column of complete surfaces, networks have scores of views; they are left out if the views
-    of these data have a column of their own.
+    Networks take depth views. In a column of complete surfaces they therefore have scores of views,
+    which are left out if the views of these data have a column of their own.
+
+    Parameters
+    ----------
+    block
+        Block of rows, such as ``"network"``.
+    column
+        A column with its table.
+    has_own_views
+        Whether there is a column for views of the same data.
     """
     title = column.column.title
     cells = {}
@@ -131,15 +167,19 @@ def _cells_of_column(
 
 
 def _leads(columns: Mapping[_Place, _ColumnOfTable]) -> list[str]:
-    """Say which rows are significantly, and by more than the scatter, above all of their block."""
+    """Return sentences on the rows that are clearly above all other rows of their block.
+
+    Clearly: significantly, and by more than repeated trainings or codebooks differ. A sentence
+    names all the data on which a row leads.
+    """
     labels = defaultdict[str, list[str]](list)
     for place, (view, column) in sorted(columns.items()):
         for (title, block), tested in view.tests.items():
-            sees_views = place.group == _OF_SURFACES and block == "network"
-            if title != column.title or sees_views:
+            is_of_views = place.group == _OF_SURFACES and block == "network"
+            if title != column.title or is_of_views:
                 continue
-            row, n_behind = block_lead(view, title, block)
-            if n_behind == len(tested.rivals) - 1:
+            row, n_worse = block_lead(view, title, block)
+            if n_worse == len(tested.rivals) - 1:
                 group = OVERVIEW_GROUPS[place.group]
                 leader = f"{group}: {row.title} scores above all other {BLOCKS[block].lower()}"
                 labels[leader].append(place.label)

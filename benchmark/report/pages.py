@@ -65,6 +65,7 @@ def report_files(
     if galleries:
         pages.files[PLAY_PAGE] = play_page(galleries, back="index.html")
     titles = [_add_table(pages, view) for view in views if pages.main(view) is view]
+    # It is made last: it links to pages that tables have added.
     pages.add(
         "index.html",
         "index.html",
@@ -93,32 +94,44 @@ def _records_of(views: Iterable[TableView]) -> list[Record]:
 
 
 def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
-    """Add the pages of a table that have content, and return their titles by address."""
+    """Add the pages of one table to the report: its scores, forms and queries.
+
+    A page without content is left out, as that of forms if none are stored.
+
+    Parameters
+    ----------
+    pages
+        The report, to which files are added.
+    view
+        The table.
+
+    Returns
+    -------
+    dict
+        Titles of the added pages by address.
+    """
     say(f"table {label_of_table(view)}", err=True)
-    facets = [replace(view, columns=(column,)) for column in view.columns]
+    facets = [replace(view, columns=(column,)) for column in view.columns]  # one for each column
     forms = _without_empty(forms_of_column(pages, facet) for facet in facets)
     queries = _without_empty(queries_of_column(pages, facet) for facet in facets)
-    of_angles = [other for other in pages.views if pages.main(other) is view]
     scores = _content_of_scores(view, forms, queries)
     scores["classes"] = [(facet.columns[0].title, class_means(facet)) for facet in facets]
     scores["maps"] = _add_maps(pages, facets)
     _add_published_pictures(pages, view, scores["pictures"])
-    scores["matrix"] = matrix_of(pages, of_angles) if len(of_angles) > 1 else {}
-    content = {"": scores, "-forms": {"facets": forms}, "-queries": {"facets": queries}}
-    titles = {
-        f"{view.stem}{ending}.html": PAGES_OF_TABLE[ending]
-        for ending, of_page in content.items()
-        if any(of_page.values())
-    }
-    for ending, of_page in content.items():
-        address = f"{view.stem}{ending}.html"
-        if address not in titles:
-            continue
-        title = titles[address].lower()
+    scores["matrix"] = {}
+    of_other_cameras = [other for other in pages.views if pages.main(other) is view]
+    if len(of_other_cameras) > 1:
+        scores["matrix"] = matrix_of(pages, of_other_cameras)
+
+    contents = {"": scores, "-forms": {"facets": forms}, "-queries": {"facets": queries}}
+    contents = {ending: content for ending, content in contents.items() if any(content.values())}
+    titles = {f"{view.stem}{ending}.html": PAGES_OF_TABLE[ending] for ending in contents}
+    for (address, title), (ending, content) in zip(titles.items(), contents.items(), strict=True):
         heading = heading_of_table(view)
         if ending:
-            heading += f": {title}"
-        pages.add(address, f"{title}.html", heading, kinds=titles, stem=view.stem, **of_page)
+            heading += f": {title.lower()}"
+        template = f"{title.lower()}.html"
+        pages.add(address, template, heading, kinds=titles, stem=view.stem, **content)
     return titles
 
 
@@ -138,9 +151,12 @@ def _add_maps(pages: Pages, facets: Iterable[TableView]) -> dict[str, str]:
 
 
 def _add_map(pages: Pages, view: TableView) -> str:
-    """Add the map of a column, whose points lead to queries, and return its file.
+    """Add the map of one column to the report: shapes as points, which link to their queries.
 
-    It is "" without distances.
+    Returns
+    -------
+    str
+        Name of its file; "" if no distances are stored.
     """
     title = view.columns[0].title
     page = f"{view.stem}-queries.html#{file_name(title)}"
@@ -183,7 +199,15 @@ def _content_of_scores(
     forms: Sequence[Mapping[str, Any]] = (),
     queries: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """Return what ``table.html`` shows of a table, whose rows link to their forms and queries."""
+    """Return what the template ``table.html`` reads of a table.
+
+    Parameters
+    ----------
+    view
+        The table.
+    forms, queries
+        Content of the pages of forms and queries, one for each column: their rows link there.
+    """
     pictures: dict[str, str] = {}
     for facet in forms:
         for _, anchor, of_row in facet["rows"]:

@@ -134,12 +134,24 @@ def play_page(galleries: Sequence[PlayGallery], back: str = "") -> str:
 
 
 def play_data(galleries: Sequence[PlayGallery]) -> tuple[dict[str, Any], str]:
-    """Return what the script of the page reads, and the numbers of its surfaces as text.
+    """Return the content of the page on which forms can be turned.
+
+    Parameters
+    ----------
+    galleries
+        Methods, shapes and forms of each data set; those without a shape are left out.
+
+    Returns
+    -------
+    content : dict
+        What the script of the page reads, as JSON.
+    numbers : str
+        Coordinates of all surfaces, packed into one text to which the content refers.
 
     Raises
     ------
     ConfigurationError
-        If there is no gallery with a shape.
+        If no gallery has a shape.
     """
     shown = [gallery for gallery in galleries if gallery.shapes]
     if not shown:
@@ -194,28 +206,46 @@ def play_galleries(
 
 
 def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]]:
-    """Return the records with stored forms by gallery, the shapes' own first, views last."""
+    """Return the records whose forms are stored here, grouped by gallery.
+
+    A method has one record in a group, of complete surfaces rather than views. The shapes
+    themselves come first, records of views last.
+    """
     groups: dict[str, dict[str, Record]] = {}
     for record in records:
-        is_shown = record.status == "ok" and record.scorer and len(record.sides) == 1
-        if not is_shown or not any(record.files.values()):
+        has_forms = record.status == "ok" and record.scorer and any(record.files.values())
+        ranks_itself = len(record.sides) == 1  # its queries are its gallery
+        if not has_forms or not ranks_itself:
             continue
         group = groups.setdefault(record.gallery, {})
         present = group.get(record.method)
         if present is None or (record.input == "mesh" and present.input == "view"):
             group[record.method] = record
+
+    def place(record: Record) -> tuple[bool, str]:
+        """Return what records are sorted by: the shapes themselves first, then the input."""
+        return record.method != _SHAPES, record.input
+
     stored = []
     for group in groups.values():
-        in_order = sorted(
-            group.values(), key=lambda record: (record.method != _SHAPES, record.input)
-        )
+        in_order = sorted(group.values(), key=place)
         if any(forms.shape(record, record.shapes[0]) for record in in_order):
             stored.append(in_order)
     return stored
 
 
 def _gallery(records: Sequence[Record], forms: StoredForms, most_surfaces: int) -> PlayGallery:
-    """Return what the page shows of the records of one gallery."""
+    """Return what the page shows of the records of one gallery.
+
+    Parameters
+    ----------
+    records
+        A record for each method.
+    forms
+        Reader of the stored shapes and forms.
+    most_surfaces
+        Number of surfaces, of shapes and forms together, for which the page has room.
+    """
     first = min(records, key=lambda record: record.input == "view")
     numbers = _chosen(first.labels, most_surfaces // (1 + len(records)))
     shapes = []
@@ -224,8 +254,9 @@ def _gallery(records: Sequence[Record], forms: StoredForms, most_surfaces: int) 
         body = forms.shape(first, name)
         if body is None:
             continue
-        made = [_form(record, forms, name, body) for record in records]
-        shapes.append(PlayShape(name=name, label=first.labels[number], body=body, forms=made))
+        forms_of_shape = [_form(record, forms, name, body) for record in records]
+        label = first.labels[number]
+        shapes.append(PlayShape(name=name, label=label, body=body, forms=forms_of_shape))
     names = [shape.name for shape in shapes]
     return PlayGallery(
         title=clean_text(short_data_title(first)),
@@ -236,16 +267,30 @@ def _gallery(records: Sequence[Record], forms: StoredForms, most_surfaces: int) 
 
 
 def _chosen(labels: Sequence[str], most: int) -> list[int]:
-    """Return the numbers of shapes for which there is room, as many poses of each class."""
-    places: dict[str, list[int]] = {}
+    """Choose shapes for which there is room, with the same number of poses of each class.
+
+    Parameters
+    ----------
+    labels
+        Class of each shape.
+    most
+        Number of shapes for which there is room.
+
+    Returns
+    -------
+    list of int
+        Indices of the chosen shapes, ascending. If there is not even room for a few poses of each
+        class, the last classes are left out.
+    """
+    members: dict[str, list[int]] = {}
     for number, label in enumerate(labels):
-        places.setdefault(label, []).append(number)
-    sizes = [len(of_class) for of_class in places.values()]
+        members.setdefault(label, []).append(number)
+    sizes = [len(of_class) for of_class in members.values()]
     n_poses = FEWEST_POSES
     while n_poses < max(sizes, default=0) and sum(min(n, n_poses + 1) for n in sizes) <= most:
         n_poses += 1
     chosen: list[int] = []
-    for of_class in places.values():
+    for of_class in members.values():
         shown = of_class[:n_poses]
         if chosen and len(chosen) + len(shown) > most:
             break
@@ -287,18 +332,36 @@ def _sentence(record: Record) -> str:
 
 
 def _ranked(record: Record, folder: Path, names: Sequence[str]) -> list[list[int]]:
-    """Return how a record ranks shapes: for each, the numbers of the others, nearest first."""
+    """Return how a method ranks the shapes of a page among each other.
+
+    Parameters
+    ----------
+    record
+        Record of the method.
+    folder
+        Results folder, in which its distances may be stored.
+    names
+        Names of the shapes on the page.
+
+    Returns
+    -------
+    list of list of int
+        For each shape, the indices of the others in ``names``, nearest first. An empty list for a
+        shape without a form; no list at all if no distances are stored.
+    """
     matrix = read_distances(folder, record)
     if matrix is None:
         return []
-    answered = [record.shapes[number] for number in record.answered]
-    places = {name: place for place, name in enumerate(answered)}
+    # Rows and columns of the matrix are the shapes with a form, in the order of the record.
+    with_form = [record.shapes[number] for number in record.answered]
+    places = {name: place for place, name in enumerate(with_form)}
     shown = [number for number, name in enumerate(names) if name in places]
     columns = [places[names[number]] for number in shown]
     ranked: list[list[int]] = [[] for _ in names]
     for query in shown:
-        order = np.argsort(matrix[places[names[query]], columns], kind="stable")
-        ranked[query] = [shown[place] for place in order.tolist() if shown[place] != query]
+        distances = matrix[places[names[query]], columns]
+        nearest_first = [shown[i] for i in np.argsort(distances, kind="stable").tolist()]
+        ranked[query] = [number for number in nearest_first if number != query]
     return ranked
 
 
@@ -361,7 +424,10 @@ def thinned_surface(
 
 
 def _gallery_content(gallery: PlayGallery, surfaces: Surfaces) -> dict[str, Any]:
-    """Add the surfaces of a gallery, and return what the script of the page reads of it."""
+    """Return what the script of the page reads of one gallery.
+
+    Its surfaces are added to those of the page, and are referred to by number.
+    """
     return {
         "title": gallery.title,
         "left": gallery.n_left_out,
@@ -380,7 +446,18 @@ def _gallery_content(gallery: PlayGallery, surfaces: Surfaces) -> dict[str, Any]
 
 
 def _shape_content(shape: PlayShape, surfaces: Surfaces) -> dict[str, Any]:
-    """Add the surfaces of a shape, and return what the script of the page reads of it."""
+    """Return what the script of the page reads of one shape and its forms.
+
+    All have the same thinned mesh, so that one can turn into another. Their points are added to the
+    surfaces of the page, and are referred to by number.
+
+    Parameters
+    ----------
+    shape
+        The shape, with the form that each method made of it, or None.
+    surfaces
+        The surfaces of the page.
+    """
     kept, faces = thinned_surface(shape.body.mesh)
     mesh = surfaces.add_mesh(faces, shape.body.values[kept])
     body = {"mesh": mesh, "points": surfaces.add_points(shape.body.mesh.vertices[kept])}

@@ -139,13 +139,13 @@ def queries_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
     order = sorted(queries, key=hardness)
     missed = [number for number in order if worst[number] < _HIT][:_HARDEST]
     of_rows = [(row.title, row.nearest, _pictures_of_missed(pages, row, missed)) for row in rows]
-    in_order = []
+    lines = []
     for number in order:
         is_fine = worst[number] == _HIT
-        in_order.append({"number": number, "cells": outcomes[number], "is_fine": is_fine})
+        lines.append({"number": number, "cells": outcomes[number], "is_fine": is_fine})
     return {
         "title": view.columns[0].title,
-        "queries": in_order,
+        "queries": lines,
         "rows": [(row.title, file_name(row.method)) for row in rows],
         "kept": [kept_pose(row.record, row.nearest) for row in rows],
         "refused": _refusals(rows),
@@ -170,27 +170,46 @@ def _rows(pages: Pages, view: TableView) -> list[_QueryRow]:
 
 
 def nearest_matches(record: Record, matrix: NDArray[np.float64]) -> Nearest:
-    """Return the nearest shapes of each query with a result, but itself.
+    """Return the nearest shapes of the gallery for each query that has a form.
 
-    The first shape of its class is also among them if it is later.
+    The first match of the right class is always among them, at whatever rank. The query itself is
+    left out.
+
+    Parameters
+    ----------
+    record
+        Names and classes of queries and gallery.
+    matrix
+        Distances of the queries to the shapes of the gallery, both those with a form alone.
+
+    Returns
+    -------
+    dict
+        By index of a query, its matches: index of the shape, rank from 1, and distance in units of
+        that to the first match of the right class.
     """
     gallery = record.sides[-1]
-    numbers = np.array(gallery.answered)
+    numbers = np.array(gallery.answered)  # index in the gallery of each column of the matrix
     shapes = np.array(gallery.shapes)[numbers]
     labels = np.array(gallery.labels)[numbers]
-    matches = {}
+    matches: dict[int, list[Match]] = {}
     for query, distances in zip(record.answered, matrix, strict=True):
         order = np.argsort(distances, kind="stable")
         if not record.keeps_same_names:
             order = order[shapes[order] != record.shapes[query]]
-        of_class = np.flatnonzero(labels[order] == record.labels[query])[:1].tolist()
-        unit = float(distances[order[of_class[0]]]) if of_class else 0.0
-        places = [*range(min(_N_MATCHES, len(order)))]
-        places += [place for place in of_class if place >= _N_MATCHES]
-        matches[query] = [
-            Match(int(numbers[order[place]]), place + 1, _ratio(distances[order[place]], unit))
-            for place in places
-        ]
+        ranks = list(range(min(_N_MATCHES, len(order))))
+        unit = 0.0
+        right_ranks = np.flatnonzero(labels[order] == record.labels[query])
+        if len(right_ranks):
+            first_right = int(right_ranks[0])
+            unit = float(distances[order[first_right]])
+            if first_right >= _N_MATCHES:
+                ranks.append(first_right)
+        matches[query] = []
+        for rank in ranks:
+            column = order[rank]
+            ratio = _ratio(distances[column], unit)
+            matches[query].append(Match(int(numbers[column]), rank + 1, ratio))
     return matches
 
 
@@ -202,10 +221,23 @@ def _ratio(distance: float, unit: float) -> float | None:
 
 
 def kept_pose(record: Record, nearest: Nearest) -> list[float]:
-    """Return how often the match of a failed query has its pose, and how often by chance.
+    """Return how often a wrong match has the pose of its query, and how often it would by chance.
 
-    Chance is a random shape of another class. It is empty if poses have no names, as in
-    ``man-1_kneeling``, or no query fails.
+    A match of the same pose but another class means that the form has kept the pose.
+
+    Parameters
+    ----------
+    record
+        Names and classes of queries and gallery. Poses are read from names such as
+        ``man-1_kneeling``.
+    nearest
+        Matches of each query, nearest first.
+
+    Returns
+    -------
+    list of float
+        Share of the wrong matches that have the pose of their query, and the mean share of it among
+        the shapes of other classes; empty if poses have no names, or no query fails.
     """
     poses = [_poses(side) for side in record.sides]
     if not all(poses):
@@ -213,17 +245,18 @@ def kept_pose(record: Record, nearest: Nearest) -> list[float]:
     of_queries = poses[0]
     in_gallery = np.array(poses[-1])
     labels = np.array(record.sides[-1].labels)
-    has_pose = []
-    shares = []
+    keeps_pose = []
+    shares_by_chance = []
     for query, matches in nearest.items():
-        is_other = labels != record.labels[query]
-        for match in matches[:1]:
-            if is_other[match.number]:
-                has_pose.append(in_gallery[match.number] == of_queries[query])
-                shares.append(np.mean(in_gallery[is_other] == of_queries[query]))
-    if not any(shares):
+        is_of_other_class = labels != record.labels[query]
+        if not matches or not is_of_other_class[matches[0].number]:
+            continue
+        pose = of_queries[query]
+        keeps_pose.append(in_gallery[matches[0].number] == pose)
+        shares_by_chance.append(np.mean(in_gallery[is_of_other_class] == pose))
+    if not any(shares_by_chance):
         return []
-    return [float(np.mean(has_pose)), float(np.mean(shares))]
+    return [float(np.mean(keeps_pose)), float(np.mean(shares_by_chance))]
 
 
 def _poses(side: RankedShapes) -> list[str]:
@@ -260,9 +293,21 @@ def _shapes(pages: Pages, side: RankedShapes) -> list[tuple[str, str, str]]:
 
 
 def _pictures_of_missed(pages: Pages, row: _QueryRow, missed: Sequence[int]) -> dict[int, str]:
-    """Return the pictures of the forms of missed queries, and of their matches, by number.
+    """Add pictures of the forms of queries that a method misses, and of their matches.
 
-    It is empty if no forms are stored.
+    Parameters
+    ----------
+    pages
+        The report, to which the pictures are added.
+    row
+        The method, with its record and its matches.
+    missed
+        Indices of the queries.
+
+    Returns
+    -------
+    dict
+        Files of the pictures by index of the shape; empty if no forms are stored.
     """
     record = row.record
     numbers = {query for query in missed if query in row.nearest}

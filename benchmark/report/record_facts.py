@@ -120,16 +120,20 @@ class ScoredBy:
 
 
 def scored_by(records: Iterable[Record]) -> ScoredBy:
-    """Return what tables say about the scorer and the seed of their records."""
-    every = [*records]
-    if not every:
+    """Return what tables say about the scorer and the seed of their records.
+
+    Nothing is said of the default scorer and seed but in the note.
+    """
+    records = list(records)
+    if not records:
         return ScoredBy("", "", "")
-    first = next((record for record in every if record.scorer), every[0])
+    # Records of descriptors have no scorer: they compare themselves.
+    first = next((record for record in records if record.scorer), records[0])
     scorer = first.scorer
     title = first.scorer_title
-    seed = every[0].seed
+    seed = records[0].seed
     caption = ""
-    suffix = ""
+    suffix = ""  # of names of files
     details = ""
     if scorer not in ("", DEFAULT_SCORER):
         caption = f", scored by {title}"

@@ -97,12 +97,29 @@ class Results:
         seed: int = 0,
         scorer: str = "",
     ) -> str:
-        """Return the key of a job, by CM-BOF if several scorers ranked it and none is named.
+        """Return the key of the finished job of a method on a data set.
+
+        If several scorers ranked it and none is named, it is the job of the default scorer, CM-BOF.
+
+        Parameters
+        ----------
+        method, dataset
+            Their names.
+        input
+            ``"mesh"`` or ``"view"``.
+        fold
+            Part of the data set, as ``"fold-0"``; "" for the whole one.
+        quick
+            Whether the job ran with some of the poses alone.
+        seed
+            Seed of the run.
+        scorer
+            Name of the scorer.
 
         Raises
         ------
         ConfigurationError
-            If it is not finished.
+            If no such job is finished.
         """
         jobs = self.jobs.query("seed == @seed and quick == @quick and status == 'ok'")
         wanted = {"method": method, "dataset": dataset, "input": input, "fold": fold}
@@ -136,10 +153,17 @@ class Results:
         return DataFrame(matrix, index=names[0], columns=names[-1])
 
     def form(self, job: str, shape: str) -> Mesh:
-        """Return the canonical form of a shape.
+        """Return the canonical form of a shape that a job made.
 
-        It has the vertices of the file in their order, unless some were removed; see
+        Its vertices are those of the file, in their order, unless some were removed; see
         :meth:`vertex_map`.
+
+        Parameters
+        ----------
+        job
+            Key of the job.
+        shape
+            Name of the shape.
 
         Raises
         ------
@@ -153,10 +177,10 @@ class Results:
             raise ConfigurationError(
                 f"the form of {shape} by {record.method} is not in {self.folder}", "run it here"
             )
-        known = read_vertex_map(self.folder, record, shape)
-        if known is None:
+        vertex_map = read_vertex_map(self.folder, record, shape)
+        if vertex_map is None:
             return form
-        numbers, are_all = known
+        numbers, are_all = vertex_map  # place in the file of each vertex of the form
         if not are_all:
             return form
         faces = numbers[form.faces].astype(form.faces.dtype)
@@ -180,7 +204,22 @@ class Results:
         return np.sort(numbers) if are_all else numbers
 
     def matches(self, job: str, query: str, count: int = 5) -> DataFrame:
-        """Return ``rank``, ``shape``, ``class`` and ``distance`` of the nearest other shapes."""
+        """Return the shapes that a job finds nearest to one.
+
+        Parameters
+        ----------
+        job
+            Key of the job.
+        query
+            Name of the shape, which is not among its matches.
+        count
+            Number of matches.
+
+        Returns
+        -------
+        pandas.DataFrame
+            ``rank``, ``shape``, ``class`` and ``distance``, nearest first.
+        """
         record = self._record(job)
         matrix = self.distances(job)
         check_known("shape", [query], matrix.index)
@@ -214,7 +253,7 @@ def _answered_shapes(side: RankedShapes) -> list[str]:
 
 
 def _queries_of(record: Record) -> DataFrame:
-    """Return one line for each shape of a record."""
+    """Return the measures of each query of a record, one line per shape of the data set."""
     return DataFrame(
         {
             "job": record.key,

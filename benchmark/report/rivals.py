@@ -55,13 +55,15 @@ class ComparedRivals:
         return len({*first.labels})
 
     def marks(self) -> dict[str, dict[str, str]]:
-        """Return the marks of the rows by method and measure.
+        """Return how the score of each row is marked in its block, by method and measure.
 
-        ``"bold"`` for the best, ``"italic"`` where it is not significantly better than a row,
-        ``"scatter"`` where it is, but within the scatter of codebooks or trainings, and "".
+        ``"bold"``: the best. ``"italic"``: the best is not significantly better. ``"scatter"``: the
+        best is significantly better, but by no more than repeated codebooks or trainings differ.
+        "": worse.
         """
         means = _means(self.rivals.values())
         is_best = means >= means.max(axis=0) - SAME
+        # Both tests have the shape (rows, rows, measures): take the best row of each measure.
         best = is_best.argmax(axis=0)[None, None]
         is_worse = np.take_along_axis(self.is_significant, best, axis=0)[0]
         is_above = np.take_along_axis(self.is_above_scatter, best, axis=0)[0]
@@ -101,17 +103,30 @@ class Scatter(NamedTuple):
 
 
 def scatter_of(rows: Sequence[RowScores]) -> Scatter:
-    """Return the scatter of the scores of some rows.
+    """Return by how much scores differ that only chance tells apart.
 
-    It is twice the standard error of a difference over draws of the codebook. Between networks, it
-    is also the largest range of the scores of a row over its seeds and folds.
+    For forms, it is twice the standard error of a difference of two scores over the draws of the
+    codebook. Between networks, it is at least the range of the scores of a row over its seeds and
+    folds.
+
+    Parameters
+    ----------
+    rows
+        Scores of the rows that are compared.
+
+    Returns
+    -------
+    Scatter
+        Least difference that counts, by measure, and where it comes from; infinite if all networks
+        were trained once.
     """
-    records = [row.all_records for row in rows]
-    squared_errors = [_squared_error(of_row) for of_row in records]
+    records_of_rows = [row.all_records for row in rows]
+    squared_errors = [_squared_error(records) for records in records_of_rows]
     of_codebooks = np.asarray(2 * np.sqrt(2 * np.mean(squared_errors, axis=0)))
-    if any(block_of(of_row[0]) != "network" for of_row in records):
+    are_networks = all(block_of(records[0]) == "network" for records in records_of_rows)
+    if not are_networks:
         return Scatter(of_codebooks, "within the scatter of codebooks")
-    ranges = [_range(of_row) for of_row in records if len(of_row) > 1]
+    ranges = [_range(records) for records in records_of_rows if len(records) > 1]
     if not ranges:
         return Scatter(np.full(len(PRINTED_MEASURES), np.inf), "one training each")
     of_trainings = np.max(ranges, axis=0)

@@ -30,15 +30,15 @@ class Ranks(NamedTuple):
 def ranks_by_both(
     scores: Mapping[str, Mapping[str, float]], input_: str
 ) -> dict[str, dict[str, Ranks]]:
-    """Return ranks by both scorers, by method and measure.
+    """Return the ranks of methods by the default scorer and by a second one, by method and measure.
 
-    A row has ranks where its score by the default scorer is the published one: if so, both scorers
-    judged the same forms.
+    Those of the second scorer are published with the suite. A method has ranks where its score by
+    the default scorer is the published one, which shows that both scorers judged the same forms.
 
     Parameters
     ----------
     scores
-        Scores of rows by the default scorer, by method and measure.
+        Scores of methods by the default scorer, by method and measure.
     input_
         ``"mesh"`` or ``"view"``.
     """
@@ -46,10 +46,10 @@ def ranks_by_both(
     for measure in PRINTED_MEASURES:
         default = _published_scores().get((input_, DEFAULT_SCORER, measure), {})
         second = _published_scores().get((input_, SECOND_SCORER, measure), {})
-        for method, of_row in scores.items():
-            if measure not in of_row or method not in default:
+        for method, scores_of_method in scores.items():
+            if measure not in scores_of_method or method not in default:
                 continue
-            if abs(of_row[measure] - default[method]) < _SAME:
+            if abs(scores_of_method[measure] - default[method]) < _SAME:
                 both = Ranks(_rank(method, default), _rank(method, second))
                 ranks.setdefault(method, {})[measure] = both
     return ranks

@@ -22,7 +22,10 @@ _OBJECT = np.array([0.95, 0.55, 0.2])
 
 
 def frame_picture(depths: Depths, mask: Mask, surface: Mesh, form: Mesh) -> Figure:
-    """Draw depths, the object in them, and its canonical form, as a depth image and as a surface.
+    """Draw what became of a frame of a depth camera, as four pictures side by side.
+
+    They are the depths, the object in them, and its canonical form as a depth image and as a
+    surface.
 
     Parameters
     ----------
@@ -31,12 +34,12 @@ def frame_picture(depths: Depths, mask: Mask, surface: Mesh, form: Mesh) -> Figu
     mask
         Pixels of the object, shape (h, w).
     surface
-        The surface of the object.
+        The surface of the object, as the camera sees it.
     form
-        Vertices: right, up, towards the viewer.
+        Its canonical form, with the same vertices; axes point right, up, and towards the viewer.
     """
     grey = _grey(depths)
-    # Elsewhere, the image fades towards white.
+    # The object is tinted; the rest of the image fades towards white.
     is_object = mask[..., None]
     marked = np.where(is_object, 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey)
     canonical = render_depth(form, UPRIGHT, fit_half_width(form, UPRIGHT), DPI)

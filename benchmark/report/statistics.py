@@ -73,17 +73,18 @@ def class_intervals(
     are_gains: bool = False,
     fewest: int = FEWEST_CLASSES,
 ) -> NDArray[np.float64]:
-    """Return intervals of means over queries.
+    """Return confidence intervals of means over queries, from the differences between classes.
 
-    They are those of t on the residuals of whole classes, on the scale of logits. A residual is the
-    sum over a class less the mean times its size. See :data:`INTERVALS` for what they cover; where
-    few of nine classes differ, intervals of differences cover 72 to 82 %. A mean of 0 or 1 has no
-    width.
+    Queries of a class resemble each other, so that classes, not queries, are the independent
+    samples. The interval is that of Student's t on the residuals of classes, on the scale of
+    logits, so that it stays within [0, 1]. The residual of a class is its sum less the mean times
+    its size. See :data:`INTERVALS` for how often intervals cover the true mean; where few of nine
+    classes differ, those of differences cover 72 to 82 %. A mean of 0 or 1 has no width.
 
     Parameters
     ----------
     values
-        Shape (N, M): M columns.
+        Shape (N, M): M measures of each of N queries.
     labels
         Class of each query.
     are_gains
@@ -98,7 +99,7 @@ def class_intervals(
     """
     from scipy.special import stdtrit  # lazy: tables need no intervals
 
-    sums, sizes = class_sums(values, labels)
+    sums, sizes = class_sums(values, labels)  # sums are integers, in millionths
     n_classes = len(sizes)
     if n_classes < fewest:
         return np.full((sums.shape[1], 2), np.nan)
@@ -161,7 +162,8 @@ def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[n
     if n_rows == 2:
         p_values[[0, 1], [1, 0]] = sign_flip_test(np.subtract(*values), labels)
         return p_values
-    first, second = np.array([*combinations(range(n_rows), 2)]).reshape(-1, 2).T
+    pairs = np.array(list(combinations(range(n_rows), 2)))
+    first, second = pairs.reshape(-1, 2).T  # no pair, if there is one row
     largest = _largest_when_exchanged(sums, first, second)
     largest.sort()
     differences = sums[:, first] - sums[:, second]
@@ -175,27 +177,38 @@ def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[n
 def _largest_when_exchanged(
     sums: NDArray[np.float64], first: NDArray[np.int64], second: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return the largest statistic over all pairs and measures in each permutation, shape (DRAWS,).
+    """Return the largest statistic over all pairs and measures in each random permutation.
+
+    A permutation exchanges the rows within each class; see :func:`permutation_test`.
 
     Parameters
     ----------
     sums
-        Sums of the measures over classes, shape (classes, rows, M).
+        Sums of the measures over classes, shape (classes, rows, M), as integers, so that no order
+        of their addition matters.
     first, second
         The rows of each pair.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (DRAWS,).
     """
     n_classes, n_rows, _ = sums.shape
-    orders = _orders(n_classes, n_rows)
-    # These are integers, so that all sums and products are exact.
-    from_first = np.moveaxis(sums - sums[:, :1], 2, 0)
+    orders = _orders(n_classes, n_rows)  # (draws, classes, rows)
+    from_first = np.moveaxis(sums - sums[:, :1], 2, 0)  # (M, classes, rows); smaller numbers
     classes = np.arange(n_classes)[:, None]
     largest = np.zeros(DRAWS)
+    # Some draws at once, to bound the memory.
     for draws in np.split(np.arange(DRAWS), range(_AT_A_TIME, DRAWS, _AT_A_TIME)):
         rows = from_first[:, classes, orders[draws]]  # (M, draws, classes, rows)
         totals = rows.sum(axis=2)
+        # The squared differences of two rows, summed over classes: a.a + b.b - 2 a.b.
         products = rows.swapaxes(2, 3) @ rows
-        of_row = products.diagonal(axis1=2, axis2=3)
-        squares = of_row[..., first] + of_row[..., second] - 2 * products[..., first, second]
+        own_products = products.diagonal(axis1=2, axis2=3)
+        squares = (
+            own_products[..., first] + own_products[..., second] - 2 * products[..., first, second]
+        )
         statistics = _studentised(totals[..., first] - totals[..., second], squares)
         largest[draws] = statistics.max(axis=(0, 2), initial=0)
     return largest

@@ -213,17 +213,24 @@ class TableView:
 
 
 def _size(samples: Sequence[Record]) -> str:
-    """Return the numbers of shapes and classes of the galleries of a column."""
+    """Return in words how many shapes and classes a column of a table is about.
+
+    Parameters
+    ----------
+    samples
+        One record of each gallery whose scores the column shows the mean of.
+    """
     first = samples[0]
-    labels = ranked_classes(first)
+    labels = ranked_classes(first)  # of queries that have something to find
+    n_queries = len(labels)
     n_classes = len(set(labels))
-    if first.gallery_of_queries is None:
+    if first.gallery_of_queries is None:  # the queries are the gallery
         times = f"{len(samples)} x " if len(samples) > 1 else ""
-        return f"{times}{len(labels)} shapes of {n_classes} classes"
-    n_omitted = len(first.shapes) - len(labels)
+        return f"{times}{n_queries} shapes of {n_classes} classes"
+    n_omitted = len(first.shapes) - n_queries
     omitted = f", {n_omitted} left out" if n_omitted else ""
     n_ranked = len(first.gallery_of_queries.shapes)
-    return f"{len(labels)} queries of {n_classes} classes{omitted}, among {n_ranked} shapes"
+    return f"{n_queries} queries of {n_classes} classes{omitted}, among {n_ranked} shapes"
 
 
 def _chance(samples: Sequence[Record]) -> dict[str, float]:

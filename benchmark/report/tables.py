@@ -66,38 +66,54 @@ def table_views(
     paper
         Whether to print methods of the paper that never ran.
     """
-    every = [*records]
-    wanted = frozenset(tables)
-    names = frozenset(datasets)
-    printed = frozenset(methods)
-    by = scored_by(every)
-    places = _records_by_table(every, wanted, names)
+    records = list(records)
+    wanted_tables = frozenset(tables)
+    wanted_datasets = frozenset(datasets)
+    printed_methods = frozenset(methods)
+    by = scored_by(records)
+    by_table = _records_by_table(records, wanted_tables, wanted_datasets)
     views = []
-    for table, dataset in sorted(places, key=_order_of_table):
-        of_table = _RecordsOfTable(table, dataset, places[table, dataset])
-        view = _view(of_table, printed, by, prints_unrun=paper)
+    for table, dataset in sorted(by_table, key=_order_of_table):
+        of_table = _RecordsOfTable(table, dataset, by_table[table, dataset])
+        view = _view(of_table, printed_methods, by, prints_unrun=paper)
         if any(row.scored or row.failed for row in view.rows):
             views.append(view)
-    if names or not wanted:
+    if wanted_datasets or not wanted_tables:
         return views
+    # A table that was asked for by name alone is printed for one of the data sets that fill it.
     return [view for view in views if _is_preferred(view, views)]
 
 
 def _records_by_table(
     records: Iterable[Record], wanted: frozenset[str], names: frozenset[str]
 ) -> dict[tuple[Table, str], list[Record]]:
-    """Return records by the table that they fill, and its data set or first stand-in."""
-    places: dict[tuple[Table, str], list[Record]] = {}
+    """Return records by the table that they fill, and the data set that the table is printed for.
+
+    The data set is the first one of several stand-ins, such as random draws, whose scores a table
+    averages.
+
+    Parameters
+    ----------
+    records
+        Records of all data sets.
+    wanted
+        Identifiers of tables; empty for all.
+    names
+        Names of data sets; empty for all that are not changed: changed ones stand in the table of
+        robustness.
+    """
+    by_table: dict[tuple[Table, str], list[Record]] = {}
     for record in records:
         name = record.data.name
         for table in tables_of(name, fold_of(record)):
-            # Changed sets stand in the table of robustness unless they are asked for.
-            is_of_data = name in names if names else table.is_cross or not change_of(name)
-            is_of_table = not wanted or not wanted.isdisjoint({table.identifier, table.part_of})
-            if is_of_data and is_of_table:
+            has_wanted_data = name in names
+            if not names:
+                has_wanted_data = table.is_cross or not change_of(name)
+            is_wanted = not wanted or not wanted.isdisjoint({table.identifier, table.part_of})
+            if has_wanted_data and is_wanted:
                 dataset = table.stand_ins[0] if name in table.stand_ins else name
-                places.setdefault((table, dataset), []).append(record)
-    return dict(filter(_has_queries, places.items()))
+                by_table.setdefault((table, dataset), []).append(record)
+    return dict(filter(_has_queries, by_table.items()))
 
 
 def _has_queries(of_table: tuple[tuple[Table, str], list[Record]]) -> bool:
@@ -202,7 +218,11 @@ class _RecordsOfTable:
         return {column: self._galleries_of(column) for column in self.table.columns}
 
     def _galleries_of(self, column: GalleryGroup) -> list[str]:
-        """Return the names of the galleries of a column; a quick run has only the first fold."""
+        """Return the names of the galleries whose scores a column shows the mean of.
+
+        They are the folds of one data set, or random draws of it. In a quick run, which has the
+        first fold alone, others are left out.
+        """
         sets: tuple[str, ...] = (self.dataset,)
         if column.over_draws and self.dataset in self.table.stand_ins:
             sets = self.table.stand_ins
@@ -238,21 +258,33 @@ def _with_labels(records: Sequence[Record]) -> Record:
 def _view(
     records: _RecordsOfTable, methods: frozenset[str], by: ScoredBy, *, prints_unrun: bool
 ) -> TableView:
-    """Return one table with its rows, of which none may have scores or have failed."""
+    """Return one table with all of its rows, some of which may have no scores.
+
+    Parameters
+    ----------
+    records
+        The table, and the records that fill it.
+    methods
+        Names of the methods whose rows are printed; empty for all.
+    by
+        Scorer and seed of the records.
+    prints_unrun
+        Whether to print methods of the paper that never ran.
+    """
     table = records.table
     printed: Mapping[str, Mapping[str, float]] = {}
     if table.has_paper and not records.quick:
         printed = PRINTED[table.identifier]
     rows = _rows(records, printed, methods)
     samples = {column: records.samples_of(column) for column in table.columns}
-    known = [column for column in table.columns if samples[column]]
+    columns_with_records = [column for column in table.columns if samples[column]]
     return TableView(
         table,
         records.dataset,
         data_title(records.sample),
         records.quick,
-        _columns(known, rows, records.sample.input),
-        {column.title: samples[column] for column in known},
+        _columns(columns_with_records, rows, records.sample.input),
+        {column.title: samples[column] for column in columns_with_records},
         tuple(rows),
         printed,
         methods,
@@ -298,7 +330,17 @@ def _has_row(record: Record, table: Table, methods: frozenset[str]) -> bool:
 
 
 def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> TableRow:
-    """Return the row of a method, which may have no record."""
+    """Return the row of a method in a table.
+
+    Parameters
+    ----------
+    method
+        Name of the method, with its parameters.
+    records
+        Its records; a method of the paper that never ran has none, and a row without scores.
+    of_table
+        All records of the table, which say what galleries its columns have.
+    """
     if not records:
         block: Block = "network" if method.startswith("learned") else "form"
         return TableRow(method, TITLES.get(method, method), block, {})
@@ -307,6 +349,7 @@ def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> T
     scored = {}
     failed = {}
     for column, galleries in of_table.galleries.items():
+        # Networks were trained for the first random draw of the data alone.
         names = galleries[:1] if block == "network" and column.over_draws else galleries
         of_column = _records_of_column(records, column, block, names)
         ranked = by_gallery(record for record in of_column if record.status == "ok")
@@ -325,14 +368,14 @@ def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> T
 
 
 def _title(method: str, own: str, scores: Iterable[RowScores]) -> str:
-    """Return the title of a row, which says where views are treated by another method.
+    """Return the title of a row, which says so if the method treats depth views in another way.
 
     Parameters
     ----------
     method
         Name of the method with parameters.
     own
-        Its own title, which stands for methods without a title in the tables.
+        Title that the method gives itself, for methods that have none in the tables.
     scores
         Scores of the row in all columns.
     """
@@ -402,27 +445,38 @@ def _scores(
 
 
 def _excused(rows: Sequence[TableRow]) -> list[TableRow]:
-    """Return rows that know which refused shapes all rows of their block lack in a column."""
-    lacking: dict[tuple[str, Block], frozenset[str]] = {}
+    """Return rows that know which refused shapes do not keep them from a comparison.
+
+    A row that lacks a shape cannot be compared with rows that have it. If all rows of a block lack
+    it, as after a file that cannot be read, it keeps none of them from the others.
+    """
+    refused_by_all: dict[tuple[str, Block], frozenset[str]] = {}  # by column and block
     for row in rows:
         for title, scores in row.scored.items():
             place = title, row.kind
-            lacking[place] = lacking.get(place, scores.refused) & scores.refused
-    excused = []
+            refused_by_all[place] = refused_by_all.get(place, scores.refused) & scores.refused
+    excused_rows = []
     for row in rows:
         scored = {
-            title: replace(scores, excused=lacking[title, row.kind])
+            title: replace(scores, excused=refused_by_all[title, row.kind])
             for title, scores in row.scored.items()
         }
-        excused.append(replace(row, scored=scored))
-    return excused
+        excused_rows.append(replace(row, scored=scored))
+    return excused_rows
 
 
 def _arranged(rows: Sequence[TableRow], known: Iterable[str]) -> list[TableRow]:
-    """Return rows in blocks, those of known methods first.
+    """Return the rows of a table in their order: by block, then known methods first.
 
-    Several rows of one method are sorted by the parameters in which they differ, and each shows the
-    values of all of these.
+    Several rows of one method with different parameters, a *sweep*, are sorted by the values of
+    these, and each shows the values of all of them in its title.
+
+    Parameters
+    ----------
+    rows
+        The rows.
+    known
+        Names of methods in their order.
     """
     order = {method: number for number, method in enumerate(dict.fromkeys(known))}
     swept = defaultdict[str, dict[str, None]](dict)

@@ -42,20 +42,26 @@ TOLERANCE = 0.05
 
 
 def classical_figures(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame] | None:
-    """Return the paper's figures of Table III, and ours on complete surfaces of TOSCA.
+    """Return the figures of classical methods that the paper prints for TOSCA, and ours.
 
-    Ours are NaN where a row is incomplete; None without a table of TOSCA.
+    Both are frames of the same methods (rows) and measures (columns), for complete surfaces (Table
+    III of the paper). Ours are NaN where a result is missing.
+
+    Parameters
+    ----------
+    views
+        Tables of ours; without one of TOSCA, the result is None.
     """
     view = table_of_tosca(views)
     if view is None:
         return None
-    complete = {}
+    means = {}
     for row in view.rows:
         for scores in row.scored.values():
             if scores.is_complete:
-                complete[row.method] = scores.means
+                means[row.method] = scores.means
     printed = DataFrame({name: PRINTED["III"][name] for name in CLASSICAL}).T
-    ours = DataFrame(complete, index=PRINTED_MEASURES).T
+    ours = DataFrame(means, index=PRINTED_MEASURES).T
     return printed, ours.reindex(index=printed.index)
 
 
@@ -71,10 +77,16 @@ def is_near(printed: NDArray[np.float64], ours: NDArray[np.float64]) -> NDArray[
 
 
 def _reproduced_by_chance(printed: DataFrame, ours: DataFrame) -> str:
-    """Say how many figures other rows reproduce, and how far ours keep the order.
+    """Say how many of the paper's figures would be reproduced without computing anything right.
 
-    The others are our rows, exchanged in all ways; the mean of all our rows; and one constant for
-    each measure. It is "" if a row is incomplete.
+    Tried are: our rows exchanged in all ways, the mean of all our rows, and one constant for each
+    measure. Beside them stands how far our rows have the order of the paper's. "" if one of our
+    rows lacks a result.
+
+    Parameters
+    ----------
+    printed, ours
+        From :func:`classical_figures`: methods by measures.
     """
     if ours.isna().any(axis=None):
         return ""
@@ -111,7 +123,7 @@ class AssessedClaim:
         paper's data. "not decidable" and "not comparable", with the reason.
     data
         Title of the data, with the copy of an official set; "" without a table.
-    queries, n_queries
+    n_unseen, n_queries
         Queries of classes that no compared row has seen in training, and all queries.
     leads, n_comparisons
         Comparisons (rows times measures) in which it leads, and all.
@@ -126,7 +138,7 @@ class AssessedClaim:
     claim: Claim
     decision: str
     data: str = ""
-    queries: int = 0
+    n_unseen: int = 0
     n_queries: int = 0
     leads: int = 0
     n_comparisons: int = 0
@@ -154,41 +166,75 @@ UNVERIFIED = DecisionWords(
 
 
 def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
-    """Judge a claim by a permutation test of its rows on unseen queries.
+    """Judge whether our scores bear out a claim of the paper.
 
-    In Table I, these are of the five subjects.
+    A claim says that one method scores better than others. It is tested on the queries of classes
+    from which none of these methods has seen a shape in training.
+
+    Parameters
+    ----------
+    claim
+        The claim.
+    view
+        Our scores in the table to which it belongs; None if there are none.
+
+    Returns
+    -------
+    AssessedClaim
+        The decision and what it rests on; "not comparable" if a method lacks scores, or there is no
+        unseen query.
     """
     if view is None:
         return AssessedClaim(claim, "not comparable")
-    title = "5 subjects" if "5 subjects" in view.groups else view.columns[0].title
-    complete = {
-        row.method: row.scored[title]
-        for row in view.rows
-        if title in row.scored and not row.scored[title].missing
-    }
-    methods = (claim.better, *claim.others)
-    if not complete.keys() >= {*methods}:
+    rows = _rows_of_claim(claim, view)
+    if not rows:
         return AssessedClaim(claim, "not comparable", view.title)
-    rows = [complete[name] for name in methods]
-    all_labels = rows[0].labels
-    seen = frozenset[str]().union(*(row.seen_classes for row in rows))
-    unseen = [number for number, label in enumerate(all_labels) if label not in seen]
+
+    labels = rows[0].labels
+    seen_classes = frozenset[str]().union(*(row.seen_classes for row in rows))
+    unseen = [index for index, label in enumerate(labels) if label not in seen_classes]
     if not unseen:
-        return AssessedClaim(claim, "not comparable", view.title, n_queries=len(all_labels))
-    labels = [all_labels[number] for number in unseen]
-    leads = _leads(rows, labels, unseen, [*map(PRINTED_MEASURES.index, claim.measures)])
+        return AssessedClaim(claim, "not comparable", view.title, n_queries=len(labels))
+    unseen_labels = [labels[index] for index in unseen]
+
+    measures = [PRINTED_MEASURES.index(name) for name in claim.measures]
+    leads = _leads(rows, unseen_labels, unseen, measures)
+    decision = _decision(claim, decision_words(view), leads, n_classes=len(set(unseen_labels)))
     return AssessedClaim(
         claim,
-        _decision(claim, decision_words(view), leads, len(set(labels))),
+        decision,
         view.title,
-        queries=len(unseen),
-        n_queries=len(all_labels),
+        n_unseen=len(unseen),
+        n_queries=len(labels),
         leads=int((leads.lead > 0).sum()),
         n_comparisons=leads.lead.size,
         significant=int(leads.is_significant.sum()),
         above_scatter=int(leads.is_decided.sum()),
         trainings=leads.n_trainings,
     )
+
+
+#: Column of Table I that decides its claims: the five subjects of which no network saw a shape.
+_COLUMN_OF_SUBJECTS = "5 subjects"
+
+
+def _rows_of_claim(claim: Claim, view: TableView) -> list[RowScores]:
+    """Return the scores of the methods that a claim compares, the better one first.
+
+    They stand in the column of the five subjects, if the table has it, else in its first column.
+    The list is empty if a method has no complete scores there.
+    """
+    title = view.columns[0].title
+    if _COLUMN_OF_SUBJECTS in view.groups:
+        title = _COLUMN_OF_SUBJECTS
+    scores_of_methods = {}
+    for row in view.rows:
+        if title in row.scored and not row.scored[title].missing:
+            scores_of_methods[row.method] = row.scored[title]
+    methods = (claim.better, *claim.others)
+    if not all(method in scores_of_methods for method in methods):
+        return []
+    return [scores_of_methods[method] for method in methods]
 
 
 def _decision(claim: Claim, words: DecisionWords, leads: _Leads, n_classes: int) -> str:
@@ -242,38 +288,43 @@ def _leads(
     queries: Sequence[int],
     measures: Sequence[int],
 ) -> _Leads:
-    """Return the leads of the first row before all others.
+    """Return by how much a method leads before others, and how certain that is.
 
-    Each fold of a network is a network of its own, and has to agree in sign.
+    Networks are trained several times. Each choice of one training for each row has to agree in
+    significance and, fold by fold, in sign.
 
     Parameters
     ----------
     rows
-        The rows.
+        Scores of the method, then of the others.
     labels
-        Classes of the queries.
+        Classes of the queries to compare.
     queries, measures
-        Numbers of the queries and measures to compare.
+        Indices of the queries and measures to compare.
     """
+    # Queries come fold by fold; without a network, there is one fold.
+    has_network = any(block_of(row.all_records[0]) == "network" for row in rows)
+    sizes_of_folds = [len(rows[0].labels)]
+    if has_network:
+        sizes_of_folds = [len(query_measures(records)) for records in rows[0].records.values()]
+    fold_of_query = np.repeat(np.arange(len(sizes_of_folds)), sizes_of_folds)[queries]
+
     chosen = np.ix_(queries, measures)
-    is_network = any(block_of(row.all_records[0]) == "network" for row in rows)
-    sizes = [len(rows[0].labels)]
-    if is_network:
-        sizes = [len(query_measures(records)) for records in rows[0].records.values()]
-    folds = np.repeat(np.arange(len(sizes)), sizes)[queries]
     lead = _total_leads(np.array([row.values[chosen] for row in rows]))
     least = scatter_of(rows).least[measures]
+    is_above_scatter = np.abs(lead) / len(labels) > least + SAME
     is_significant = np.ones(lead.shape, dtype=bool)
-    is_decided = np.abs(lead) / len(labels) > least + SAME
-    choices = [*product(*(row.trainings for row in rows))]
+    has_one_sign = np.ones(lead.shape, dtype=bool)
+    choices = list(product(*(row.trainings for row in rows)))
     for trainings in choices:
         values = np.array([training[chosen] for training in trainings])
         is_significant &= permutation_test(values, labels)[0, 1:] < ALPHA
-        for fold in np.unique(folds):
-            of_fold = _total_leads(values[:, folds == fold])
-            is_decided &= np.sign(of_fold) == np.sign(lead)
-    n_trainings = len(choices) * len(sizes) if is_network else 0
-    return _Leads(lead, is_significant, is_decided & is_significant, n_trainings)
+        for fold in np.unique(fold_of_query):
+            lead_of_fold = _total_leads(values[:, fold_of_query == fold])
+            has_one_sign &= np.sign(lead_of_fold) == np.sign(lead)
+    n_trainings = len(choices) * len(sizes_of_folds) if has_network else 0
+    is_decided = is_significant & is_above_scatter & has_one_sign
+    return _Leads(lead, is_significant, is_decided, n_trainings)
 
 
 def _total_leads(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -295,7 +346,10 @@ def claims(views: Sequence[TableView]) -> list[AssessedClaim]:
 
 
 def verdicts_markdown(views: Sequence[TableView]) -> str:
-    """Return verdicts and claims as Markdown; "" without a table of the suite."""
+    """Return as Markdown what our scores say of the paper: its figures, then its claims.
+
+    "" if none of the tables is one of the suite's.
+    """
     if not any(view.table in TABLES for view in views):
         return ""
     lines = [f"**What holds up in the paper.** {views[0].scored_by.note}", ""]
@@ -311,7 +365,15 @@ def verdicts_markdown(views: Sequence[TableView]) -> str:
 
 
 def _lines_of_figures(tosca: TableView, printed: DataFrame, ours: DataFrame) -> list[str]:
-    """Return the paper's figures for TOSCA beside ours, as lines of Markdown."""
+    """Return lines of Markdown with the paper's figures for TOSCA beside ours, and how many agree.
+
+    Parameters
+    ----------
+    tosca
+        Our table of TOSCA, which names the data.
+    printed, ours
+        From :func:`classical_figures`: methods by measures.
+    """
     near = is_near(printed.to_numpy(), ours.to_numpy())
     words = (
         f"Table III, {tosca.title}, complete surfaces: {near.sum()} of {near.size} classical "
@@ -331,7 +393,7 @@ def _cells_of_claim(judged: AssessedClaim) -> list[str]:
     claim = judged.claim
     cells = [claim.words, TITLES.get(claim.better, ""), claim.table, judged.decision]
     if judged.n_queries:
-        cells.append(f"{judged.queries} of {judged.n_queries}")
+        cells.append(f"{judged.n_unseen} of {judged.n_queries}")
     if judged.n_comparisons:
         cells.append(f"{judged.leads} of {judged.n_comparisons}")
         cells += [str(judged.significant), str(judged.above_scatter), str(judged.trainings or "")]

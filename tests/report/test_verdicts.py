@@ -68,15 +68,15 @@ def test_queries_of_classes_that_a_row_has_seen_decide_nothing():
     seen = record("net", [1.0, 1.0, *[0.2] * 16], labels=labels, seen=["a0"])
     rows = [seen, record("gps", 0.3, labels=labels)]
     one = judged(claim_on("net", "gps"), *rows)
-    found = (one.decision, one.queries, one.n_queries, one.leads)
+    found = (one.decision, one.n_unseen, one.n_queries, one.leads)
     assert found == ("fails on the stand-in", 16, 18, 0)
     assert judged(claim_on("gps", "net"), *rows).decision == "holds on the stand-in"
     few = judged(claim_on("net", "gps"), record("net", 1.0, seen=["cat1"]), record("gps", 0.5))
-    assert (few.decision, few.queries, few.leads) == ("not decidable: 2 classes", 8, 1)
+    assert (few.decision, few.n_unseen, few.leads) == ("not decidable: 2 classes", 8, 1)
     none = judged(
         claim_on("net", "gps"), record("net", seen=["cat0", "dog4", "owl8"]), record("gps")
     )
-    assert (none.decision, none.queries, none.n_queries) == ("not comparable", 0, 12)
+    assert (none.decision, none.n_unseen, none.n_queries) == ("not comparable", 0, 12)
 
 
 def test_claims_say_how_many_queries_decide():
