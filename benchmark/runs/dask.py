@@ -30,12 +30,15 @@ _of_thread = threading.local()
 
 
 def run_in_worker(task: Task, run: str, timeout: float, threads: int) -> list[tuple[Step, Outcome]]:
-    """Run a task on a dask worker, in a process of its own, which may crash and serves one run.
+    """Run a task on a worker of a dask cluster, and return the outcome of each of its steps.
+
+    The task runs in a process of its own, so that a crash does not end the dask worker. The process
+    is kept for later tasks of the same run.
 
     Parameters
     ----------
     task
-        The task.
+        Steps to run, in their order.
     run
         Identifier of the run.
     timeout
@@ -97,7 +100,13 @@ class DaskPool:
         return [str(task.steps[0]) for task in self._tasks.values()]
 
     def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
-        """Submit tasks of a queue, and yield the steps that have ended."""
+        """Submit tasks of a queue to the cluster, and yield the steps that have ended.
+
+        Raises
+        ------
+        BenchmarkError
+            If the cluster has lost a task.
+        """
         self._submit_tasks(queue)
         done = [future for future in self._tasks if future.done()]
         if not done:
@@ -110,7 +119,7 @@ class DaskPool:
             yield from future.result()
 
     def _submit_tasks(self, queue: Queue) -> None:
-        """Submit tasks until each thread of the cluster has enough."""
+        """Submit tasks of a queue until each thread of the cluster has enough."""
         threads = max(sum(self._client.nthreads().values()), 1)
         while len(self._tasks) < _TASKS_PER_THREAD * threads:
             # Another task of the same process may find that at work.

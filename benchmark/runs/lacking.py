@@ -63,7 +63,7 @@ def lacking_models(
     data_root: Path | None = None,
     **data: Any,
 ) -> list[LackingModel]:
-    """Return the models that the networks of a selection lack, and that this code can train.
+    """Return the trained models that networks of a selection lack, and that this code can train.
 
     Parameters
     ----------
@@ -71,8 +71,10 @@ def lacking_models(
         The results folder, which may hold models.
     methods, plugins, input
         As for :func:`benchmark.runs.planning.plan_selection`.
-    data_root, **data
-        Folder of the official data sets, tables and data sets.
+    data_root
+        Folder of the official data sets.
+    **data
+        Tables and data sets of the selection.
     """
     selected = select(methods, plugins)
     is_named = are_named(methods)

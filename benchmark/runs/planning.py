@@ -132,7 +132,18 @@ class Planned:
     def _steps_of_view(
         self, side: PlannedSide, view: ShapeView, model: Model | None
     ) -> tuple[Step, ...]:
-        """Return the steps that make the files of a view, behind that of its camera's frame."""
+        """Return the steps that make the files of one view: prepared shape, form, signature.
+
+        Parameters
+        ----------
+        side
+            Queries or gallery, to which the view belongs. If a camera frame has to be fitted to all
+            of its views, the step that does so comes first.
+        view
+            The view, with the keys of its files.
+        model
+            Trained model of the method for this shape, if it learns.
+        """
         steps = []
         if side.frame_key:
             steps.append(Step(self.job, side.source, "prepared", side.frame_key))
@@ -231,9 +242,14 @@ def plan_selection(
 
 
 def _check_pair(record: Record) -> None:
-    """Raise ``DatasetError`` if queries have nothing to find in another gallery.
+    """Check that queries have something to find in a gallery of other shapes.
 
     The gallery needs two classes, and a query another shape of its own class in it.
+
+    Raises
+    ------
+    DatasetError
+        If they have not; the error names the classes of both.
     """
     gallery = record.gallery_of_queries
     if gallery is None:
@@ -322,34 +338,54 @@ class _Planning:
     def jobs(
         self, gallery: Gallery, input_: Input, methods: Sequence[Component]
     ) -> Iterator[Planned]:
-        """Yield the job of each method with its state."""
+        """Yield a job for each method on one gallery, with its state: finished, missing, stale ...
+
+        Parameters
+        ----------
+        gallery
+            The shapes, which rank each other or, if it has another gallery, are queries to that.
+        input_
+            ``"mesh"`` or ``"view"``.
+        methods
+            The methods.
+        """
         if not methods:
             return
-        facts = gallery_facts(gallery, input_)
+        fields_of_shapes = gallery_facts(gallery, input_)
         data_root = gallery.data_root.absolute() if gallery.data_root else None
         sides = [_shapes_of_side(gallery, input_, data_root)]
         other = gallery.gallery_of_queries
         if other:
             sides.append(_shapes_of_side(other, other.inputs[0], data_root))
         for method in methods:
-            planned = self._job(facts, sides, method)
+            planned = self._job(fields_of_shapes, sides, method)
             _check_pair(planned.record)
             yield planned
 
     def _job(
-        self, facts: dict[str, Any], sides: Sequence[_ShapesOfSide], method: Component
+        self, fields_of_shapes: dict[str, Any], sides: Sequence[_ShapesOfSide], method: Component
     ) -> Planned:
-        """Return the job of a method on shapes that are described by ``facts``, with its state."""
+        """Return the job of one method, with its state.
+
+        Parameters
+        ----------
+        fields_of_shapes
+            Fields of its record that say which shapes it ranks; see :func:`gallery_facts`.
+        sides
+            The queries, and the gallery if it is another.
+        method
+            The method.
+        """
         gallery = sides[0].gallery
         needs_scorer = not (method.missing_packages() or method.describes)
         scorer = self.scorer if needs_scorer else None
-        row = self._row(facts["input"], sides, method, scorer)
+        row = self._row(fields_of_shapes["input"], sides, method, scorer)
 
         trained = [_find_models(side, method, self.results / "models") for side in sides]
         models = [side.models for side in trained]
         seen = _seen_shapes(gallery, models[0])
 
-        content = facts | self._describe(method, scorer)
+        content = fields_of_shapes | self._describe(method, scorer)
         content["key"] = digest(["unavailable", row])
         content["seen"] = seen
         content["models"] = [model.summary() for model in _different_models(models)]
@@ -359,16 +395,18 @@ class _Planning:
         state, reason = _obstacle(gallery, trained, seen)
         if state is None:
             codes = self._codes(method, scorer)
-            content |= self._keys(row, facts, sides, models, method, scorer)
+            content |= self._keys(row, fields_of_shapes, sides, models, method, scorer)
             state, reason = self._state(before, content["key"], content["parts"])
 
         job = Job(content["key"], row, method, self.scorer, self.results)
+        planned_sides = []
+        for side, models_of_side in zip(sides, models, strict=True):
+            planned_sides.append(
+                PlannedSide(side.gallery, side.source, side.shapes.frame_key, tuple(models_of_side))
+            )
         return Planned(
             job,
-            tuple(
-                PlannedSide(side.gallery, side.source, side.shapes.frame_key, tuple(of_side))
-                for side, of_side in zip(sides, models, strict=True)
-            ),
+            tuple(planned_sides),
             codes,
             (gallery,),
             record_of(content),
@@ -394,17 +432,36 @@ class _Planning:
     def _keys(
         self,
         row: RowId,
-        facts: Mapping[str, Any],
+        fields_of_shapes: Mapping[str, Any],
         sides: Sequence[_ShapesOfSide],
         models: Sequence[Models],
         method: Component,
         scorer: Component | None,
     ) -> dict[str, Any]:
-        """Return the fields of a record that say what its scores are computed from."""
+        """Return the fields of a record that say what its scores are computed from.
+
+        Parameters
+        ----------
+        row
+            Identifies the row of a table; results of one row replace each other.
+        fields_of_shapes
+            Fields that say which shapes are ranked.
+        sides, models
+            The queries, and the gallery if it is another; and the trained model of each of their
+            views.
+        method, scorer
+            What is run; no scorer for a descriptor.
+
+        Returns
+        -------
+        dict
+            ``key`` of the record and of its ``files``, and ``parts``: digests of code, data, models
+            and parameters by name, which tell later why a key changed.
+        """
         files_of_sides = []
         keys_of_views: list[tuple[str, ...]] = []
-        for side, of_side in zip(sides, models, strict=True):
-            files = self._files(side.prepared_keys, of_side, method, scorer)
+        for side, models_of_side in zip(sides, models, strict=True):
+            files = self._files(side.prepared_keys, models_of_side, method, scorer)
             files_of_sides.append(files)
             keys_of_views += zip(*files.values(), strict=True)
 
@@ -413,14 +470,14 @@ class _Planning:
             [
                 row._replace(paths=()),
                 titles,
-                facts["gallery_digest"],
+                fields_of_shapes["gallery_digest"],
                 keys_of_views,
                 self._code_of_ranking,
             ]
         )
 
         parts = self._parts(sides, models, method, scorer)
-        parts["the data"] = facts["gallery_digest"]
+        parts["the data"] = fields_of_shapes["gallery_digest"]
         fields = {
             "key": key_at(result_key, row.paths),
             "result_key": result_key,
@@ -428,13 +485,22 @@ class _Planning:
             "files": files_of_sides[0],
         }
         if len(sides) > 1:
-            fields["against"] = facts["against"] | {"files": files_of_sides[1]}
+            fields["against"] = fields_of_shapes["against"] | {"files": files_of_sides[1]}
         return fields
 
     def _state(
         self, record: Record | None, key: str, parts: Mapping[str, str]
     ) -> tuple[State, str]:
-        """Return the state of a job that can run, from the record of its row, and the reason."""
+        """Return the state of a job that can run, and the reason.
+
+        Parameters
+        ----------
+        record
+            The last record of its row; None if it never ran.
+        key, parts
+            Key that a record of it would have now, and what this is computed from. If the key is
+            another one, the job is stale, and the reason names what changed.
+        """
         if record is not None and record.key == key:
             if record.status == "incomplete":
                 return "incomplete", record.reason
@@ -458,7 +524,10 @@ class _Planning:
         return read_definitions(self.results)
 
     def _describe(self, method: Component, scorer: Component | None) -> dict[str, Any]:
-        """Return the fields of a record that describe a method and a scorer."""
+        """Return the fields of a record that describe a method and a scorer.
+
+        The status is that of a job that cannot run; a run replaces it.
+        """
         return {
             "status": "unavailable",
             "method": method.name,
@@ -489,7 +558,16 @@ class _Planning:
         method: Component,
         scorer: Component | None,
     ) -> dict[str, list[str]]:
-        """Return the keys of the cached files of each view; of signatures "" for a descriptor."""
+        """Return the keys of the cached files of each view, by stage.
+
+        Parameters
+        ----------
+        prepared_keys, models
+            Key of the prepared shape, and trained model, of each view.
+        method, scorer
+            What is run; without a scorer, the method makes a descriptor, and there are no
+            signatures.
+        """
         forms = []
         for prepared_key, model in zip(prepared_keys, models, strict=True):
             ingredients = [
@@ -514,7 +592,18 @@ class _Planning:
         method: Component,
         scorer: Component | None,
     ) -> dict[str, str]:
-        """Return what determines the scores, by names that a user understands."""
+        """Return everything that determines the scores, as digests and texts by name.
+
+        Users see the names when a result is stale: "gps.py, the camera changed".
+
+        Parameters
+        ----------
+        sides, models
+            The queries, and the gallery if it is another; and the trained model of each of their
+            views.
+        method, scorer
+            What is run; no scorer for a descriptor.
+        """
         parts = self._component_code(method) | self._code_of_forms | self._code_of_ranking
         if scorer:
             parts |= self._component_code(scorer)
@@ -548,12 +637,23 @@ def _different_models(models: Iterable[Models]) -> list[Model]:
 
 
 def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
-    """Return the fields of a record that describe its shapes, and those of another gallery."""
+    """Return the fields of a record that describe the shapes that it ranks.
+
+    If they are queries to another gallery, the fields of that are in ``against``.
+
+    Parameters
+    ----------
+    gallery
+        The shapes.
+    input_
+        ``"mesh"`` or ``"view"``.
+    """
     shapes = gallery.dataset
     path = path_of(gallery.source)
     contents = [
         (entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries
     ]
+    # A folder of the user may have cameras, which are in no key of a shape.
     settings: list[object] = []
     if path:
         settings.append(shapes.half_width)
@@ -582,7 +682,17 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
 
 
 def _facts_of_both(queries: Mapping[str, Any], gallery: Gallery, other: Gallery) -> dict[str, Any]:
-    """Return the fields that describe the gallery of queries, with the digest of both."""
+    """Return the fields of a record that describe the gallery in which its queries are sought.
+
+    Parameters
+    ----------
+    queries
+        Fields that describe the queries.
+    gallery
+        The queries.
+    other
+        The gallery in which they are sought.
+    """
     against = gallery_facts(other, other.inputs[0])
     both = digest_of_both(
         queries["gallery_digest"],
@@ -599,7 +709,17 @@ def _facts_of_both(queries: Mapping[str, Any], gallery: Gallery, other: Gallery)
 
 
 def _find_models(side: _ShapesOfSide, method: Component, trained_here: Path) -> _Trained:
-    """Return the model of each view, or why a method cannot run at these shapes."""
+    """Return the trained model of a method for each view, or why the method cannot run.
+
+    Parameters
+    ----------
+    side
+        Queries or gallery.
+    method
+        The method; one that does not learn has None for each view.
+    trained_here
+        Folder of models that the user trained, which precede those of the suite.
+    """
     gallery = side.gallery
     no_models: Models = [None] * len(side.prepared_keys)
     missing = method.missing_packages()
@@ -618,7 +738,7 @@ def _find_models(side: _ShapesOfSide, method: Component, trained_here: Path) -> 
     except (NoFolds, TooNear) as error:
         return _Trained(no_models, "unsupported", str(error))
     models: list[Model | None] = []
-    for entry in gallery.entries:
+    for entry in gallery.entries:  # a shape may be seen by several cameras
         models += [model_by_shape.get(entry.identifier)] * gallery.n_views
     return _Trained(models)
 
@@ -648,9 +768,15 @@ def _seen_shapes(gallery: Gallery, models: Models) -> list[str]:
 def describe_change(
     before: Mapping[str, str], now: Mapping[str, str], known: Definitions | None = None
 ) -> str:
-    """Say which parts of a key changed: ``gps.py (GPS.canonicalise), numpy changed``.
+    """Say what changed between two keys of a result: ``gps.py (GPS.canonicalise), numpy changed``.
 
-    Functions, classes and constants of the suite are named where they are ``known``.
+    Parameters
+    ----------
+    before, now
+        Digests of what the key is computed from, by name: files of code, packages, data ...
+    known
+        Digests of functions, classes and constants in files of the suite, which are named if they
+        changed.
     """
     changed: dict[str, None] = {}  # several parts may have one name
     for name in sorted(before.keys() | now.keys()):
@@ -686,12 +812,25 @@ class Estimate(NamedTuple):
 def estimate(
     planned: Sequence[Planned], records: Iterable[Record], published: Path = SUITE_RESULTS
 ) -> Estimate:
-    """Estimate the work of a plan as if nothing were in the cache.
+    """Estimate how long the pending jobs of a plan take, as if nothing were in the cache.
 
-    Seconds per shape are those of the same method and input on the same gallery or data set,
-    otherwise the median over all galleries, of the method with any parameters if need be. Jobs
-    here, in ``records``, count before published ones. A form that several galleries rank counts
-    once.
+    The seconds of a shape are those that the same method took on the same gallery or data set,
+    otherwise its median over all galleries, with any parameters if need be. A file that several
+    jobs need counts once.
+
+    Parameters
+    ----------
+    planned
+        The plan.
+    records
+        Records of jobs that ran here, which count before published ones.
+    published
+        Folder of the published records.
+
+    Returns
+    -------
+    Estimate
+        Seconds on one processor, and the number of jobs that nothing is known of.
     """
     pending = [job.record for job in planned if job.is_pending]
     if not pending:
@@ -701,7 +840,7 @@ def estimate(
     finished = [record for record in known if record.seconds and not record.gallery_of_queries]
 
     unknown: set[str] = set()
-    seconds_of_file: defaultdict[str, float] = defaultdict(float)  # several jobs may take a file
+    seconds_of_file: defaultdict[str, float] = defaultdict(float)  # several jobs may need a file
     seconds_of_ranking: dict[tuple[str, str], float] = {}
     for job in pending:
         for side in job.sides:
@@ -709,11 +848,11 @@ def estimate(
             if not seconds:
                 unknown.add(job.key)
             for stage, keys in side.files.items():
-                of_stage = seconds[STAGES[stage]]
+                seconds_of_stage = seconds[STAGES[stage]]
                 if stage == "prepared":  # geodesics are computed once for all methods
-                    of_stage += seconds["geodesics"]
+                    seconds_of_stage += seconds["geodesics"]
                 for key in filter(None, keys):
-                    seconds_of_file[key] = max(seconds_of_file[key], of_stage)
+                    seconds_of_file[key] = max(seconds_of_file[key], seconds_of_stage)
             n_views = len(side.shapes) * side.views
             seconds_of_ranking[job.key, side.gallery] = seconds[STAGES["records"]] * n_views
 
@@ -724,7 +863,23 @@ def estimate(
 def _seconds_per_shape(
     job: Record, side: RankedShapes, finished: Sequence[Record]
 ) -> defaultdict[str, float]:
-    """Return seconds per shape by stage, 0 for a stage that was not timed; empty if unknown."""
+    """Return how many seconds each stage of a job takes per shape, as far as it is known.
+
+    Parameters
+    ----------
+    job
+        Record of the job, which has not run.
+    side
+        Its queries or its gallery.
+    finished
+        Records of jobs that ran. Those of the same method with the same parameters count first, and
+        of these the last one on the same gallery, or data set.
+
+    Returns
+    -------
+    defaultdict
+        Seconds by stage, 0 for one that was not timed; empty if nothing is known.
+    """
     same_input = [record for record in finished if record.input == side.input]
     similar = [record for record in same_input if record.method == job.method]
     if not similar:
@@ -733,8 +888,9 @@ def _seconds_per_shape(
     if not nearest:
         nearest = [record for record in similar if record.data.name == side.data.name]
 
-    timed = [record.seconds for record in nearest[-1:] or similar]
-    seconds: defaultdict[str, float] = defaultdict(float)
-    for stage in set[str]().union(*timed):
-        seconds[stage] = statistics.median(of_job.get(stage, 0.0) for of_job in timed)
-    return seconds
+    used = nearest[-1:] or similar
+    all_seconds = [record.seconds for record in used]
+    median: defaultdict[str, float] = defaultdict(float)
+    for stage in set[str]().union(*all_seconds):
+        median[stage] = statistics.median(seconds.get(stage, 0.0) for seconds in all_seconds)
+    return median

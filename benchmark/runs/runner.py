@@ -189,14 +189,22 @@ class _Run:
     def _begin(
         self, jobs: Sequence[Planned], retried: CachedFile | None = None
     ) -> Iterator[Record]:
-        """Queue the steps that make the missing files of jobs; rank those that lack none.
+        """Queue the steps that make the missing files of some jobs, and end jobs that lack none.
+
+        A step takes the file of the step before it as its source, such as a form the prepared
+        shape.
 
         Parameters
         ----------
         jobs
             The jobs.
         retried
-            The only file that is to be made, with those that it is made from.
+            The only file that is to be made, with those that it is made from; None for all.
+
+        Yields
+        ------
+        Record
+            Records of the jobs that have ended.
         """
         exists = cache(Cache(self._results).has)
         missing: dict[CachedFile, _MissingFile] = {}
@@ -216,33 +224,40 @@ class _Run:
             yield from self._finish(job)
 
     def _add_tasks(self, missing: Mapping[CachedFile, _MissingFile]) -> None:
-        """Divide the steps that make missing files into tasks, and queue those that can begin."""
+        """Divide the steps that make missing files into tasks, and queue those that can begin.
+
+        A task is run by one process. It cannot begin while a file that it takes is made by another.
+        """
         groups: defaultdict[tuple[object, ...], list[CachedFile]] = defaultdict(list)
         for file in missing:
             groups[_group_of(file, missing)].append(file)
         for files in groups.values():
             task = Task(tuple(missing[file].step for file in files))
             sources = [missing[file].source for file in files]
-            outside = [source for source in sources if source and source not in files]
-            if outside:
-                self._blocked[outside[0]].append(task)
+            of_other_tasks = [source for source in sources if source and source not in files]
+            if of_other_tasks:
+                self._blocked[of_other_tasks[0]].append(task)
             else:
                 self._queue.add(task)
 
     def _take(self, step: Step, outcome: Outcome) -> Iterator[Record]:
-        """Note an outcome; yield the records of the jobs that have ended."""
-        if outcome.status == "stopped":
+        """Note the outcome of a step, and yield the records of the jobs that have ended by it.
+
+        A step that crashed, or whose result is uncertain, is tried once more.
+        """
+        if outcome.status == "stopped":  # nothing can run, as on a full disk
             raise BenchmarkError(outcome.reason)
         if outcome.status in ("incomplete", "crashed") and step.file not in self._retried:
             yield from self._retry(step)
         elif outcome.status == "incomplete":
             yield from self._give_up(step, outcome)
         elif step.stage == "records" or outcome.status not in ("ok", "refused"):
+            # The ranking is done, or the method failed: this ends the job.
             for job in self._open_jobs.waiting_for(step):
                 yield self._end(job, outcome, step.view)
         elif outcome.status == "ok":
             yield from self._release(step.file, self._open_jobs.mark_made(step.file))
-        else:
+        else:  # a refused shape counts 0, and the job goes on without it
             if step.stage == "prepared":
                 self._announce(step, outcome.reason)
             yield from self._release(step.file, self._open_jobs.mark_lost(step.file))
@@ -257,7 +272,16 @@ class _Run:
             yield from self._begin(jobs, step.file)
 
     def _give_up(self, step: Step, outcome: Outcome) -> Iterator[Record]:
-        """Leave jobs incomplete for a file, or for all files of its shape."""
+        """Leave the jobs incomplete that need the file of a step, after it was tried twice.
+
+        Parameters
+        ----------
+        step
+            The step.
+        outcome
+            Why it has no result. It may hold for all files of the shape, as if its geodesics cannot
+            be computed.
+        """
         if step.stage == "prepared" or outcome.of_shape:
             self._announce(step, outcome.reason)
         if step.stage == "records":
@@ -312,7 +336,9 @@ class _Run:
         return None
 
     def _end(self, job: Planned, outcome: Outcome, view: str = "") -> Record:
-        """Return the record of a job; write it unless it says less than the one it would replace.
+        """Return the record of a job that has ended, and write it.
+
+        It is not written over a record that says more, as that of an earlier success.
 
         Parameters
         ----------

@@ -4,8 +4,8 @@ Each file of the cache is made by one step, in a process of its maker: prepared 
 a form by the suite or by the plugin of its method, a signature by that of its scorer. So what a
 plugin changes in its process, such as a constant of the suite, changes no file of anybody else.
 
-Messages of a worker are the name of work that begins and is charged to no method, None when it
-ends, and outcomes.
+Messages of a worker are the name of work that begins and is charged to no method,
+:data:`UNCHARGED_WORK_ENDS`, and outcomes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from contextlib import (
     suppress,
 )
 from dataclasses import dataclass, replace
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -51,6 +51,9 @@ from benchmark.text import Printed, clean_lines
 #: Modules with the code of the suite that makes files of a stage, beside that of preparation and of
 #: the component.
 STAGE_MODULES: Mapping[Stage, str] = {"forms": forms.__name__, "records": rank.__module__}
+
+#: Message of a worker: the work that it named last, which is charged to no method, has ended.
+UNCHARGED_WORK_ENDS = None
 
 #: Option of ``prctl`` that has the system send a process a signal when its parent ends.
 _PR_SET_PDEATHSIG = 1
@@ -329,9 +332,16 @@ class Unrunnable(BenchmarkError):
 
 
 def _open_set(name: str, data_root: Path | None) -> ShapeSet:
-    """Open a data set that loads the mesh of a shape once for both inputs, unless its file changes.
+    """Open a data set that loads the mesh of a shape once for both inputs, surfaces and views.
 
-    Generated meshes take a second each.
+    It is loaded again if its file has changed. Generated meshes take a second each.
+
+    Raises
+    ------
+    Unrunnable
+        If PyMeshLab, which prepares all meshes, cannot be imported.
+    Incomplete
+        If the data set has changed since the plan, which could open it.
     """
     from benchmark.datasets.catalogue import open_dataset
     from benchmark.geometry.preparation import import_pymeshlab
@@ -344,7 +354,11 @@ def _open_set(name: str, data_root: Path | None) -> ShapeSet:
         shapes = open_dataset(name, data_root)
     except BenchmarkError as error:  # the plan could open it
         raise Incomplete(f"{CHANGED}: {error.located}") from error
-    load = lru_cache(1)(lambda entry, _key, _change: shapes.load(entry))
+
+    @lru_cache(maxsize=1)
+    def load(entry: Entry, _key: object, _last_change: object) -> Any:
+        """Return the mesh of a shape, which is kept while its key and its file do not change."""
+        return shapes.load(entry)
 
     def load_once(entry: Entry) -> Any:
         """Return the mesh of a shape."""
@@ -370,7 +384,7 @@ class Work:
         self._shapes: dict[str, tuple[Shape, forms.SharedResults]] = {}
 
     def outcome(self, step: Step) -> Outcome:
-        """Do a step; what goes wrong in it becomes its outcome.
+        """Run a step, and return how it ended; an error becomes an outcome.
 
         Raises
         ------
@@ -401,22 +415,24 @@ class Work:
             return _failure(step, error)
 
     def _make(self, step: Step) -> Outcome:
-        """Compute the file of a step, unless it is there.
+        """Compute the file of a step, unless it is in the cache.
 
-        A shape that was refused by the stage before remains refused.
+        A file holds arrays, or the reason why the shape was refused. A refused shape remains so in
+        the stages that follow.
         """
-        arrays: Arrays = {}
+        source: Arrays = {}
         if step.stage == "forms":
-            arrays = self._read(step, "prepared")
+            source = self._read(step, "prepared")
         elif step.stage == "signatures":
-            arrays = self._read(step, "forms")
-        if REFUSED not in arrays:
+            source = self._read(step, "forms")
+        arrays = source
+        if REFUSED not in source:
             cache_of_run = Cache(step.job.results)
             arrays = cache_of_run.get(step.stage, step.key, lambda: self._compute(step))
             self._arrays[step.file] = arrays
         if REFUSED in arrays:
-            texts = arrays[REFUSED].tolist()
-            return Outcome("refused", "; ".join(filter(None, texts)))
+            reasons = arrays[REFUSED].tolist()
+            return Outcome("refused", "; ".join(filter(None, reasons)))
         return Outcome("ok")
 
     def _compute(self, step: Step) -> Arrays:
@@ -457,7 +473,15 @@ class Work:
         return self._arrays[file]
 
     def _prepare(self, step: Step) -> Arrays:
-        """Prepare a shape, or fit the frame of the camera; they must be those of the plan."""
+        """Prepare the shape of a step; of a step without a shape, fit the frame of the camera.
+
+        The frame is a square that holds all shapes of a data set, seen by its camera.
+
+        Raises
+        ------
+        Incomplete
+            If shape or camera are no longer those of the plan.
+        """
         prepared_shapes = self._context.prepared_shapes(step.source)
         frame_key = prepared_shapes.frame_key
         if not step.view:
@@ -465,15 +489,17 @@ class Work:
                 raise Incomplete(f"the camera was not prepared: the data set {CHANGED}")
             return prepared_shapes.frame()
         entry = prepared_shapes.find(step.view, step.key)
+        half_width = prepared_shapes.shapes.half_width or 0.0
         if prepared_shapes.input == "view" and frame_key:
             frame = self._read_file(step, CachedFile("prepared", frame_key))
             half_width = float(frame["half_width"])
-        else:
-            half_width = prepared_shapes.shapes.half_width or 0.0
         return prepared_shapes.prepare(entry, half_width)
 
     def _form(self, step: Step) -> Arrays:
-        """Compute the form or the descriptor of a shape."""
+        """Compute the form of a shape, or its descriptor.
+
+        Steps of one task share the shape, and with it what several methods need, such as geodesics.
+        """
         method = self._context.create_component(step)
         prepared_key = step.keys["prepared"]
         if prepared_key not in self._shapes:
@@ -494,11 +520,19 @@ class Work:
         return sign(scorer, forms.mesh_of(form, prepared))
 
     def _rank(self, step: Step, record: Record) -> Outcome:
-        """Rank the gallery of a job, and keep its distances."""
+        """Rank the shapes of a job, keep the distances, and return its scores.
+
+        Parameters
+        ----------
+        step
+            The step, whose component compares shapes: a scorer, or a method that makes descriptors.
+        record
+            Record of the job, which names the shapes and their files.
+        """
         cache_of_run = Cache(step.job.results)
         with self._guarded(step):
-            comparing = self._context.create_component(step)
-            content, arrays = rank(record, cache_of_run, comparing, make_distance_check(comparing))
+            scorer = self._context.create_component(step)
+            content, arrays = rank(record, cache_of_run, scorer, make_distance_check(scorer))
         if not arrays:
             refused = content["unsupported"]
             name, reason = refused[0]
@@ -519,7 +553,10 @@ def _watching(step: Step) -> AbstractContextManager[object]:
 
 
 def _failure(step: Step, error: BaseException) -> Outcome:
-    """Return the outcome of a step that raised an unexpected error."""
+    """Return the outcome of a step that raised an error which nobody expected.
+
+    Errors in preparation, which is the suite's, blame no method.
+    """
     is_out_of_memory = isinstance(error, MemoryError)
     if step.stage == "prepared":  # by the suite, so that no method is to blame
         cause = "out of memory" if is_out_of_memory else locate(error)
@@ -538,7 +575,11 @@ def _failure(step: Step, error: BaseException) -> Outcome:
 
 
 def serve(descriptor: int, memory: int, parent: int) -> None:
-    """Run the tasks that come from a connection until the program at its other end ends.
+    """Run tasks in this process until the program that started it ends.
+
+    A task comes from a connection; the outcome of each of its steps is sent back. Before and after
+    work that counts against no time limit, its name and :data:`UNCHARGED_WORK_ENDS` are sent. The
+    process also ends after a task that found other code than the planned one.
 
     Parameters
     ----------
@@ -547,35 +588,51 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
     memory
         Most bytes of memory that this process may take.
     parent
-        Number of the process at the other end.
+        Identifier of the process that started it.
     """
-    _end_with(parent)
+    _exit_when_ended(parent)
     watch_this_process()
     _limit_memory(memory)
     connection = Connection(descriptor)
     _announce_compiling(connection)
-
-    @contextmanager
-    def uncharged(name: str) -> Iterator[None]:
-        """Do work that is charged to no method."""
-        connection.send(name)
-        try:
-            yield
-        finally:
-            connection.send(None)
-
-    connection.send(None)  # this process has started
-    context = RunContext(uncharged)
+    connection.send(UNCHARGED_WORK_ENDS)  # the start of this process was the first such work
+    context = RunContext(partial(_uncharged, connection))
     printed = Printed()
-    with suppress(EOFError, OSError), redirect_stdout(printed):  # the other end may close
-        is_of_plan = True
-        while is_of_plan:
+    # Methods may print; what they print is named after the step. The other end may close.
+    with suppress(EOFError, OSError), redirect_stdout(printed):
+        has_planned_code = True
+        while has_planned_code:
             work = Work(connection.recv(), context)
-            is_of_plan = _serve_task(work, connection, printed)
+            has_planned_code = _serve_task(work, connection, printed)
+
+
+@contextmanager
+def _uncharged(connection: Connection, name: str) -> Iterator[None]:
+    """Tell the other end when work begins and ends that counts against no time limit."""
+    connection.send(name)
+    try:
+        yield
+    finally:
+        connection.send(UNCHARGED_WORK_ENDS)
 
 
 def _serve_task(work: Work, connection: Connection, printed: Printed) -> bool:
-    """Send the outcome of each step; return whether this process still holds the planned code."""
+    """Run the steps of a task, and send the outcome of each.
+
+    Parameters
+    ----------
+    work
+        The task.
+    connection
+        Connection to the program that started this process.
+    printed
+        Stands for stdout; what is printed is shown with the name of the step.
+
+    Returns
+    -------
+    bool
+        Whether this process still holds the code that was planned.
+    """
     for step in work.task.steps:
         printed.name = str(step)
         try:
@@ -590,7 +647,7 @@ def _serve_task(work: Work, connection: Connection, printed: Printed) -> bool:
 
 
 def _announce_compiling(connection: Connection) -> None:
-    """Send when kernels begin and end to be compiled, which is charged to no method."""
+    """Tell the other end when kernels are compiled, which counts against no time limit."""
     from numba.core import event
 
     class Compiling(event.Listener):  # type: ignore[misc]
@@ -598,7 +655,7 @@ def _announce_compiling(connection: Connection) -> None:
             connection.send("compiling")
 
         def on_end(self, event: object) -> None:
-            connection.send(None)
+            connection.send(UNCHARGED_WORK_ENDS)
 
     event.register("numba:compile", Compiling())
 
@@ -612,7 +669,7 @@ def _limit_memory(n_bytes: int) -> None:
     resource.setrlimit(resource.RLIMIT_DATA, (n_bytes, hard))
 
 
-def _end_with(parent: int) -> None:
+def _exit_when_ended(parent: int) -> None:
     """Let the system end this process with its parent, also if that is killed."""
     # Only Linux can; elsewhere, a worker ends after its task.
     with suppress(AttributeError, OSError):

@@ -105,11 +105,19 @@ class PlannedFiles:
         self._check_since(before)
 
     def _confirm(self) -> _Snapshot:
-        """Return a snapshot of the files with the contents of the plan."""
-        confirmed = self._confirmed
-        if confirmed is not None and not confirmed.changes() and not confirmed.has_new_files():
-            confirmed.forget_settled()
-            return confirmed
+        """Check that all files have the contents of the plan, and return their state.
+
+        Contents are read only if something seems to have changed since the last time.
+
+        Raises
+        ------
+        CodeChanged
+            If a file differs, is new or is missing.
+        """
+        last = self._confirmed
+        if last is not None and not last.changes() and not last.has_new_files():
+            last.forget_settled()
+            return last
         snapshot = _Snapshot(self._files())
         self._check_contents()
         changed = snapshot.changes()  # while the contents were read
@@ -127,21 +135,31 @@ class PlannedFiles:
             self._check_contents()
 
     def _files(self) -> list[Path]:
-        """Return the files on which steps depend: the class of the component is in the first."""
+        """Return the files on which the result of a step depends.
+
+        They are the source of the component, all that it imports, the files that it names, and
+        those of its trained model.
+        """
         sources: list[Path] = []
         try:
             for target in (self._code.target, *self._code.modules):
                 sources += sources_of(target)
         except BenchmarkError as error:
             raise CodeChanged(f"its code ({error.problem})") from error
-        folder = sources[0].parent
+        folder = sources[0].parent  # of the component itself
         files = [*sources, *(folder / name for name in self._code.files)]
         if self._model:
             files += [self._model / CARD, self._model / WEIGHTS]
-        return [*dict.fromkeys(files)]
+        return list(dict.fromkeys(files))
 
     def _check_contents(self) -> None:
-        """Raise ``CodeChanged`` unless all files have the contents of the plan."""
+        """Check that all files have the contents of the plan.
+
+        Raises
+        ------
+        CodeChanged
+            If not; the error names the files that differ.
+        """
         planned = self._code.parts
         try:
             current = _current_parts(self._code)
@@ -189,16 +207,17 @@ class _Snapshot:
     """
 
     def __init__(self, files: Iterable[Path]) -> None:
+        """Look at the state of each file and of each folder that holds some."""
+        # A snapshot is taken for each step: texts are much faster than paths.
         paths = [os.fspath(file) for file in files]
         self._states = {path: _state_of(path) for path in paths}
-        folders = {os.path.dirname(path) for path in paths}  # noqa: PTH120  # of each step
+        folders = {os.path.dirname(path) for path in paths}  # noqa: PTH120
         self._folders = {folder: _state_of(folder) for folder in folders}
-        #: Contents of the files whose times may be the same after another change.
-        self._contents = {
-            path: _content_of(path)
-            for path, state in self._states.items()
-            if state and state.is_recent()
-        }
+        #: Digests of files that changed a moment ago: another change may leave their times as they are.
+        self._contents: dict[str, str] = {}
+        for path, state in self._states.items():
+            if state and state.is_recent():
+                self._contents[path] = _content_of(path)
 
     def changes(self) -> list[str]:
         """Return the names of the files that changed since."""

@@ -25,7 +25,15 @@ from benchmark.pipeline.stages import Incomplete
 from benchmark.places import PREFIX, away_from_home
 from benchmark.registry.components import THIS_PROCESS
 from benchmark.registry.modules import environment
-from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
+from benchmark.runs.tasks import (
+    UNCHARGED_WORK_ENDS,
+    Outcome,
+    Queue,
+    RunContext,
+    Step,
+    Task,
+    Work,
+)
 
 #: Seconds between looks at the workers.
 POLL_SECONDS = 0.2
@@ -177,7 +185,19 @@ class Worker:
         return self._timeout
 
     def _start(self, process: str) -> None:
-        """Start a process for the suite or a plugin; raise ``BenchmarkError`` if that fails."""
+        """Start the process of this worker.
+
+        Parameters
+        ----------
+        process
+            Name of the plugin whose code it will run; "" for the code of the suite. A plugin sees
+            an empty folder as the user's home.
+
+        Raises
+        ------
+        BenchmarkError
+            If the system starts no process.
+        """
         try:
             self.connection, theirs = Pipe()
             with theirs:
@@ -186,6 +206,8 @@ class Worker:
                 if process:  # of a plugin
                     self._folder = tempfile.mkdtemp(prefix=PREFIX)
                     variables = away_from_home(variables, self._folder)
+                # From one thread that never ends: the system ends a process with the thread that
+                # started it.
                 starting = _starter.submit(
                     subprocess.Popen,
                     [sys.executable, "-c", _PROGRAM, *map(str, arguments)],
@@ -206,9 +228,9 @@ class Worker:
         self._countdown.restart(is_limited=_UNLIMITED.isdisjoint(self._uncharged))
 
     def outcomes(self) -> Iterator[tuple[Step, Outcome]]:
-        """Yield the steps that have ended.
+        """Yield the steps of this worker that have ended, each with its outcome.
 
-        The first one without an outcome is to blame for a death or a time-out of the process.
+        If the process died, or took too long, the first step without an outcome is to blame.
         """
         if self._process is None:
             return
@@ -221,7 +243,7 @@ class Worker:
                     if message.ends_process:
                         self.close()
                         return
-                elif message is None:
+                elif message is UNCHARGED_WORK_ENDS:
                     self._uncharged.pop()
                 else:
                     self._uncharged.append(message)
@@ -255,6 +277,14 @@ class Worker:
         """Return the step at work with an outcome that blames its method.
 
         No method is blamed for what the suite does, nor if the process was ended from outside.
+
+        Parameters
+        ----------
+        status
+            What happened: ``"crashed"``, ``"timeout"``, or ``"incomplete"`` for an end from
+            outside.
+        reason
+            The same in words.
         """
         step = self.waiting.popleft()
         in_geodesics = "geodesics" in self._uncharged
@@ -271,12 +301,14 @@ class Worker:
         return step, Outcome("incomplete", str(problem), of_shape=in_geodesics)
 
     def close(self) -> None:
-        """End the process and its children."""
+        """End the process and its children, close its connection, and delete its home folder."""
         if self._process is None:
             return
-        for end in (os.killpg, os.kill):  # there is no group before the session begins
-            with suppress(OSError):
-                end(self._process.pid, signal.SIGKILL)
+        # The process leads a group, to which its children belong, but not in its first moments.
+        with suppress(OSError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        with suppress(OSError):
+            os.kill(self._process.pid, signal.SIGKILL)
         self._process.wait()
         self._process = None
         self.connection.close()
@@ -316,7 +348,7 @@ class Pool:
         return [worker for worker in self._workers if worker.waiting]
 
     def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
-        """Begin tasks of a queue, and yield the steps that have ended."""
+        """Give tasks of a queue to workers, and yield the steps that have ended."""
         yield from self._work_here(queue)
         self._begin_tasks(queue)
         busy = self._busy
@@ -337,7 +369,7 @@ class Pool:
                 yield step, work.outcome(step)
 
     def _begin_tasks(self, queue: Queue) -> None:
-        """Give tasks to workers until all work, or another one would not be worth its start."""
+        """Give tasks to workers until all are busy, or no task is worth another process."""
         while len(self._busy) < self._size:
             idle = [worker for worker in self._workers if not worker.waiting]
             task = queue.take_any([worker.task.process for worker in idle])
@@ -352,16 +384,19 @@ class Pool:
                 self._workers.append(worker)
 
     def _worker_for(self, task: Task, idle: Sequence[Worker], n_waiting: int) -> Worker | None:
-        """Return the worker for a task; None if it had better wait for one that works.
+        """Return the worker for a task; None if the task had better wait for one that is busy.
 
-        A process of the suite is kept while a plugin's works, and another plugin's ends.
+        The code of a plugin runs in a process of its own, which the suite and other plugins do not
+        use. An idle process of the suite is kept; one of another plugin is ended.
 
         Parameters
         ----------
-        task, idle
-            The task, and the workers without work.
+        task
+            The task.
+        idle
+            The workers without work.
         n_waiting
-            Number of further tasks of its process.
+            Number of further tasks of the same plugin, or of the suite.
         """
         for worker in idle:
             if worker.task.process == task.process:
