@@ -64,7 +64,10 @@ def storing(results: Path) -> Iterator[None]:
 
 @contextmanager
 def writing(results: Path) -> Iterator[None]:
-    """Hold the lock of a results folder for its only writer; readers need none.
+    """Hold the lock of a results folder while this process writes to it.
+
+    There is one writer at a time; readers need no lock. What a former writer left half done is
+    removed.
 
     Raises
     ------
@@ -107,14 +110,21 @@ class Cache:
     def read(
         self, stage: Stage, key: str, *, without: Collection[str] = (), only: Collection[str] = ()
     ) -> dict[str, NDArray[Any]] | None:
-        """Return read-only arrays under a key; None if there are none, or their file is damaged.
+        """Return the arrays of a cached file, which cannot be changed.
 
         Parameters
         ----------
         stage, key
             The file.
-        without, only
-            Names of arrays that are left out, or alone read; by default all are.
+        without
+            Names of arrays that are left out.
+        only
+            Names of the only arrays to read; by default all are.
+
+        Returns
+        -------
+        dict or None
+            Arrays by name; None if there is no such file, or it is damaged.
         """
         try:
             with zipfile.ZipFile(self._path(stage, key)) as archive:

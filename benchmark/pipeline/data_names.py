@@ -52,9 +52,22 @@ def records_of(records: Sequence[Record], words: Iterable[str]) -> list[Record]:
 
 
 def _records_of_word(records: Sequence[Record], word: str) -> list[Record]:
-    """Return the records of the data set that a word names; raise an error if it names several."""
-    base, _ = split_changes(word)
-    path = path_of(word) if Path(base).exists() else ""
+    """Return the records of the data set that a user's word means: a name, or the path of a folder.
+
+    Parameters
+    ----------
+    records
+        The records.
+    word
+        The word. A folder also means results that were computed of it under another name.
+
+    Raises
+    ------
+    ConfigurationError
+        If it names several data sets, such as two folders of one name.
+    """
+    folder, _ = split_changes(word)
+    path = path_of(word) if Path(folder).exists() else ""
     of_folder = [record for record in records if path and record.data.path == path]
     of_name: list[Record] = []
     is_path_of_data = bool(of_folder) and "/" in word
@@ -63,7 +76,7 @@ def _records_of_word(records: Sequence[Record], word: str) -> list[Record]:
             record for record in records if word in _words(record) and record not in of_folder
         ]
     paths = [path, *(record.data.path for record in of_name)]
-    different_paths = [*dict.fromkeys(filter(None, paths))]
+    different_paths = list(dict.fromkeys(filter(None, paths)))
     if of_name and len(different_paths) > 1:
         problem = f"'{word}' names results of {' and of '.join(different_paths)}"
         raise ConfigurationError(problem, "pass the path that you mean")

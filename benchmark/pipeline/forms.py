@@ -65,7 +65,17 @@ class SharedResults:
         self.seconds_of_others = np.zeros(2)
 
     def get_or_compute(self, key: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return the distances of a shape, or the form of a method; compute it if it is missing.
+        """Return a result that several methods need of a shape; compute it if no other has.
+
+        Such results are the geodesic distances, and forms from which other methods begin. The time
+        of a result counts for each method that needs it, whoever computes it.
+
+        Parameters
+        ----------
+        key
+            Identifies the result.
+        compute
+            Computes it.
 
         Raises
         ------
@@ -129,18 +139,27 @@ def shape_of(
 def output_arrays(
     compute: Callable[[], CanonicalForm | FloatArray], shape: Shape, shared: SharedResults
 ) -> Arrays:
-    """Compute the form or the descriptor of a shape; for a refused shape, the reason.
+    """Compute the form or the descriptor of a shape as arrays for the cache.
 
     Coordinates are rounded to single precision, an error of 1e-7 that is negligible for all
     scorers. The scored form is therefore the same whether it was just computed or read from the
     cache.
+
+    Parameters
+    ----------
+    compute
+        Computes the form or descriptor.
+    shape
+        The shape.
+    shared
+        Results that methods share, which keep account of the time that they took.
 
     Returns
     -------
     dict
         ``vertices``, shape (n, 3), float32, and ``faces`` if they differ from those of the shape;
         or ``descriptor``, shape (k,); ``note:...`` for each note of the method; seconds of the
-        method, and of the distances that it shares with others.
+        method, and of the distances that it shares with others. For a refused shape, the reason.
     """
 
     def arrays_of() -> Arrays:

@@ -71,7 +71,7 @@ class Merged(NamedTuple):
 def merge_records(
     folders: Iterable[Path], results: Path, take: Choice | None = None, rows: Collection[str] = ()
 ) -> Merged:
-    """Add the records of other results folders.
+    """Add the records of other results folders to one.
 
     A result replaces a failure, and the later of two failures stays. Records of a folder with the
     name, shapes and cameras of one here are of that one. No file is written that is there already,
@@ -79,14 +79,22 @@ def merge_records(
 
     Parameters
     ----------
-    folders, results
-        The other results folders, and the one to add to.
+    folders
+        The other results folders.
+    results
+        The one to add to.
     take
-        Which of two results of a row that differ is kept. By default they are a conflict, and ours
-        stays. Two folders that differ from each other stay in conflict.
+        Which of two results of a row that differ is kept: ``"ours"`` or ``"theirs"``. By default
+        they are a conflict, and ours stays. Two folders that differ from each other stay in
+        conflict.
     rows
         The conflicts that ``take`` resolves, each by the name of its row or the key of one of its
         records; empty for all.
+
+    Returns
+    -------
+    Merged
+        Added records, conflicts, refused records, and how many were known or skipped.
 
     Raises
     ------
@@ -123,6 +131,7 @@ class _Merging:
     """
 
     def __init__(self, results: Path, take: Choice | None, rows: Collection[str]) -> None:
+        """Read the records that the results folder has; see :func:`merge_records`."""
         self.results = results
         self.take = take
         self.rows = rows
@@ -149,20 +158,20 @@ class _Merging:
         self.names_of_conflicts: defaultdict[RowId, set[str]] = defaultdict(set)
 
     def add_folder(self, folder: Path) -> None:
-        """Decide on each record of a folder."""
+        """Decide for each record of another folder whether it is added."""
         files = scan_files(local_files(folder))
         say_skipped(files.skipped)
         self.n_skipped += len(files.skipped)
         records = sorted(files.records, key=age_of)
-        theirs = last_of_rows(records)
+        last_records = last_of_rows(records)
         rows = {record.row for record in records}
-        self.n_skipped += len(rows) - len(theirs)
-        for record in theirs:
+        self.n_skipped += len(rows) - len(last_records)  # rows without a record that fits others
+        for record in last_records:
             moved = _with_data_here(record, self.known.values())
             self._add(_as_merged(moved, folder))
 
     def _add(self, record: Record) -> None:
-        """Decide on a record of another folder."""
+        """Add a record of another folder, unless ours is better or it has to be refused."""
         known = self.known.get(record.row)
         if known is not None and not self._is_wanted(known, record):
             return
@@ -188,11 +197,14 @@ class _Merging:
         return self._is_taken(known, record)
 
     def _is_taken(self, known: Record, record: Record) -> bool:
-        """Return whether a result takes the place of one that differs; if not, note why."""
+        """Return whether a result of another folder replaces ours, which differs from it.
+
+        If the user has not decided this conflict, ours stays, and the conflict is noted.
+        """
         names = {str(record.row), known.key, record.key}
         self.names_of_conflicts[record.row] |= names
         is_chosen = not self.rows or not names.isdisjoint(self.rows)
-        is_between_folders = record.row in self.added
+        is_between_folders = record.row in self.added  # "ours" is of a third folder
         if self.take is None or not is_chosen or is_between_folders:
             self.conflicts.append((known, record))
             return False
@@ -213,7 +225,13 @@ class _Merging:
         return ""
 
     def check_rows(self) -> None:
-        """Raise ``ConfigurationError`` unless each of the named rows is in one conflict."""
+        """Check that each row that the user names is in one conflict.
+
+        Raises
+        ------
+        ConfigurationError
+            If it is in none, or names the rows of several data sets.
+        """
         for name in self.rows:
             rows = [row for row, names in self.names_of_conflicts.items() if name in names]
             if not rows:
@@ -262,9 +280,17 @@ def _plugins_of(record: Record) -> dict[str, str]:
 
 
 def _with_data_here(record: Record, known: Iterable[Record]) -> Record:
-    """Return a record whose data lie where the same data lie here.
+    """Return a record of another folder with the path that its data have here.
 
-    Of several places of the same data, the one that was last used counts.
+    The data of a record are the same as those of another if name, shapes and cameras are. Of
+    several places of the same data, the one that was last used counts.
+
+    Parameters
+    ----------
+    record
+        The record.
+    known
+        Records here, in the order in which they were made.
     """
     paths: defaultdict[tuple[str, ...], list[str]] = defaultdict(list)
     for other in known:

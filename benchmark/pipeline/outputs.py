@@ -83,7 +83,20 @@ def sign(scorer: Scorer, form: Mesh) -> Arrays:
 
 
 def check_needs(info: MethodInfo, shape: Shape) -> None:
-    """Raise ``UnsupportedShape`` unless a shape has what a method says that it needs."""
+    """Check that a shape has what a method needs: one connected surface, and not too many vertices.
+
+    Parameters
+    ----------
+    info
+        What the method says that it needs: ``"connected"`` surfaces, distances of all ``"pairs"``.
+    shape
+        The shape.
+
+    Raises
+    ------
+    UnsupportedShape
+        If it has not.
+    """
     if not info.needs:
         return
     name = shape.identifier
@@ -109,7 +122,7 @@ def check_needs(info: MethodInfo, shape: Shape) -> None:
 
 
 def compute_form(method: Method, shape: Shape) -> CanonicalForm:
-    """Return the form of a shape by a method; its notes are numbers or text.
+    """Compute the canonical form of a shape, and check what the method returns.
 
     Raises
     ------
@@ -168,7 +181,7 @@ def compute_descriptor(method: Descriptor, shape: Shape) -> FloatArray:
 
 
 def compute_signature(scorer: Scorer, form: Mesh) -> SignatureArrays:
-    """Return the signature of a form: named arrays.
+    """Compute the signature of a form, and check what the scorer returns: named arrays.
 
     Raises
     ------
@@ -224,18 +237,23 @@ def make_distance_check(comparing: Descriptor | Scorer) -> Check:
 def _check_numbers(
     output: object, component: object, shape: tuple[int, ...], hint: str
 ) -> FloatArray:
-    """Return an output as an array of finite real numbers.
+    """Return what a method or scorer computed as an array of finite real numbers.
 
     Parameters
     ----------
     output
-        What a method or scorer returned.
+        What it returned.
     component
         The method or scorer.
     shape
         The shape that the array must have; () stands for a vector that is not empty.
     hint
-        What to do about anything else.
+        What its author should do about anything else.
+
+    Raises
+    ------
+    InvalidForm
+        If it is anything else.
     """
     who = f"{_name(component)} returned"
     try:

@@ -150,14 +150,16 @@ class PreparedShapes:
 
 
 def frame_of(shapes: ShapeSet) -> float:
-    """Return half the width of the frame of all views of a data set, in file units.
+    """Return half the width of the square frame into which all views of a data set fit.
 
-    A shape without a surface has no part in it; without any shape, the result is arbitrary.
+    It is in units of the files. A shape without a surface has no part in it; without any shape, the
+    result is arbitrary.
     """
     if shapes.half_width is not None:
         return shapes.half_width
 
     def fit(entry: Entry) -> Arrays:
+        """Return the width of the frame of one shape."""
         return {"width": np.asarray(fit_frame(shapes.load(entry), shapes.camera(entry)))}
 
     widths = []

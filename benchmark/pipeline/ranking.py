@@ -61,7 +61,9 @@ class DamagedFiles(Exception):
 def rank(
     record: Record, cache: Cache, comparing: Descriptor | Scorer, check: Check
 ) -> tuple[dict[str, Any], Arrays]:
-    """Rank a gallery whose shapes have all been processed.
+    """Rank the shapes of a gallery by their distances, and score the rankings.
+
+    All files of its shapes have been made. A shape without a result scores 0.
 
     Parameters
     ----------
@@ -72,7 +74,7 @@ def rank(
     comparing
         The scorer, or the descriptor that compares its own vectors.
     check
-        Checks each of its matrices.
+        Checks each matrix that it computes.
 
     Returns
     -------
@@ -156,7 +158,25 @@ class _SideArrays:
 
 
 def _read(side: RankedShapes, cache: Cache) -> _SideArrays:
-    """Return the cached arrays of shapes; raise ``DamagedFiles`` if a file is not whole."""
+    """Read the cached results of queries, or of a gallery.
+
+    Parameters
+    ----------
+    side
+        Shapes with the keys of their files, for each view of a shape.
+    cache
+        The cached files.
+
+    Returns
+    -------
+    _SideArrays
+        Arrays of each view by stage, and the shapes of which all views were refused, with reasons.
+
+    Raises
+    ------
+    DamagedFiles
+        If a file is missing or damaged; all of them are named.
+    """
     arrays_of_side = _SideArrays(side.views)
     reasons: dict[int, tuple[Stage, str]] = {}
     damaged: list[tuple[Stage, str]] = []
@@ -224,12 +244,16 @@ def distances(
     outputs: Sequence[Arrays],
     queries: Sequence[Arrays] | None = None,
 ) -> Iterator[NDArray[np.float64]]:
-    """Yield the distances of signatures for each draw of their scorer, or those of descriptors.
+    """Yield a matrix of distances for each draw of the scorer.
+
+    A scorer may draw at random, as a codebook; a descriptor has a single draw.
 
     Parameters
     ----------
-    comparing, check
-        The scorer or descriptor, and the check of each of its matrices.
+    comparing
+        The scorer, or the descriptor that compares its own vectors.
+    check
+        Checks each matrix that it computes.
     outputs
         Cached signatures, or vectors, of the gallery.
     queries
@@ -267,9 +291,25 @@ def distances_of_draw(
     draw: int = 0,
     queries: Sequence[Any] | None = None,
 ) -> NDArray[np.float64]:
-    """Return the dissimilarities of all pairs of descriptors, or of signatures for one draw.
+    """Return the dissimilarities of shapes to those of a gallery, for one draw of the scorer.
 
-    Those of queries to the outputs, shape (M, N), depend on no other query.
+    Parameters
+    ----------
+    comparing
+        The scorer, or the descriptor that compares its own vectors.
+    check
+        Checks the matrix that it computes.
+    outputs
+        Signatures, or vectors, of the N shapes of the gallery.
+    draw
+        Number of the draw.
+    queries
+        Those of M queries; None for the gallery itself.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (M, N). A row depends on no other query.
     """
     of_gallery = _copies(outputs)
     shape = len(of_gallery), len(of_gallery)
@@ -299,7 +339,13 @@ def _copy(output: Any) -> Any:
 
 
 def _summarise_notes(answered: Iterable[Mapping[Stage, Arrays]]) -> dict[str, dict[str, float]]:
-    """Return the mean and the maximum of each number that preparation or method reported."""
+    """Return mean and maximum of each number that preparation or method noted on a shape.
+
+    Parameters
+    ----------
+    answered
+        Cached arrays by stage, of each shape with a result.
+    """
     notes: defaultdict[str, list[float]] = defaultdict(list)
     for stages in answered:
         for name, note in {**stages["prepared"], **stages["forms"]}.items():

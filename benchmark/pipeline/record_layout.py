@@ -42,7 +42,17 @@ def layout_in_words(layout: tuple[int, int]) -> str:
 
 
 def layout_of(content: Mapping[str, Any]) -> tuple[int, int] | None:
-    """Return major and minor version of the layout of a record, None for records before layout 1.0.
+    """Return the version of the layout of a record, as major and minor number.
+
+    Parameters
+    ----------
+    content
+        A record as it was read from JSON.
+
+    Returns
+    -------
+    tuple of int or None
+        None for records from before layout 1.0, which do not say it.
 
     Raises
     ------
@@ -99,7 +109,15 @@ def convert_older(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def gather_unknown(content: Any, kind: type[msgspec.Struct]) -> Any:
-    """Return a part for ``msgspec.convert``, with its unknown fields in a field of their own."""
+    """Move fields that this version does not know into a field of their own, so that none is lost.
+
+    Parameters
+    ----------
+    content
+        A record, or a part of one, as it was read from JSON.
+    kind
+        The type that it will be converted to.
+    """
     if not isinstance(content, dict):
         return content
     known: dict[str, Any] = {}
@@ -153,7 +171,15 @@ def _types_of_fields(kind: type[msgspec.Struct]) -> dict[str, Any]:
 
 
 def _gather_in_field(value: Any, kind: Any) -> Any:
-    """Gather the unknown fields of the parts in a field of some type."""
+    """Do as :func:`gather_unknown` does for the parts that a field holds: one, a list or a dict.
+
+    Parameters
+    ----------
+    value
+        Value of the field.
+    kind
+        Its type, such as ``list[Part]``; a field without parts stays as it is.
+    """
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return gather_unknown(value, kind)
     part = _part_in(kind)

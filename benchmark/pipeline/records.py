@@ -339,12 +339,16 @@ class Record(
 
     @property
     def are_queries(self) -> list[bool]:
-        """Whether each query has something to find; those that have not count nowhere."""
+        """Whether each query has something to find: another shape of its class in the gallery.
+
+        Those that have not count nowhere.
+        """
         gallery = self.gallery_of_queries or self
         n_of_class = Counter(gallery.labels)
+        # A query is left out of its own results, as is a shape of its name in another gallery.
         left_out: set[tuple[str, str]] = set()
         if not self.keeps_same_names:
-            left_out = {*zip(gallery.shapes, gallery.labels, strict=True)}
+            left_out = set(zip(gallery.shapes, gallery.labels, strict=True))
         are_queries = []
         for name, label in zip(self.shapes, self.labels, strict=True):
             n_itself = 1 if (name, label) in left_out else 0
@@ -410,7 +414,10 @@ LARGEST_DIFFERENCE = 1e-6
 
 
 def find_contradiction(record: Record) -> str:
-    """Return which fields of a record contradict each other, or cannot be true; "" if none do."""
+    """Say which fields of a record contradict each other, or cannot be true; "" if none do.
+
+    A record that was edited by hand, or put together wrongly, is told in this way.
+    """
     for side in record.sides:
         fault = _fault_of_shapes(side)
         if fault:
@@ -426,7 +433,7 @@ def find_contradiction(record: Record) -> str:
 
 
 def _fault_of_queries(record: Record) -> str:
-    """Return what is wrong with the queries of a record, and its key; "" if nothing is."""
+    """Say what is wrong with the queries of a record, and with its key; "" if nothing is."""
     if record.views != 1:
         return f"its queries have {record.views} views each"
     if record.result_key and record.key != key_at(record.result_key, record.row.paths):
@@ -442,7 +449,10 @@ def _fault_of_queries(record: Record) -> str:
 
 
 def _fault_of_shapes(side: RankedShapes) -> str:
-    """Return what contradicts itself in shapes and their classes and files; "" if nothing does."""
+    """Say what is wrong with the lists of shapes, classes and files of queries or gallery.
+
+    They must be of one length and within bounds. "" if nothing is wrong.
+    """
     n_shapes = len(side.shapes)
     if not n_shapes:
         return "it has no shapes"
@@ -464,7 +474,10 @@ def _fault_of_shapes(side: RankedShapes) -> str:
 
 
 def _fault_of_names(side: RankedShapes) -> str:
-    """Return which name of a shape occurs twice, or where it must not; "" if none does."""
+    """Say which name of a shape stands twice in a list, or in a list where it must not be.
+
+    "" if none does.
+    """
     refused = [name for name, _ in side.unsupported]
     lists = {"shape": side.shapes, "refused shape": refused, "unprepared shape": side.unprepared}
     for what, names in lists.items():
@@ -490,7 +503,7 @@ def _first_repeated(names: Sequence[str]) -> str | None:
 
 
 def _fault_of_scores(record: Record) -> str:
-    """Return which scores or values per query of a record contradict others; "" if none do."""
+    """Say which scores of a record contradict its values per query; "" if none do."""
     are_queries = record.are_queries
     n_lone = are_queries.count(False)
     n_queries = are_queries.count(True)
@@ -512,18 +525,28 @@ def _fault_of_scores(record: Record) -> str:
 
 
 def _fault_of_measure(record: Record, measure: str, are_queries: Sequence[bool]) -> str:
-    """Return what is wrong with the values of a measure per query; "" if nothing is."""
+    """Say what is wrong with the values of one measure per query; "" if nothing is.
+
+    Parameters
+    ----------
+    record
+        The record.
+    measure
+        Name of the measure.
+    are_queries
+        Whether each shape has something to find; the others have no value.
+    """
     values = record.per_query[measure]
     if len(values) != len(are_queries):
         return f"it has {len(are_queries)} queries and {counted(len(values), 'value')} of {measure}"
-    if [value is not None for value in values] != [*are_queries]:
+    if [value is not None for value in values] != list(are_queries):
         return f"{measure} is missing for a query, or there for a shape that is none"
     refused = {name for name, _ in record.unsupported}
     for shape, value in zip(record.shapes, values, strict=True):
         if value and shape in refused:
             return f"{measure} of a refused shape is not 0"
-    of_queries = [value for value in values if value is not None]
-    mean = sum(of_queries) / len(of_queries)
+    values_of_queries = [value for value in values if value is not None]
+    mean = sum(values_of_queries) / len(values_of_queries)
     score = record.scores[measure]
     if abs(mean - score) > LARGEST_DIFFERENCE:
         return f"{measure} is {score:.6f}, and the mean of its queries {mean:.6f}"
@@ -546,21 +569,29 @@ def published_folder(results: Path) -> Path:
 
 
 def read_records(results: Path, *, local: bool = True, published: bool = True) -> list[Record]:
-    """Read the records of a results folder, one for each row, oldest first.
+    """Read the records of a results folder, one for each row of a table, oldest first.
 
-    Those of jobs that ran here come with published ones for other rows, if no record of other
-    shapes of their gallery was made here. Damaged files and lines are named on stderr and passed
-    over.
+    Published records stand for rows that did not run here, unless a record from here is of other
+    shapes of the same gallery. Damaged files and lines are named on stderr and passed over.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    local, published
+        Whether to read records of jobs that ran here, and published ones.
     """
-    here = sorted(read_files(local_files(results)), key=age_of) if local else []
-    folder = published_folder(results) / "records"
-    elsewhere = read_files(folder.glob("*.jsonl")) if published else []
+    here: list[Record] = []
+    if local:
+        here = sorted(read_files(local_files(results)), key=age_of)
     digests = {record.gallery: record.gallery_digest for record in here}
-    fitting = [
-        msgspec.structs.replace(record, published=True)
-        for record in elsewhere
-        if digests.get(record.gallery, record.gallery_digest) == record.gallery_digest
-    ]
+    fitting: list[Record] = []
+    if published:
+        folder = published_folder(results) / "records"
+        for record in read_files(folder.glob("*.jsonl")):
+            digest_here = digests.get(record.gallery, record.gallery_digest)
+            if record.gallery_digest == digest_here:
+                fitting.append(msgspec.structs.replace(record, published=True))
     return last_of_rows([*sorted(fitting, key=age_of), *here])
 
 
@@ -579,21 +610,21 @@ def last_of_rows(records: Sequence[Record]) -> list[Record]:
 
 
 def _of_same_shapes(records: Sequence[Record]) -> list[Record]:
-    """Return records without those whose shapes are others than most records of their gallery have.
+    """Leave out records that name other shapes or classes than most records of their gallery do.
 
-    The digest of a gallery is that of its shapes and classes, so these are named and passed over.
-    Of two that are equally frequent, those of the oldest record count.
+    The digest of a gallery is that of its shapes and classes, so one of these records is false. It
+    is named on stderr. Of two lists that are equally frequent, that of the oldest record counts.
     """
-    facts = [facts_of_shapes(record) for record in records]
+    lists_of_shapes = [facts_of_shapes(record) for record in records]
     counts: defaultdict[str, Counter[str]] = defaultdict(Counter)
-    for record, shapes in zip(records, facts, strict=True):
+    for record, shapes in zip(records, lists_of_shapes, strict=True):
         counts[record.gallery_digest][shapes] += 1
 
-    most_frequent = {
-        gallery: max(count, key=count.__getitem__) for gallery, count in counts.items()
-    }
+    most_frequent = {}
+    for gallery, count in counts.items():
+        most_frequent[gallery] = max(count, key=count.__getitem__)
     fitting = []
-    for record, shapes in zip(records, facts, strict=True):
+    for record, shapes in zip(records, lists_of_shapes, strict=True):
         if shapes == most_frequent[record.gallery_digest]:
             fitting.append(record)
         else:
@@ -646,9 +677,13 @@ def say_skipped(skipped: Iterable[SkippedRecord]) -> None:
 
 
 def scan_files(paths: Iterable[Path]) -> ScannedFiles:
-    """Return the records in files, and the files and lines that are none.
+    """Read the records in files, and note the files and lines that are none.
 
-    A ``.json`` file holds one record and is named by its key; a ``.jsonl`` file holds one per line.
+    Parameters
+    ----------
+    paths
+        Files. A ``.json`` file holds one record and is named by its key; a ``.jsonl`` file holds
+        one per line.
     """
     records: list[Record] = []
     skipped: list[SkippedRecord] = []
@@ -664,11 +699,11 @@ def scan_files(paths: Iterable[Path]) -> ScannedFiles:
         else:
             texts = {f"{path}:{number}": line for number, line in enumerate(text.splitlines(), 1)}
             key = ""
-        for where, of_record in texts.items():
+        for place, text_of_record in texts.items():
             try:
-                records.append(_parse_named(of_record, key))
+                records.append(_parse_named(text_of_record, key))
             except RecordError as error:
-                skipped.append(SkippedRecord(where, error))
+                skipped.append(SkippedRecord(place, error))
     return ScannedFiles(records, skipped)
 
 
@@ -684,7 +719,7 @@ def _parse_named(text: bytes, key: str) -> Record:
 
 
 def parse_record(text: bytes) -> Record:
-    """Return the record of a JSON object.
+    """Return the record that a JSON text holds, after all checks.
 
     Raises
     ------
@@ -768,7 +803,16 @@ def _escaped(value: Any) -> Any:
 
 
 def write_record(results: Path, record: Record, replaces: str = "") -> None:
-    """Write the record of a job that ran here, in place of the one with the key ``replaces``.
+    """Write the record of a job that ran here.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    record
+        The record.
+    replaces
+        Key of an earlier record of the same row, which is deleted with its distances; "" for none.
 
     Raises
     ------
@@ -805,14 +849,16 @@ def newer_record_at(results: Path, key: str) -> str:
 def unneeded(
     results: Path, is_unwanted: Callable[[Record], bool], named: Collection[str] = ()
 ) -> tuple[list[Record], list[Path]]:
-    """Return the records made here that are to be deleted, and all files that no other names.
+    """Return the records to delete, and all files that nothing else needs.
+
+    Only records count that were made here.
 
     Parameters
     ----------
     results
         The results folder.
     is_unwanted
-        Whether a record is one to delete.
+        Returns whether a record is one to delete.
     named
         Rows or keys of further records to delete. A key is the name of a file, which may be one
         that is not used as a record; such files are kept otherwise, with all files whose keys they
@@ -827,7 +873,7 @@ def unneeded(
         if is_unwanted(record) or record.key in named or str(record.row) in named:
             unwanted.append(record)
         else:
-            needed_files |= {*_files_of(record)}
+            needed_files.update(_files_of(record))
 
     # Files that are not used as records are kept, unless they are named.
     files = [runs / "records" / f"{record.key}.json" for record in unwanted]
@@ -843,11 +889,10 @@ def unneeded(
 
     # Arrays go that no record that stays, and no unread file, names.
     for stage in get_args(Stage):
-        files += [
-            path
-            for path in sorted((runs / stage).glob("*.npz"))
-            if f"{stage}/{path.name}" not in needed_files and path.stem not in kept_keys
-        ]
+        for path in sorted((runs / stage).glob("*.npz")):
+            is_needed = f"{stage}/{path.name}" in needed_files or path.stem in kept_keys
+            if not is_needed:
+                files.append(path)
 
     is_all_unwanted = len(unwanted) == len(records) and not kept_keys
     if is_all_unwanted and definitions_file(results).is_file():
@@ -883,9 +928,22 @@ _READ = ("vertices", "faces", "vertex_map", "note:vertices_before")
 
 
 def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
-    """Return the distances of queries and shapes with a result; None if they are not here.
+    """Return the distances that a record was scored by, of queries and shapes with a result.
 
-    They are means over the draws of the scorer. Published ones have single precision.
+    They are means over the draws of the scorer, shape (queries, shapes of the gallery). Published
+    ones have single precision.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    record
+        The record.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        None if they are not here, or their file is damaged, which is said on stderr.
     """
     shape = len(record.answered), len(record.sides[-1].answered)
     arrays = Cache(results).read("records", record.key) or {}

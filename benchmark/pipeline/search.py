@@ -79,14 +79,16 @@ def search(
     scorer: Scorer,
     without: Collection[str] = (),
 ) -> SearchResult:
-    """Rank the shapes of a finished gallery by their distance from a shape.
+    """Rank the shapes of a finished gallery by their distance from a new shape.
 
     Parameters
     ----------
-    results, gallery
-        The results folder, and the gallery of a record.
+    results
+        The results folder with the forms of the gallery.
+    gallery
+        Queries or gallery of a record.
     query
-        The query, prepared as the shapes of the gallery.
+        The new shape, prepared as the shapes of the gallery.
     method, scorer
         Method with its model, and scorer, of the record.
     without

@@ -64,7 +64,17 @@ def clock() -> NDArray[np.float64]:
 
 
 def timed(compute: Callable[[], Arrays]) -> Arrays:
-    """Return the arrays of a stage, or why it refuses the shape, with the seconds that it took.
+    """Compute the arrays of a stage, and add the seconds that it took.
+
+    Parameters
+    ----------
+    compute
+        Computes the arrays, or raises ``ShapeError`` to refuse the shape.
+
+    Returns
+    -------
+    dict
+        The arrays, or the reason and hint of the refusal, each with the seconds.
 
     Raises
     ------

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 def prepare_view(
     source: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None
 ) -> Arrays:
-    """Render a mesh and back-project the depth image.
+    """Render a depth image of a mesh, and make a surface of what the image shows.
 
     Parameters
     ----------

@@ -166,8 +166,20 @@ class Gallery:
         return list({method.name: method for method in chosen}.values())
 
     def _includes(self, input_: Input, method: Component, is_wanted: bool) -> bool:
-        """Return whether a method is tested on an input; one that is wanted, in every table."""
+        """Return whether a method has a row in the table of this gallery for an input.
+
+        Parameters
+        ----------
+        input_
+            ``"mesh"`` or ``"view"``.
+        method
+            The method.
+        is_wanted
+            Whether the user named it: it is then tested in every table that is not about other
+            networks.
+        """
         is_network = method.learns and "view" in method.info.inputs
+        # Some columns show networks on views beside all others on complete surfaces.
         if self.is_split and is_network != (input_ == "view") and method.info.family != "external":
             return False
         if is_wanted:
@@ -187,10 +199,19 @@ class Gallery:
     def _trainings(
         self, method: Component, trained_here: Path | None, is_wanted: bool
     ) -> Iterator[Component]:
-        """Yield a method.
+        """Yield a method, once for each of its trained models that has a row.
 
-        A network is also yielded with other seeds, and that of the paper as printed, where it has
-        models.
+        A network may have been trained with other seeds, and the paper's network also as printed.
+
+        Parameters
+        ----------
+        method
+            The method.
+        trained_here
+            Folder of models that the user trained, beside those of the suite.
+        is_wanted
+            Whether the user named it: it is then yielded even without a model, so that this is
+            said.
         """
         is_papers = method.base_name == NETWORK
         if not method.learns or is_papers or is_wanted or self._has_models(method, trained_here):
@@ -246,7 +267,17 @@ class Gallery:
     def _lacking_of(
         self, method: Component, trained_here: Path | None
     ) -> Iterator[tuple[Component, Training]]:
-        """Yield the trainings that a network and its variants in tables lack."""
+        """Yield the trainings that are missing for rows of a network, each with the row.
+
+        Rows of a network differ in seed and configuration.
+
+        Parameters
+        ----------
+        method
+            The network.
+        trained_here
+            Folder of models that the user trained, beside those of the suite.
+        """
         is_fixed = self._is_fixed(method)
         variants = [method]
         if not is_fixed and method.base_name == NETWORK and not self.table.is_ablation:
@@ -255,9 +286,10 @@ class Gallery:
             learner = variant.create()
             if not isinstance(learner, Learner):
                 continue
-            of_shapes = trainings_by_shape(learner, self.dataset, self.entries, self.data_root)
-            for training in dict.fromkeys(of_shapes.values()):
-                if training.is_frozen or not training.dataset:
+            by_shape = trainings_by_shape(learner, self.dataset, self.entries, self.data_root)
+            for training in dict.fromkeys(by_shape.values()):
+                can_be_trained = training.dataset and not training.is_frozen
+                if not can_be_trained:
                     continue
                 components = [variant]
                 if not is_fixed and isinstance(learner, HasRecipe):
@@ -315,18 +347,20 @@ def galleries(
     DatasetError
         If a data set is missing or unreadable, or its part in a table is unfit for retrieval.
     """
-    sets = [*datasets]
+    names = list(datasets)
+    identifiers = list(tables)
+    chosen: list[Gallery] = []
     if gallery or same_names or gallery_views:
-        if not ((gallery or gallery_views) and sets) or [*tables]:
+        has_gallery = bool(gallery or gallery_views)
+        if not has_gallery or not names or identifiers:
             raise ConfigurationError(
                 "--gallery needs queries, and no table", "pass -d QUERIES --gallery FOLDER"
             )
-        chosen: list[Gallery] = []
-        for name in sets:
+        for name in names:
             table = _table_of_queries(name, gallery, gallery_views, same_names=same_names)
             chosen += _galleries(table, name, data_root, quick=quick)
     else:
-        chosen = _of_tables([*tables], sets, data_root, quick=quick)
+        chosen = _of_tables(identifiers, names, data_root, quick=quick)
     if subjects:
         chosen = _of_subjects(chosen, subjects)
     if input is not None:
@@ -335,7 +369,9 @@ def galleries(
 
 
 def _table_of_queries(name: str, gallery: str, gallery_views: int, *, same_names: bool) -> Table:
-    """Return the table of a data set whose shapes are queries of another gallery.
+    """Return a table for a data set whose shapes are queries to another gallery.
+
+    Its title names the gallery.
 
     Parameters
     ----------
@@ -390,34 +426,64 @@ def _of_input(chosen: Sequence[Gallery], input_: Input) -> list[Gallery]:
 def _of_tables(
     wanted: Sequence[str], sets: Sequence[str], data_root: Path | None, *, quick: bool
 ) -> list[Gallery]:
-    """Return the galleries of tables, by their names or by those of data sets."""
+    """Return the galleries of tables that a user selects by their names, or by names of data sets.
+
+    Parameters
+    ----------
+    wanted
+        Identifiers of tables; empty for all.
+    sets
+        Names of data sets; empty for those that the tables use.
+    data_root
+        The folder of the official data sets.
+    quick
+        Whether to take some poses of each subject alone.
+
+    Raises
+    ------
+    ConfigurationError
+        If a table is unknown, or tables and data sets do not belong together.
+    DatasetError
+        If a data set is unfit for a table that was named.
+    """
     check_known("table", wanted, [table.identifier for table in TABLES] + ["extended"])
     for name in wanted:
         if quick and any(table.identifier == name and table.is_ablation for table in TABLES):
             raise ConfigurationError(
                 f"table {name} is a mean over all folds, and --quick has one", "drop --quick"
             )
-    selected = [table for table in TABLES if _is_selected(table, wanted, sets, quick)]
-    places: list[tuple[Table, str]] = []
-    if sets:
-        for name in sets:
-            places += [(table, name) for table in _tables_of(name, selected, own=not wanted)]
-    else:
-        sources = [(table, _source(table, data_root, wanted)) for table in selected]
-        places += [(table, name) for table, name in sources if name]
-    if not places:
+    tables_with_data = _tables_with_data(wanted, sets, data_root, quick=quick)
+    if not tables_with_data:
         problem = "the selected tables have no data"
         if sets:
             problem = f"no selected table uses {', '.join(sets)}"
         raise ConfigurationError(problem, "drop -t or -d, or choose ones that belong together")
     chosen: list[Gallery] = []
-    for table, name in places:
+    for table, dataset in tables_with_data:
         try:
-            chosen += list(_galleries(table, name, data_root, quick=quick))
+            chosen += _galleries(table, dataset, data_root, quick=quick)
         except DatasetError:
+            # A table that accompanies another one may do without its data.
             if not table.part_of or table.identifier in wanted:
                 raise
     return chosen
+
+
+def _tables_with_data(
+    wanted: Sequence[str], sets: Sequence[str], data_root: Path | None, *, quick: bool
+) -> list[tuple[Table, str]]:
+    """Return the selected tables, each with the name of a data set; see :func:`_of_tables`."""
+    selected = [table for table in TABLES if _is_selected(table, wanted, sets, quick)]
+    with_data: list[tuple[Table, str]] = []
+    if sets:
+        for name in sets:
+            with_data += [(table, name) for table in _tables_of(name, selected, own=not wanted)]
+        return with_data
+    for table in selected:
+        name = _source(table, data_root, wanted)
+        if name:
+            with_data.append((table, name))
+    return with_data
 
 
 def _is_selected(table: Table, tables: Sequence[str], sets: Sequence[str], quick: bool) -> bool:
@@ -456,19 +522,29 @@ def _tables_of(name: str, selected: Iterable[Table], *, own: bool) -> list[Table
 def _galleries(
     table: Table, name: str, data_root: Path | None, *, quick: bool
 ) -> Iterator[Gallery]:
-    """Yield the galleries of a table on a data set.
+    """Yield the galleries of a table on a data set: one for each fold or draw of each column.
 
-    With ``quick``, of the columns with folds if there are any.
+    Parameters
+    ----------
+    table
+        The table.
+    name
+        Name of the data set.
+    data_root
+        The folder of the official data sets.
+    quick
+        Whether to take some poses alone, and, if a column has folds, such columns alone.
     """
     columns = table.columns
     if quick:
         with_folds = tuple(column for column in columns if len(column.parts) > 1)
         columns = with_folds or columns
     for column in columns:
-        sets = _sets_of_column(table, column, name)
-        for source in sets:
+        datasets = _sets_of_column(table, column, name)
+        for dataset in datasets:
+            is_first = dataset == datasets[0]
             yield from _galleries_of_set(
-                table, column, source, data_root, is_first=source == sets[0], quick=quick
+                table, column, dataset, data_root, is_first=is_first, quick=quick
             )
 
 
@@ -493,14 +569,14 @@ def _galleries_of_set(
     is_first: bool,
     quick: bool,
 ) -> Iterator[Gallery]:
-    """Yield the galleries of a column on one data set.
+    """Yield the galleries of one column of a table on one data set, such as its folds.
 
     Parameters
     ----------
     table, column
         The table and its column.
     source
-        The data set.
+        Name of the data set.
     data_root
         The folder of the official data sets.
     is_first
@@ -510,6 +586,7 @@ def _galleries_of_set(
     """
     dataset = open_dataset(source, data_root)
     check_ranked(dataset)
+    # Such a column shows networks on views beside all others on complete surfaces.
     is_split = column.input == "as printed"
     wanted: tuple[str, ...] = (column.input,)
     if is_split:
@@ -523,14 +600,15 @@ def _galleries_of_set(
             against = _gallery_of_queries(table, source, part, data_root, quick=quick)
         else:
             check_retrievable(dataset, entries if part else None)
-        some = thinned(entries, QUICK_POSES) if quick else entries
-        is_quick = len(some) < len(entries)
+        n_all = len(entries)
+        if quick:
+            entries = thinned(entries, QUICK_POSES)
         yield Gallery(
             table,
             source,
             dataset,
-            some,
-            is_quick,
+            entries,
+            len(entries) < n_all,
             part,
             data_root,
             inputs,
@@ -542,7 +620,23 @@ def _galleries_of_set(
 def _gallery_of_queries(
     table: Table, source: str, part: str, data_root: Path | None, *, quick: bool
 ) -> Gallery:
-    """Return the gallery of queries: of their own data set by default, if possible of surfaces."""
+    """Return the gallery in which the shapes of a table are sought.
+
+    By default, it is made of their own data set, of complete surfaces if it has these.
+
+    Parameters
+    ----------
+    table
+        The table, which may name another data set.
+    source
+        Data set of the queries.
+    part
+        Part of the table, which may say from how many cameras the gallery is seen.
+    data_root
+        The folder of the official data sets.
+    quick
+        Whether to take some poses alone.
+    """
     name = table.gallery or source
     dataset = open_dataset(name, data_root)
     while "mesh" not in dataset.inputs and split_changes(name)[1]:

@@ -105,20 +105,30 @@ class Model:
         self._check_tested(training, data_root)
 
     def _check_clearance(self, dataset: str, training: Training) -> None:
-        """Raise :class:`TooNear` if training bodies are, or may be, near those of a data set."""
+        """Check that a model was trained on no body that is near one of a data set to be tested.
+
+        Bodies are near if their parameters differ by less than ``CLEARANCE``. The card of a model
+        says how near its training bodies come to the subjects of each data set.
+
+        Raises
+        ------
+        TooNear
+            If it was, or may have been.
+        """
         subjects = set_of_subjects(dataset)
         if not subjects.startswith((*TESTED, "animals")):
             return
-        distance = 0.0 if training.is_sampled else CLEARANCE
-        has = "may have"
+        # Without a word on the card, only random bodies may be near.
+        clearance = 0.0 if training.is_sampled else CLEARANCE
+        verb = "may have"
         for name in (catalogued(dataset) or "", subjects):
             if name in self.card.clearance:
-                distance = self.card.clearance[name]
-                has = "has"
+                clearance = self.card.clearance[name]
+                verb = "has"
                 break
-        if distance < CLEARANCE:
+        if clearance < CLEARANCE:
             problem = (
-                f"training '{self.training}' {has} bodies within {CLEARANCE} of the subjects of "
+                f"training '{self.training}' {verb} bodies within {CLEARANCE} of the subjects of "
                 f"{subjects}"
             )
             raise TooNear(problem, "take a model of another training")
@@ -152,20 +162,26 @@ def find_models(
     data_root: Path | None,
     trained_here: Path | None,
 ) -> dict[str, Model]:
-    """Return the model for each of some shapes, by identifier.
+    """Find the trained model of a method for each of some shapes.
 
-    It is empty for a method that does not learn.
+    A method may have a model for each fold: each shape then gets that which was trained without its
+    subject.
 
     Parameters
     ----------
     spec
         The method.
     dataset, entries
-        The shapes.
+        The data set, and those of its shapes that need a model.
     data_root
         The folder of the official data sets.
     trained_here
         Folder of the models that were trained here, which take precedence over shipped ones.
+
+    Returns
+    -------
+    dict
+        Models by name of the shape; empty for a method that does not learn.
 
     Raises
     ------
@@ -184,16 +200,16 @@ def find_models(
     learner: Any = spec.create()
     if not isinstance(learner, Learner):
         return {}
-    of_shape = trainings_by_shape(learner, dataset, entries, data_root)
-    trainings = {training.name for training in of_shape.values()}
-    folders = {name: _finished(learner, name, trained_here) for name in sorted(trainings)}
+    training_of_shape = trainings_by_shape(learner, dataset, entries, data_root)
+    names = {training.name for training in training_of_shape.values()}
+    folders = {name: _finished(learner, name, trained_here) for name in sorted(names)}
     missing = [name for name, folder in folders.items() if folder is None]
     if missing:
         raise _missing(spec, learner, missing)
     models = {name: _model(name, folder) for name, folder in folders.items() if folder}
     for model in models.values():
         model.check(dataset.name, data_root)
-    return {identifier: models[training.name] for identifier, training in of_shape.items()}
+    return {shape: models[training.name] for shape, training in training_of_shape.items()}
 
 
 def with_model(spec: Component) -> Any:
@@ -272,7 +288,15 @@ def _finished(learner: Learner, training: str, trained_here: Path | None) -> Pat
 
 
 def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> MissingModel:
-    """Return an error that names missing models, how to train them, and where to get them."""
+    """Return the error for models that are missing, with the commands that train or fetch them.
+
+    Parameters
+    ----------
+    spec, learner
+        The method, as a component and as the object that learns.
+    names
+        Names of the trainings.
+    """
     words = ["python", "-m", "benchmark", "train", spec.name]
     if len(names) == 1:
         words += ["--table", names[0]]

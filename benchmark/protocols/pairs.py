@@ -59,16 +59,18 @@ def trainings_of(learner: Learner, target: str, data_root: Path | None) -> list[
 
 
 def data_of_training(training: Training, data_root: Path | None, say: Say) -> TrainingData:
-    """Return the pairs of a protocol, which are rendered when they are read.
+    """Return the training data of a network: depth images of shapes and of their canonical poses.
+
+    Images are rendered when they are read.
 
     Parameters
     ----------
     training
-        The protocol.
+        Says which subjects of which data set are trained on, and which are kept for the test.
     data_root
         The folder of the official data sets.
     say
-        Callback for messages about shapes that cannot be rendered.
+        Called with a message about each shape that cannot be rendered.
 
     Raises
     ------
@@ -91,18 +93,20 @@ def data_of_training(training: Training, data_root: Path | None, say: Say) -> Tr
         raise ConfigurationError(
             f"training '{training.name}' has no pairs", "check the data set with 'data check'"
         )
-    both = sorted({*subjects} & {*tested_subjects})
-    if both:
-        some = ", ".join(both[:5])
+    in_both = sorted(set(subjects) & set(tested_subjects))
+    if in_both:
+        some = ", ".join(in_both[:5])
         problem = f"training '{training.name}' would include test subjects of its models: {some}"
         raise ConfigurationError(problem, "keep the subjects of the data set apart")
     canonical = canonical_shapes(dataset)
     canonical_of_subjects = [canonical[subject] for subject in subjects]
     seen = dict.fromkeys([*trained, *canonical_of_subjects])
-    new: ShapeSet = dataset
+
+    # A training on generated people is validated on others, so that it never sees its test.
+    validation_set: ShapeSet = dataset
     held_out: Sequence[Entry] = tested
-    if {*subjects} <= {*PEOPLE[0]}:
-        new, held_out = _validation()
+    if set(subjects) <= set(PEOPLE[0]):
+        validation_set, held_out = _validation()
     return TrainingData(
         name=training.name,
         title=f"{dataset.title}, {training.words}",
@@ -111,7 +115,7 @@ def data_of_training(training: Training, data_root: Path | None, say: Say) -> Tr
         tested=digest_of(tested_subjects),
         pairs=lambda: _rendered(trained, dataset, frame_of(dataset), say),
         n_pairs=len(trained),
-        validation=lambda: _rendered(held_out, new, frame_of(dataset), say),
+        validation=lambda: _rendered(held_out, validation_set, frame_of(dataset), say),
         n_validation=len(held_out),
         clearance=_clearances(subjects, dataset.name),
         commit=commit(),
@@ -132,9 +136,17 @@ def _validation() -> tuple[ShapeSet, Sequence[Entry]]:
 
 
 def _sampled(frame: ShapeSet, say: Say) -> TrainingData:
-    """Return the pairs of random people in the frame of a data set."""
+    """Return the training data of random people, each in the canonical pose and in random ones.
+
+    Parameters
+    ----------
+    frame
+        Data set whose frame the images have, so that a network for it can be trained on them.
+    say
+        Called with a message about each shape of the validation that cannot be rendered.
+    """
     half_width = frame_of(frame)
-    new, held_out = _validation()
+    validation_set, held_out = _validation()
     code = code_digest(sampled.__name__)
     names = tuple(f"sample-{number}" for number in range(sampled.N_BODIES))
     bodies = Bodies(
@@ -152,7 +164,7 @@ def _sampled(frame: ShapeSet, say: Say) -> TrainingData:
         tested="",
         pairs=bodies.pairs,
         n_pairs=len(names) * sampled.N_SHAPES,
-        validation=lambda: _rendered(held_out, new, half_width, say),
+        validation=lambda: _rendered(held_out, validation_set, half_width, say),
         n_validation=len(held_out),
         clearance=dict.fromkeys(sampled.AWAY_FROM, CLEARANCE),
         commit=commit(),
@@ -180,7 +192,19 @@ def _clearances(subjects: Sequence[str], dataset: str) -> dict[str, float]:
 def _rendered(
     entries: Iterable[Entry], dataset: ShapeSet, half_width: float, say: Say
 ) -> Iterator[TrainingPair]:
-    """Yield the pairs, without those that cannot be rendered."""
+    """Render depth images of shapes, each paired with that of the canonical pose of its subject.
+
+    Parameters
+    ----------
+    entries
+        The shapes.
+    dataset
+        Their data set.
+    half_width
+        Half the width of the frame of each image, in units of the files.
+    say
+        Called with a message about each shape that cannot be rendered, and is passed over.
+    """
     canonical = canonical_shapes(dataset)
 
     @lru_cache(maxsize=32)  # the shapes of a subject are adjacent, and share a target

@@ -167,7 +167,14 @@ _OWN = "own-"
 
 
 def own_training(folder: Path, hold_out: Sequence[str]) -> Training:
-    """Return the training on a folder of shapes, without some of its subjects.
+    """Return a training on a user's folder of shapes, without some of its subjects.
+
+    Parameters
+    ----------
+    folder
+        The folder.
+    hold_out
+        Names of the subjects that are kept for the test.
 
     Raises
     ------
@@ -209,18 +216,27 @@ def n_pairs(training: Training, data_root: Path | None) -> int:
 def trainings_by_shape(
     learner: Learner, dataset: ShapeSet, entries: Iterable[Entry], data_root: Path | None
 ) -> dict[str, Training]:
-    """Return the training whose model is used for each shape, by identifier.
+    """Return for each shape the training whose model maps it.
 
-    Of several, it is the one without the subject of the shape.
+    A learner may be trained several times, once for each fold of its data set. Each shape then gets
+    the fold in which its subject was kept for the test. Shapes of other data sets are in no fold
+    and get the first one; the model's card says whether it may be tested on them.
 
     Parameters
     ----------
     learner
         The method; its parameter ``training``, if set, names the only training.
-    dataset, entries
+    dataset
+        Data set of the shapes.
+    entries
         The shapes.
     data_root
         The folder of the official data sets.
+
+    Returns
+    -------
+    dict
+        Trainings by name of the shape.
 
     Raises
     ------
@@ -229,19 +245,18 @@ def trainings_by_shape(
     ConfigurationError
         If the training is unknown.
     """
-    first, *others = _trainings_for(learner, dataset.name, data_root)
-    of_shape: dict[str, Training] = {}
-    if others:
-        # Indices of poses refer to the training data set, of which another data set may show only
-        # some.
+    trainings = _trainings_for(learner, dataset.name, data_root)
+    first = trainings[0]
+    training_of_shape: dict[str, Training] = {}
+    if len(trainings) > 1:
+        # Folds are parts of the data set that was trained on; the given one may have other shapes.
         trained_on = dataset
         if dataset.name != first.dataset:
             trained_on = open_dataset(first.dataset, data_root)
-        for training in (first, *others):
-            for entry in training.tested.of(trained_on):
-                of_shape[entry.identifier] = training
-    # Subjects of another draw are in no fold; whether a model may be tested on them, its card says.
-    return {entry.identifier: of_shape.get(entry.identifier, first) for entry in entries}
+        for training in trainings:
+            tested_entries = training.tested.of(trained_on)
+            training_of_shape.update((entry.identifier, training) for entry in tested_entries)
+    return {entry.identifier: training_of_shape.get(entry.identifier, first) for entry in entries}
 
 
 def _trainings_for(learner: Learner, dataset: str, data_root: Path | None) -> list[Training]:
@@ -250,10 +265,24 @@ def _trainings_for(learner: Learner, dataset: str, data_root: Path | None) -> li
     Data sets of people without folds are unrelated to all folds of the synthetic humans, so the
     model of the first fold is used: that of the official synthetic humans for the official scans of
     people, if available, else that of the generated ones.
+
+    Parameters
+    ----------
+    learner
+        The method.
+    dataset
+        Name of the data set.
+    data_root
+        Folder of the official data sets.
+
+    Raises
+    ------
+    NoFolds
+        If it needs folds of subjects and of poses, and the data set has none.
     """
-    own = getattr(learner, "training", "")  # a parameter of some learners
-    if own:
-        return [find_training(own)]
+    chosen_by_user = getattr(learner, "training", "")  # a parameter of some learners
+    if chosen_by_user:
+        return [find_training(chosen_by_user)]
     if learner.split == "sampled":
         return [TRAININGS[getattr(learner, "default_training", SAMPLED_PEOPLE)]]
     subjects = set_of_subjects(dataset)
