@@ -26,7 +26,7 @@ import json
 import sys
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cache, partial
+from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES
 from itertools import chain
 from pathlib import Path
@@ -200,42 +200,74 @@ def digest(content: Any) -> str:
 
 
 def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
-    """Return what a module imports, directly or not.
+    """Return all that a module imports, directly or through what it imports.
+
+    Imports are read from the sources; nothing is executed.
+
+    Parameters
+    ----------
+    target
+        Name of a module or path of a plugin file, optionally with ``:attribute``.
 
     Returns
     -------
-    dict
-        Sources, that of the module first, each with the folder that holds its package.
-    set
-        Names of installed packages.
+    sources : dict
+        Source files, that of the module first, each with the folder that holds its package.
+    packages : set
+        Names of installed packages, whose version counts and not their sources.
     """
     plugin = plugin_file(target)
     start, base = _start_of(target, plugin)
-    is_beside = cache(partial(_is_beside, base))  # asked again for each import
+
+    @cache  # asked again for each import
+    def folder_of_sources(package: str) -> Path | None:
+        """Return the folder that holds a package; None for an installed one."""
+        # As in Python, a module beside a plugin precedes an installed package of its name.
+        if plugin and package not in FIRST_PARTY and _is_beside(base, package):
+            return base
+        return _folder_of_sources(package)
 
     sources = {start: base}
     packages: set[str] = set()
     pending = [start]
     while pending:
         source = pending.pop()
-        for parts in _imported(_parsed(source).imports, _relative(source, sources[source])):
-            top = parts[0]
-            if plugin and top not in FIRST_PARTY and is_beside(top):
-                folder: Path | None = base
-            else:
-                folder = _folder_of_sources(top)
+        imports = _parsed(source).imports
+        for import_path in _imported(imports, _relative(source, sources[source])):
+            package = import_path[0]
+            folder = folder_of_sources(package)
             if folder is None:
-                packages.add(top)
-                continue
-            for file in _files_of_import(parts, folder, base):
-                if file not in sources:
-                    sources[file] = folder
-                    pending.append(file)
+                packages.add(package)
+            else:
+                files = _files_of_import(import_path, folder, base)
+                new_files = [file for file in files if file not in sources]
+                sources.update(dict.fromkeys(new_files, folder))
+                pending += new_files
     return sources, packages
 
 
 def _start_of(target: str, plugin: Path | None) -> tuple[Path, Path]:
-    """Return the file of a module, and the folder that holds its package."""
+    """Return where the source of a module begins.
+
+    Parameters
+    ----------
+    target
+        Name of a module, optionally with ``:attribute``.
+    plugin
+        A plugin file in its place.
+
+    Returns
+    -------
+    start : Path
+        File of the module.
+    base : Path
+        Folder that holds its package; of a plugin, the folder of its file.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such module.
+    """
     if plugin:
         start: Path | None = plugin.resolve()
         base: Path | None = plugin.resolve().parent
@@ -281,9 +313,15 @@ def _files_around(folder: Path, parts: tuple[str, ...]) -> list[Path]:
 
 
 def _suite_files(parts: tuple[str, ...]) -> list[Path]:
-    """Return the file of a module of the suite, or of the one where a name that it imports is from.
+    """Return the files of the suite that an import needs: one module, or none that computes.
 
-    The packages around a module compute nothing, see ``tests/registry/test_keys.py``.
+    A name may be imported from a package that only passes it on; it then stands for the module that
+    defines it. The packages around a module compute nothing, see ``tests/registry/test_keys.py``.
+
+    Parameters
+    ----------
+    parts
+        The import, such as ``("benchmark", "api", "Shape")``.
     """
     if ".".join(parts[:2]) in IN_NO_KEY or ".".join(parts[:3]) in IN_NO_KEY:
         return []
@@ -313,7 +351,13 @@ def _is_beside(base: Path, top: str) -> bool:
 
 
 def _folder_of(top: str) -> Path | None:
-    """Return the folder that holds a top-level package; None if there is none."""
+    """Return the folder that holds a top-level package or module; None if there is none.
+
+    Parameters
+    ----------
+    top
+        Its name, such as ``"numpy"``.
+    """
     if top in FIRST_PARTY:
         return ROOT
     try:
@@ -498,10 +542,22 @@ def _defined_name(node: ast.stmt) -> str:
 
 
 def _significant(statement: ast.AST, imports: dict[Import, None]) -> list[Any]:
-    """Return what counts in a statement of the suite, without texts that speak.
+    """Return what counts in a statement of the suite: its syntax tree without messages.
 
-    What it imports is added to ``imports``. Nodes are taken from a list instead of by recursion,
-    which is faster than :func:`ast.dump` and :func:`ast.walk`.
+    Nodes are taken from a list instead of by recursion, which is faster than :func:`ast.dump` and
+    :func:`ast.walk`.
+
+    Parameters
+    ----------
+    statement
+        The statement, from which messages are removed.
+    imports
+        Gets what it imports, in order.
+
+    Returns
+    -------
+    list
+        Types of nodes and their values, in the order of the tree.
     """
     parts: list[Any] = []
     pending: list[Any] = [[statement]]
@@ -585,10 +641,19 @@ def _speaks(node: Any) -> bool:
 
 @cache
 def _versions(top: str) -> dict[str, str]:
-    """Return the versions of the distributions whose package Python imports, by their names.
+    """Return the versions of the distributions that provide an installed package.
 
-    They are without build tags, and empty if no distribution has the package. A package that is
-    installed to be edited, or lies on the path, has sources instead.
+    Parameters
+    ----------
+    top
+        Name that Python imports, such as ``"sklearn"``.
+
+    Returns
+    -------
+    dict
+        Versions without build tags, by the name of the distribution, such as ``"scikit-learn"``.
+        Empty if no distribution has the package. A package that is installed to be edited, or lies
+        on the path, has sources instead.
     """
     try:
         folders = _folders_of_package(top)

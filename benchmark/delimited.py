@@ -26,12 +26,12 @@ TextRows = list[list[str]]
 
 
 def lines_of(content: bytes) -> list[str]:
-    """Return the lines of a text that are not blank, without comments.
+    """Return the lines of a table in a text, without blank lines and comments (``#``).
 
     Raises
     ------
     ConfigurationError
-        If there are none, or they are no table.
+        If there are none, or they are no table: JSON, or a line for Excel.
     UnicodeError
         If the content is no text.
     """
@@ -71,9 +71,17 @@ def separators_of(lines: Sequence[str], *, has_short_first: bool = False) -> lis
 
 
 def _fits(mark: str, lines: Sequence[str], *, has_short_first: bool) -> bool:
-    """Return whether a separator occurs equally often in each line.
+    """Return whether a separator divides all lines into the same number of values.
 
-    Blanks separate nothing if they stand beside another separator.
+    Parameters
+    ----------
+    mark
+        The separator. Blanks separate nothing if they stand beside another separator.
+    lines
+        The lines.
+    has_short_first
+        Whether the first line may have one value less, as the names of columns have without the
+        corner.
     """
     if mark == " ":
         if any(_BESIDE_SEPARATOR.search(line) for line in lines):

@@ -7,7 +7,8 @@ from typing import Any
 
 
 def __getattr__(name: str) -> Any:
-    from benchmark.commands import forms  # lazy: who asks for a name is warned before the work
+    """Return a name of :mod:`benchmark.commands.forms`, where this module went, with a warning."""
+    from benchmark.commands import forms  # it takes long, and is needed for an old name alone
 
     if name.startswith("_") or not hasattr(forms, name):
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -137,10 +137,19 @@ def _check_regular(status: os.stat_result, largest: int | None) -> None:
 
 
 def chunks_of(path: Path, largest: int | None = None, size: int = _CHUNK) -> Iterator[bytes]:
-    """Yield the content of a file of a user, in pieces.
+    """Yield the content of a user's file, in pieces.
 
-    Never more is read than one byte beyond the size that the file announces. All reading and all
-    digests of files of users go through here.
+    No file is trusted to end: never more is read than one byte beyond the size that it announces.
+    All reading and all digests of files of users go through here.
+
+    Parameters
+    ----------
+    path
+        The file.
+    largest
+        Most bytes that it may hold; None for the limit of all files.
+    size
+        Bytes of a piece.
 
     Raises
     ------
@@ -212,9 +221,9 @@ def check_different(keys: Sequence[str]) -> None:
 
 
 def write_atomically(path: Path, write: Callable[[Any], object], *, durable: bool = False) -> None:
-    """Write a file so that it has the old or the new content at any moment.
+    """Write a file that has the old or the new content at any moment, even if the process dies.
 
-    That holds even if the process is killed.
+    The content is written to a temporary file beside it, which then takes its name.
 
     Parameters
     ----------
@@ -335,19 +344,19 @@ def _digest(path: Path, largest: int | None, *_: int) -> str:
 
 @contextmanager
 def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -> Iterator[None]:
-    """Let any failure to read a file say in one line what is wrong with it.
+    """Give errors that occur while a file is read a message of one line and the name of the file.
 
-    It excludes this file only. The file itself is not in the text, which may be kept for its
-    content: see ``BenchmarkError``.
+    It is a context manager. The name is kept apart from the message, which may be stored for the
+    content of the file, wherever it lies: see ``BenchmarkError``.
 
     Parameters
     ----------
     path
         The file.
     what
-        What it should be.
+        What it should be, such as "mesh".
     kind, hint
-        Class and hint of failures that are no ``BenchmarkError``; those keep their own.
+        Class and hint of errors that are no ``BenchmarkError``; those keep their own.
     """
     try:
         yield
@@ -391,9 +400,14 @@ def load_arrays(content: bytes) -> Any:
 
 
 def check_expansion(data: bytes) -> None:
-    """Raise ``ValueError`` if compressed variables of a MATLAB file are too large.
+    """Raise ``ValueError`` if the variables of a MATLAB file would fill too much memory.
 
-    A few kilobytes can hold terabytes.
+    They are compressed: a few kilobytes can hold terabytes.
+
+    Parameters
+    ----------
+    data
+        Content of the file.
     """
     is_big_endian = data[_MAT_BYTE_ORDER] == _MAT_BIG_ENDIAN
     tag = ">II" if is_big_endian else "<II"

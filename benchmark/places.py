@@ -55,7 +55,10 @@ def away_from_home(environment: dict[str, str], folder: str) -> dict[str, str]:
 
 @contextmanager
 def no_places_of_the_user() -> Iterator[None]:
-    """Let this process see a fresh folder in the places of the user, unless it does so already."""
+    """Let code of this process see an empty folder as the user's home, and for temporary files.
+
+    It is a context manager, and does nothing in a worker, which sees such a folder already.
+    """
     if os.environ.get("HOME") == os.environ.get("TMPDIR"):  # as in a worker
         yield
         return

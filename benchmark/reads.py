@@ -98,12 +98,19 @@ def watch_this_process() -> None:
 
 
 def _hook(event: str, arguments: tuple[Any, ...]) -> None:
-    """Note the files in an audit event of Python."""
+    """Note which files Python opens, imports or runs, from an audit event.
+
+    Parameters
+    ----------
+    event, arguments
+        Name and arguments of the event; see "Audit events table" in the documentation of Python.
+    """
     if _take is None:
         return
     if event == "open":
         path, _, flags = arguments
-        is_written_only = flags & os.O_ACCMODE == os.O_WRONLY or flags & os.O_TRUNC
+        opens_for_writing = flags & os.O_ACCMODE == os.O_WRONLY
+        is_written_only = opens_for_writing or flags & os.O_TRUNC
         if not is_written_only:
             _note(path)
     elif event == "import":  # of a compiled extension, or None
@@ -116,8 +123,8 @@ def _hook(event: str, arguments: tuple[Any, ...]) -> None:
         program, words, folder, _ = arguments
         _note_command([program, *words], folder or "")
     elif event in _RUNS_PROGRAM:
-        program, *others = arguments
-        words = others[0] if others else ()
+        program = arguments[0]
+        words = arguments[1] if len(arguments) > 1 else ()
         _note_command([program, *words])
 
 
@@ -150,16 +157,16 @@ def _note(path: Any, folder: Any = "", *, is_program: bool = False) -> None:
 
 @contextmanager
 def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
-    """Watch what a plugin file reads while its code runs.
+    """Watch what a plugin file reads while its code runs, as a context manager.
 
-    It may read its sources and the files and folders in the list that it gets.
+    It may read its sources, and what stands in the list that the ``with`` statement yields.
 
     Parameters
     ----------
     target
         The plugin file.
     allowed
-        Files and folders that the list begins with.
+        Files and folders with which the list begins.
 
     Raises
     ------
@@ -168,8 +175,8 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
         process; in a process that it forked, at once.
     """
     global _take
-    declared = [*allowed]
-    if _take is not None:
+    declared = list(allowed)
+    if _take is not None:  # one plugin is watched at a time, the first
         yield declared
         return
     watch = _Watch(target, declared)
@@ -227,7 +234,10 @@ class _Watch:
             raise _undeclared_error(self._plugin, _undeclared[self._plugin])
 
     def _is_undeclared(self, file: Path, opened: _Opened) -> bool:
-        """Return whether a file was there before, and is neither code nor declared."""
+        """Return whether a file that was read is neither code of the plugin nor declared.
+
+        Files that it has made itself do not count.
+        """
         if not _is_of_user(file, self._plugin.parent, self._declared, is_program=opened.is_program):
             return False
         # What code leaves in the folder for temporary files in one step, it may read in the next.

@@ -123,7 +123,7 @@ def _as_text(text: object) -> str:
 
 
 def say(text: object = "", *, err: bool = False, indent: int = 2) -> None:
-    """Print one cleaned line.
+    """Print one line, from which control characters are removed.
 
     Parameters
     ----------

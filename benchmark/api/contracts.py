@@ -414,6 +414,8 @@ def canonical_form(**info: Any) -> Callable[[Callable[[Shape], Any]], type]:
     """
 
     def decorate(function: Callable[[Shape], Any]) -> type:
+        """Return a method class whose ``canonicalise`` calls the function."""
+
         def canonicalise(self: object, shape: Shape) -> CanonicalForm:
             result = function(shape)
             return result if isinstance(result, CanonicalForm) else shape.form(result)

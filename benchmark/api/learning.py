@@ -133,7 +133,7 @@ class Bodies:
         return tuple(f"{name}_{number}" for name, number in numbers)
 
     def pairs(self) -> Iterator[TrainingPair]:
-        """Yield the pairs of one body after the other."""
+        """Yield training pairs, body by body: each image, with the first one as its target."""
         for number, name in enumerate(self.names):
             images = list(self.images(number))
             for place, image in enumerate(images):

@@ -99,7 +99,7 @@ class CheckedParameters:
 
 
 def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
-    """Read, check and normalise parameters.
+    """Return parameters of a class with values of the declared types.
 
     Parameters
     ----------
@@ -171,7 +171,10 @@ def _in_words(message: str) -> str:
 def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
     """Return the parameters that differ from their defaults, in the order of the fields.
 
-    Arguments and errors are those of :func:`checked`.
+    Parameters
+    ----------
+    cls, given, owner
+        As for :func:`checked`, which raises the same errors.
     """
     values = checked(cls, given, owner)
     fields = declared_parameters(cls)
@@ -195,9 +198,17 @@ def parameter_values(instance: Any) -> dict[str, Any]:
 
 
 def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
-    """Return type and default of each parameter of a dataclass, in the order of its fields.
+    """Return the type and the default of each parameter of a method, in the order of its fields.
 
-    Another class has none.
+    Parameters
+    ----------
+    cls
+        A dataclass; another class has no parameters.
+
+    Returns
+    -------
+    dict
+        Types with constraints and defaults, by name.
     """
     if not dataclasses.is_dataclass(cls):
         return {}
@@ -264,6 +275,13 @@ def assignments(texts: str | Iterable[str]) -> dict[str, str]:
 def split(text: str, separator: str = ",") -> list[str]:
     """Split text at the separators outside quotes and parentheses; blank text has no parts.
 
+    Parameters
+    ----------
+    text
+        As ``"name=(1, 2), words='a, b'"``, which has two parts.
+    separator
+        A single character.
+
     Raises
     ------
     ConfigurationError
@@ -299,7 +317,20 @@ def _begins_quote(before: str) -> bool:
 
 
 def _fit(annotation: Any, value: Any) -> Any:
-    """Convert text or an object to a type with constraints; raise ``ValidationError`` if unfit."""
+    """Convert a value to the type of a parameter.
+
+    Parameters
+    ----------
+    annotation
+        The type, with constraints.
+    value
+        Text, such as "(1, 2)" or "none", or an object.
+
+    Raises
+    ------
+    msgspec.ValidationError
+        If it does not fit; the message says what was expected.
+    """
     given: Any = value.item() if isinstance(value, np.generic) else value
     if isinstance(given, str):
         if not given.isprintable():  # it becomes part of names
@@ -310,13 +341,16 @@ def _fit(annotation: Any, value: Any) -> Any:
             given = _parts(given)
     try:
         fitted = _convert(annotation, given)
-    except msgspec.ValidationError:
-        numbers = [*map(_number, given)] if isinstance(given, list) else _number(given)
+    except msgspec.ValidationError:  # the same in numbers, as 1e3 for an integer
+        numbers = [_number(part) for part in given] if isinstance(given, list) else _number(given)
         fitted = _convert(annotation, numbers)
-    for part in fitted if isinstance(fitted, tuple) else (fitted,):
+    parts = fitted if isinstance(fitted, tuple) else (fitted,)
+    for part in parts:
         if isinstance(part, float) and not math.isfinite(part):
             raise msgspec.ValidationError("a finite number")
-    return fitted + 0.0 if isinstance(fitted, float) else fitted  # so that -0.0 is 0.0
+    if isinstance(fitted, float):
+        return fitted + 0.0  # so that -0.0 is 0.0
+    return fitted
 
 
 def _parts(text: str) -> list[str]:

@@ -50,16 +50,16 @@ class Finding:
 
 
 def check(component: Component, limit: float = LIMIT) -> Iterator[Finding]:
-    """Check a component in this process, and yield each finding as soon as there is one.
+    """Check whether a method or scorer keeps its contract, and yield each finding at once.
 
     If there is no answer, or two answers differ, the remaining checks are left out.
 
     Parameters
     ----------
     component
-        What to check.
+        The method or scorer.
     limit
-        Seconds after which the process ends, and says at which line a check was.
+        Seconds after which this process ends, and says at which line a check was.
     """
     missing = component.missing_packages()
     if missing:
@@ -88,7 +88,19 @@ def failures(value: Any) -> list[str]:
 
 
 def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Finding:
-    """Return the finding of a check."""
+    """Run one check, and return what it found; an error is a finding.
+
+    Parameters
+    ----------
+    name
+        Name of the check.
+    run
+        Runs it on a case; returns what it found in words, or raises why it failed or was skipped.
+    case
+        The method or scorer, with shapes to try it on.
+    limit
+        Seconds after which this process ends, and says at which line the check was.
+    """
     faulthandler.dump_traceback_later(limit, exit=True, file=2)
     try:
         # What a plugin prints must not stand among the findings.

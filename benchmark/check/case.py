@@ -111,7 +111,19 @@ class Case:
     def shape(
         self, bend: float = BENDS[0], mesh: Mesh | None = None, seed: int = 0, name: str = "figure"
     ) -> Shape:
-        """Return the figure, or another mesh in its place, as input."""
+        """Return the reference figure as input of the method; of a network, with its depth image.
+
+        Parameters
+        ----------
+        bend
+            How far the figure is bent.
+        mesh
+            A mesh to take in its place.
+        seed
+            Seed of random choices.
+        name
+            Identifier of the shape.
+        """
         depth = None
         if self.reads_images:
             seen = view(bend)
@@ -198,9 +210,19 @@ def fresh_process(case: Case, limit: float) -> Iterator[None]:
 
 
 def _serve(case: Case, connection: Connection, limit: float) -> None:
-    """Treat other shapes, then send the answers for the figure, or what went wrong.
+    """Compute the answers for the figure again in a fresh process, and send them.
 
-    It begins when the model of a learner arrives.
+    They are compared with those of the first process: nothing may depend on what was computed
+    before. So other shapes are treated first.
+
+    Parameters
+    ----------
+    case
+        The method or scorer, with shapes to try it on.
+    connection
+        Gets the model of a learner, then gives the answers, or the error as text.
+    limit
+        Seconds after which the process ends.
     """
     case.fresh.close()
     with suppress(EOFError, KeyboardInterrupt), redirect_stdout(Printed()):

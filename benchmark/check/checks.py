@@ -153,20 +153,37 @@ def _require_unchanged(
 
 
 def _require_similar(case: Case, change: Callable[[Mesh], Mesh], hint: str) -> str:
-    """Raise :class:`FailedCheck` unless a scorer finds a form and its changed copy much the same.
+    """Check that a scorer finds forms and their changed copies much the same.
 
-    They must be much more similar than any two forms. Returns the ratio in words.
+    Parameters
+    ----------
+    case
+        The scorer, with shapes to try it on.
+    change
+        A change that should not matter, such as a motion.
+    hint
+        What to do if it does.
+
+    Returns
+    -------
+    str
+        In words, how much a form differs from its copy, relative to the two most similar forms.
+
+    Raises
+    ------
+    FailedCheck
+        If a copy differs by more than a small share of that.
     """
     shapes = [case.shape(bend) for bend in BENDS]
     copies = [case.shape(mesh=change(shape.mesh)) for shape in shapes]
-    count = len(shapes)
+    n = len(shapes)
     distances = case.dissimilarities([*shapes, *copies])
-    between = distances[:count, :count][~np.eye(count, dtype=bool)].min()
-    itself = np.diag(distances[:count, count:]).max()
-    if not itself <= _SHARE * between:
-        problem = f"a form differs from itself by {itself:.3g}, from others by {between:.3g}"
+    to_others = distances[:n, :n][~np.eye(n, dtype=bool)].min()
+    to_copy = np.diag(distances[:n, n:]).max()
+    if not to_copy <= _SHARE * to_others:
+        problem = f"a form differs from itself by {to_copy:.3g}, from others by {to_others:.3g}"
         raise FailedCheck(f"{problem}: {hint}")
-    ratio = itself / between if between else 0.0
+    ratio = to_copy / to_others if to_others else 0.0
     return f"{ratio:.1e} of the smallest difference between two forms"
 
 
@@ -183,7 +200,7 @@ def _require_comparable(case: Case) -> None:
 
 
 def _training(case: Case) -> str:
-    """Train a model; check that a finished one is kept, and can be loaded."""
+    """Check that a learner trains a model, keeps a finished one, and can load it."""
     learner = case.component.create()
     named = getattr(learner, "model_folder", None)
     if isinstance(named, Path):
@@ -260,25 +277,25 @@ def _answer(case: Case) -> str:
 
 
 def _repeatable(case: Case) -> str:
-    """Check that an answer is reproducible, immediately and after another shape."""
+    """Check that a second answer for a shape is the same, at once and after other shapes."""
     first = case.reference
     second = case.answer(case.shape())
     differ_by_signs = _difference(np.abs(first), np.abs(second)) <= REPEAT_TOLERANCE
-    cause = "differ by signs" if differ_by_signs else "differ"
+    verb = "differ by signs" if differ_by_signs else "differ"
     cure = (
         "draw from shape.random(), choose the signs of eigenvectors by benchmark.api.oriented, "
         "keep no state"
     )
-    _require_same(first, second, f"two runs on one shape {cause}; {cure}")
+    _require_same(first, second, f"two runs on one shape {verb}; {cure}")
     hint = "the answer differs if another shape comes first; keep no state between shapes"
-    answers = case.answers_after_another()
-    for expected, answer in zip([first, *case.compared()], answers, strict=True):
+    expected_answers = [first, *case.compared()]
+    for expected, answer in zip(expected_answers, case.answers_after_another(), strict=True):
         _require_same(expected, answer, hint)
     return "the same whatever was processed before"
 
 
 def _seed(case: Case) -> str:
-    """Check that the seed matters as declared, and the name of a shape never."""
+    """Check that the seed of a shape matters as declared, and its name never."""
     if not case.is_random:
         hint = (
             "the answer depends on the name or the seed of the shape; "
@@ -294,20 +311,24 @@ def _seed(case: Case) -> str:
 
 
 def _relabelling(case: Case) -> str:
-    """Check that the numbering of vertices and faces does not matter."""
+    """Check that the numbering of vertices and faces does not matter.
+
+    A scorer, or another component that compares shapes, is tried with one random order, others with
+    several.
+    """
     if case.is_random:
         raise SkippedCheck("the answer is random")
     mesh = case.shape().mesh
     generator = np.random.default_rng(0)
     hint = "depends on the numbering of vertices or faces; break ties by geometry"
-    seen = ""
+    finding = ""
     n_orders = 1 if case.compares else _ORDERS
     for _ in range(n_orders):
         order = generator.permutation(mesh.n_vertices)
-        of_faces = generator.permutation(mesh.n_faces)
-        relabelled = partial(_relabelled, order=order, of_faces=of_faces)
-        seen = _require_unchanged(case, relabelled, hint, order)
-    return seen
+        order_of_faces = generator.permutation(mesh.n_faces)
+        relabelled = partial(_relabelled, order=order, of_faces=order_of_faces)
+        finding = _require_unchanged(case, relabelled, hint, order)
+    return finding
 
 
 def _relabelled(mesh: Mesh, order: NDArray[np.int64], of_faces: NDArray[np.int64]) -> Mesh:
@@ -317,7 +338,7 @@ def _relabelled(mesh: Mesh, order: NDArray[np.int64], of_faces: NDArray[np.int64
 
 
 def _motion(case: Case) -> str:
-    """Check that the position does not matter; for a scorer, neither that nor the size."""
+    """Check that the position of a shape in space does not matter; for a scorer, nor its size."""
     _require_comparable(case)
     factor = 1.0
     hint = (
@@ -334,16 +355,17 @@ def _motion(case: Case) -> str:
             raise SkippedCheck("declares that it undoes motions only if a pose is well defined")
 
     def motion(mesh: Mesh) -> Mesh:
+        """Return a mesh after a rotation and a translation; for a scorer, also scaled."""
         return mesh.with_vertices(factor * mesh.vertices @ _ROTATION.T + _TRANSLATION)
 
     return _require_unchanged(case, motion, hint)
 
 
 def _scale(case: Case) -> str:
-    """Check that the answer for a scaled figure is as ``info.scale`` declares.
+    """Check that the answer for a scaled shape is what the method declares.
 
-    A form is scaled, too, or stays; so does a descriptor that is invariant. One that is equivariant
-    may change in any way: its dissimilarities keep their ratios.
+    An ``"invariant"`` answer stays, an ``"equivariant"`` form is scaled, too. An equivariant
+    descriptor may change in any way: its dissimilarities have to keep their ratios.
     """
     _require_comparable(case)
     declared = case.component.info.scale
@@ -368,7 +390,10 @@ def _scale(case: Case) -> str:
 
 
 def _dissimilarities(case: Case) -> str:
-    """Check that dissimilarities are symmetric, reproducible, and tell shapes apart."""
+    """Check that dissimilarities are symmetric, reproducible, and tell shapes apart.
+
+    Those of one draw, not several, must not depend on the order of the shapes either.
+    """
     shapes = [case.shape(bend) for bend in BENDS]
     if case.is_scorer:
         shapes += [view(bend) for bend in BENDS]
@@ -395,7 +420,7 @@ def _dissimilarities(case: Case) -> str:
 
 
 def _awkward(case: Case) -> str:
-    """Check that awkward shapes are treated, or refused with a reason."""
+    """Check that awkward meshes are treated, or refused with a reason."""
     refusal: type[ShapeError] = ShapeError if case.is_scorer else UnsupportedShape
     meshes = awkward()
     if case.is_scorer:
@@ -425,7 +450,7 @@ NECESSARY = frozenset({_training, _answer, _repeatable})
 
 
 def checks_of(component: Component) -> dict[str, Callable[[Case], str]]:
-    """Return the checks of a component by name, in their order."""
+    """Return the checks that a method or scorer has to pass, by name, in their order."""
     checks: dict[str, Callable[[Case], str]] = {}
     is_scorer = component.kind == "scorer"
     if not is_scorer and component.learns:

@@ -65,10 +65,15 @@ def awkward() -> dict[str, Mesh]:
 
 
 def training_on_figure() -> TrainingData:
-    """Return depth images of the figure in its poses as training data; the first is canonical."""
+    """Return training data for a check: depth images of the figure in its poses.
+
+    The first pose is the canonical one. There is no test, and validation is on the same images: a
+    check looks at how a model is trained and stored, not at how good it is.
+    """
     names = tuple(f"figure {bend}" for bend in BENDS)
 
     def pairs() -> Iterator[TrainingPair]:
+        """Yield each image, with that of the canonical pose."""
         images = [np.asarray(view(bend).depth) for bend in BENDS]
         for name, image in zip(names, images, strict=True):
             yield TrainingPair(
@@ -84,7 +89,7 @@ def training_on_figure() -> TrainingData:
         title="the reference figure",
         subjects=("figure",),
         identifiers=names,
-        tested=digest_of(()),
+        tested=digest_of(()),  # of no subjects
         pairs=pairs,
         n_pairs=len(BENDS),
         validation=pairs,

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmark.check import check
-from benchmark.registry import find
+from benchmark.registry import components_named
 from benchmark.text import say, say_lines
 
 #: Columns behind the name of a component in which a finding begins its further lines.
@@ -16,10 +16,27 @@ _INDENT = 28
 
 
 def print_check(target: str, plugins: Sequence[Path], timeout: float, *, traceback: bool) -> bool:
-    """Check a method, a scorer or a file of them; return whether no check failed."""
+    """Check plugins, and print what each check finds.
+
+    Parameters
+    ----------
+    target
+        Path of a plugin file, or name of a method or scorer.
+    plugins
+        Plugin files that may define it.
+    timeout
+        Seconds that a check may take.
+    traceback
+        Whether to print errors in full.
+
+    Returns
+    -------
+    bool
+        Whether no check failed.
+    """
     faulthandler.enable(2)  # names the line of a crash
     outcomes = Counter[str]()
-    for component in find(target, plugins):
+    for component in components_named(target, plugins):
         for finding in check(component, timeout):
             say(f"{component.name}  {finding}", indent=len(component.name) + _INDENT)
             outcomes[finding.outcome] += 1

@@ -18,7 +18,24 @@ from benchmark.text import say
 def write_demo(
     meshes: Sequence[Path], output: Path, selection: Selection, *, is_opened: bool = True
 ) -> bool:
-    """Write the page, and open it where there is a screen; return whether it has all forms."""
+    """Write the page of a demo, and open it in a browser where there is a screen.
+
+    Parameters
+    ----------
+    meshes
+        Mesh files; without any, a generated cat is shown.
+    output
+        The page.
+    selection
+        Methods, plugins and seed.
+    is_opened
+        Whether to open it.
+
+    Returns
+    -------
+    bool
+        Whether each method made a form of each mesh.
+    """
     announce_compilation()
     page = demo(
         meshes,

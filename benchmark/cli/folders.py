@@ -22,7 +22,24 @@ def print_merge(
     take: Literal["ours", "theirs"] | None,
     rows: Sequence[str],
 ) -> bool:
-    """Join results folders; return whether there was no conflict, and every record was taken."""
+    """Join results folders, and print what became of each record.
+
+    Parameters
+    ----------
+    folders
+        The folders that are added.
+    results
+        The folder to which they are added.
+    take
+        Which of two results that differ is kept; by default they are a conflict, and ours stays.
+    rows
+        Rows, or keys of records, whose conflicts ``take`` resolves; empty for all.
+
+    Returns
+    -------
+    bool
+        Whether there was no conflict, and every record was taken.
+    """
     merged = merge(folders, results, take=take, records=rows)
     for existing, other in merged.conflicts:
         say(f"conflict: {existing.row}: {outcome(existing)} here, {outcome(other)} there")
@@ -51,18 +68,37 @@ def _command_that_takes(existing: Record, other: Record, results: Path) -> str:
     return shlex.join(words)
 
 
-def print_forgotten(selection: Selection, named: Sequence[str], *, unused: bool, yes: bool) -> None:
-    """Delete results and unused files, or only name them."""
+def delete_results(
+    selection: Selection, records: Sequence[str], *, unused: bool, is_confirmed: bool
+) -> None:
+    """Delete stored results, and print them; without confirmation, only print them.
+
+    Parameters
+    ----------
+    selection
+        Methods and data sets whose results are meant, and the results folder.
+    records
+        Rows or keys of single records that are meant.
+    unused
+        Whether files are meant that no record names.
+    is_confirmed
+        Whether to delete them.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is not confirmed: the command ends with an error, since it has not done its work.
+    """
     forgotten = forget(
         selection.methods,
         selection.data,
-        records=named,
+        records=records,
         unused=unused,
         results=selection.results,
-        yes=yes,
+        yes=is_confirmed,
     )
     for record in forgotten.records:
         say(f"{record.row}  {outcome(record)}")
-    if not yes:
+    if not is_confirmed:
         raise ConfigurationError(f"this deletes {forgotten}", "pass --yes")
     say(f"deleted {forgotten}")

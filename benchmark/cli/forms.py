@@ -32,7 +32,29 @@ from benchmark.text import say, say_table
 
 
 def write_forms(paths: Sequence[Path], method: str, options: Selection, output: Path) -> bool:
-    """Write the form of a mesh, or the forms of depth images; return whether all could be made."""
+    """Write the canonical form of a mesh, or those of the objects in depth images.
+
+    Parameters
+    ----------
+    paths
+        A mesh file; or depth images, or folders of them.
+    method
+        Name of the method.
+    options
+        Camera, mask, seed and other options.
+    output
+        File or folder of the forms.
+
+    Returns
+    -------
+    bool
+        Whether each image has a form.
+
+    Raises
+    ------
+    ConfigurationError
+        If a file is missing, or a mesh is given with a camera.
+    """
     announce_compilation()
     _check_are_files(paths)
     warning = trained_on_people(select_one(method, options.plugins))
@@ -60,15 +82,19 @@ def _check_are_files(paths: Sequence[Path]) -> None:
 
 
 def _write_form_of_mesh(source: Path, method: str, options: Selection, output: Path) -> None:
-    """Write and report the form and picture of a mesh, and which of its vertices are nearest."""
+    """Write the canonical form of a mesh, and print facts about it.
+
+    A picture is drawn if it is asked for. A text file beside the form says which vertex of the mesh
+    is nearest to each of its own.
+    """
     _check_targets(output, options.picture)
     if output.exists() and output.samefile(source):
         raise ConfigurationError(f"{output} is the mesh itself", "name another file with -o")
     form = form_of_file(source, method, plugins=options.plugins, seed=options.seed)
-    lost = form.write(output)
+    not_kept = form.write(output)
     if options.picture is not None:
         _draw_mesh(source, form, options.picture)
-    facts = [f"{output}: {len(form.vertices)} vertices", *facts_of(form.notes), *lost]
+    facts = [f"{output}: {len(form.vertices)} vertices", *facts_of(form.notes), *not_kept]
     if form.vertex_map is not None and output.suffix.lower() != ".stl":
         numbers = output.with_suffix(".vertices.txt")
         write_text(numbers, "".join(f"{number}\n" for number in form.vertex_map))
@@ -110,28 +136,49 @@ def _write_forms_of_frames(
     options: Selection,
     output: Path,
 ) -> bool:
-    """Write and report the form and picture of each depth image; return whether all have a form."""
+    """Write the canonical forms of the objects in depth images, and print one line for each.
+
+    A single image that is refused ends the command with its error; one of several is counted.
+
+    Parameters
+    ----------
+    frames
+        The images with their cameras and masks.
+    paths
+        What the user named: images, or folders of them.
+    method
+        Name of the method.
+    options
+        Seed, plugins, and file or folder of pictures.
+    output
+        File or folder of the forms.
+
+    Returns
+    -------
+    bool
+        Whether each image has a form.
+    """
     outputs = _outputs(frames, paths, output, options.picture)
-    if len(frames) == 1:
-        (of_frame,) = forms_of_frames(frames, method, plugins=options.plugins, seed=options.seed)
-        if of_frame.error is not None:
-            raise of_frame.error
-        say(", ".join(_write_form_of_frame(of_frame, *outputs[0])))
-        return True
-    failures = 0
     forms = forms_of_frames(frames, method, plugins=options.plugins, seed=options.seed)
-    for number, (of_frame, places) in enumerate(zip(forms, outputs, strict=True), 1):
+    if len(frames) == 1:
+        (made,) = forms
+        if made.error is not None:
+            raise made.error
+        say(", ".join(_write_form_of_frame(made, *outputs[0])))
+        return True
+    n_failures = 0
+    for number, (made, (file, picture)) in enumerate(zip(forms, outputs, strict=True), 1):
         count = f"{number} of {len(frames)}  "
-        if of_frame.form is None:
-            failures += 1
-            say(f"{count}{of_frame.frame.image}: {of_frame.error}")
+        if made.form is None:
+            n_failures += 1
+            say(f"{count}{made.frame.image}: {made.error}")
         else:
-            first, *facts = _write_form_of_frame(of_frame, *places)
+            first, *facts = _write_form_of_frame(made, file, picture)
             doubts = [fact for fact in facts if fact.startswith("doubt")]
             say(", ".join([count + first, *doubts]))
-    if failures:
-        say(f"{failures} of {len(frames)} images have no form", err=True)
-    return not failures
+    if n_failures:
+        say(f"{n_failures} of {len(frames)} images have no form", err=True)
+    return n_failures == 0
 
 
 def _write_form_of_frame(of_frame: FormOfFrame, target: Path, picture: Path | None) -> list[str]:
@@ -149,19 +196,37 @@ def _write_form_of_frame(of_frame: FormOfFrame, target: Path, picture: Path | No
 def _outputs(
     frames: Sequence[FrameFiles], paths: Sequence[Path], output: Path, picture: Path | None
 ) -> list[tuple[Path, Path | None]]:
-    """Return the files of form and picture of each image: one of each, or those in folders."""
+    """Return where the form and the picture of each image are written.
+
+    For one image that was named itself, they are the files that the user names. Several images have
+    files of their names in folders, which have the sub-folders of the images.
+
+    Parameters
+    ----------
+    frames
+        The images.
+    paths
+        What the user named: images, or folders of them.
+    output, picture
+        File or folder of the forms, and of the pictures; None for no pictures.
+
+    Raises
+    ------
+    ConfigurationError
+        If a folder is needed, and a file is named.
+    """
     images = [frame.image for frame in frames]
     if len(images) == 1 and images[0] in paths:
         _check_targets(output, picture)
         return [(output, picture)]
     if output.is_file():
         raise ConfigurationError(f"{output} is a file", "name a folder for several forms with -o")
-    above = os.path.commonpath([image.absolute().parent for image in images])
+    common_folder = os.path.commonpath([image.absolute().parent for image in images])
     outputs: list[tuple[Path, Path | None]] = []
     for image in images:
-        place = image.absolute().relative_to(above)
-        drawing = picture / place.with_suffix(".png") if picture else None
-        outputs.append((output / place.with_suffix(".off"), drawing))
+        place = image.absolute().relative_to(common_folder)
+        picture_of_image = picture / place.with_suffix(".png") if picture else None
+        outputs.append((output / place.with_suffix(".off"), picture_of_image))
     return outputs
 
 
@@ -183,7 +248,23 @@ def _draw_frame(of_frame: FormOfFrame, picture: Path) -> None:
 def print_matches(
     query: Path, name: str, method: str, options: Selection, count: int, input_: Input | None
 ) -> None:
-    """Print the shapes of a gallery, complete surfaces or views, that are nearest to a query."""
+    """Print the shapes of a gallery that are nearest to a query.
+
+    Parameters
+    ----------
+    query
+        A mesh file or a depth image.
+    name
+        Name or folder of the data set that is the gallery.
+    method
+        Name of the method.
+    options
+        Scorer, camera, results folder and other options; a picture is drawn if they name one.
+    count
+        Number of shapes to print.
+    input_
+        Whether the gallery is of surfaces or of views; by default like the query.
+    """
     from benchmark.commands.retrieve import retrieve  # a form needs no galleries
 
     check_ending(options.picture)

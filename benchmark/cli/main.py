@@ -57,7 +57,7 @@ def program() -> None:
     An error that the user can correct is printed on one line, with exit code 2.
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
-    pin_threads()
+    pin_threads()  # before any library starts some
     choose_kernel_cache()
     watch_this_process()
     _open_streams()

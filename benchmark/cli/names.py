@@ -27,7 +27,17 @@ _COLUMNS = {
 
 
 def print_list(what: KindOfName, selection: Selection, *, as_json: bool) -> None:
-    """Print the names of a kind."""
+    """Print all names of a kind, such as methods or data sets, with facts about each.
+
+    Parameters
+    ----------
+    what
+        The kind.
+    selection
+        Plugins, results folder and folder of the official data.
+    as_json
+        Whether to print JSON instead of a table.
+    """
     rows = listing(
         what,
         plugins=selection.plugins,
@@ -43,8 +53,8 @@ def print_list(what: KindOfName, selection: Selection, *, as_json: bool) -> None
         lines = [[name, f"{data}: {caption}"] for name, data, caption in lines]
     n_columns = len(lines[0])
     if what == "datasets":
-        lines.insert(0, [*columns])
-    say_table(lines, whole=range(n_columns - 1))
+        lines.insert(0, list(columns))
+    say_table(lines, whole=range(n_columns - 1))  # the last column is a sentence, which may wrap
 
 
 def _values_of(row: Mapping[str, str], columns: Sequence[str]) -> list[str]:
@@ -53,7 +63,17 @@ def _values_of(row: Mapping[str, str], columns: Sequence[str]) -> list[str]:
 
 
 def print_description(name: str, plugins: Sequence[Path], *, as_json: bool) -> None:
-    """Print the details of a method or a scorer."""
+    """Print the details of a method or a scorer, and its parameters with what each means.
+
+    Parameters
+    ----------
+    name
+        Its name.
+    plugins
+        Plugin files that may define it.
+    as_json
+        Whether to print JSON instead of a table.
+    """
     if as_json:
         say_lines(json.dumps(describe(name, plugins), indent=1))
         return
@@ -69,11 +89,8 @@ def print_description(name: str, plugins: Sequence[Path], *, as_json: bool) -> N
     say_table(rows, whole=(0,))
     if parameters:
         say("  parameters")
-        described = describe_parameters(component.load())
-        say_table(
-            [
-                (f"    {name} = {value}", described.get(name, ""))
-                for name, value in parameters.items()
-            ],
-            whole=(0,),
-        )
+        meanings = describe_parameters(component.load())
+        rows = []
+        for parameter, value in parameters.items():
+            rows.append((f"    {parameter} = {value}", meanings.get(parameter, "")))
+        say_table(rows, whole=(0,))

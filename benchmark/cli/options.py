@@ -251,7 +251,7 @@ def verb(
     ]
 
     def decorate(function: Callable[..., bool | None]) -> Callable[..., None]:
-        """Add a function as a verb."""
+        """Add a function as a verb: all parameters but the first become its options."""
         _, *own = signature(function, eval_str=True).parameters.values()
 
         @wraps(function)
@@ -264,6 +264,7 @@ def verb(
         parameters = [parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in own]
         parameters = [*of_selection, *parameters]
         parameters.sort(key=lambda parameter: parameter.default is not Parameter.empty)
+        # Typer reads the options of a verb from the signature of its function.
         run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
         name, _, _ = function.__name__.partition("_")

@@ -36,6 +36,17 @@ class Bar:
     """
 
     def __init__(self, n_jobs: int, expected: float, console: Console | None = None) -> None:
+        """Show a bar on a terminal; elsewhere, lines are printed now and then.
+
+        Parameters
+        ----------
+        n_jobs
+            Number of jobs; 0 shows nothing.
+        expected
+            Seconds that the run is expected to take.
+        console
+            The terminal; by default stderr.
+        """
         self._n_jobs = n_jobs
         self._expected = expected
         self._n_ended = 0
@@ -64,7 +75,7 @@ class Bar:
         self._bar.stop()
 
     def watch(self, state: State) -> None:
-        """Show how far the run is."""
+        """Show the state of a run: how many steps are done, and what is at work."""
         self._state = state
         working = clean_text("; ".join(state.working)) or "ranking"
         counts = self._counts()
@@ -115,18 +126,20 @@ class Bar:
 def counting(
     what: str, items: Iterable[_Item], name: Callable[[_Item], str] | None = None
 ) -> Iterator[_Item]:
-    """Yield items, such as shapes to check, and show how many are done, and the time left.
+    """Yield items, such as shapes to check, and show on stderr how many are done.
+
+    A terminal shows a bar with the time left; elsewhere, a line is printed now and then.
 
     Parameters
     ----------
     what
-        What is done with them.
+        What is done with them, such as "reading shapes".
     items
         The items.
     name
-        Returns what an item is called.
+        Returns what an item is called; by default only its number is shown.
     """
-    every = [*items]
+    items = list(items)
     console = Console(file=sys.stderr)
     columns = (
         TextColumn("{task.description}", markup=False),
@@ -135,9 +148,9 @@ def counting(
     )
     last_line = -SECONDS_BETWEEN_LINES
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task(clean_text(what), total=len(every))
-        for number, item in enumerate(every, 1):
-            line = f"{what}: {number} of {len(every)}"
+        task = bar.add_task(clean_text(what), total=len(items))
+        for number, item in enumerate(items, 1):
+            line = f"{what}: {number} of {len(items)}"
             if name:
                 line += f", {name(item)}"
             now = time.monotonic()

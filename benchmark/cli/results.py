@@ -73,7 +73,26 @@ def draw_figure(
     *,
     force: bool,
 ) -> None:
-    """Draw a figure of the first table of a selection."""
+    """Draw a figure of the first table of a selection, and write it as a picture.
+
+    Parameters
+    ----------
+    selection
+        Which records to show.
+    path
+        The picture; its extension says the format.
+    kind
+        ``"forms"`` for poses and their forms, or ``"map"`` for shapes as points.
+    shapes
+        Names of the shapes of a figure of forms.
+    force
+        Whether to replace a file.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file is there, or nothing fits the selection.
+    """
     from benchmark.commands.report import draw_tables
     from benchmark.report.drawing import check_ending
 
@@ -93,7 +112,17 @@ def draw_figure(
 
 
 def print_comparison(selection: Selection, first: str, second: str, format: str) -> None:
-    """Print the differences of a method to another one, or to every row of its tables."""
+    """Print how a method differs from another one, or from every row of its tables.
+
+    Parameters
+    ----------
+    selection
+        Which records to compare.
+    first, second
+        Names of the methods; "" compares with all others.
+    format
+        ``"csv"``, ``"json"``, or text for people.
+    """
     from benchmark.commands.compare import compare
 
     of_records = selection.arguments(name for name in OF_RECORDS if name != "methods")

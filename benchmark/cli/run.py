@@ -26,9 +26,21 @@ _LISTED = 24
 
 
 def print_plan(selection: Selection, *, traceback: bool = False, every: bool = False) -> bool:
-    """Print the jobs, the reasons to run them, and an estimate of the time.
+    """Print what a run would do: its jobs, why each has to run, and how long it takes.
 
-    It returns whether all data sets can be used.
+    Parameters
+    ----------
+    selection
+        What to run.
+    traceback
+        Whether to print the errors of failed jobs in full.
+    every
+        Whether to list each job, even if there are many.
+
+    Returns
+    -------
+    bool
+        Whether all data sets of the selection can be used.
     """
     planned = plan(**selection.arguments(OF_JOBS))
     for note in [*planned.notes, *planned.problems_of_files()]:
@@ -137,7 +149,7 @@ def run_selection(
 
 
 def _announce(planned: Plan) -> None:
-    """Print what a run will do, what it cannot do, and what it has to be known for."""
+    """Print before a run what it will do, what it cannot do, and what users should know of it."""
     for note in [*planned.notes, *planned.announcements()]:
         say(note, err=True)
     _say_refused(planned)
@@ -161,17 +173,36 @@ def _announce(planned: Plan) -> None:
 
 
 def _run(planned: Plan, size: int, dask: str, timeout: float) -> list[Record]:
-    """Run the jobs of a plan below a bar of progress, and print the outcome of each."""
+    """Run the jobs of a plan, and print how each ended, below a bar of progress.
+
+    Parameters
+    ----------
+    planned
+        The plan.
+    size
+        Number of worker processes; 0 for this process alone.
+    dask
+        Address of the scheduler of a dask cluster; "" for none.
+    timeout
+        Seconds that a method may take for a shape.
+
+    Returns
+    -------
+    list of Record
+        The records of the jobs that ran.
+    """
     n_pending = len(planned.pending)
-    n_known = max(1, n_pending - planned.estimate.unknown)
-    factor = n_pending / n_known  # jobs of unknown methods take as long as others
-    ended = []
-    with Bar(n_pending, factor * planned.estimate.seconds / max(1, size)) as bar:
-        running = run_plan(planned, size=size, timeout=timeout, dask=dask, watch=bar.watch)
-        for record in running:
+    n_processes = max(1, size)
+    # The estimate leaves out jobs of which nothing is known: they are taken to be as long as others.
+    n_estimated = max(1, n_pending - planned.estimate.unknown)
+    processor_seconds = planned.estimate.seconds * n_pending / n_estimated
+    records = []
+    with Bar(n_pending, processor_seconds / n_processes) as bar:
+        finished = run_plan(planned, size=size, timeout=timeout, dask=dask, watch=bar.watch)
+        for record in finished:
             bar.ended(f"{record.status:<11}  {planned.names[record.key]}  {outcome(record)}")
-            ended.append(record)
-    return ended
+            records.append(record)
+    return records
 
 
 def _folders_of_forms(words: Sequence[str]) -> dict[str, str]:
@@ -188,7 +219,17 @@ def _folders_of_forms(words: Sequence[str]) -> dict[str, str]:
 
 
 def _print_tables(planned: Plan, records: Sequence[Record], selection: Selection) -> None:
-    """Print the tables of the jobs of a run."""
+    """Print the tables that a run has filled, and what to do next.
+
+    Parameters
+    ----------
+    planned
+        The plan of the run.
+    records
+        All records after it.
+    selection
+        What was selected.
+    """
     tables = tables_of_run(
         planned, records, quick=selection.quick, scorer=selection.scorer, seed=selection.seed
     )
@@ -216,18 +257,19 @@ def _report_of(selection: Selection) -> str:
 
 
 def _say_lacking(models: Sequence[LackingModel]) -> None:
-    """Say how many models are lacking, and how long their trainings take."""
+    """Print how many trained models are lacking, and how long it takes to train them."""
     if not models:
         return
     counts = Counter(base_name(model.method) for model in models)
     names = ", ".join(f"{count} of {name}" for name, count in counts.items())
-    known = [model.seconds for model in models if model.seconds is not None]
-    takes = f"about {_roughly(sum(known))} of processor time"
-    if len(known) < len(models):
-        takes += f", {len(models) - len(known)} of them unknown"
+    known_seconds = [model.seconds for model in models if model.seconds is not None]
+    duration = f"about {_roughly(sum(known_seconds))} of processor time"
+    n_unknown = len(models) - len(known_seconds)
+    if n_unknown:
+        duration += f", {n_unknown} of them unknown"
     verb = "is" if len(models) == 1 else "are"
     number = counted(len(models), "model")
-    say(f"{number} {verb} missing ({names}); 'run --train' trains first: {takes}")
+    say(f"{number} {verb} missing ({names}); 'run --train' trains first: {duration}")
 
 
 #: What becomes of jobs, in the order of the columns that count them.
@@ -244,9 +286,12 @@ def _fate(job: Planned) -> str:
 
 
 def _say_counts(jobs: Sequence[Planned]) -> None:
-    """Print how many methods run on each data set and input, which cannot or failed, and why."""
-    counts = defaultdict[tuple[str, str], Counter[str]](Counter)
-    reasons = defaultdict[tuple[str, str], list[str]](list)
+    """Print how many jobs there are on each data set, by what will become of them, instead of each.
+
+    Below stands why jobs cannot run, or have to run again.
+    """
+    counts = defaultdict[tuple[str, str], Counter[str]](Counter)  # by data set and input
+    reasons = defaultdict[tuple[str, str], list[str]](list)  # methods by state and reason
     for job in jobs:
         fate = _fate(job)
         counts[job.record.gallery, job.record.input][fate] += 1
@@ -255,8 +300,8 @@ def _say_counts(jobs: Sequence[Planned]) -> None:
     total = sum(counts.values(), Counter[str]())
     fates = [fate for fate in _FATES if total[fate]]
     rows = [["data", "input", *fates]]
-    for place, of_place in counts.items():
-        numbers = [str(of_place[fate] or "").rjust(len(fate)) for fate in fates]
+    for place, count in counts.items():
+        numbers = [str(count[fate] or "").rjust(len(fate)) for fate in fates]
         rows.append([*place, *numbers])
     say_table(rows, whole=range(1, 2 + len(fates)))
     for (state, reason), methods in reasons.items():

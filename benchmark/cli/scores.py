@@ -49,7 +49,26 @@ def print_kept_scores(
     results: Path,
     input_: Input,
 ) -> None:
-    """Print the scores of distances in a file, and keep them as a row in a results folder."""
+    """Score the distances in a file, print the scores, and keep them as a row of the tables.
+
+    Parameters
+    ----------
+    distances, labels, order, gallery
+        As for :func:`benchmark.score`; a row that is kept has no other gallery.
+    title, dataset
+        Title of the row, and name of the data set beside whose rows it stands.
+    format
+        ``"csv"``, ``"json"``, ``"latex"``, or text for people.
+    results
+        The results folder.
+    input_
+        Whether the distances are of surfaces or of views.
+
+    Raises
+    ------
+    ConfigurationError
+        If another gallery is given, or the distances cannot be scored or kept.
+    """
     from benchmark.commands.external_rows import score_and_keep  # whose rows need the runner
 
     if gallery is not None:
@@ -65,7 +84,17 @@ def print_kept_scores(
 
 
 def _print_evaluation(evaluation: Evaluation, title: str, format: str) -> None:
-    """Print the notes and the scores of an evaluation."""
+    """Print scores in a format, and notes on them on stderr.
+
+    Parameters
+    ----------
+    evaluation
+        The scores.
+    title
+        What they are called.
+    format
+        ``"csv"``, ``"json"``, ``"latex"``, or text for people.
+    """
     for note in evaluation.notes:
         say(note, err=True)
     scores = evaluation.scores.rename_axis(title)

@@ -386,9 +386,9 @@ def forget_verb(
     A file that is not used as a record stays, with all files that it names, unless --record names
     it.
     """
-    from benchmark.cli.folders import print_forgotten
+    from benchmark.cli.folders import delete_results
 
-    print_forgotten(selection, named, unused=unused, yes=yes)
+    delete_results(selection, named, unused=unused, is_confirmed=yes)
 
 
 @verb("data_root", app=data)

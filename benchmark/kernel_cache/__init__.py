@@ -78,7 +78,8 @@ def kernel_folder(source: Path) -> Path:
 def choose_kernel_cache() -> None:
     """Set a folder for compiled kernels if that of the suite is read-only.
 
-    It holds for this process and its children. Kernels are executed, so a folder to which others can write is not used.
+    It holds for this process and its children. Kernels are executed, so a folder to which others
+    can write is not used.
     """
     if VARIABLE in os.environ or os.access(Path(__file__).parent, os.W_OK):
         return

@@ -35,10 +35,13 @@ class KernelUse(NamedTuple):
 
 
 def steps(*, quick: bool = False) -> list[KernelUse]:
-    """Return steps that use kernels: those of methods, generated data sets and the scorer.
+    """Return work that makes all kernels compile: methods, generated data sets and the scorer.
 
-    With ``quick``, they are the steps of a quick run that compile any: no network has a kernel, and
-    no scan is simulated.
+    Parameters
+    ----------
+    quick
+        Whether only the kernels of a quick run are meant: no network has one, and no scan is
+        simulated.
     """
     from benchmark.datasets.catalogue import CATALOGUE
     from benchmark.protocols.galleries import QUICK_ROWS
@@ -56,7 +59,7 @@ def steps(*, quick: bool = False) -> list[KernelUse]:
 
 @cache
 def _figure_as_input() -> dict[str, Shape]:
-    """Return a small figure as methods get it, for each input."""
+    """Return a small figure as methods get it: as a surface (``"mesh"``) and as a depth view."""
     from benchmark.check.shapes import figure
     from benchmark.geometry.camera import FRONT
     from benchmark.pipeline.forms import shape_of

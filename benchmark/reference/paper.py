@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 from inspect import cleandoc
-from itertools import accumulate
 
 PRINTED_MEASURES = ("NN", "FT", "ST", "DCG")
 """The measures that the paper prints, in its order."""
@@ -152,33 +151,73 @@ _COMMAND = re.compile(r"\\(?!url\b|emph\b)[A-Za-z]{3,}|\^\^")  # ^^5c is a backs
 
 
 def source_of(cite: str) -> str:
-    """Return authors, year, title and source of a BibTeX entry or its key as text; the key if there is no entry."""
+    """Return a citation as text: authors (year). Title. Source.
+
+    Parameters
+    ----------
+    cite
+        A BibTeX entry, or the key of one in the bibliography; without an entry, it is returned.
+    """
     _, entry = entry_of(cite)
-    found = {name: re.sub(r"[{}\\]", "", "".join(texts)) for name, *texts in _FIELD.findall(entry)}
-    fields = {name: " ".join(text.replace("--", "\u2013").split()) for name, text in found.items()}
-    *others, last = fields.get("author", "").split(" and ")
-    named = f"{', '.join(others)} and {last}" if others else last
-    if year := fields.get("year"):
-        named = f"{named} ({year})".strip()
-    place = next(
-        (fields[name] for name in ("journal", "booktitle", "publisher", "note") if name in fields),
-        "",
-    )
-    return ". ".join(filter(None, (named, fields.get("title", ""), place))) or cite
+    fields = {}
+    for name, *texts in _FIELD.findall(entry):  # in braces, in quotes, or a number
+        text = re.sub(r"[{}\\]", "", "".join(texts)).replace("--", "\u2013")
+        fields[name] = " ".join(text.split())
+    authors = fields.get("author", "").split(" and ")
+    named = authors[-1]
+    if len(authors) > 1:
+        named = f"{', '.join(authors[:-1])} and {authors[-1]}"
+    if fields.get("year"):
+        named = f"{named} ({fields['year']})".strip()
+    source = ""
+    for name in ("journal", "booktitle", "publisher", "note"):
+        if name in fields:
+            source = fields[name]
+            break
+    return ". ".join(filter(None, (named, fields.get("title", ""), source))) or cite
 
 
 def entry_of(cite: str) -> tuple[str, str]:
-    """Return key and text of a BibTeX entry, or of the entry of the bibliography with this key; "" if there is none."""
-    known = {
-        match[1]: entry for entry in bibliography().split("\n\n") if (match := _HEAD.match(entry))
-    }
-    entry = known.get(cite, cleandoc(cite)).strip()
-    depths = [
-        *accumulate({"{": 1, "}": -1}.get(character, 0) for character in entry.partition("{")[2])
-    ]
-    is_whole = -1 in depths and depths.index(-1) == len(depths) - 1 and not _COMMAND.search(entry)
-    match = _HEAD.match(entry)
-    return (match[1], entry) if match and is_whole else ("", "")
+    """Return the key and the text of a BibTeX entry.
+
+    Parameters
+    ----------
+    cite
+        The entry itself, or its key in the bibliography.
+
+    Returns
+    -------
+    key, entry : str
+        Both are "" if it is no whole entry, or has commands of TeX that could do harm.
+    """
+    entry = _entries_of_bibliography().get(cite, cleandoc(cite)).strip()
+    head = _HEAD.match(entry)
+    if head is None or not _is_closed_at_end(entry) or _COMMAND.search(entry):
+        return "", ""
+    return head[1], entry
+
+
+def _entries_of_bibliography() -> dict[str, str]:
+    """Return the entries of the bibliography by key."""
+    entries = {}
+    for entry in bibliography().split("\n\n"):
+        head = _HEAD.match(entry)
+        if head:
+            entries[head[1]] = entry
+    return entries
+
+
+def _is_closed_at_end(entry: str) -> bool:
+    """Return whether the first brace of a text is closed by its last character."""
+    depth = 0
+    for position, character in enumerate(entry):
+        if character == "{":
+            depth += 1
+        elif character == "}":
+            depth -= 1
+            if depth == 0:
+                return position == len(entry) - 1
+    return False
 
 
 @cache

@@ -6,6 +6,6 @@ from benchmark.registry.known import BUILT_IN as BUILT_IN
 from benchmark.registry.known import SCORERS as SCORERS
 from benchmark.registry.known import by_name as by_name
 from benchmark.registry.selection import are_named as are_named
-from benchmark.registry.selection import find as find
+from benchmark.registry.selection import components_named as components_named
 from benchmark.registry.selection import select as select
 from benchmark.registry.selection import select_one as select_one

@@ -189,7 +189,7 @@ class Component:
         return not hasattr(self.load(), "canonicalise") and hasattr(self.load(), "describe")
 
     def load(self) -> Any:
-        """Import and return the class.
+        """Import the class of this component.
 
         Raises
         ------
@@ -209,7 +209,7 @@ class Component:
         return cls
 
     def create(self) -> Any:
-        """Create an object with the parameters.
+        """Return an object of the class, with the parameters of this component.
 
         Raises
         ------
@@ -308,7 +308,18 @@ def watching_component(
 
 
 def component_of(value: Any) -> Component:
-    """Return the component for a method or scorer, its class, or a function to positions.
+    """Return the component for something that a Python program passes as a method or scorer.
+
+    Parameters
+    ----------
+    value
+        An object of a method or scorer, its class, or a function from a shape to positions.
+
+    Returns
+    -------
+    Component
+        An object of the suite or an installed package is known by its name and parameters. Any
+        other has a random identifier, so that no stored result is taken for its own.
 
     Raises
     ------
@@ -330,7 +341,7 @@ def component_of(value: Any) -> Component:
         hint = "pass a function with a name or a dataclass: see docs/reference/plugins.md"
         raise ConfigurationError(problem, hint)
     parameters = parameter_values(value)
-    attributes = getattr(value, "__dict__", None)
+    attributes = getattr(value, "__dict__", None)  # a trained model is one that is no parameter
     chosen = non_default_values(cls, parameters)
     target = f"{cls.__module__}:{cls.__qualname__}"
     if hasattr(value, "train") and _has_more_than(parameters, attributes or {}):
@@ -346,7 +357,15 @@ def component_of(value: Any) -> Component:
 
 
 def _object_of(value: Any) -> Any:
-    """Return the object that a program passes as a function or as a class."""
+    """Make an object of what a Python program passes as a function or as a class.
+
+    A function from a shape to positions becomes a method of its name. Objects stay as they are.
+
+    Raises
+    ------
+    ConfigurationError
+        If a class cannot be created without arguments.
+    """
     if isinstance(value, FunctionType) and value.__name__ != "<lambda>":
         title = value.__name__.replace("_", " ").strip()
         name = title.replace(" ", "-").lower()

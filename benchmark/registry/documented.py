@@ -22,7 +22,10 @@ _LETTER = re.compile(r"\\(?=[a-z]+\b)")
 
 
 def describe_parameters(documented: type) -> dict[str, str]:
-    """Return what the docstrings of a class and its bases say of each parameter, on one line."""
+    """Return what the docstring of a class says of each of its parameters, each on one line.
+
+    Docstrings of base classes count for parameters that the class does not describe.
+    """
     found: dict[str, str] = {}
     for base in documented.__mro__:
         text = cleandoc(base.__doc__ or "")

@@ -58,6 +58,20 @@ class Known(dict[str, Component]):
     """
 
     def __init__(self, kind: Kind, components: Iterable[Component]) -> None:
+        """Register components by name.
+
+        Parameters
+        ----------
+        kind
+            ``"method"`` or ``"scorer"``.
+        components
+            The components.
+
+        Raises
+        ------
+        ConfigurationError
+            If two have one name, or one has the name that stands for all.
+        """
         super().__init__()
         self._kind = kind
         for component in components:
@@ -96,7 +110,9 @@ def by_name(kind: Kind, plugins: Iterable[Path] = ()) -> Known:
 
 
 def in_file(path: Path) -> list[Component]:
-    """Return the methods and scorers of a plugin file, in its order.
+    """Return the methods and scorers that a plugin file defines, in its order.
+
+    They are its own classes with an ``info``; imported ones do not count.
 
     Raises
     ------

@@ -91,19 +91,33 @@ def import_plugins_anew() -> None:
 
 
 def _import_anew(target: str, name: str, path: Path) -> ModuleType:
-    """Import a plugin file, and what belongs to its code, from their sources of today."""
+    """Import a plugin file, and the modules beside it that it imports, from their present sources.
+
+    Parameters
+    ----------
+    target
+        The file, optionally with ``:attribute``.
+    name
+        Name that its module gets.
+    path
+        The file.
+    """
     _imported.pop(name, None)  # until this ends well
     _check_helpers(path)
     importlib.invalidate_caches()
-    _forget({*sources_of(target)}.difference(suite_sources()))
+    _forget(set(sources_of(target)).difference(suite_sources()))
     contents = _contents(target)
-    before = dict(os.environ)
-    with chdir("."), watching(target) as declared:  # which it may change
+    variables = dict(os.environ)
+    with (
+        chdir("."),
+        watching(target) as declared,
+    ):  # it may change the folder, and read what it names
         module = _execute(name, path)
         declared += [path.parent / file for file in named_files(module)]
-    for variable in {*before, *os.environ}:
-        if os.environ.get(variable) != before.get(variable):
-            _changed.setdefault(variable, before.get(variable))
+    for variable in {*variables, *os.environ}:
+        if os.environ.get(variable) != variables.get(variable):
+            _changed.setdefault(variable, variables.get(variable))
+    # Sources as they were before the import; files that the module names are known only now.
     _imported[name] = contents + _contents(target, named_files(module))[len(contents) :]
     return module
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from benchmark.defaults import ALL_METHODS
 from benchmark.errors import ConfigurationError
@@ -14,7 +14,7 @@ from benchmark.registry.names import combinations, split_parameters
 
 
 def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Component]:
-    """Return the selected methods, those of the suite in the order of the tables.
+    """Return the methods that a user selects, those of the suite in the order of the tables.
 
     Parameters
     ----------
@@ -48,9 +48,10 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
     chosen.sort(key=lambda component: places.get(component.base_name, len(places)))
     selected: dict[str, Component] = {}
     for component in chosen or known.values():
-        if selected.setdefault(component.name, component) != component:
+        same_name = selected.setdefault(component.name, component)
+        if same_name != component:
             raise ConfigurationError(f"two methods are called '{component.name}'", "rename one")
-    return [*selected.values()]
+    return list(selected.values())
 
 
 def _new_object(value: Any, known: Mapping[str, Component]) -> Component:
@@ -84,9 +85,14 @@ def select_one(name: str, plugins: Iterable[Path] = (), kind: Kind = "method") -
 
 
 def variants(name: str, known: Mapping[str, Component]) -> list[Component]:
-    """Return the components for a name with parameters, each once.
+    """Return the components that a name stands for: one for each combination of its parameters.
 
-    There is one for each combination of the values of its parameters.
+    Parameters
+    ----------
+    name
+        As ``"fast-mds[sweeps=1|5]"``, which stands for two.
+    known
+        Components by name, which raise an error for an unknown name.
     """
     base, inside = split_parameters(name)
     component = known[base]
@@ -100,32 +106,32 @@ def variants(name: str, known: Mapping[str, Component]) -> list[Component]:
     return list(by_variant.values())
 
 
-def find(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
-    """Return the components of a plugin file, or the methods and scorers of a name, for ``check``.
+def components_named(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
+    """Return all methods and scorers of a name, or all that a plugin file defines.
 
     Parameters
     ----------
     name
-        Path of a plugin file, or a name; both optionally with parameters in brackets, which methods
-        take.
+        A name, or the path of a plugin file; both optionally with parameters in brackets, which
+        methods take.
     plugins
-        Plugin files.
+        Plugin files that may define the name.
 
     Raises
     ------
     ConfigurationError
         If there is nothing of this name, or a parameter is unknown or invalid.
     """
-    base, inside = split_parameters(name)
+    base, parameters = split_parameters(name)
     if base.endswith(".py"):
-        return _in_file_with(Path(base), inside)
-    kinds = [by_name(kind, plugins) for kind in get_args(Kind)]
-    having = [known for known in kinds if base in known]
-    if not having:
-        having = kinds[:1]  # which says what an unknown name may mean
+        return _in_file_with(Path(base), parameters)
+    methods = by_name("method", plugins)
+    scorers = by_name("scorer", plugins)
     components: list[Component] = []
-    for known in having:
-        components += variants(name, known)
+    if base in scorers:
+        components += variants(name, scorers)
+    if base in methods or not components:  # methods[base] raises the error for an unknown name
+        components = variants(name, methods) + components
     return components
 
 

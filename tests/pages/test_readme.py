@@ -13,7 +13,7 @@ import pytest
 from benchmark.check import check
 from benchmark.pipeline.records import read_records
 from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PRINTED, PRINTED_MEASURES
-from benchmark.registry import find
+from benchmark.registry import components_named
 from benchmark.report.formats import markdown
 from benchmark.report.notation import hundredths
 from benchmark.report.notes import table_notes
@@ -382,5 +382,5 @@ def test_the_plugin_of_the_readme_keeps_the_contract(tmp_path):
     )
     path = tmp_path / "biharmonic.py"
     path.write_text(block, encoding="utf-8")
-    (component,) = find(str(path))
+    (component,) = components_named(str(path))
     assert {finding.outcome for finding in check(component)} == {"ok"}

@@ -15,7 +15,7 @@ from PIL import Image
 
 from benchmark.check import check
 from benchmark.datasets.mesh_files import read_mesh
-from benchmark.registry import find
+from benchmark.registry import components_named
 from tests.pages.test_docs import ROOT, TEXTS
 from tests.toy import rod
 from tests.verbs import call
@@ -38,7 +38,7 @@ def files_of(page):
 def test_the_spectral_plugin_breaks_the_contract_until_it_has_area_factors(tmp_path, name, failing):
     path = tmp_path / name
     path.write_text(files_of(TUTORIALS / "spectral-plugin.md")[name], encoding="utf-8")
-    (component,) = find(str(path))
+    (component,) = components_named(str(path))
     findings = check(component)
     assert [finding.name for finding in findings if finding.outcome == "failed"] == failing
 
