@@ -377,10 +377,13 @@ def _scale(case: Case) -> str:
     for bend in BENDS:
         mesh = figure(bend)
         scaled.append(case.shape(bend, mesh.with_vertices(_SCALE * mesh.vertices)))
-    is_form = case.reference.ndim == 2
+
+    is_form = case.reference.ndim == 2  # positions of vertices; else a vector
     if is_form or not is_equivariant:
         factor = _SCALE if is_equivariant else 1.0
         return _require_same_form(case.reference, case.answer(scaled[0]), hint, factor)
+
+    # An equivariant descriptor: compare dissimilarities, in units of the largest.
     before = case.dissimilarities([case.shape(bend) for bend in BENDS])
     after = case.dissimilarities(scaled)
     if not (before.max() > 0 and after.max() > 0):

@@ -132,6 +132,7 @@ def compute_form(method: Method, shape: Shape) -> CanonicalForm:
         If it returns anything other than a form of the shape.
     """
     check_needs(method.info, shape)
+    # The method may be a user's plugin: nothing that it returns is taken for granted.
     try:
         form: object = method.canonicalise(shape)
         if not isinstance(form, CanonicalForm):

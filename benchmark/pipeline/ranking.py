@@ -180,6 +180,7 @@ def _read(side: RankedShapes, cache: Cache) -> _SideArrays:
     arrays_of_side = _SideArrays(side.views)
     reasons: dict[int, tuple[Stage, str]] = {}
     damaged: list[tuple[Stage, str]] = []
+    # Each view has a file of each stage: prepared shape, form, signature. Surfaces are not needed.
     for index, view in enumerate(side.views_of_shapes):
         stages: dict[Stage, Arrays] = {}
         for stage, key in view.keys.items():
@@ -197,6 +198,7 @@ def _read(side: RankedShapes, cache: Cache) -> _SideArrays:
     if damaged:
         raise DamagedFiles(damaged)
 
+    # A shape has a result if one of its views has; otherwise, its first view gives the reason.
     with_result = {index // side.views for index in arrays_of_side.stages}
     unsupported = []
     unprepared = []

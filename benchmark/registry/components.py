@@ -340,8 +340,9 @@ def component_of(value: Any) -> Component:
         )
         hint = "pass a function with a name or a dataclass: see docs/reference/plugins.md"
         raise ConfigurationError(problem, hint)
+
     parameters = parameter_values(value)
-    attributes = getattr(value, "__dict__", None)  # a trained model is one that is no parameter
+    attributes = getattr(value, "__dict__", None)
     chosen = non_default_values(cls, parameters)
     target = f"{cls.__module__}:{cls.__qualname__}"
     if hasattr(value, "train") and _has_more_than(parameters, attributes or {}):

@@ -108,15 +108,15 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     _forget(set(sources_of(target)).difference(suite_sources()))
     contents = _contents(target)
     variables = dict(os.environ)
-    with (
-        chdir("."),
-        watching(target) as declared,
-    ):  # it may change the folder, and read what it names
+
+    # The file may change the working folder, and read files that it names; others are an error.
+    with chdir("."), watching(target) as declared:
         module = _execute(name, path)
         declared += [path.parent / file for file in named_files(module)]
     for variable in {*variables, *os.environ}:
         if os.environ.get(variable) != variables.get(variable):
             _changed.setdefault(variable, variables.get(variable))
+
     # Sources as they were before the import; files that the module names are known only now.
     _imported[name] = contents + _contents(target, named_files(module))[len(contents) :]
     return module

@@ -116,17 +116,20 @@ def leads(view: TableView) -> list[str]:
     A row leads its block, such as the canonical forms. How clearly is the number of other rows of
     the block that are significantly worse.
     """
-    sentences: dict[str, list[str]] = {}
+    parts_of_columns: dict[str, list[str]] = {}  # by title of the column
     for (title, block), tested in view.tests.items():
         if tested.n_classes < FEWEST_CLASSES:
-            sentences[title] = [f"{tested.n_classes} classes decide nothing here"]
+            parts_of_columns[title] = [f"{tested.n_classes} classes decide nothing here"]
         else:
-            sentences.setdefault(title, []).append(_lead_of_block(view, title, block, tested))
-    leads = []
-    for title, of_column in sentences.items():
-        where = f"{title.capitalize()}. " if len(view.columns) > 1 else ""
-        leads.append(f"{where}{'; '.join(of_column)}.")
-    return leads
+            part = _lead_of_block(view, title, block, tested)
+            parts_of_columns.setdefault(title, []).append(part)
+    sentences = []
+    for title, parts in parts_of_columns.items():
+        sentence = f"{'; '.join(parts)}."
+        if len(view.columns) > 1:
+            sentence = f"{title.capitalize()}. {sentence}"
+        sentences.append(sentence)
+    return sentences
 
 
 def _lead_of_block(view: TableView, title: str, block: Block, tested: ComparedRivals) -> str:

@@ -154,15 +154,16 @@ def _cells_of_column(
         Whether there is a column for views of the same data.
     """
     title = column.column.title
+    has_mixed_inputs = column.column.input == "as printed"
     cells = {}
     for row in column.view.printed_rows:
         if row.kind != block or title not in row.scored:
             continue
         scores = row.scored[title]
-        is_as_printed = column.column.input == "as printed"
-        is_view = is_as_printed and scores.all_records[0].input == "view"
-        if not (has_own_views and is_view):
-            cells[row.title] = _Cell(row, scores, is_view)
+        is_view = has_mixed_inputs and scores.all_records[0].input == "view"
+        if is_view and has_own_views:
+            continue
+        cells[row.title] = _Cell(row, scores, is_view)
     return cells
 
 

@@ -142,6 +142,15 @@ class Worker:
     """
 
     def __init__(self, memory: int, timeout: float) -> None:
+        """Prepare a worker; its process is started with its first task.
+
+        Parameters
+        ----------
+        memory
+            Most bytes of memory that its process may take.
+        timeout
+            Seconds that a method may take for a shape.
+        """
         self._memory = memory
         self._timeout = timeout
         self._process: subprocess.Popen[bytes] | None = None
