@@ -21,11 +21,14 @@ import pandas as pd
 from benchmark.commands.score import score
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.pipeline.records import Record, read_distances, read_records
+from benchmark.protocols.tables import TITLES
 from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.registry import select_one
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import markdown_table
 from benchmark.report.notation import hundredths
+from benchmark.report.tables import table_views
+from benchmark.report.verdicts import claims
 from benchmark.text import say
 from tools.form_costs import COSTS, METHODS, SIZES
 
@@ -129,7 +132,17 @@ def departs(method: str) -> str:
     return f"*Departs from its source:* {select_one(method).info.departs}"
 
 
-#: What a part holds, by its name.
+def claims_of_paper() -> str:
+    """Return a table of the paper's claims, the row and table that are judged, and the verdicts."""
+    judged = claims(table_views(read_records(RESULTS, local=False)))
+    body = []
+    for one in judged:
+        claim = one.claim
+        body.append([claim.words, TITLES.get(claim.better, ""), claim.table, one.decision])
+    lines = markdown_table(["The paper claims", "Tested row", "Table", "Verdict"], body)
+    return "\n".join(lines).replace("---:", "---")  # words, not numbers
+
+
 def experiment(name: str) -> str:
     """Return the table of an experiment, made by its module from its file."""
     place = importlib.util.spec_from_file_location(name, EXPERIMENTS / f"{name}.py")
@@ -139,12 +152,14 @@ def experiment(name: str) -> str:
     return "\n".join(module.lines(pd.read_csv(module.TABLE)))
 
 
+#: What a part holds, by its name.
 PARTS: Mapping[str, Callable[[], str]] = {
     "sensitivity": partial(experiment, "sensitivity"),
     "other-meshes": partial(experiment, "other_meshes"),
     "form-costs": form_costs,
     "worst-classes": worst_classes,
     "five-shapes": five_shapes,
+    "claims-of-the-paper": claims_of_paper,
     **{f"departs-{method}": partial(departs, method) for method in METHODS},
 }
 
