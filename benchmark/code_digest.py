@@ -23,6 +23,7 @@ import hashlib
 import importlib.metadata
 import importlib.util
 import json
+import os
 import sys
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -55,6 +56,9 @@ _MESSAGES = ("problem", "hint")
 
 #: Functions whose texts are parts of messages.
 _SPEAKERS = ("named_errors",)
+
+#: Ends of the paths of modules: packages, sources and compiled extensions, as Python looks for them.
+_ENDINGS = ("/__init__.py", ".py", *EXTENSION_SUFFIXES)
 
 #: Arguments with texts for tables and lists.
 _TEXTS = ("title", "summary", "departs", "cite")
@@ -411,12 +415,10 @@ def _locate_once(parts: tuple[str, ...]) -> Path | None:
 
 def _find(base: Path, parts: tuple[str, ...]) -> Path | None:
     """Return the file of a module: a package, a source or a compiled extension."""
-    stem = base.joinpath(*parts)
-    candidates = [stem / "__init__.py"]
-    candidates += [Path(f"{stem}{suffix}") for suffix in (".py", *EXTENSION_SUFFIXES)]
-    for path in candidates:
-        if path.is_file():
-            return path
+    stem = os.path.join(base, *parts)  # noqa: PTH118  # of thousands
+    for ending in _ENDINGS:
+        if os.path.isfile(stem + ending):  # noqa: PTH113
+            return Path(stem + ending)
     return None
 
 
