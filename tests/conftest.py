@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -55,11 +56,12 @@ for number, handler in (
 
 
 @pytest.fixture
-def in_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let runs that a test starts from Python do everything in this process, which is seconds faster."""
-    from tests.runs.toy import ThisProcess
+def in_this_process() -> Iterator[None]:
+    """Let runs that a test starts do everything in this process, which is seconds faster."""
+    from tests.runs.toy import without_processes
 
-    monkeypatch.setattr("benchmark.runs.runner.start_workers", lambda *_: ThisProcess())
+    with without_processes():
+        yield
 
 
 @pytest.fixture(scope="module")

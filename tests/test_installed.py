@@ -16,6 +16,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmark.kernel_cache import compiled_kernels, suite_sources
 from tests.toy import rod, write_off, write_rods
 
 pytestmark = pytest.mark.slow
@@ -86,7 +87,25 @@ def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
     pip = [sys.executable, "-m", "pip", "--python", here, "install", "--quiet"]
     run([*pip, "--no-deps", "--no-index", "--no-compile", str(wheel)], folder)
     (packages / "shared.pth").write_text(sysconfig.get_path("purelib") + "\n")
+    copy_kernels(packages)
     return here
+
+
+def copy_kernels(packages: Path) -> None:
+    """Copy the compiled kernels of the checkout to an installed copy, for which numba takes minutes.
+
+    It keeps them as long as a source has the size and the time of that which was compiled; the
+    suite, as long as no source was put in its place later.
+    """
+    for source in suite_sources():
+        installed = packages / source.relative_to(ROOT)
+        if installed.is_file():
+            shutil.copystat(source, installed)
+    for source in suite_sources():
+        kept = packages / source.parent.relative_to(ROOT) / "__pycache__"
+        for kernel in compiled_kernels(source):
+            kept.mkdir(exist_ok=True, parents=True)
+            shutil.copy(kernel, kept)
 
 
 @pytest.fixture

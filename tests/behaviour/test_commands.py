@@ -52,6 +52,8 @@ def plain(text):
 def test_command(case, request):
     if case.section not in WITHOUT_RESULTS:
         request.getfixturevalue("ran")
+    if "-j 0" in case.line:
+        request.getfixturevalue("in_this_process")
     place = request.getfixturevalue("place")
     done = call(*shlex.split(case.line))
     out, err = plain(done.out), plain(done.err)

@@ -10,6 +10,7 @@ from contextlib import suppress
 import pytest
 
 from tests.behaviour.suite import call, environment, start
+from tests.runs.toy import without_processes
 from tests.toy import PATIENCE
 
 
@@ -18,7 +19,8 @@ def scored(material, tmp_path_factory):
     """A folder with results of a descriptor; to be read only."""
     folder = tmp_path_factory.mktemp("scored")
     of_rods = ("-d", material / "rods", "-m", "surface-area", "-j", 0)
-    assert call("run", *of_rods, "--results", folder / "results").code == 0
+    with without_processes():
+        assert call("run", *of_rods, "--results", folder / "results").code == 0
     return folder
 
 

@@ -154,7 +154,7 @@ def test_a_folder_with_the_name_of_a_set_of_the_suite_is_named(tmp_path, monkeyp
     assert "pass ./tosca" in told
 
 
-def test_forget_says_what_goes(tmp_path):
+def test_forget_says_what_goes(tmp_path, in_this_process):
     results = tmp_path / "results"
     selection = (
         "-d",

@@ -4,6 +4,7 @@ import re
 import shutil
 from pathlib import Path
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -14,8 +15,12 @@ from benchmark.commands.retrieve import _with_model
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.search import SearchResult
 from tests.datasets.test_frames import write_frames
+from tests.runs.toy import without_processes
 from tests.toy import SMALL_SCORER
 from tests.verbs import call, refusal
+
+#: Runs start no processes: each would import torch anew.
+pytestmark = pytest.mark.usefixtures("in_this_process")
 
 
 def test_a_folder_and_a_pattern_give_a_form_of_each_image_and_one_bad_image_costs_one(tmp_path):
@@ -52,21 +57,45 @@ def test_the_settings_of_a_folder_hold_for_its_images_unless_the_command_line_ha
     folder = write_frames(tmp_path / "frames", count=1)
     (folder / "intrinsics.txt").unlink()
     (folder / "dataset.toml").write_text(
-        "intrinsics = [525, 525, 319.5, 239.5]\nhalf_width = 1\ndepth_scale = 500\n"
+        "intrinsics = [262.5, 262.5, 159.75, 119.75]\nhalf_width = 1\ndepth_scale = 500\n"
     )
     words = ("canonicalise", "-m", "identity", folder, "-o", tmp_path / "forms")
     assert call(*words, code=1).count("more than the 2.00 m of the frame") == 2
     assert call(*words, "--depth-scale", 1000).count(" vertices") == 2
-    narrow = call(*words, "--depth-scale", 1000, "--intrinsics", "250,250,319.5,239.5", code=1)
+    narrow = call(*words, "--depth-scale", 1000, "--intrinsics", "125,125,159.75,119.75", code=1)
     assert narrow.count("more than the 2.00 m of the frame") == 2
 
 
-def test_a_gallery_that_was_run_is_searched(frames, tmp_path, monkeypatch):
-    results, picture = tmp_path / "results", tmp_path / "found.png"
-    small = ("--scorer", SMALL_SCORER, "--results", results)
-    asked = ("retrieve", "-m", "identity", "-d", frames, *small, frames / "two" / "1.png")
-    assert f"run -m identity -d {frames} --input view" in refusal(*asked)
-    call("run", "-d", frames, "-m", "identity", "-m", "surface-area", *small, "-j", "0")
+class Gallery(NamedTuple):
+    """A folder of depth images that was run by two methods; none may write to it."""
+
+    folder: Path
+    results: Path
+
+    def asked(self, query, method="identity", results=None):
+        """Return the words that search it."""
+        words = ("retrieve", "-m", method, "-d", self.folder, "--scorer", SMALL_SCORER)
+        return (*words, "--results", results or self.results, query)
+
+
+@pytest.fixture(scope="module")
+def gallery(tmp_path_factory):
+    """Depth images whose camera stands in the settings of their folder alone."""
+    folder = write_frames(tmp_path_factory.mktemp("gallery") / "frames")
+    results = folder.parent / "results"
+    (folder / "intrinsics.txt").unlink()
+    (folder / "dataset.toml").write_text("intrinsics = [262.5, 262.5, 159.75, 119.75]\n")
+    selected = ("-d", folder, "-m", "identity", "-m", "surface-area", "--scorer", SMALL_SCORER)
+    with without_processes():
+        call("run", *selected, "--results", results, "-j", "0")
+    return Gallery(folder, results)
+
+
+def test_a_gallery_that_was_run_is_searched(gallery, tmp_path):
+    picture, query = tmp_path / "found.png", gallery.folder / "two" / "1.png"
+    before_the_run = refusal(*gallery.asked(query, results=tmp_path / "results"))
+    assert f"run -m identity -d {gallery.folder} --input view" in before_the_run
+    asked = gallery.asked(query)
     first = call(*asked, "--picture", picture)
     assert first.splitlines()[0].split() == ["rank", "name", "class", "distance"]
     assert "two/1" not in first, "the query is no result"
@@ -75,8 +104,11 @@ def test_a_gallery_that_was_run_is_searched(frames, tmp_path, monkeypatch):
     assert distances == sorted(distances)
     with Image.open(picture) as drawn:
         assert drawn.width > drawn.height
-    described = call(*(word if word != "identity" else "surface-area" for word in asked))
+    described = call(*gallery.asked(query, "surface-area"))
     assert re.search(r"(class (one|two), by|undecided: (one|two) has) a margin of", described)
+
+
+def test_a_gallery_of_older_code_is_not_searched(gallery, monkeypatch):
     real = code_digest._parsed
 
     def edited(path):
@@ -84,7 +116,7 @@ def test_a_gallery_that_was_run_is_searched(frames, tmp_path, monkeypatch):
         return parsed._replace(digest="e" * 16) if path.name == "identity.py" else parsed
 
     monkeypatch.setattr(code_digest, "_parsed", edited)
-    stale = refusal(*asked)
+    stale = refusal(*gallery.asked(gallery.folder / "two" / "1.png"))
     assert (
         "the gallery is stale: identity.py changed; run `python -m benchmark run -m identity -d"
         in stale
@@ -101,12 +133,11 @@ def test_a_class_is_undecided_where_its_margin_lies_within_the_range_of_the_draw
     assert SearchResult([], None, np.array(margins)).is_decided is is_decided
 
 
-def test_a_copy_of_a_shape_of_the_gallery_is_named(frames, tmp_path):
-    copy, small = tmp_path / "copy", ("--scorer", SMALL_SCORER, "--results", tmp_path / "results")
-    shutil.copytree(frames, copy)
-    call("run", "-d", frames, "-m", "identity", *small, "-j", "0")
-    asked = ("retrieve", "-m", "identity", "-d", frames, *small, copy / "two" / "1.png")
-    assert "two/1 has the distance 0: the gallery holds the query, or its copy" in call(*asked)
+def test_a_copy_of_a_shape_of_the_gallery_is_named(gallery, tmp_path):
+    copy = shutil.copytree(gallery.folder, tmp_path / "copy")
+    (copy / "intrinsics.txt").write_text("262.5 0 159.75\n0 262.5 119.75\n0 0 1\n")
+    said = call(*gallery.asked(copy / "two" / "1.png"))
+    assert "two/1 has the distance 0: the gallery holds the query, or its copy" in said
 
 
 def test_a_query_takes_the_model_that_made_the_gallery():
@@ -125,15 +156,8 @@ def test_a_query_takes_the_model_that_made_the_gallery():
     assert _with_model(learner, job, []) == Path("b")
 
 
-def test_a_query_of_the_gallery_is_prepared_with_its_settings(tmp_path):
-    folder, small = (
-        write_frames(tmp_path / "frames"),
-        ("--scorer", SMALL_SCORER, "--results", tmp_path / "results"),
-    )
-    (folder / "intrinsics.txt").unlink()
-    (folder / "dataset.toml").write_text("intrinsics = [525, 525, 319.5, 239.5]\n")
-    call("run", "-d", folder, "-m", "identity", *small, "-j", "0")
-    asked = ("retrieve", "-m", "identity", "-d", folder, *small, folder / "one" / "0.png")
+def test_a_query_of_the_gallery_is_prepared_with_its_settings(gallery):
+    asked = gallery.asked(gallery.folder / "one" / "0.png")
     found = call(*asked)
     assert "two/0" in found
     same_camera = call(*asked, "--depth-scale", 1000)
@@ -141,16 +165,11 @@ def test_a_query_of_the_gallery_is_prepared_with_its_settings(tmp_path):
 
 
 def test_queries_warn_where_a_network_of_people_sees_something_small(tmp_path):
-    folder, small = (
-        write_frames(tmp_path / "frames"),
-        ("--scorer", SMALL_SCORER, "--results", tmp_path / "results"),
-    )
+    folder = write_frames(tmp_path / "frames")
+    small = ("--scorer", SMALL_SCORER, "--results", tmp_path / "results")
     selected = ("-m", "learned-streamed", "-d", folder, *small)
     call("run", *selected, "-j", 0)
-    assert "small" not in call("retrieve", *selected, folder / "one" / "0.png")
-    (folder / "dataset.toml").write_text("depth_scale = 2500\n")
-    call("run", *selected, "-j", 0)
-    assert re.search(
-        r"0\.png: 0\.\d+ m is small for a person",
-        call("retrieve", *selected, folder / "one" / "0.png"),
-    )
+    asked = ("retrieve", *selected, folder / "one" / "0.png")
+    assert "small" not in call(*asked)
+    said = call(*asked, "--depth-scale", 2500)
+    assert re.search(r"0\.png: 0\.\d+ m is small for a person", said)

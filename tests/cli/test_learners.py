@@ -8,11 +8,11 @@ import pytest
 
 from benchmark.api.learning import CARD
 from tests import verbs
-from tests.toy import SMALL_SCORER, write_rods
+from tests.runs.toy import LIGHT
+from tests.toy import write_rods
 
 #: The nearest neighbour among the images, which needs no network.
 LEARNER = Path(__file__).parents[2] / "examples" / "nearest_view.py"
-SMALL = ("--scorer", SMALL_SCORER)
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_pa
         "III-view",
         "-m",
         "nearest-view",
-        *SMALL,
+        *LIGHT,
         "--results",
         tmp_path,
         "--data-root",
@@ -66,11 +66,11 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_pa
     assert "the model tosca-III changed" in plan
 
 
-def test_without_a_model_the_plan_names_the_command_that_trains_it(root, tmp_path):
+def test_without_a_model_the_plan_names_the_command_that_trains_it(root, tmp_path, in_this_process):
     folders = ("--results", tmp_path, "--data-root", root)
-    selection = ("-t", "III-view", "-m", "nearest-view[training_seed=1]", *SMALL, *folders)
+    selection = ("-t", "III-view", "-m", "nearest-view[training_seed=1]", *LIGHT, *folders)
     told = call("plan", *selection)
-    assert f"unavailable  tosca view nearest-view[training_seed=1] by {SMALL_SCORER}" in told
+    assert "unavailable  tosca view nearest-view[training_seed=1] by distance-distribution" in told
     command = shlex.split(told.split("`")[1])
     assert command[3:7] == ["train", "nearest-view[training_seed=1]", "--table", "tosca-III"]
     call("run", *selection, "-j", "0", code=1)
@@ -78,9 +78,9 @@ def test_without_a_model_the_plan_names_the_command_that_trains_it(root, tmp_pat
     assert "2 of 2 jobs to run" in call("plan", *selection)
 
 
-def test_a_run_trains_what_it_lacks_first(root, tmp_path):
+def test_a_run_trains_what_it_lacks_first(root, tmp_path, in_this_process):
     folders = ("--results", tmp_path, "--data-root", root)
-    selection = ("-t", "III-view", "-m", "nearest-view", *SMALL, *folders)
+    selection = ("-t", "III-view", "-m", "nearest-view", *LIGHT, *folders)
     missing = "1 model is missing (1 of nearest-view); 'run --train' trains first"
     assert missing in call("plan", *selection)
     told = call("run", *selection, "-j", 1, "--train")
@@ -95,7 +95,7 @@ def test_a_training_that_fails_ends_the_run(root, tmp_path):
     folder = tmp_path / "models" / "tosca-III"
     folder.mkdir(parents=True)
     (folder / "seed0").write_text("no folder")
-    selection = ("-t", "III-view", "-m", "nearest-view", *SMALL, "--results", tmp_path)
+    selection = ("-t", "III-view", "-m", "nearest-view", *LIGHT, "--results", tmp_path)
     told = call("run", *selection, "--data-root", root, "-j", 1, "--train", code=2)
     assert "the training of nearest-view on 'tosca-III' failed" in told
     assert "run it alone: python -m benchmark train nearest-view -t tosca-III" in told

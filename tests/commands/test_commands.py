@@ -16,6 +16,9 @@ from tests.report.records import failed, record
 from tests.toy import rod, write_rods
 from tests.verbs import call, refusal
 
+#: Runs start no processes: each would import torch anew.
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 
 @pytest.fixture
 def results(tmp_path):

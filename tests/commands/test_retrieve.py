@@ -9,6 +9,7 @@ import trimesh
 
 import benchmark
 from benchmark.errors import ConfigurationError
+from tests.runs.toy import without_processes
 from tests.toy import SMALL_SCORER, rod
 from tests.verbs import call, refusal
 
@@ -19,7 +20,9 @@ QUERY = "thick1.off"
 def gallery(rods, tmp_path_factory):
     """What names a finished gallery of rods: its folder, method, scorer and results."""
     results = tmp_path_factory.mktemp("retrieve") / "results"
-    call("run", "-d", rods, "-m", "gps", "--scorer", SMALL_SCORER, "--results", results, "-j", 0)
+    selected = ("-d", rods, "-m", "gps", "--scorer", SMALL_SCORER, "--results", results)
+    with without_processes():
+        call("run", *selected, "-j", 0)
     return SimpleNamespace(data=rods, method="gps", scorer=SMALL_SCORER, results=results)
 
 

@@ -121,7 +121,7 @@ def test_what_cannot_be_read_is_a_shape_and_lowers_coverage(rods):
     ][:2] == [("thick1.off", "thick", 290, 0), ("thick2.off", "thick", 290, 0)]
 
 
-def test_meshes_that_are_passed_over_are_named(rods):
+def test_meshes_that_are_passed_over_are_named(rods, in_this_process):
     write_off(rods / "more" / "extra0.off", rod(0.3, 1.0))
     assert only(rods).startswith("warning  more/extra0.off  none of the shapes of this data set; ")
     said = call(

@@ -12,7 +12,7 @@ from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.prepared import PreparedShapes
 from benchmark.pipeline.stages import require_result
-from tests.depth.scenes import frame, in_millimetres
+from tests.depth.scenes import SMALL_CAMERA, in_millimetres, small_frame
 from tests.toy import rod, write_off
 
 
@@ -20,8 +20,8 @@ def write_frames(folder, classes=("one", "two"), count=2):
     for number, subject in enumerate(classes):
         (folder / subject).mkdir(parents=True)
         for pose in range(count):
-            depths, mask = frame(seed=10 * number + pose)
-            colour = Image.new("RGB", (640, 480))
+            depths, mask = small_frame(seed=10 * number + pose)
+            colour = Image.new("RGB", SMALL_CAMERA.size)
             images = (
                 (Image.fromarray(in_millimetres(depths)), ""),
                 (Image.fromarray(mask), "_mask"),
@@ -29,7 +29,7 @@ def write_frames(folder, classes=("one", "two"), count=2):
             )
             for image, ending in images:
                 image.save(folder / subject / f"{pose}{ending}.png", compress_level=1)
-    (folder / "intrinsics.txt").write_text("525 0 319.5\n0 525 239.5\n0 0 1\n")
+    (folder / "intrinsics.txt").write_text("262.5 0 159.75\n0 262.5 119.75\n0 0 1\n")
     return folder
 
 
@@ -69,7 +69,7 @@ def test_data_check_says_how_many_pieces_a_run_joins_and_why_forms_may_be_wrong(
     folder = write_frames(tmp_path / "frames", count=1)
     mask = np.array(Image.open(folder / "one" / "0_mask.png"))
     middle = int(np.median(np.nonzero(mask)[0]))
-    mask[middle - 10 : middle + 10] = 0
+    mask[middle - 5 : middle + 5] = 0
     Image.fromarray(mask).save(folder / "one" / "0_mask.png")
     depths = np.array(Image.open(folder / "two" / "0.png"))
     sparse = np.zeros_like(depths)
@@ -120,12 +120,12 @@ def test_settings_are_applied(tmp_path):
     (folder / "intrinsics.txt").unlink()
     toml = folder / "dataset.toml"
     toml.write_text(
-        'intrinsics = "525,525,319.5,239.5"\ndepth_scale = 1000\nup = [0.1, -1, 0]\nhalf_width = 1.5\n'
+        'intrinsics = "262.5,262.5,159.75,119.75"\ndepth_scale = 1000\nup = [0.1, -1, 0]\nhalf_width = 1.5\n'
         "[canonical_pose]\none = 0\n"
     )
     dataset = open_dataset(str(folder), None)
     assert dataset.half_width == 1.5
-    assert "fx=525.0" in dataset.key(dataset.shapes[0]) and "1000.0" in dataset.key(
+    assert "fx=262.5" in dataset.key(dataset.shapes[0]) and "1000.0" in dataset.key(
         dataset.shapes[0]
     )
     assert dataset.canonical_poses == {"one": "0"}

@@ -196,7 +196,7 @@ def test_galleries_that_fit_no_queries_are_refused(rods, tmp_path):
         jobs(rods, other, tmp_path)
 
 
-def test_frames_are_ranked_among_meshes_and_find_them(rods, finished, tmp_path):
+def test_frames_are_ranked_among_meshes_and_find_them(rods, finished, tmp_path, in_this_process):
     frames, meshes, results = (
         tmp_path / "frames",
         tmp_path / "meshes",
@@ -365,7 +365,7 @@ def test_one_constant_form_scores_chance_whatever_views_are_refused(rods, tmp_pa
     assert read_distances(tmp_path, record).shape == (4, 3)
 
 
-def test_a_frame_is_retrieved_among_the_views_of_meshes(rods, finished):
+def test_a_frame_is_retrieved_among_the_views_of_meshes(rods, finished, in_this_process):
     asked = ("-d", rods, "--gallery-views", "2", "-m", "identity", *SMALL, "--results", finished)
     query = FRAMES / "man-1" / "kneeling.png"
     assert "rods --gallery-views 2` first" in refusal("retrieve", *asked, query)

@@ -201,8 +201,14 @@ def arrange(monkeypatch, name, act):
     )
 
 
-@pytest.mark.parametrize("how", [write, write_of_the_same_time, replace_by_renaming])
-@pytest.mark.parametrize("name", EDITED)
+@pytest.mark.parametrize(
+    ("name", "how"),
+    [
+        *((name, write_of_the_same_time) for name in EDITED),
+        *((name, write) for name in ("below.py", "declared.txt")),
+        *((name, replace_by_renaming) for name in ("edited.py", "power.txt")),
+    ],
+)
 def test_an_edit_within_a_step_leaves_the_job_incomplete_with_the_name_of_the_file(
     folder, clean, tmp_path, monkeypatch, name, how
 ):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from benchmark.pipeline.records import Record
 from benchmark.registry.components import THIS_PROCESS
@@ -44,6 +46,13 @@ class ThisProcess:
 
     def close(self) -> None:
         """End nothing."""
+
+
+@contextmanager
+def without_processes() -> Iterator[None]:
+    """Let runs do everything in this process, whatever starts them: each process takes seconds to start."""
+    with patch("benchmark.runs.runner.start_workers", lambda *_: ThisProcess()):
+        yield
 
 
 def planned(

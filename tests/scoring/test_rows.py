@@ -20,6 +20,9 @@ from tests.scoring.line import LABELS, NAMES, D
 from tests.toy import SMALL_SCORER, rod, write_off, write_rods
 from tests.verbs import call, refusal
 
+#: Runs start no processes: each would import torch anew.
+pytestmark = pytest.mark.usefixtures("in_this_process")
+
 NAMED = dict(zip(NAMES, LABELS, strict=True))
 
 
