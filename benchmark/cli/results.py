@@ -24,8 +24,8 @@ def print_tables(
     paper: bool,
     failed: bool,
     submissions: Path | None = None,
-) -> None:
-    """Print tables in a format; Markdown by default."""
+) -> bool:
+    """Print tables in a format, Markdown by default; return whether all submissions have a row."""
     selected = _tables_with_notes(selection, paper=paper, failed=failed, submissions=submissions)
     if format is None:
         print_markdown(selected.markdown())
@@ -33,6 +33,7 @@ def print_tables(
         say_lines(selected.latex())
     else:
         say_lines("\n".join(selected.texts(format)))
+    return not selected.refused
 
 
 def write_tables(
@@ -44,14 +45,15 @@ def write_tables(
     failed: bool,
     force: bool,
     submissions: Path | None = None,
-) -> None:
-    """Write tables as files in a format, or in all."""
+) -> bool:
+    """Write tables as files in a format, or in all; return whether all submissions have a row."""
     from benchmark.report.output import TABLE_FORMATS
 
     selected = _tables_with_notes(selection, paper=paper, failed=failed, submissions=submissions)
     formats = [format] if format else TABLE_FORMATS
     files = selected.write(output, formats, force=force)
     say(f"wrote {len(files)} files to {output}")
+    return not selected.refused
 
 
 def write_report_pages(selection: Selection, output: Path, *, failed: bool, force: bool) -> None:

@@ -93,25 +93,24 @@ def tables_verb(
         Path | None,
         Option("--submissions", metavar="DIR", help="Add rows of others, scored here."),
     ] = None,
-) -> None:
+) -> bool:
     """Print or write the tables of finished jobs.
 
-    It needs no data.
+    It needs no data. The exit code is 1 if a submission has no row.
     """
     from benchmark.cli.results import print_tables, write_tables
 
     if output is None:
-        print_tables(selection, format, paper=paper, failed=failed, submissions=submissions)
-    else:
-        write_tables(
-            selection,
-            output,
-            format,
-            paper=paper,
-            failed=failed,
-            force=force,
-            submissions=submissions,
-        )
+        return print_tables(selection, format, paper=paper, failed=failed, submissions=submissions)
+    return write_tables(
+        selection,
+        output,
+        format,
+        paper=paper,
+        failed=failed,
+        force=force,
+        submissions=submissions,
+    )
 
 
 @verb(*OF_RECORDS, "data_root")

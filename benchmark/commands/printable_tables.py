@@ -28,6 +28,8 @@ class Tables:
         The records that they come from.
     notes
         What was left out, and how to see it.
+    refused
+        Folders of the submissions that have no row.
     has_robustness, has_verdicts
         Whether the table of robustness, and what the paper's claims come to, belong to them.
     """
@@ -35,6 +37,7 @@ class Tables:
     views: tuple[TableView, ...]
     records: tuple[Record, ...]
     notes: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
     has_robustness: bool = False
     has_verdicts: bool = False
 

@@ -6,7 +6,7 @@ Nothing in a submission is run: its files are data.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from benchmark.commands.score import score
 from benchmark.datasets.settings import read_settings
 from benchmark.errors import BenchmarkError, ConfigurationError, check_known
 from benchmark.pipeline.records import Origin, Record
-from benchmark.text import brief, listed
+from benchmark.text import brief, counted, listed
 
 #: Name of the file that describes a submission.
 SUBMISSION = "submission.toml"
@@ -101,10 +101,13 @@ class SubmittedRows:
         A record of each submission with scores.
     notes
         What each submission says of itself, and why others have no row.
+    refused
+        Folders of the submissions without a row.
     """
 
     records: tuple[Record, ...]
     notes: tuple[str, ...]
+    refused: tuple[str, ...] = ()
 
 
 def submitted_rows(folder: str | Path, results: str | Path) -> SubmittedRows:
@@ -133,19 +136,35 @@ def submitted_rows(folder: str | Path, results: str | Path) -> SubmittedRows:
         raise ConfigurationError(problem, "see docs/how-to/submit.md")
     records = list[Record]()
     notes = list[str]()
+    refused = list[str]()
     for path in paths:
         try:
             submission = read_submission(path)
             record = score_submission(submission, Path(results))
+            _check_name(record, records)
         except BenchmarkError as error:
             notes.append(f"no row: {path.parent}: {error}")
-            continue
-        if record.method in {other.method for other in records if other.row == record.row}:
-            notes.append(f"no row: {path.parent}: another submission has its name")
+            refused.append(str(path.parent))
             continue
         records.append(record)
         notes.append(submission.in_words)
-    return SubmittedRows(tuple(records), tuple(notes))
+        notes += _lacking(record)
+    return SubmittedRows(tuple(records), tuple(notes), tuple(refused))
+
+
+def _check_name(record: Record, others: Iterable[Record]) -> None:
+    """Raise ``ConfigurationError`` if another submission has the row of a record."""
+    if any(other.row == record.row for other in others):
+        raise ConfigurationError("another submission has its name", "choose another 'method'")
+
+
+def _lacking(record: Record) -> list[str]:
+    """Return a note of the shapes that have no result in a submission, if there are any."""
+    if not record.unsupported:
+        return []
+    number = f"{len(record.unsupported)} of {counted(len(record.shapes), 'shape')}"
+    reasons = "; ".join(f"{name}: {reason}" for name, reason in record.unsupported)
+    return [brief(f"{record.title}: {number} without a result count 0: {reasons}", 2000)]
 
 
 def read_submission(path: Path) -> Submission:

@@ -52,11 +52,14 @@ def tables(
     """
     submitted: tuple[Record, ...] = ()
     told: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
     if submissions is not None:
         from benchmark.commands.submissions import submitted_rows  # whose forms need the runner
 
         rows = submitted_rows(submissions, results)
-        submitted, told = rows.records, rows.notes
+        submitted = rows.records
+        told = rows.notes
+        refused = rows.refused
     selection = RecordSelection(
         results=Path(results),
         tables=as_list(names),
@@ -74,6 +77,7 @@ def tables(
         tuple(selection.views(records, paper=paper)),
         tuple(records),
         (*notes, *told),
+        refused,
         has_robustness=selection.is_whole or "robustness" in selection.tables,
         has_verdicts=selection.is_whole,
     )

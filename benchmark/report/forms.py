@@ -42,6 +42,12 @@ _STEPS = 10
 _COARSE_STEPS = 6
 _REFINED = 4
 
+#: A coarse result is not refined if it is farther than the best by this factor.
+_FAR = 2.0
+
+#: Decimals of rotations to which two coarse results are the same.
+_SAME_ROTATION = 9
+
 #: Factors of positions and value by which a point is mirrored.
 _MIRROR = np.array([-1, -1, -1, 1])
 
@@ -92,7 +98,7 @@ class StoredForms:
     data_root: Path | None = None
     _sets: dict[str, ShapeSet | None] = field(default_factory=dict, repr=False)
     _shapes: dict[tuple[str, str, str], Drawn | None] = field(default_factory=dict, repr=False)
-    _firsts: dict[tuple[str, str], Drawn | None] = field(default_factory=dict, repr=False)
+    _forms: dict[tuple[str, str], Drawn | None] = field(default_factory=dict, repr=False)
 
     def shape(self, record: RankedShapes, name: str) -> Drawn | None:
         """Return a prepared shape; None if it is not stored."""
@@ -126,16 +132,19 @@ class StoredForms:
         Drawn or None
             The form; None if it is not stored.
         """
-        first = _first_pose(record, name)
-        if (record.key, first) not in self._firsts:
-            self._firsts[record.key, first] = self.form_like_shape(record, first)
-        target = self._firsts[record.key, first]
-        if name == first:
-            return target
+        place = record.key, name
+        if place not in self._forms:
+            self._forms[place] = self._turned_form(record, name)
+        return self._forms[place]
+
+    def _turned_form(self, record: Record, name: str) -> Drawn | None:
+        """Return what :meth:`form` returns, which takes a tenth of a second."""
         form = self.form_like_shape(record, name)
-        if form is None or target is None:
+        first = _first_pose(record, name)
+        if form is None or name == first:
             return form
-        return turned_to(form, target)
+        target = self.form(record, first)
+        return form if target is None else turned_to(form, target)
 
     def form_like_shape(self, record: RankedShapes, name: str) -> Drawn | None:
         """Return the form of a shape, turned as the shape; None if it is not stored."""
@@ -274,7 +283,10 @@ def alignments(points: Points, target: Points) -> tuple[NDArray[np.float64], Poi
         points[coarse], target[coarse], starts, _COARSE_STEPS
     )
     best = np.argsort(distances, kind="stable")[:_REFINED]
-    return _iterate_closest_points(points, target, rotations[best], _STEPS)
+    promising = best[distances[best] <= _FAR * distances[best[0]]]
+    _, first = np.unique(rotations[promising].round(_SAME_ROTATION), axis=0, return_index=True)
+    distinct = promising[np.sort(first)]
+    return _iterate_closest_points(points, target, rotations[distinct], _STEPS)
 
 
 def _principal_axes(points: Points) -> Points:
@@ -308,10 +320,18 @@ def _iterate_closest_points(
     """
     tree = cKDTree(points)
     target_tree = cKDTree(target)
+    rotations = rotations.copy()
+    moving = np.arange(len(rotations))
     for _ in range(steps):
-        _, in_target = target_tree.query(_rotated(points, rotations))
-        _, in_points = tree.query(_rotated(target, rotations.transpose(0, 2, 1)))
-        rotations = _best_rotations(points[:, :3], target[:, :3], in_target, in_points)
+        before = rotations[moving]
+        _, in_target = target_tree.query(_rotated(points, before))
+        _, in_points = tree.query(_rotated(target, before.transpose(0, 2, 1)))
+        after = _best_rotations(points[:, :3], target[:, :3], in_target, in_points)
+        rotations[moving] = after
+        # Where a step changes nothing, neither would a further one.
+        moving = moving[(after != before).any(axis=(1, 2))]
+        if not len(moving):
+            break
     to_target, _ = target_tree.query(_rotated(points, rotations))
     to_points, _ = tree.query(_rotated(target, rotations.transpose(0, 2, 1)))
     return (to_target.mean(axis=1) + to_points.mean(axis=1)) / 2, rotations

@@ -13,6 +13,7 @@ import benchmark
 from benchmark.commands.submissions import REQUIRED, submitted_rows
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import read_files
+from tests.toy import write_rods
 from tests.verbs import call, refusal
 
 PUBLISHED = Path(__file__).parents[2] / "results" / "records" / "animals.jsonl"
@@ -147,7 +148,67 @@ def test_two_submissions_of_one_name_are_told(submit):
     submit("b")
     rows = submitted_rows("submissions", "results")
     assert len(rows.records) == 1
-    assert rows.notes[-1] == "no row: submissions/b: another submission has its name"
+    reason = "another submission has its name; choose another 'method'"
+    assert rows.notes[-1] == f"no row: submissions/b: {reason}"
+
+
+def test_a_refused_submission_ends_with_code_1_beside_the_other_rows(submit):
+    submit("broken", method='"Broken"', seen='["unicorn"]')
+    submit("whole", method='"Whole"')
+    words = ("tables", "-d", "animals", "--input", "mesh", "--submissions", "submissions")
+    text = call(*words, code=1)
+    assert "no row: submissions/broken: " in text
+    assert any(line.startswith("|Whole (submitted)|") for line in text.splitlines())
+    assert "wrote " in call(*words, "-o", "written", code=1)
+    assert "external-whole-submitted" in Path("written/scores.csv").read_text()
+    assert benchmark.tables(data="animals", submissions="submissions").refused == (
+        "submissions/broken",
+    )
+    shutil.rmtree("submissions/broken")
+    call(*words)
+
+
+@pytest.fixture
+def rods(tmp_path, monkeypatch):
+    """Write a set of rods, with a row, and a submission of its shapes as forms; return its folder."""
+    monkeypatch.chdir(tmp_path)
+    write_rods(Path("rods"))
+    call("run", "-d", "rods", "--input", "mesh", "-m", "identity", "-j", 0)
+    folder = write_rods(Path("submissions/mine/forms"), sides=10).parent
+    facts = FACTS | {"data": '"rods"', "distances": "", "forms": '"forms"'}
+    lines = [f"{key} = {value}" for key, value in facts.items() if value]
+    (folder / "submission.toml").write_text("\n".join(lines))
+    return folder
+
+
+@pytest.mark.slow
+def test_forms_make_a_row_of_the_scorer_of_tables(rods):
+    """The forms are rods, so that each finds its class; they are kept, and belong to no other table."""
+    words = ("tables", "-d", "rods", "--submissions", "submissions")
+    text = call(*words)
+    rows = {line.split("|")[1]: line.split("|")[2:] for line in text.splitlines() if "|" in line}
+    assert rows["Far sight (submitted)"][0].startswith("1.00 ")
+    assert "scored here from a folder of forms by A. Author, B. Author" in text
+    n_files = len([*Path("results").rglob("*.npz")])
+    again = call(*words)
+    assert again.partition("**Table")[2] == text.partition("**Table")[2]  # behind the progress
+    assert len([*Path("results").rglob("*.npz")]) == n_files
+    assert [record.method for record in benchmark.tables(data="rods").records] == ["identity"]
+
+
+@pytest.mark.slow
+def test_missing_and_damaged_forms_are_named(rods):
+    """A form that is missing or no mesh scores 0, and is named; a folder of others is refused."""
+    (rods / "forms" / "thin1.off").unlink()
+    (rods / "forms" / "thick2.off").write_text("OFF\n3 1 0\n0 0 0\n")
+    text = call("tables", "-d", "rods", "--submissions", "submissions")
+    assert "Far sight (submitted): 2 of 6 shapes without a result count 0: thick2: " in text
+    assert "; thin1: " in text
+    shutil.rmtree(rods / "forms")
+    write_rods(rods / "forms", radii={"other": 0.1})
+    text = call("tables", "-d", "rods", "--submissions", "submissions", code=1)
+    assert "no row: submissions/mine: " in text
+    assert "has no form of these shapes; name them like the shapes: thick0.off" in text
 
 
 def test_a_folder_without_submissions_is_refused(tmp_path):
