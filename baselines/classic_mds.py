@@ -71,16 +71,18 @@ def classic_scaling(distances: FloatArray) -> tuple[FloatArray, FloatArray]:
     n = len(distances)
     squares = distances**2
 
-    def centred(vector: FloatArray) -> FloatArray:
+    def multiply(vector: FloatArray) -> FloatArray:
+        """Return the product of the doubly centred squares, times -1/2, and a vector."""
         product = squares @ (vector - vector.mean())
         return np.asarray(-0.5 * (product - product.mean()))
 
     if n < 64:  # the iteration needs more vectors than that
-        values, vectors = np.linalg.eigh(np.apply_along_axis(centred, 0, np.eye(n)))
+        values, vectors = np.linalg.eigh(np.apply_along_axis(multiply, 0, np.eye(n)))
     else:
         start = np.random.default_rng(0).standard_normal(n)
-        operator = LinearOperator((n, n), matvec=centred, dtype=np.float64)
+        operator = LinearOperator((n, n), matvec=multiply, dtype=np.float64)
         values, vectors = eigsh(operator, k=4, which="LA", v0=start, tol=1e-10)
-    values = values[:-5:-1]
-    vectors = vectors[:, :-4:-1]
-    return vectors * np.sqrt(np.maximum(values[:3], 0.0)), values
+    # Both solvers return ascending eigenvalues.
+    four_largest = values[:-5:-1]
+    three_vectors = vectors[:, :-4:-1]
+    return three_vectors * np.sqrt(np.maximum(four_largest[:3], 0.0)), four_largest

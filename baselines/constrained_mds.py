@@ -85,33 +85,53 @@ class ConstrainedMDS(CheckedParameters):
         return self.deform_towards(shape, LeastSquaresMDS().canonicalise(shape).vertices)
 
     def deform_towards(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
-        """Deform the surface towards positions of its vertices, shape (n, 3), or their mirror."""
+        """Deform the surface towards targets, or their mirror image if that takes less energy.
+
+        The sign of an embedding is arbitrary. The pull on the vertices changes step by step from
+        ``first_pull`` to ``last_pull``.
+
+        Parameters
+        ----------
+        shape
+            The surface.
+        targets
+            Position towards which each vertex is drawn, shape (n, 3).
+
+        Returns
+        -------
+        CanonicalForm
+            The deformed surface; notes are its strains, the energies of both, and whether it is the
+            mirrored one.
+        """
         from baselines._kernels.arap import AsRigidAsPossible, aligned
 
         surface = AsRigidAsPossible.of(shape)
         areas = shape.mesh.vertex_areas
-        images = [
-            aligned(image, shape.mesh.vertices, areas)
-            for image in (targets * [1.0, 1.0, 1.0], targets * [-1.0, 1.0, 1.0])
+        mirror = np.array([-1.0, 1.0, 1.0])
+        both_targets = [
+            aligned(targets, shape.mesh.vertices, areas),
+            aligned(targets * mirror, shape.mesh.vertices, areas),
         ]
-        deformed = [surface.rest, surface.rest]
+        both_deformed = [surface.rest, surface.rest]
         for strength in np.geomspace(self.first_pull, self.last_pull, self.cascades):
             pull = strength * areas / areas.sum()
             solve = surface.factorise(pull)
-            for k, image in enumerate(images):
+            for k, aims in enumerate(both_targets):
                 for _ in range(self.iterations):
-                    load = surface.load(surface.rotations(deformed[k])) + pull[:, None] * image
-                    deformed[k] = solve(load)
+                    rotations = surface.rotations(both_deformed[k])
+                    both_deformed[k] = solve(surface.load(rotations) + pull[:, None] * aims)
         energies = []
-        for vertices, image in zip(deformed, images, strict=True):
+        for vertices, aims in zip(both_deformed, both_targets, strict=True):
             elastic = surface.energy(vertices, surface.rotations(vertices))
-            energies.append(elastic + float(pull @ ((vertices - image) ** 2).sum(axis=1)))
+            attraction = float(pull @ ((vertices - aims) ** 2).sum(axis=1))
+            energies.append(elastic + attraction)
         is_mirrored = energies[1] < energies[0]
-        kept = int(is_mirrored)
-        notes = {
-            **surface.strains(deformed[kept]),
-            "energy": energies[kept],
-            "rejected_energy": energies[1 - kept],
-        }
-        mirrored = "yes" if is_mirrored else "no"
-        return shape.form(deformed[kept], **notes, mirrored=mirrored)
+        chosen = int(is_mirrored)
+        vertices = both_deformed[chosen]
+        return shape.form(
+            vertices,
+            **surface.strains(vertices),
+            energy=energies[chosen],
+            rejected_energy=energies[1 - chosen],
+            mirrored="yes" if is_mirrored else "no",
+        )

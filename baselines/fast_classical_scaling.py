@@ -79,9 +79,10 @@ class FastClassicalScaling(CheckedParameters):
             shape, samples, weights=(mass / mass.mean()) ** 2, fidelity=self.fidelity
         )
         rows = shape.geodesics_from(samples)
-        coupling = np.asarray(
-            np.kron([[0.0, 0.5], [0.5, 0.0]], np.eye(len(samples))), dtype=np.float64
-        )
+        # With the extension M and the squared distances S of the samples to all vertices, all
+        # squared distances are (M S + S^T M^T) / 2.
+        halves = np.array([[0.0, 0.5], [0.5, 0.0]])
+        coupling = np.asarray(np.kron(halves, np.eye(len(samples))), dtype=np.float64)
         points = low_rank_scaling(shape, np.hstack([extension, rows.T**2]), coupling)
         return shape.form(
             points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows)

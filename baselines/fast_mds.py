@@ -63,7 +63,15 @@ class FastMDS(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the FastMap embedding, centred at the origin.
 
-        Notes are the number of rows, and the stress on them.
+        Each of three axes runs between two far vertices, the pivots; coordinates along it come from
+        the geodesic distances to the pivots, and what the axis explains is taken off all squared
+        distances.
+
+        Returns
+        -------
+        CanonicalForm
+            With the number of rows of distances that were computed, and the stress on them, as
+            notes.
         """
         from baselines._kernels.few_rows import farthest_points, stress_of_rows
 
@@ -74,18 +82,18 @@ class FastMDS(CheckedParameters):
             """Return what the axes leave of the squared distances from a vertex, shape (n,)."""
             if vertex not in rows:
                 rows[vertex] = shape.geodesics_from([vertex])[0]
-            return np.asarray(
-                np.maximum(rows[vertex] ** 2 - ((points - points[vertex]) ** 2).sum(axis=1), 0.0)
-            )
+            explained = ((points - points[vertex]) ** 2).sum(axis=1)
+            return np.asarray(np.maximum(rows[vertex] ** 2 - explained, 0.0))
 
         (start,) = farthest_points(shape, 1)
         for axis in range(3):
             first, second = self._pivots(residual, start)
             to_first = residual(first)
             to_second = residual(second)
-            squared = to_first[second]
-            if squared > 0.0:
-                points[:, axis] = (to_first + squared - to_second) / (2 * np.sqrt(squared))
+            between = to_first[second]
+            if between > 0.0:
+                # By the law of cosines, the position along the line from the first to the second.
+                points[:, axis] = (to_first + between - to_second) / (2 * np.sqrt(between))
         points = oriented(points - points.mean(axis=0), shape.mesh.vertex_areas)
         stress = stress_of_rows(points, list(rows), np.stack([*rows.values()]))
         return shape.form(points, rows=len(rows), stress_of_rows=stress)

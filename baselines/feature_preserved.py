@@ -95,22 +95,43 @@ class FeaturePreserved(CheckedParameters):
         return self.move_onto(shape, LeastSquaresMDS().canonicalise(shape).vertices)
 
     def move_onto(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
-        """Move the parts onto positions of the vertices, shape (n, 3), or onto their mirror."""
+        """Move rigid parts of the surface onto targets, or onto their mirror image if it is nearer.
+
+        The surface is divided into parts, which are refitted to the targets, moved, translated so
+        that gaps close, and smoothed at their seams.
+
+        Parameters
+        ----------
+        shape
+            The surface.
+        targets
+            Target of each vertex, shape (n, 3), such as the positions of an embedding, whose sign
+            is arbitrary.
+
+        Returns
+        -------
+        CanonicalForm
+            The moved surface; notes are the number of parts, its strains, and whether it is the
+            mirrored one.
+        """
         from baselines._kernels.arap import AsRigidAsPossible
         from baselines._kernels.few_rows import farthest_points
 
         surface = AsRigidAsPossible.of(shape)
         masses = np.maximum(shape.mesh.vertex_areas, np.finfo(float).tiny)
-        seeds = farthest_points(shape, max(1, min(self.parts, shape.mesh.n_vertices // PART_SIZE)))
-        nearest = np.unique(shape.geodesics()[seeds].argmin(axis=0), return_inverse=True)[1]
+        n_parts = max(1, min(self.parts, shape.mesh.n_vertices // PART_SIZE))
+        seeds = farthest_points(shape, n_parts)
+        nearest_seed = shape.geodesics()[seeds].argmin(axis=0)
+        _, first_parts = np.unique(nearest_seed, return_inverse=True)
+        mirror = np.array([-1.0, 1.0, 1.0])
         fits = []
         misses = []
-        for image in (targets, targets * [-1.0, 1.0, 1.0]):
-            parts = refit_parts(surface, image, masses, nearest, self.rounds)
-            rotations, translations = rigid_motions(surface, image, masses, parts)
+        for aims in (targets, targets * mirror):
+            parts = refit_parts(surface, aims, masses, first_parts, self.rounds)
+            rotations, translations = rigid_motions(surface, aims, masses, parts)
             fits.append((parts, rotations, translations))
             moved = _moved(surface, parts, rotations, translations)
-            misses.append(masses @ ((moved - image) ** 2).sum(axis=1))
+            misses.append(masses @ ((moved - aims) ** 2).sum(axis=1))
         is_mirrored = misses[1] < (1 - MIRROR_MARGIN) * misses[0]
         parts, rotations, translations = fits[int(is_mirrored)]
         translations = close_gaps(surface, masses, parts, rotations, translations)
@@ -157,29 +178,50 @@ def rigid_motions(
 def refit_parts(
     surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray, parts: Parts, rounds: int
 ) -> Parts:
-    """Shift the seams, vertex by vertex, so that the parts fit the targets better.
+    """Shift the seams between parts, vertex by vertex, so that the parts fit the targets better.
 
     In each round every vertex at a seam joins the part of a neighbour whose rigid motion brings it
     nearest to its target. Vertices of a part that would keep fewer than half of its initial
     vertices stay, and no part becomes empty.
+
+    Parameters
+    ----------
+    surface
+        The surface at rest, with the weights of its edges.
+    targets
+        Target of each vertex, shape (n, 3).
+    masses
+        Weight of each vertex, shape (n,).
+    parts
+        Part of each vertex, from 0, shape (n,).
+    rounds
+        Maximum number of rounds.
+
+    Returns
+    -------
+    numpy.ndarray
+        Part of each vertex afterwards, shape (n,).
     """
     graph = surface.weights
-    numbers = np.arange(len(parts))
-    start = np.repeat(numbers, np.diff(graph.indptr))
-    least = np.maximum(np.bincount(parts) // 2, 1)
+    vertices = np.arange(len(parts))
+    start = np.repeat(vertices, np.diff(graph.indptr))
+    end = graph.indices
+    smallest_sizes = np.maximum(np.bincount(parts) // 2, 1)
     for _ in range(rounds):
         rotations, translations = rigid_motions(surface, targets, masses, parts)
+        # Where each part would bring each vertex, and how far from its target: shape (parts, n).
         moved = np.einsum("kab,nb->kna", rotations, surface.rest) + translations[:, None]
         misses = ((moved - targets) ** 2).sum(axis=2)
+        # Only parts of neighbours can be joined.
         offered = np.full(misses.shape, np.inf)
-        offered[parts[graph.indices], start] = misses[parts[graph.indices], start]
-        changed = np.where(
-            offered.min(axis=0) < misses[parts, numbers], offered.argmin(axis=0), parts
-        )
-        losing = np.bincount(changed, minlength=len(least)) < least
-        while losing.any():  # returning vertices may empty the parts that they had joined
-            changed = np.where(losing[parts], parts, changed)
-            losing = np.bincount(changed, minlength=len(least)) == 0
+        offered[parts[end], start] = misses[parts[end], start]
+        is_better = offered.min(axis=0) < misses[parts, vertices]
+        changed = np.where(is_better, offered.argmin(axis=0), parts)
+        is_too_small = np.bincount(changed, minlength=len(smallest_sizes)) < smallest_sizes
+        while is_too_small.any():
+            # All vertices of such a part stay in it. That may empty parts that they had joined.
+            changed = np.where(is_too_small[parts], parts, changed)
+            is_too_small = np.bincount(changed, minlength=len(smallest_sizes)) == 0
         if (changed == parts).all():
             break
         parts = changed
@@ -195,31 +237,48 @@ def close_gaps(
 ) -> FloatArray:
     r"""Translate the parts, without rotation, so that they meet at their seams.
 
-    With the edges (i, j) of the seams, of weights w, and the share :math:`\alpha_c` of part c in
-    the area,
+    With the edges (i, j) of the seams between parts c and d, of weights w, the rotations R and the
+    given translations :math:`t^0`, and the share :math:`\alpha_c` of part c in the area, solve
 
     .. math:: \min_t \sum_c \alpha_c \|t_c - t^0_c\|^2
               + \sum_{ij} w_{ij} \| R_c p_i + t_c - R_d p_j - t_d - \tfrac12 (R_c + R_d)(p_i - p_j)
               \|^2 .
+
+    Parameters
+    ----------
+    surface
+        The surface at rest, with positions p and edge weights w.
+    masses
+        Area of each vertex, shape (n,).
+    parts
+        Part of each vertex, shape (n,).
+    rotations, translations
+        Rigid motion of each part, shapes (parts, 3, 3) and (parts, 3).
+
+    Returns
+    -------
+    numpy.ndarray
+        Translations t, shape (parts, 3).
     """
     graph = surface.weights
     start = np.repeat(np.arange(len(parts)), np.diff(graph.indptr))
     end = graph.indices
-    seam = parts[start] != parts[end]  # each edge both ways
-    start = start[seam]
-    end = end[seam]
-    weights = graph.data[seam]
+    is_seam = parts[start] != parts[end]  # each edge of a seam counts both ways
+    start = start[is_seam]
+    end = end[is_seam]
+    weights = graph.data[is_seam]
     first = parts[start]
     second = parts[end]
-    # The gap is R_c m + t_c - R_d m - t_d at the middle m of the edge.
+    # The parts meet at the middle m of an edge if t_c - t_d = (R_d - R_c) m.
     middles = (surface.rest[start] + surface.rest[end]) / 2
     gaps = np.einsum("eab,eb->ea", rotations[second] - rotations[first], middles)
+    # The normal equations: a linear system in the translations of all parts.
     system = np.diag(np.bincount(parts, masses) / masses.sum())
-    right = system @ translations
+    right_side = system @ translations
     np.add.at(system, (first, first), weights)
     np.add.at(system, (first, second), -weights)
-    np.add.at(right, first, weights[:, None] * gaps)
-    return np.asarray(np.linalg.solve(system, right))
+    np.add.at(right_side, first, weights[:, None] * gaps)
+    return np.asarray(np.linalg.solve(system, right_side))
 
 
 def smooth_seams(

@@ -21,6 +21,9 @@ from benchmark.api.contracts import (
 if TYPE_CHECKING:
     from baselines._kernels.arap import AsRigidAsPossible
 
+#: Squared distance up to which points coincide, in squared units of the surface.
+COINCIDENT_SQUARED = 1e-30
+
 PROXIMITY = 1e-4
 """Diagonal of the global step, as a share of the stiffness.
 
@@ -87,9 +90,15 @@ class MeshUnfolding(CheckedParameters):
     max_cascades: Annotated[int, Interval(1)] = 16
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the unfolded surface.
+        """Return the unfolded surface: its vertices as far apart as its stiffness allows.
 
-        Notes are its edge strains, the number of cascades and the final stiffness.
+        The surface begins soft. As long as its edges are strained beyond ``strain_bound``, its
+        stiffness doubles, at most ``max_cascades`` times.
+
+        Returns
+        -------
+        CanonicalForm
+            With its edge strains, the number of cascades and the final stiffness as notes.
         """
         from baselines._kernels.arap import AsRigidAsPossible
 
@@ -161,33 +170,46 @@ def relax(
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract", "arcp", "nsz"}, error_model="numpy")  # type: ignore[untyped-decorator]
 def repulsion(positions: FloatArray, masses: FloatArray) -> FloatArray:
-    r"""Return the gradient of the spread :math:`\sum_{i<j} a_i a_j \|x_i - x_j\|`, shape (n, 3)."""
+    r"""Return the gradient of the spread :math:`\sum_{i<j} a_i a_j \|x_i - x_j\|` of points.
+
+    Parameters
+    ----------
+    positions
+        Points x, shape (n, 3).
+    masses
+        Weights a, shape (n,).
+
+    Returns
+    -------
+    numpy.ndarray
+        Gradient by the positions, shape (n, 3); coincident points do not push each other.
+    """
     # Every pair is visited twice: without writes, the inner loop vectorises.
     x = positions[:, 0].copy()
     y = positions[:, 1].copy()
     z = positions[:, 2].copy()
-    forces = np.empty_like(positions)
+    gradient = np.empty_like(positions)
     for i in range(len(masses)):
-        sx = 0.0
-        sy = 0.0
-        sz = 0.0
+        sum_x = 0.0
+        sum_y = 0.0
+        sum_z = 0.0
         for j in range(len(masses)):
             dx = x[i] - x[j]
             dy = y[i] - y[j]
             dz = z[i] - z[j]
             squared = dx * dx + dy * dy + dz * dz
-            # A root in single precision and one step of Newton's method: all digits in two thirds
-            # of the time.
+            # The inverse distance, 0 for coincident points: a root in single precision and one step
+            # of Newton's method give all digits in two thirds of the time.
             guess = (
                 np.float64(np.float32(1.0) / np.sqrt(np.float32(squared)))
-                if squared > 1e-30
+                if squared > COINCIDENT_SQUARED
                 else 0.0
             )
             push = masses[j] * guess * (1.5 - 0.5 * squared * guess * guess)
-            sx = sx + push * dx
-            sy = sy + push * dy
-            sz = sz + push * dz
-        forces[i, 0] = masses[i] * sx
-        forces[i, 1] = masses[i] * sy
-        forces[i, 2] = masses[i] * sz
-    return forces
+            sum_x = sum_x + push * dx
+            sum_y = sum_y + push * dy
+            sum_z = sum_z + push * dz
+        gradient[i, 0] = masses[i] * sum_x
+        gradient[i, 1] = masses[i] * sum_y
+        gradient[i, 2] = masses[i] * sum_z
+    return gradient

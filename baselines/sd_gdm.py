@@ -54,7 +54,18 @@ class SDGDM(CheckedParameters):
     count: Annotated[int, Interval(1)] = 20
 
     def describe(self, shape: Shape) -> FloatArray:
-        """Return the singular values over their sum, largest first, shape (count,)."""
+        """Return the largest singular values of the geodesic distances, over their sum.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shares, largest first, shape (count,).
+
+        Raises
+        ------
+        UnsupportedShape
+            If the shape has no more vertices than singular values are asked for.
+        """
         from scipy.linalg.blas import dsymv
         from scipy.sparse.linalg import LinearOperator, eigsh
 
@@ -64,18 +75,23 @@ class SDGDM(CheckedParameters):
                 f"{shape.identifier}: {len(distances)} vertices",
                 f"more than {self.count} are needed",
             )
-        # The matrix is symmetric, so its singular values are the absolute values of its
-        # eigenvalues. The start has no symmetry: from a constant vector, the iteration would miss
-        # half of the eigenvalues of a symmetric shape.
+
+        def multiply(vector: FloatArray) -> FloatArray:
+            """Return the product with the distances, of which one half is read: they are symmetric.
+
+            Transposed, they are in the order of BLAS and are not copied.
+            """
+            return np.asarray(dsymv(1.0, distances.T, vector))
+
+        # The singular values of a symmetric matrix are the absolute values of its eigenvalues. The
+        # start has no symmetry: from a constant vector, the iteration would miss half of the
+        # eigenvalues of a symmetric shape.
         start = np.random.default_rng(0).standard_normal(len(distances))
-        # A product that reads one half of the matrix; transposed, it is in the order of BLAS and is
-        # not copied.
-        product = LinearOperator(
-            distances.shape, lambda vector: dsymv(1.0, distances.T, vector), dtype=np.float64
-        )
-        values = eigsh(product, k=self.count, which="LM", v0=start, return_eigenvectors=False)
-        sizes = np.sort(np.abs(values))[::-1]
-        return np.asarray((sizes / sizes.sum()).round(9))  # further digits depend on the processor
+        operator = LinearOperator(distances.shape, multiply, dtype=np.float64)
+        values = eigsh(operator, k=self.count, which="LM", v0=start, return_eigenvectors=False)
+        singular_values = np.sort(np.abs(values))[::-1]
+        shares = singular_values / singular_values.sum()
+        return np.asarray(shares.round(9))  # further digits depend on the processor
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the mean-normalised Manhattan distances between the descriptors, shape (N, N)."""

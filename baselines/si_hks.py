@@ -66,9 +66,13 @@ class ScaleInvariantHKS(CheckedParameters):
     words: Annotated[int, Interval(2)] = 48
 
     def describe(self, shape: Shape) -> FloatArray:
-        """Return the area and frequencies of each vertex, shape (n * (1 + frequencies),).
+        """Return the scale-invariant heat kernel signature of each vertex, and its area.
 
-        Vertices are sorted by their lowest frequency.
+        Returns
+        -------
+        numpy.ndarray
+            For each vertex its share of the area and the moduli of the lowest frequencies, one
+            vertex after the other, sorted by the lowest frequency; shape (n * (1 + frequencies),).
 
         Raises
         ------
@@ -83,13 +87,16 @@ class ScaleInvariantHKS(CheckedParameters):
         # about 2^-7.
         times = 2.0 ** np.arange(-19, 5 + 1 / 16, 1 / 16)
         decays = np.exp(-np.outer(values * area, times))
-        heat = 1 + area * functions**2 @ decays  # the constant function keeps 1
-        slope = (
-            -np.log(2) * times * (area * functions**2 @ ((values * area)[:, None] * decays)) / heat
-        )
+        # The heat kernel signature of each vertex at each time; the constant function keeps 1.
+        heat = 1 + area * functions**2 @ decays
+        # Its derivative by time, and with it that of its logarithm by the binary logarithm of time.
+        cooling = area * functions**2 @ ((values * area)[:, None] * decays)
+        slope = -np.log(2) * times * cooling / heat
+        # A change of scale shifts the slopes along time, which moduli of frequencies do not see.
         # Here and below, digits that depend on the processor are rounded off.
         moduli = np.abs(np.fft.rfft(slope, axis=1))[:, : self.frequencies].round(6)
-        return np.column_stack([mass / area, moduli])[np.argsort(moduli[:, 0])].ravel()
+        vertices = np.column_stack([mass / area, moduli])
+        return vertices[np.argsort(moduli[:, 0])].ravel()
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
         """Return the sums of absolute differences of the bags of features, shape (N, N)."""
@@ -98,7 +105,24 @@ class ScaleInvariantHKS(CheckedParameters):
     def compare_to(
         self, queries: Sequence[FloatArray], gallery: Sequence[FloatArray], draw: int = 0
     ) -> FloatArray:
-        """Return those of M queries to N shapes, from which alone the words come, shape (M, N)."""
+        """Return the dissimilarities of M queries to N shapes of a gallery, as bags of features.
+
+        The vertices of the gallery are clustered to words. The descriptor of a shape becomes the
+        share of each word in its area, where a vertex belongs to all words by its closeness to
+        them; two shapes differ by the sum of absolute differences.
+
+        Parameters
+        ----------
+        queries, gallery
+            Results of :meth:`describe`, M and N of them.
+        draw
+            Not used: the words are the same in each draw.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (M, N).
+        """
         from scipy.spatial import cKDTree
         from scipy.spatial.distance import cdist
         from sklearn.cluster import KMeans
@@ -108,16 +132,19 @@ class ScaleInvariantHKS(CheckedParameters):
         vertices = np.unique(np.concatenate(frequencies), axis=0)
         count = min(self.words, len(vertices))
         words = KMeans(count, n_init=1, random_state=0).fit(vertices).cluster_centers_
-        median = np.median(cKDTree(words).query(vertices)[0])
-        sigma = max(2 * median, 1e-9 * np.ptp(vertices)) or 1.0
+        distances_to_words, _ = cKDTree(words).query(vertices)
+        width = 2 * np.median(distances_to_words)
+        sigma = max(width, 1e-9 * np.ptp(vertices)) or 1.0  # not 0, even if all vertices are alike
 
         def bag(descriptor: FloatArray) -> FloatArray:
-            """Return the share of each word in a shape."""
+            """Return the share of each word in the area of a shape, shape (words,)."""
             shape = self._vertices(descriptor)
+            areas = shape[:, 0]
             squares = cdist(shape[:, 1:], words, "sqeuclidean")
-            closeness = np.exp((squares.min(axis=1, keepdims=True) - squares) / (2 * sigma**2))
+            nearest = squares.min(axis=1, keepdims=True)  # without it, all may underflow
+            closeness = np.exp((nearest - squares) / (2 * sigma**2))
             shares = closeness / closeness.sum(axis=1, keepdims=True)
-            return np.asarray(shape[:, 0] @ shares).round(9)
+            return np.asarray(areas @ shares).round(9)
 
         columns = [bag(descriptor) for descriptor in gallery]
         rows = columns if queries is gallery else [bag(descriptor) for descriptor in queries]

@@ -118,9 +118,14 @@ class Skeleton(CheckedParameters):
         )
 
     def _skeleton(self, shape: Shape) -> tuple[CurveSkeleton, str]:
-        """Return the skeleton, and the reason why it is one of level sets.
+        """Return the skeleton of a shape, by contraction if that works, else by level sets.
 
-        "" if it is one of contraction.
+        Returns
+        -------
+        CurveSkeleton
+            The skeleton.
+        str
+            Why it is one of level sets; "" if it is one of contraction.
         """
         from baselines._kernels.curve_skeleton import (
             ContractionFailed,
@@ -173,32 +178,48 @@ def minimal_rotations(before: FloatArray, after: FloatArray, bones: IntArray) ->
 
 
 def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> IntArray:
-    """Return the bone that each triangle follows, shape (m,).
+    """Return the bone that each triangle of the surface follows.
 
     A triangle across the border of two parts follows the bone between their joints. Any other
     triangle follows, among the bones at its joint, the one whose direction is nearest to that of
     the triangle's centroid: the bisecting planes between the bones divide the triangles of a joint.
     A triangle where three parts meet belongs to its nearest joint.
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    skeleton
+        Its skeleton; its owners say to the part of which joint each vertex belongs.
+
+    Returns
+    -------
+    numpy.ndarray
+        Index of a bone for each triangle, shape (m,).
     """
     bones = skeleton.bones
-    k = len(skeleton.joints)
-    corners = np.sort(skeleton.owners[mesh.faces], axis=1)
-    low, middle, high = corners.T
-    across = (low != high) & ((low == middle) | (middle == high))
-    chosen: IntArray = np.searchsorted(bones[:, 0] * k + bones[:, 1], low * k + high)
-    offsets = mesh.vertices[mesh.faces].mean(axis=1)[:, None] - skeleton.joints[corners]
-    rows = np.arange(mesh.n_faces)
-    nearest = np.linalg.norm(offsets, axis=2).argmin(axis=1)
-    joints = corners[rows, nearest]
-    offsets = offsets[rows, nearest]
-    # Bones are sorted, so the search finds each pair that exists; the loop assigns the other
-    # triangles joint by joint.
-    for joint in np.unique(joints[~across]):
-        incident = np.flatnonzero((bones == joint).any(axis=1))
-        far_ends = bones[incident].sum(axis=1) - joint
+    n_joints = len(skeleton.joints)
+    joints_of_corners = np.sort(skeleton.owners[mesh.faces], axis=1)
+    low, middle, high = joints_of_corners.T
+    is_across = (low != high) & ((low == middle) | (middle == high))
+    # Bones are sorted, so the search finds each pair of joints that is a bone.
+    pairs_of_bones = bones[:, 0] * n_joints + bones[:, 1]
+    chosen: IntArray = np.searchsorted(pairs_of_bones, low * n_joints + high)
+
+    # The other triangles, joint by joint: the nearest one, and the way from it to the centroid.
+    centroids = mesh.vertices[mesh.faces].mean(axis=1)
+    offsets = centroids[:, None] - skeleton.joints[joints_of_corners]
+    nearest_corner = np.linalg.norm(offsets, axis=2).argmin(axis=1)
+    faces = np.arange(mesh.n_faces)
+    nearest_joint = joints_of_corners[faces, nearest_corner]
+    offset = offsets[faces, nearest_corner]
+    for joint in np.unique(nearest_joint[~is_across]):
+        bones_at_joint = np.flatnonzero((bones == joint).any(axis=1))
+        far_ends = bones[bones_at_joint].sum(axis=1) - joint
         directions = _unit(skeleton.joints[far_ends] - skeleton.joints[joint])
-        triangles = np.flatnonzero(~across & (joints == joint))
-        chosen[triangles] = incident[(offsets[triangles] @ directions.T).argmax(axis=1)]
+        triangles = np.flatnonzero(~is_across & (nearest_joint == joint))
+        best = (offset[triangles] @ directions.T).argmax(axis=1)
+        chosen[triangles] = bones_at_joint[best]
     return chosen
 
 
@@ -240,14 +261,13 @@ def follow_rotations(mesh: Mesh, laplacian: Laplacian, rotations: FloatArray) ->
     sides = np.roll(corners, -1, axis=1) - np.roll(corners, 1, axis=1)  # opposite each corner
     products = -(np.roll(sides, -1, axis=1) * np.roll(sides, 1, axis=1)).sum(axis=2)
     double_areas = 2 * np.maximum(mesh.face_areas, SLIVER * mesh.face_areas.mean())
-    flow = (
-        0.5
-        * (products / double_areas[:, None])[..., None]
-        * np.einsum("fab,fkb->fka", rotations, sides)
-    )
+    cotangents = products / double_areas[:, None]
+    rotated_sides = np.einsum("fab,fkb->fka", rotations, sides)
+    pulls = 0.5 * cotangents[..., None] * rotated_sides
+    # Each side pulls at its two ends in opposite directions.
     load = np.zeros_like(mesh.vertices)
-    np.add.at(load, np.roll(mesh.faces, -1, axis=1), flow)
-    np.add.at(load, np.roll(mesh.faces, 1, axis=1), -flow)
+    np.add.at(load, np.roll(mesh.faces, -1, axis=1), pulls)
+    np.add.at(load, np.roll(mesh.faces, 1, axis=1), -pulls)
     # The load sums to zero, so a spring at one vertex fixes the translation without any other
     # effect.
     system = csr_array(laplacian.stiffness, copy=True)

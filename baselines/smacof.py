@@ -96,22 +96,41 @@ class LeastSquaresMDS(CheckedParameters):
         return form
 
     def _fit(self, shape: Shape, distances: FloatArray) -> CanonicalForm:
-        """Return the form for geodesic distances."""
+        """Return the form whose distances fit the geodesic ones best, in a local minimum.
+
+        Parameters
+        ----------
+        shape
+            The surface.
+        distances
+            Geodesic distances of all pairs of vertices, shape (n, n).
+
+        Returns
+        -------
+        CanonicalForm
+            With the stress over the sum of squared distances, and the number of steps, as notes.
+        """
         order, targets = _in_own_order(shape, distances)
         if self.start == "classic":
             start = _classic_start(shape, order, targets)
             axes = np.eye(3)
-        else:  # in its principal axes, it is rounded alike however the shape was turned
-            start = shape.mesh.vertices[order] - shape.mesh.vertices[order].mean(axis=0)
-            axes = np.linalg.eigh(np.cov(start, rowvar=False))[1]
-            start = _rounded(start @ axes)
+        else:
+            # In its principal axes, the start is rounded alike however the shape was turned.
+            vertices = shape.mesh.vertices[order]
+            centred = vertices - vertices.mean(axis=0)
+            _, axes = np.linalg.eigh(np.cov(centred, rowvar=False))
+            start = _rounded(centred @ axes)
         transform = partial(guttman_transform, targets=targets)
         points, stresses = majorise(
             transform, start, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol
         )
-        total = float(np.square(targets, dtype=np.float64).sum()) / 2
-        notes = {"stress": stresses[-1] / total, "iterations": len(stresses) - 1}
-        return shape.form((points @ axes.T)[np.argsort(order)], **notes)
+        in_given_axes = points @ axes.T
+        sum_of_squares = float(np.square(targets, dtype=np.float64).sum()) / 2
+        return shape.form(
+            in_given_axes[np.argsort(order)],
+            stress=stresses[-1] / sum_of_squares,
+            iterations=len(stresses) - 1,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -230,12 +249,13 @@ def majorise(
     while True:
         moved, stress = transform(points)
         if relaxed:
+            # The scale at which the stress of the points is least, and the stress at that scale.
             squares = (points**2).sum()
             scale = (points * moved).sum() / squares
             stress -= len(points) * (1 - scale) ** 2 * squares
         stresses.append(float(stress))
-        settled = len(stresses) > 1 and stresses[-2] - stress <= rtol * stresses[-2]
-        if settled or len(stresses) > max_iterations:
+        has_settled = len(stresses) > 1 and stresses[-2] - stress <= rtol * stresses[-2]
+        if has_settled or len(stresses) > max_iterations:
             break
         points = 2 * moved - scale * points if relaxed else moved
     if relaxed:
@@ -285,18 +305,24 @@ def _add_strip(sums, places, first, targets):  # type: ignore[no-untyped-def]  #
 
 @njit(inline="always")
 def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Add the pulls of some points on each point, and the squared misses.
+    """Add the pulls of some points of a strip on each point, and their squared misses.
+
+    The miss of a pair is its distance less the target. Pairs are summed in single precision.
 
     Parameters
     ----------
     sums
-        Sums of x, y and z of the pulls, and of the misses, shape (4, n).
+        Sums of the pulls along x, y and z, and of the squared misses, at each point, shape (4, n);
+        updated.
     places
         Coordinates of the points, shape (3, n).
-    first, targets
-        The first point of the strip, and the distances of its points to all.
+    first
+        Index of the first point of the strip.
+    targets
+        Distances that the points of the strip should have from all, shape (strip, n).
     row, count
-        Which of the points of the strip are added.
+        The points of the strip that are added: the first of them, counted in the strip, and how
+        many.
     """
     x, y, z = places[0], places[1], places[2]
     sums_x, sums_y, sums_z, sums_of_misses = sums[0], sums[1], sums[2], sums[3]
@@ -323,27 +349,38 @@ def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-unty
 
 
 def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]:
-    """Return the Guttman transform towards disparities, and the root of the sum of their squares.
+    """Return the transform of non-metric MDS, for :func:`majorise`.
 
-    Dissimilarities are rounded to :data:`N_LEVELS` levels. Pairs of one level are tied: they get
-    one disparity (Kruskal's secondary approach), so that a regression has at most as many places as
-    there are levels, not pairs.
+    It is the Guttman transform towards disparities: the distances that rise with the
+    dissimilarities and are nearest to those of the points. Dissimilarities are rounded to
+    :data:`N_LEVELS` levels. Pairs of one level are tied: they get one disparity (Kruskal's
+    secondary approach), so that a regression has at most as many places as there are levels, not
+    pairs.
 
     Parameters
     ----------
     dissimilarities
         Symmetric, shape (n, n); only their order and the sum of their squares matter.
+
+    Returns
+    -------
+    transform : callable
+        The transform.
+    norm : float
+        Root of the sum of squared disparities, which is that of the dissimilarities.
     """
     from scipy.optimize import isotonic_regression  # lazy
 
-    levels, pairs = _used_levels(dissimilarities, (N_LEVELS - 1) / dissimilarities.max())
+    levels, n_pairs = _used_levels(dissimilarities, (N_LEVELS - 1) / dissimilarities.max())
     norm = float(np.sqrt((dissimilarities**2).sum() / 2))
-    sums = np.empty(len(pairs))
+    sums = np.empty(len(n_pairs))
 
     def transform(points: FloatArray) -> tuple[FloatArray, float]:
+        """Fit disparities to the distances of points, and move the points towards them."""
         sum_distances(points, levels, sums)
-        disparities = isotonic_regression(sums / pairs, weights=pairs).x
-        disparities *= norm / np.sqrt((pairs * disparities**2).sum())
+        mean_distances = sums / n_pairs
+        disparities = isotonic_regression(mean_distances, weights=n_pairs).x
+        disparities *= norm / np.sqrt((n_pairs * disparities**2).sum())
         moved, stress = level_transform(points, levels, disparities.astype(np.float32))
         return moved, stress
 
@@ -354,9 +391,21 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
 def _used_levels(
     dissimilarities: FloatArray, scale: float
 ) -> tuple[NDArray[np.uint16], FloatArray]:
-    """Return the level of each pair, shape (n, n), and the number of pairs of each level.
+    """Round dissimilarities to levels, and number the levels that have pairs.
 
-    Only levels that have pairs are counted.
+    Parameters
+    ----------
+    dissimilarities
+        Symmetric, shape (n, n).
+    scale
+        Levels per unit of dissimilarity.
+
+    Returns
+    -------
+    levels : numpy.ndarray
+        Level of each pair, from 0, shape (n, n).
+    n_pairs : numpy.ndarray
+        Number of pairs of each level, shape (levels,).
     """
     levels = np.empty(dissimilarities.shape, np.uint16)
     counts = np.zeros(N_LEVELS, np.int64)
@@ -365,17 +414,30 @@ def _used_levels(
             levels[i, j] = np.uint16(np.rint(dissimilarities[i, j] * scale))
         for j in range(len(levels)):
             counts[levels[i, j]] += i != j
+    # Levels without pairs are left out, the others numbered again.
     numbers = np.cumsum(counts > 0) - 1
     for i in range(len(levels)):
         for j in range(len(levels)):
             levels[i, j] = numbers[levels[i, j]]
-        levels[i, i] = 0  # of no pair
+        levels[i, i] = 0  # the diagonal is no pair, and its level is not read
     return levels, counts[counts > 0] / 2
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArray) -> None:
-    """Write the sum of the distances of the pairs of each level, in double precision."""
+    """Sum the distances of the pairs of each level.
+
+    Distances are computed in single precision, and summed in double precision.
+
+    Parameters
+    ----------
+    points
+        Positions, shape (n, 3).
+    levels
+        Level of each pair, shape (n, n).
+    sums
+        Overwritten: the sum of each level, shape (levels,).
+    """
     x = points[:, 0].astype(np.float32)
     y = points[:, 1].astype(np.float32)
     z = points[:, 2].astype(np.float32)
@@ -395,7 +457,24 @@ def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArr
 def level_transform(
     points: FloatArray, levels: NDArray[np.uint16], disparities: NDArray[np.float32]
 ) -> tuple[FloatArray, float]:
-    """Return the Guttman transform towards the disparities, and the raw stress of the points."""
+    """Return the Guttman transform of points towards disparities, and their raw stress.
+
+    Parameters
+    ----------
+    points
+        Positions, shape (n, 3).
+    levels
+        Level of each pair, shape (n, n).
+    disparities
+        Distance that the pairs of each level should have, shape (levels,).
+
+    Returns
+    -------
+    moved : numpy.ndarray
+        Positions, shape (n, 3).
+    stress : float
+        Sum of the squared differences of all pairs.
+    """
     n = len(points)
     places = np.ascontiguousarray(points.T).astype(np.float32)
     sums = np.zeros((4, n))

@@ -39,16 +39,25 @@ _AT_ONCE = 4096
 def form_of(
     network: FieldNetwork, shape: Shape, reach: float, rounds: int
 ) -> tuple[Points, dict[str, float | str]]:
-    """Return the vertices of the form, of unit area, shape (n, 3), and notes about it.
+    """Predict the canonical form of a surface, with the details of the input.
 
     Parameters
     ----------
     network
-        The field.
+        The deformation field.
     shape
         The input.
     reach, rounds
-        See :func:`with_detail`.
+        Size of the details that come from the input, and rounds of fitting them; see
+        :func:`with_detail`.
+
+    Returns
+    -------
+    vertices : numpy.ndarray
+        Vertices of the form, of unit area, shape (n, 3).
+    notes : dict
+        ``edge_strain``, the mean relative change of the lengths of edges, and ``mean_correction``,
+        the mean distance from the prediction.
 
     Raises
     ------
@@ -62,7 +71,8 @@ def form_of(
     framed = in_frame(mesh)
     positions, rotations = predicted(network, _outward(framed))
     vertices = with_detail(framed.vertices, shape.laplacian(), positions, rotations, reach, rounds)
-    area = mesh.with_vertices(vertices).area if np.isfinite(vertices).all() else 0.0
+    is_finite = bool(np.isfinite(vertices).all())
+    area = mesh.with_vertices(vertices).area if is_finite else 0.0
     if not area > 0:
         problem = "the network leaves no surface of this shape"
         raise UnsupportedShape(problem, "pass one like those it was trained on")
@@ -78,31 +88,33 @@ def form_of(
 
 @torch.inference_mode()
 def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
-    """Predict the canonical positions of vertices, and the rotations around them.
+    """Predict the canonical position of each vertex, and the rotation of the surface around it.
 
     Parameters
     ----------
     network
-        The field.
+        The deformation field.
     mesh
-        A surface in its own frame.
+        A surface in its own frame, see :func:`in_frame`.
 
     Returns
     -------
-    positions, rotations : numpy.ndarray
-        Shapes (n, 3) and (n, 3, 3).
+    positions : numpy.ndarray
+        Shape (n, 3), in units of the root of the area.
+    rotations : numpy.ndarray
+        Rotation matrices, shape (n, 3, 3).
     """
-    points, facing = even_samples(mesh, N_POINTS)
-    tokens = network.encoded(_batch_of_one(points), _batch_of_one(facing))
+    samples, normals_of_samples = even_samples(mesh, N_POINTS)
+    tokens = network.encoded(_batch_of_one(samples), _batch_of_one(normals_of_samples))
     normals = vertex_normals(mesh)
     positions = []
     rotations = []
     for first in range(0, mesh.n_vertices, _AT_ONCE):
-        some = slice(first, first + _AT_ONCE)
-        place, rotation = network.decoded(
-            tokens, _batch_of_one(mesh.vertices[some]), _batch_of_one(normals[some])
+        block = slice(first, first + _AT_ONCE)
+        position, rotation = network.decoded(
+            tokens, _batch_of_one(mesh.vertices[block]), _batch_of_one(normals[block])
         )
-        positions.append(place[0].numpy())
+        positions.append(position[0].numpy())
         rotations.append(rotation[0].numpy())
     return np.concatenate(positions), np.concatenate(rotations)
 
@@ -156,9 +168,11 @@ def in_frame(mesh: Mesh) -> Mesh:
     origin = shares @ (a + b + c) / 3
     unit = total**0.5
     corners = [(corner - origin) / unit for corner in (a, b, c)]
-    moments = [(shares[:, None] * v).T @ v for v in (*corners, sum(corners))]
+    # The second moment of a triangle is a twelfth of those of its corners and of their sum.
+    moments = [(shares[:, None] * points).T @ points for points in (*corners, sum(corners))]
     covariance = sum(moments) / 12
-    axes = np.linalg.eigh(covariance)[1].T[::-1].copy()
+    _, vectors = np.linalg.eigh(covariance)  # ascending
+    axes = vectors.T[::-1].copy()
     skewness = _skewness([corner @ axes.T for corner in corners], shares)
     axes[skewness < 0] *= -1
     if np.linalg.det(axes) < 0:
@@ -228,20 +242,23 @@ def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
         evenly as all.
     """
     areas = mesh.face_areas
-    # Each triangle is divided into k^2; the margin gives triangles of equal area the same k.
-    parts = np.ceil(np.sqrt(areas / areas.sum() * PER_POINT * count) * (1 - TIE)).astype(np.int64)
-    parts = np.where(areas > 0, np.clip(parts, 1, MOST_PER_TRIANGLE), 0)
+    # Each triangle is divided into k^2 small ones, about as many as its share of all candidates.
+    # The margin gives triangles of equal area the same k.
+    n_candidates = areas / areas.sum() * PER_POINT * count
+    k_of_face = np.ceil(np.sqrt(n_candidates) * (1 - TIE)).astype(np.int64)
+    k_of_face = np.where(areas > 0, np.clip(k_of_face, 1, MOST_PER_TRIANGLE), 0)
     points = []
-    owners = []
-    for k in np.unique(parts[parts > 0]):
-        divided = np.flatnonzero(parts == k)
+    faces = []
+    for k in np.unique(k_of_face[k_of_face > 0]):
+        divided = np.flatnonzero(k_of_face == k)
         weights = _centres(int(k))
         centres = np.einsum("wc,mcx->mwx", weights, mesh.vertices[mesh.faces[divided]])
         points.append(centres.reshape(-1, 3))
-        owners.append(np.repeat(divided, len(weights)))
+        faces.append(np.repeat(divided, len(weights)))
     candidates = np.concatenate(points)
+    face_of_candidate = np.concatenate(faces)
     chosen = _farthest_points(candidates, candidates @ _TIE_BREAKER, count)
-    normals = mesh.face_normals[np.concatenate(owners)[chosen]]
+    normals = mesh.face_normals[face_of_candidate[chosen]]
     lengths = np.linalg.norm(normals, axis=1, keepdims=True).clip(min=1e-300)
     return candidates[chosen], normals / lengths
 
@@ -344,6 +361,7 @@ def with_detail(
     weights = _edge_weights(laplacian)
     attraction = laplacian.mass / laplacian.mass.sum() / reach**2
     matrix = csc_array(diags_array(weights.sum(axis=1) + attraction) - weights)
+    # The options for a symmetric matrix, which is factorised once for all rounds.
     factors = splu(
         matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )

@@ -64,9 +64,12 @@ class FieldNetwork(nn.Module):
     """Encoder of points and decoder of positions."""
 
     def __init__(self) -> None:
-        # The names of these layers stand in files of weights.
+        """Make the layers; their names stand in files of weights, and their order decides draws."""
         super().__init__()
+        # A position, its sines and cosines at each frequency, and a normal.
         n_inputs = 3 * (2 + 2 * FREQUENCIES)
+        # Encoder: neighbourhoods to features, these and their positions to tokens, and attention
+        # among the tokens. ``whole`` is the token that stands for the whole shape.
         self.neighbourhood = nn.Sequential(
             nn.Linear(9, TOKEN_WIDTH // 3),
             nn.ReLU(),
@@ -79,6 +82,7 @@ class FieldNetwork(nn.Module):
         self.encoder = nn.ModuleList(Attention() for _ in range(ENCODER_LAYERS))
         self.asked_norms = nn.ModuleList(nn.LayerNorm(TOKEN_WIDTH) for _ in range(ENCODER_LAYERS))
         self.code_norm = nn.LayerNorm(TOKEN_WIDTH)
+        # Decoder: positions that ask the tokens, and the answer, a position and a rotation.
         self.asking = nn.Sequential(
             nn.Linear(n_inputs, TOKEN_WIDTH), nn.GELU(), nn.Linear(TOKEN_WIDTH, TOKEN_WIDTH)
         )
@@ -125,20 +129,33 @@ class FieldNetwork(nn.Module):
     def _neighbourhoods(
         self, points: Tensor, normals: Tensor, positions: Tensor, facing: Tensor
     ) -> Tensor:
-        """Max-pool the features of the neighbourhood of each token, shape (n, tokens, width).
+        """Return the features of the neighbourhood of each token, the largest over its points.
 
         The weight of a point falls to zero towards the rim of the neighbourhood, so ties between
         the farthest points do not matter.
+
+        Parameters
+        ----------
+        points, normals
+            Points of each surface and unit normals there, shape (n, m, 3).
+        positions, facing
+            Those of the tokens, shape (n, tokens, 3).
+
+        Returns
+        -------
+        torch.Tensor
+            Shape (n, tokens, width).
         """
-        nearest, which = _squares(positions, points).topk(N_NEIGHBOURS, dim=-1, largest=False)
-        n, t, k = which.shape
-        rows = which.reshape(n, t * k, 1).expand(-1, -1, 3)
-        around = points.gather(1, rows).view(n, t, k, 3) - positions[:, :, None]
-        normals_around = normals.gather(1, rows).view(n, t, k, 3)
+        squares, neighbours = _squares(positions, points).topk(N_NEIGHBOURS, dim=-1, largest=False)
+        n_shapes, n_tokens, n_neighbours = neighbours.shape
+        size = (n_shapes, n_tokens, n_neighbours, 3)
+        rows = neighbours.reshape(n_shapes, n_tokens * n_neighbours, 1).expand(-1, -1, 3)
+        offsets = points.gather(1, rows).view(size) - positions[:, :, None]
+        normals_around = normals.gather(1, rows).view(size)
         normals_at_token = facing[:, :, None].expand_as(normals_around)
-        farthest = nearest[..., -1:].clamp(min=torch.finfo(nearest.dtype).tiny)
-        weights = (1 - nearest / farthest).clamp(min=0)
-        inputs = torch.cat([around / _RADIUS, normals_around, normals_at_token], dim=-1)
+        farthest = squares[..., -1:].clamp(min=torch.finfo(squares.dtype).tiny)
+        weights = (1 - squares / farthest).clamp(min=0)
+        inputs = torch.cat([offsets / _RADIUS, normals_around, normals_at_token], dim=-1)
         features = self.neighbourhood(inputs)
         return cast(Tensor, (features * weights[..., None]).amax(dim=2))
 
@@ -150,6 +167,7 @@ class Attention(nn.Module):
     """
 
     def __init__(self) -> None:
+        """Make the layers; ``log_sharpness`` is the rate at which each head decays."""
         super().__init__()
         self.norm = nn.LayerNorm(TOKEN_WIDTH)
         self.query = nn.Linear(TOKEN_WIDTH, TOKEN_WIDTH)

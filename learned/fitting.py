@@ -158,7 +158,21 @@ def _pairs(
     folder: Path,
     say: Callable[[str], None],
 ) -> AnyPairs:
-    """Return the pairs of a training, in memory or beside its models on disk."""
+    """Return the pairs of images and targets on which a network is trained.
+
+    Parameters
+    ----------
+    configuration
+        The network, which says whether images are cropped.
+    data
+        The shapes; those of many bodies are kept on disk, others in memory.
+    schedule
+        Resolution of the images, and whether depths are stretched.
+    folder
+        Folder of the model; pairs on disk lie beside it.
+    say
+        Called with a line of progress.
+    """
     resolution = schedule.resolution
     crop = configuration.crop
     pairs: AnyPairs
@@ -172,12 +186,19 @@ def _pairs(
 
 
 def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
-    """Return whether a folder holds a finished model.
+    """Return whether a folder holds a finished model of this training.
+
+    Parameters
+    ----------
+    folder
+        Folder of the model.
+    recipe
+        Options of the training, and the digests of what it is trained on.
 
     Raises
     ------
     ConfigurationError
-        If it is of another recipe.
+        If it holds the model of another training.
     """
     if not (folder / CARD).is_file():
         return False

@@ -219,9 +219,18 @@ class Learned(TrainedNetwork):
         return CanonicalForm(surface.vertices, surface.faces, {**notes, **self._fit(mask)})
 
     def predict(self, depth: DepthImage) -> Tensor:
-        """Return the depth of each side and the mask, predicted from a depth image.
+        """Return what the network predicts from a depth image.
 
-        The shape is (sides + 1, r, r).
+        Parameters
+        ----------
+        depth
+            Depth image, shape (500, 500).
+
+        Returns
+        -------
+        torch.Tensor
+            Depth of each side, and the mask, shape (sides + 1, r, r). Of a control without a
+            predicted relief, the one side is flat or that of the average body.
         """
         import torch
 
@@ -260,9 +269,22 @@ def _row(
     is_paper_network: bool = True,
     **constants: Any,
 ) -> type[Learned]:
-    """Return the learner of another row: the same class with other defaults.
+    """Make the class of another row of the tables: :class:`Learned` with other defaults.
 
-    Only rows of the paper's network cite the paper.
+    Parameters
+    ----------
+    name, title
+        Name of the row in commands, and its title in tables.
+    configuration
+        The network and its loss.
+    summary, departs
+        What it does, and how it departs from its source; "" as the base class.
+    relief
+        Which depths inside the mask are used.
+    is_paper_network
+        Whether the row is of the paper's network; only such rows cite the paper.
+    **constants
+        Further attributes of the class.
     """
     info = replace(
         Learned.info,

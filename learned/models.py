@@ -139,13 +139,19 @@ def _load(
     Parameters
     ----------
     folder
-        The folder.
+        Folder of the model.
     configuration
         The network that it should hold.
     _digest
-        Digest of the weights, which tells another model in the folder.
+        Digest of the weights, so that the cache of this function tells models in one folder apart.
     dtype
-        Type of the weights.
+        Precision in which it computes. In double precision, convolutions of full size are computed
+        in stripes.
+
+    Raises
+    ------
+    ConfigurationError
+        If the weights are damaged or of another network.
     """
     network = configuration.build().to(dtype=dtype, memory_format=torch.channels_last)
     try:
@@ -211,23 +217,26 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
     pixels = torch.from_numpy(depth)[None]
 
     def computed(window: Tensor, dtype: torch.dtype) -> Tensor:
+        """Return the prediction for a part of the image, in this precision."""
         network = _load(folder, card.configuration, card.digest, dtype)
-        return cast(Tensor, network(window.to(dtype=dtype, memory_format=torch.channels_last))[0])
+        converted = window.to(dtype=dtype, memory_format=torch.channels_last)
+        return cast(Tensor, network(converted)[0])
 
     if card.configuration.architecture != "progressive":
         return card.depth_scale.undo(computed(pixels, torch.float64))
     prediction = computed(pixels, torch.float32).double()
-    decided = torch.zeros((resolution, resolution), dtype=torch.bool)
+    is_decided = torch.zeros((resolution, resolution), dtype=torch.bool)
     tolerance = MASK_ROUNDING * resolution
-    places = undecided(prediction[-1], decided, tolerance)
+    places = undecided(prediction[-1], is_decided, tolerance)
     while len(places):
-        windows = [window_around(place, resolution) for place in places[0].tolist()]
-        outer = [window for window, _, _ in windows]
-        inner = [part for _, part, _ in windows]
-        within = [part for _, _, part in windows]
-        prediction[..., *inner] = computed(pixels[..., *outer], torch.float64)[..., *within]
-        decided[*inner] = True
-        places = undecided(prediction[-1], decided, tolerance)
+        # Slices of rows and of columns: a window, and the part of it that is as in the whole image.
+        row, column = places[0].tolist()
+        window_rows, rows, rows_within = window_around(row, resolution)
+        window_columns, columns, columns_within = window_around(column, resolution)
+        precise = computed(pixels[..., window_rows, window_columns], torch.float64)
+        prediction[..., rows, columns] = precise[..., rows_within, columns_within]
+        is_decided[rows, columns] = True
+        places = undecided(prediction[-1], is_decided, tolerance)
     return card.depth_scale.undo(prediction)
 
 
@@ -259,14 +268,19 @@ def save_model(
     folder: Path,
     facts: Mapping[str, Any],
 ) -> None:
-    """Write weights in half precision, losses and, last, the card.
+    """Write a trained model: its weights in half precision, its losses and, last, its card.
 
     Parameters
     ----------
     network
-        The network, whose weights are rounded to half precision, so that tests use those on disk.
-    configuration, data, schedule, history
-        What it is, and what it was trained on.
+        The network, whose weights are rounded to half precision in place, so that tests use those
+        on disk.
+    configuration
+        Its architecture and loss.
+    data, schedule
+        What it was trained on, and how.
+    history
+        Losses of each epoch.
     folder
         Folder of the model.
     facts

@@ -73,7 +73,10 @@ class PairsInMemory:
         return replace(self, targets=scale.apply(self.targets), scale=scale)
 
     def stretched(self) -> PairsInMemory:
-        """Return the pairs with the depths of targets stretched to .1 to .9."""
+        """Return the pairs with the depths of their targets stretched to the range from .1 to .9.
+
+        The scale comes from the least, the largest and the mean depth of all targets.
+        """
         return self.scaled(DepthScale.of(self.targets))
 
     def digest(self) -> str:
@@ -208,20 +211,18 @@ AnyPairs = PairsInMemory | PairsOnDisk
 def keep(
     bodies: Bodies, resolution: int, crop: bool, folder: Path, say: Callable[[str], None]
 ) -> PairsOnDisk:
-    """Return the pairs of bodies that are too many for memory.
-
-    They are made once, in a folder.
+    """Render the pairs of many bodies to a file, and return them; later calls find the file.
 
     Parameters
     ----------
     bodies
-        The bodies and their images.
+        The bodies and their images, the first of each of which is the target.
     resolution
         Pixels per side.
     crop
         Whether the images are cropped to the body.
     folder
-        Folder of the pairs; an interrupted call goes on.
+        Folder of the file; an interrupted call goes on there.
     say
         Called with a line of progress every minute.
 

@@ -45,19 +45,21 @@ _POOLED = 16
 
 
 def window_around(place: int, size: int) -> tuple[slice, slice, slice]:
-    """Return a window along one side of an image, and its part that depends on nothing else.
+    """Return a window of an image in which a network predicts two pixels as in the whole image.
+
+    Pixels near the border of the window depend on what lies beyond it; those in its *part* do not.
 
     Parameters
     ----------
     place
-        First of two pixels that must be in the part.
+        First of two neighbouring pixels along one side of the image that must be in the part.
     size
-        Length of the side.
+        Length of that side in pixels.
 
     Returns
     -------
     window, part, within : slice
-        The window, its part, and the place of the part within the window.
+        Along the side: the window; its part, in the image; and its part, in the window.
     """
     first = max(place - _REACH, 0) // _POOLED * _POOLED
     last = min((place + 2 + _REACH + _POOLED - 1) // _POOLED * _POOLED, size)
@@ -98,6 +100,7 @@ class EncoderDecoder(nn.Module):
     """
 
     def __init__(self, channels_in: int, width: int) -> None:
+        """Make the blocks, from the outermost to the innermost and back, and the head."""
         super().__init__()
         widths = [width, 2 * width, 4 * width, 8 * width]
         inward = widths[::-1]
@@ -111,9 +114,17 @@ class EncoderDecoder(nn.Module):
         self.head = nn.Conv2d(width, 2, 1)
 
     def forward(self, x: Tensor) -> Tensor:
-        """Map features, shape (n, channels, h, w), to depth and log-odds of the mask.
+        """Map features to depth and mask.
 
-        These have shape (n, 2, h, w).
+        Parameters
+        ----------
+        x
+            Channels of the image and further features, shape (n, channels, h, w).
+
+        Returns
+        -------
+        torch.Tensor
+            Depth and log-odds of the mask, shape (n, 2, h, w).
         """
         sizes = []
         for block in self.encoder:
@@ -178,9 +189,16 @@ class PaperNetwork(nn.Module):
 
 
 def initialise(network: nn.Module, head: nn.Conv2d) -> None:
-    """Draw the weights of all convolutions but the head.
+    """Draw the weights of all convolutions but the head, so that each layer keeps the variance.
 
-    The mask of the head starts at about the share that a shape covers.
+    The mask of the head starts at about the share of an image that a shape covers.
+
+    Parameters
+    ----------
+    network
+        The network, changed in place.
+    head
+        Its last layer, with the channels depth and log-odds of the mask.
     """
     for module in network.modules():
         if isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)) and module is not head:

@@ -105,16 +105,29 @@ def _below(
 
 
 def _joined(side: Mesh) -> NDArray[np.int32]:
-    """Return the triangles of front, back, and the wall along every border, shape (m, 3)."""
-    count = side.n_vertices
+    """Return the triangles of a closed surface: the front, the back, and the walls between them.
+
+    Parameters
+    ----------
+    side
+        The front. Vertex i of it has its twin i + n on the back; walls run along its borders.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (m, 3).
+    """
+    n_vertices = side.n_vertices
     tails = side.faces.ravel()
     heads = np.roll(side.faces, -1, axis=1).ravel()
-    forward = tails.astype(np.int64) * count + heads
-    backward = heads.astype(np.int64) * count + tails
-    single = ~np.isin(forward, backward)
-    i = tails[single]
-    j = heads[single]
-    wall = np.concatenate(
-        [np.stack([j, i, i + count], axis=1), np.stack([j, i + count, j + count], axis=1)]
-    )
-    return np.concatenate([side.faces, side.faces[:, ::-1] + count, wall]).astype(np.int32)
+    # A side of a triangle lies on a border if no other triangle has it in the opposite direction.
+    forward = tails.astype(np.int64) * n_vertices + heads
+    backward = heads.astype(np.int64) * n_vertices + tails
+    is_border = ~np.isin(forward, backward)
+    i = tails[is_border]
+    j = heads[is_border]
+    i_back = i + n_vertices
+    j_back = j + n_vertices
+    wall = np.concatenate([np.stack([j, i, i_back], axis=1), np.stack([j, i_back, j_back], axis=1)])
+    back = side.faces[:, ::-1] + n_vertices
+    return np.concatenate([side.faces, back, wall]).astype(np.int32)

@@ -292,12 +292,12 @@ def _train_epoch(
     epoch: int,
     progress: _Progress,
 ) -> None:
-    """Train on all pairs once, in an order of the epoch; an interrupted epoch goes on.
+    """Train on all pairs once, in a random order of the epoch; an interrupted epoch goes on.
 
     Parameters
     ----------
     state
-        The training.
+        The training, updated.
     pairs
         Training pairs.
     schedule, seed
@@ -359,6 +359,7 @@ class _State:
     """
 
     def __init__(self, network: nn.Module, optimizer: torch.optim.Optimizer, path: Path) -> None:
+        """Begin a training, at its first step; :meth:`resume` goes on with that of a checkpoint."""
         self.network = network
         self.optimizer = optimizer
         self.path = path
@@ -373,7 +374,18 @@ class _State:
         self.began = time.process_time()
 
     def resume(self, recipe: Mapping[str, Any]) -> None:
-        """Restore what the checkpoint holds, if there is one; refuse that of another training."""
+        """Go on from the checkpoint, if there is one.
+
+        Parameters
+        ----------
+        recipe
+            What determines the weights: the schedule, the pairs, the seed, the release of torch.
+
+        Raises
+        ------
+        TrainingError
+            If the checkpoint is damaged, or belongs to a training with another recipe.
+        """
         self.recipe = recipe
         if not self.path.is_file():
             return
@@ -412,7 +424,18 @@ class _State:
         return self.history[-1]
 
     def save_if_due(self, at_once: bool = False) -> None:
-        """Write the checkpoint if a minute has passed since the last one."""
+        """Write the checkpoint, atomically, if a minute has passed since the last one.
+
+        Parameters
+        ----------
+        at_once
+            Whether to write it in any case.
+
+        Raises
+        ------
+        TrainingError
+            If a loss is not a number, or the file cannot be written.
+        """
         now = time.perf_counter()
         if now - self.saved < CHECKPOINT_SECONDS and not at_once:
             return
@@ -468,14 +491,14 @@ class _Progress:
         self.last_line = self.began
 
     def show(self, epochs: float, row: Mapping[str, float] = {}, at_once: bool = False) -> None:
-        """Show how many epochs are done, with a part of the present one.
+        """Log a line of progress, with a bar, losses and the time left, if one is due.
 
         Parameters
         ----------
         epochs
-            Their number.
+            How many epochs are done, with a part of the present one.
         row
-            Losses of the last one.
+            Losses of the last one by name.
         at_once
             Whether not to wait until a line is due.
         """

@@ -12,6 +12,13 @@ from numpy.typing import NDArray
 #: Numbers and occurrences of words and views.
 Counts = NDArray[np.int32]
 
+#: Number of rotations of the view sphere onto itself: those of the cube.
+N_ROTATIONS = 24
+
+#: Adding and subtracting this rounds a similarity to a multiple of 2^-43: sums over the views are
+#: then exact in any order, so that exchanging two forms cannot break a tie.
+ROUNDING = 2.0**9
+
 #: Places in arrays, without a sign.
 Indices = NDArray[np.uint32]
 #: Numbers of occurrences, for products.
@@ -41,14 +48,14 @@ class Histograms:
 
 
 def count_words(words: NDArray[np.int32], view_offsets: Counts, n_words: int) -> Histograms:
-    """Count the words of each view.
+    """Count how often each word occurs in each view of a form.
 
     Parameters
     ----------
     words
-        Nearest word of each descriptor, shape (k,).
+        Nearest word of each descriptor, views one after the other, shape (k,).
     view_offsets
-        Shape (number of views + 1,): first descriptor of each view.
+        Index of the first descriptor of each view, and k, shape (number of views + 1,).
     n_words
         Size of the codebook.
     """
@@ -159,26 +166,43 @@ def _largest_similarities(
     first_turns: Indices,
     turns: Indices,
 ) -> NDArray[np.float64]:
-    """Return the largest summed similarity of one form to each of some others among all rotations.
+    """Return the similarity of one form to each of some others, in the best of all rotations.
+
+    A rotation brings each view of the one form together with a view of the other. The similarity of
+    two views is the number of keypoints with a word in common over that of the fuller view; those
+    of all views are summed. A *slot* is a pair of views that some rotation brings together,
+    numbered by the view of the other form and the place of the own view in the orbit of both under
+    the rotations. A *cell* is a word in an orbit.
 
     Parameters
     ----------
     own
-        First entry of each cell (a word in an orbit), and place and count of each entry, ordered by
-        cell.
+        The one form: index of the first entry of each cell, and place in its orbit and number of
+        keypoints of each entry, ordered by cell.
     own_sizes
-        Number of keypoints in the own view of each slot.
+        Number of keypoints in the own view of each slot, shape (slots,).
     entries
-        Cell, first slot and count of each entry of the others.
-    ends, sizes
-        First entry of each other form and their end, and number of keypoints in each view.
+        The others, one after the other: cell, first slot and number of keypoints of each entry.
+    ends
+        Index of the first entry of each other form, and of the end of the last one, shape (others +
+        1,).
+    sizes
+        Number of keypoints in each view of each other form, shape (others, views).
     first_turns, turns
-        Rotations that bring the views of each slot together.
+        The rotations that bring the views of a slot together: those of slot s are
+        ``turns[first_turns[s] : first_turns[s + 1]]``.
+
+    Returns
+    -------
+    numpy.ndarray
+        Similarities in [0, number of views], shape (others,).
     """
     begins, places, own_counts = own
     cells, bases, counts = entries
     n_slots = len(own_sizes)
     width = len(own_sizes) // sizes.shape[1]
+    # Keypoints of the same word that the two views of each slot share, and the slots with any. One
+    # more entry, as a slot is written before it is counted.
     shared = np.zeros(n_slots, dtype=np.float32)
     touched = np.empty(n_slots + 1, dtype=np.uint32)
     largest = np.empty(len(sizes))
@@ -194,14 +218,11 @@ def _largest_similarities(
                 touched[n_touched] = slot
                 n_touched += np.uint64(before == 0)
                 shared[slot] = before + min(count, own_counts[mine])
-        totals = np.zeros(24)
-        # Adding and subtracting this rounds a similarity to a multiple of 2^-43: sums over the
-        # views are then exact in any order, so that exchanging two forms cannot break a tie.
-        rounding = 2.0**9
+        totals = np.zeros(N_ROTATIONS)
         for k in range(n_touched):
             slot = np.uint64(touched[k])
             larger = max(own_sizes[slot], sizes[other, slot // np.uint64(width)])
-            similarity = (shared[slot] / larger + rounding) - rounding
+            similarity = (shared[slot] / larger + ROUNDING) - ROUNDING
             shared[slot] = 0
             for turn in range(
                 np.uint64(first_turns[slot]), np.uint64(first_turns[slot + np.uint64(1)])
@@ -211,6 +232,7 @@ def _largest_similarities(
             for place in range(width):
                 slot = view * width + place
                 for turn in range(first_turns[slot], first_turns[slot + 1]):
-                    totals[turns[turn]] += own_sizes[slot] == 0  # two empty views are equal
+                    both_are_empty = own_sizes[slot] == 0
+                    totals[turns[turn]] += both_are_empty  # which makes them equal
         largest[other] = totals.max()
     return largest

@@ -114,23 +114,38 @@ class CMBOF(CheckedParameters):
     def compare_to(
         self, queries: Sequence[SignatureArrays], gallery: Sequence[SignatureArrays], draw: int
     ) -> NDArray[np.float64]:
-        """Return the dissimilarities of M queries to N forms, shape (M, N).
+        """Return the dissimilarities of M queries to N forms of a gallery, by clock matching.
 
-        The codebook is drawn from the forms of the gallery alone.
+        The words are drawn from the descriptors of the gallery alone. With ``allow_mirror``, the
+        smallest one counts of a pair of forms and of either with the mirror image of the other.
+
+        Parameters
+        ----------
+        queries, gallery
+            Signatures of the forms; the same object if each form is a query.
+        draw
+            Seed of the draw of the words.
+
+        Returns
+        -------
+        numpy.ndarray
+            Shape (M, N).
         """
-        codebook = sample_codebook((form["descriptors"] for form in gallery), self.n_words, draw)
+        descriptors = (form["descriptors"] for form in gallery)
+        codebook = sample_codebook(descriptors, self.n_words, draw)
         n_words = len(codebook)
         columns = _histograms(gallery, codebook)
         rows = columns if queries is gallery else _histograms(queries, codebook)
-        turns = self.views.permutations
-        distances = match(rows, columns, turns, n_words)
+        rotations = self.views.permutations
+        distances = match(rows, columns, rotations, n_words)
         if self.allow_mirror:
-            reflected = self.views.permutation_of(REFLECTION)
-            to_mirrored = match(rows, _histograms(gallery, codebook, reflected), turns, n_words)
+            reflection = self.views.permutation_of(REFLECTION)
+            mirrored_columns = _histograms(gallery, codebook, reflection)
+            to_mirrored = match(rows, mirrored_columns, rotations, n_words)
             of_mirrored = to_mirrored.T
             if queries is not gallery:
-                mirrored_rows = _histograms(queries, codebook, reflected)
-                of_mirrored = match(mirrored_rows, columns, turns, n_words)
+                mirrored_rows = _histograms(queries, codebook, reflection)
+                of_mirrored = match(mirrored_rows, columns, rotations, n_words)
             distances = np.minimum(distances, np.minimum(to_mirrored, of_mirrored))
         return distances
 

@@ -58,10 +58,12 @@ def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int)
     words = np.empty((0, 128), dtype=np.uint8)
     hashes = np.empty(0, dtype=np.uint64)
     for of_form in descriptors:
-        rows = np.concatenate([words, of_form])
-        hashes, first = np.unique(np.concatenate([hashes, _hash(of_form, seed)]), return_index=True)
-        words = rows[first[:n_words]]
-        hashes = hashes[:n_words]
+        # The smallest hashes so far; equal descriptors have equal hashes and count once.
+        candidates = np.concatenate([words, of_form])
+        all_hashes = np.concatenate([hashes, _hash(of_form, seed)])
+        sorted_hashes, first = np.unique(all_hashes, return_index=True)
+        words = candidates[first[:n_words]]
+        hashes = sorted_hashes[:n_words]
     if not len(words):
         raise DatasetError(
             "no view of any shape of the gallery has a keypoint",
@@ -120,29 +122,46 @@ def _integer_products(descriptors: Descriptors, words: Descriptors) -> NDArray[n
 
 @cache
 def integers_pay() -> bool:
-    """Return whether this processor multiplies bytes exactly and fast.
+    """Return whether this processor multiplies bytes exactly, and faster than floats.
 
-    Without VNNI, sums of products overflow.
+    Without the instructions for it (VNNI), sums of products overflow. Both ways are tried on the
+    largest numbers that descriptors may have.
     """
     random = np.random.default_rng(0)
-    ends = np.array([0, 255], np.uint8)
-    extremes = random.choice(ends, (BLOCK, 128))
-    words = random.choice(ends, (1500, 128))
+    extremes = np.array([0, 255], np.uint8)
+    descriptors = random.choice(extremes, (BLOCK, 128))
+    words = random.choice(extremes, (1500, 128))
     seconds: list[float] = []
     products: list[NDArray[Any]] = []
     for multiply in (_integer_products, _single_products):
-        multiply(extremes, words)  # the first use takes longer
+        multiply(descriptors, words)  # the first use takes longer
         start = time.perf_counter()
-        products.append(multiply(extremes, words))
+        products.append(multiply(descriptors, words))
         seconds.append(time.perf_counter() - start)
-    return seconds[0] < seconds[1] and np.array_equal(products[0], products[1])
+    are_faster = seconds[0] < seconds[1]
+    are_exact = np.array_equal(products[0], products[1])
+    return are_faster and are_exact
 
 
 @njit(cache=True, nogil=True)
 def _find_best(products: NDArray[Any], offsets: NDArray[np.int32], best: NDArray[np.int32]) -> None:
-    """Write the place of the largest score of each row; the first of equal ones."""
+    """Write the nearest word of each descriptor; the first of equally near ones.
+
+    The squared distance is least where twice the product with the word, less the square of the
+    word, is largest.
+
+    Parameters
+    ----------
+    products
+        Product of each descriptor and each word, shape (descriptors, words).
+    offsets
+        What is added to twice the products of each word, shape (words,).
+    best
+        Overwritten: the place of the word, shape (descriptors,).
+    """
     scores = np.empty(len(offsets), dtype=np.int32)
     for row in range(len(products)):
+        # Two passes, the highest score and then its place: the first one vectorises.
         highest = np.int32(-(2**31))
         for word in range(len(offsets)):
             scores[word] = np.int32(2) * np.int32(products[row, word]) + offsets[word]

@@ -183,56 +183,72 @@ def _detect_all(
 
 @njit(cache=True, nogil=True)
 def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int, int, int, int]:
-    """Return the bounding box (top, bottom, left, right) of the foreground, ends excluded.
+    """Return the bounding box of the pixels of an image that differ from the background.
 
-    All zero if it is empty.
+    Returns
+    -------
+    top, bottom, left, right : int
+        First row, row behind the last, first column, column behind the last; all 0 if there are no
+        such pixels.
     """
     height, width = image.shape
-    in_column = np.zeros(width, dtype=np.uint8)
+    is_column_seen = np.zeros(width, dtype=np.uint8)
     top = height
     bottom = 0
-    left = 0
-    right = width
     for row in range(height):
         pixels = image[row]
         n_seen = 0
         for column in range(width):
             is_seen = pixels[column] != background
-            in_column[column] |= is_seen
+            is_column_seen[column] |= is_seen
             n_seen += is_seen
         if n_seen:
             top = min(top, row)
             bottom = row + 1
     if bottom == 0:
         return 0, 0, 0, 0
-    while not in_column[left]:
+    left = 0
+    while not is_column_seen[left]:
         left += 1
-    while not in_column[right - 1]:
+    right = width
+    while not is_column_seen[right - 1]:
         right -= 1
     return top, bottom, left, right
 
 
 @njit(cache=True, nogil=True)
 def _backgrounds(background: np.float32, side: int) -> NDArray[np.float32]:
-    """Return the background in each octave.
+    """Return the value of the background in each octave of the scale space of an image.
 
-    Blur changes its last bits, and beside the original value, an edge would be found. So an image
-    of one pixel, with its border, goes through all octaves.
+    Blur changes its last bits; beside the original value, an edge would be found. So an image of
+    one pixel, with its border, goes through all octaves.
+
+    Parameters
+    ----------
+    background
+        Value in the image.
+    side
+        Shorter side of the image in pixels, which determines the number of octaves.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (octaves,), float32.
     """
     n_octaves = 1
     while side >> n_octaves >= SMALLEST_SIDE:
         n_octaves += 1
     values = np.full(n_octaves, background, dtype=np.float32)
-    room, run = octave_buffers(1, 1)
+    room, half_blurred = octave_buffers(1, 1)
     bordered, pixels = octave_in(room, 1, 1)
-    image = len(pixels) - 1
+    place_of_image = len(pixels) - 1
     for octave in range(1, n_octaves):
         # The first octave begins with an image, the others with a Gaussian level; both lie in the
         # memory that build_octave fills.
         is_first = octave == 1
-        begin = image if is_first else 0
+        begin = place_of_image if is_first else 0
         pixels[begin, 0, 0] = values[octave - 1]
-        build_octave(bordered, run, is_first)
+        build_octave(bordered, half_blurred, is_first)
         values[octave] = pixels[LEVELS, 0, 0]
     return values
 
@@ -247,9 +263,20 @@ def _paste(
     target_column: int,
     beyond: np.float32,
 ) -> None:
-    """Copy the overlap of two windows; each is given by the place of its first pixel.
+    """Copy a window of an image to another window of the same image, where they overlap.
 
-    The rest of the target gets the value ``beyond``.
+    Parameters
+    ----------
+    source
+        Pixels of a window.
+    source_row, source_column
+        Place of its first pixel in the image.
+    target
+        Pixels of the other window, overwritten.
+    target_row, target_column
+        Place of its first pixel in the image.
+    beyond
+        Value of the pixels outside of the source.
     """
     row0 = max(source_row, target_row)
     row1 = min(source_row + source.shape[0], target_row + target.shape[0])

@@ -12,6 +12,9 @@ from retrieval.scale_space import SingleArray
 #: Bins of the histogram of directions around a keypoint.
 ORIENTATION_BINS = 36
 
+#: Number of times that the histogram of directions is smoothed.
+SMOOTHINGS = 6
+
 #: A second peak of the orientation histogram gives a second keypoint if it exceeds this share of
 #: the highest one.
 SECONDARY_PEAK = 0.8
@@ -56,26 +59,28 @@ def gradients(
     magnitudes: SingleArray,
     angles: SingleArray,
 ) -> None:
-    """Compute central differences of a level in polar form, in the rows that a keypoint needs.
+    """Compute the gradients of a Gaussian level in polar form, in the rows that a keypoint needs.
+
+    Rows that are known from other keypoints are not computed again.
 
     Parameters
     ----------
     gaussian
-        Shape (height, width) or larger, float32.
+        Level of the scale space, shape (height, width) or larger, float32.
     y, sigma
-        Position and scale of the keypoint in pixels of the octave.
+        Row and scale of the keypoint in pixels of the octave.
     done
-        Shape (height or more,): rows that are known, updated.
+        Rows that are known, shape (height or more,); updated.
     magnitudes, angles
-        Shape (height, width), float32, overwritten but for the border; angles in [0, 2 pi] from the
-        x axis towards the y axis (downwards), with an error below 3e-4, far below the width of a
-        bin.
+        Shape (height, width), float32, overwritten but for the border: lengths of the central
+        differences, and their angles in [0, 2 pi] from the x axis towards the y axis (downwards).
+        The error of an angle is below 3e-4, far below the width of a bin.
     """
     height, width = magnitudes.shape
     half = np.float32(0.5)
     quarter_turn = np.float32(0.5 * np.pi)
     half_turn = np.float32(np.pi)
-    # That of a descriptor that stands on a corner.
+    # Half the diagonal of the square that a descriptor covers, however it is turned.
     reach = int(np.sqrt(0.5) * (SPATIAL_BINS + 1) * MAGNIFICATION * sigma) + 2
     for row in range(max(int(y) - reach, 1), min(int(y) + reach + 1, height - 1)):
         if done[row]:
@@ -91,11 +96,12 @@ def gradients(
             gx = half * (right[x] - left[x])
             gy = half * (below[x] - above[x])
             magnitude[x] = np.sqrt(gx * gx + gy * gy)
-            # The angle, by a polynomial for that of the first eighth of a turn.
+            # The angle: a polynomial approximates the arc tangent up to an eighth of a turn, and
+            # symmetries extend it to the whole turn.
             ax = abs(gx)
             ay = abs(gy)
             larger, smaller = (ax, ay) if ax > ay else (ay, ax)
-            ratio = smaller / (larger + np.float32(1e-30))
+            ratio = smaller / (larger + np.float32(1e-30))  # 0 without a gradient
             square = ratio * ratio
             turn = np.float32(-0.0464964749) * square + np.float32(0.15931422)
             turn = (turn * square - np.float32(0.327622764)) * square * ratio + ratio
@@ -174,27 +180,49 @@ def orientations(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _peaks(histogram: FloatArray, peaks: FloatArray) -> int:
-    """Smooth a circular histogram and locate its high peaks."""
-    for _ in range(6):
-        previous = histogram[ORIENTATION_BINS - 1]
-        first = histogram[0]
-        for i in range(ORIENTATION_BINS):
-            following = histogram[i + 1] if i + 1 < ORIENTATION_BINS else first
-            smoothed = (previous + histogram[i] + following) / 3.0
-            previous = histogram[i]
-            histogram[i] = smoothed
+    """Smooth a histogram of directions, and locate its high peaks between the bins.
+
+    Parameters
+    ----------
+    histogram
+        Weight of each direction, circular, shape (ORIENTATION_BINS,); smoothed in place.
+    peaks
+        Overwritten: directions of the peaks in [0, 2 pi), shape (MAX_ORIENTATIONS,) or larger.
+
+    Returns
+    -------
+    int
+        Number of peaks.
+    """
+    for _ in range(SMOOTHINGS):
+        _smooth(histogram)
     highest = histogram.max()
     count = 0
     for i in range(ORIENTATION_BINS):
-        h = histogram[i]
+        here = histogram[i]
         before = histogram[i - 1]
         after = histogram[(i + 1) % ORIENTATION_BINS]
+        is_high = here > SECONDARY_PEAK * highest
         # Of two equal neighbours, as from gradients along an axis, the first is the peak.
-        if h > SECONDARY_PEAK * highest and h > before and h >= after and count < MAX_ORIENTATIONS:
-            offset = -0.5 * (after - before) / (after + before - 2.0 * h)
+        is_peak = here > before and here >= after
+        if is_high and is_peak and count < MAX_ORIENTATIONS:
+            # The top of the parabola through the three bins, in bins from the middle one.
+            offset = -0.5 * (after - before) / (after + before - 2.0 * here)
             peaks[count] = (2.0 * np.pi * (i + offset + 0.5) / ORIENTATION_BINS) % (2.0 * np.pi)
             count += 1
     return count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _smooth(histogram: FloatArray) -> None:
+    """Replace each bin of a circular histogram by the mean of it and both neighbours, in place."""
+    previous = histogram[ORIENTATION_BINS - 1]
+    first = histogram[0]
+    for i in range(ORIENTATION_BINS):
+        following = histogram[i + 1] if i + 1 < ORIENTATION_BINS else first
+        smoothed = (previous + histogram[i] + following) / 3.0
+        previous = histogram[i]
+        histogram[i] = smoothed
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -241,23 +241,27 @@ def evaluate(
     """
     names = np.asarray(labels)
     gallery = targets or Targets(names, np.arange(len(names)), answered)
-    rows = _places(answered, names)
-    columns = _places(gallery.answered, gallery.labels)
-    matrix = check_distances(distances, (len(rows), len(columns)), is_square=targets is None)
-    of_queries, of_gallery = _numbered_classes(names, gallery.labels)
+    queries_with_result = _places(answered, names)
+    shapes_with_result = _places(gallery.answered, gallery.labels)
+    size = (len(queries_with_result), len(shapes_with_result))
+    matrix = check_distances(distances, size, is_square=targets is None)
+    query_classes, gallery_classes = _numbered_classes(names, gallery.labels)
+    n_shapes = len(gallery_classes)
+    # Which shapes each query ranks, all but itself, and which of those are relevant: shape (M, N).
     left_out = np.broadcast_to(gallery.own, names.shape)
-    others = np.arange(len(of_gallery)) != left_out[:, None]
-    relevant = (of_queries[:, None] == of_gallery) & others
+    is_ranked = np.arange(n_shapes) != left_out[:, None]
+    is_relevant = (query_classes[:, None] == gallery_classes) & is_ranked
     values = np.zeros((len(names), len(MEASURES)))
     n_tied = 0
-    for row, query in zip(matrix, rows, strict=True):
-        # Shapes without a result rank last.
-        whole = np.full(len(of_gallery), 2.0 * np.abs(row).max() + 1.0)
-        whole[columns] = row
-        if relevant[query].any():
-            values[query], is_tied = _of_query(whole[others[query]], relevant[query][others[query]])
+    for known_distances, query in zip(matrix, queries_with_result, strict=True):
+        ranked = is_ranked[query]
+        if is_relevant[query].any():
+            # Shapes without a result rank last.
+            all_distances = np.full(n_shapes, 2.0 * np.abs(known_distances).max() + 1.0)
+            all_distances[shapes_with_result] = known_distances
+            values[query], is_tied = _of_query(all_distances[ranked], is_relevant[query][ranked])
             n_tied += is_tied
-    values[~relevant.any(axis=1)] = np.nan
+    values[~is_relevant.any(axis=1)] = np.nan
     return Scores(
         means=_means(values, has_targets=targets is not None),
         per_query=dict(zip(MEASURES, values.T, strict=True)),
@@ -353,49 +357,75 @@ def _in_record(value: float) -> float | None:
 def chance_levels(labels: ArrayLike, targets: Targets | None = None) -> dict[str, float]:
     """Return the exact means of all measures over random rankings.
 
-    They are those of a matrix in which all distances tie. Queries with as many results, of which as
-    many are relevant, have the same values, so that no matrix is needed.
+    They are those of a matrix in which all distances tie, which is not needed: a value of a query
+    depends only on the number of its results and of the relevant ones among them.
+
+    Parameters
+    ----------
+    labels
+        Class of each query, shape (M,).
+    targets
+        The gallery; None if it is the queries.
+
+    Returns
+    -------
+    dict
+        Mean of each measure by its name.
     """
     names = np.asarray(labels)
     gallery = targets or Targets(names, np.arange(len(names)))
-    of_queries, of_gallery = _numbered_classes(names, gallery.labels)
-    n_classes = max(of_queries.max(initial=-1), of_gallery.max(initial=-1)) + 1
+    query_classes, gallery_classes = _numbered_classes(names, gallery.labels)
+    n_classes = max(query_classes.max(initial=-1), gallery_classes.max(initial=-1)) + 1
+    # Place of each query in the gallery, -1 if it is not there; it does not rank itself.
     own = np.broadcast_to(gallery.own, names.shape)
-    is_left_out = own >= 0
-    loses_one = is_left_out & (of_gallery[own] == of_queries)
-    n_relevant = np.bincount(of_gallery, minlength=n_classes)[of_queries] - loses_one
-    n_results = len(of_gallery) - is_left_out
+    is_in_gallery = own >= 0
+    is_relevant_itself = is_in_gallery & (gallery_classes[own] == query_classes)
+    class_sizes = np.bincount(gallery_classes, minlength=n_classes)
+    n_relevant = class_sizes[query_classes] - is_relevant_itself
+    n_results = len(gallery_classes) - is_in_gallery
+    # Queries with equal numbers have equal values.
+    numbers = np.column_stack([n_results, n_relevant])
+    kinds, kind_of_query = np.unique(numbers, axis=0, return_inverse=True)
     values = np.full((len(names), len(MEASURES)), np.nan)
-    sizes, places = np.unique(np.column_stack([n_results, n_relevant]), axis=0, return_inverse=True)
-    for place, (results, relevant) in enumerate(sizes.tolist()):
+    for kind, (results, relevant) in enumerate(kinds.tolist()):
         if relevant:
-            of_query, _ = _of_query(np.zeros(results), np.arange(results) < relevant)
-            values[places == place] = of_query
+            all_tied = np.zeros(results)
+            values_of_kind, _ = _of_query(all_tied, np.arange(results) < relevant)
+            values[kind_of_query == kind] = values_of_kind
     return _means(values, has_targets=targets is not None)
 
 
 def check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: bool) -> FloatArray:
-    """Return distances of a shape, which are finite and not negative.
+    """Return distances as a matrix, if measures can be computed from them.
 
-    If queries are the gallery, a symmetric matrix.
+    Parameters
+    ----------
+    distances
+        Distances of queries (rows) to shapes (columns), in any form that numpy reads.
+    shape
+        Number of queries and of shapes.
+    is_square
+        Whether the shapes are the queries, so that the matrix must be symmetric with a diagonal of
+        0.
 
     Raises
     ------
     ConfigurationError
-        If they are anything else, or differ from 0 on the diagonal, as similarities do.
+        If they have another shape, or are not finite, negative, or not of a square matrix as
+        described, such as similarities.
     """
     matrix = np.asarray(distances, dtype=np.float64)
     if matrix.shape != shape:
         problem = f"{shape[0]} queries and {shape[1]} shapes have distances of shape {matrix.shape}"
         raise ConfigurationError(problem, "compare all pairs")
-    wrong = np.argwhere(~np.isfinite(matrix))
-    if len(wrong):
-        row, column = wrong[0] + 1
+    not_finite = np.argwhere(~np.isfinite(matrix))
+    if len(not_finite):
+        row, column = not_finite[0] + 1
         problem = f"distances are NaN or infinite, the first in row {row}, column {column}"
         hint = "use a distance larger than all others if a method has no result"
         raise ConfigurationError(problem, hint)
-    is_compared = ~np.eye(*shape, dtype=bool) if is_square else True
-    largest = np.abs(matrix).max(initial=0.0, where=is_compared)
+    is_off_diagonal = ~np.eye(*shape, dtype=bool) if is_square else True
+    largest = np.abs(matrix).max(initial=0.0, where=is_off_diagonal)
     if matrix.min(initial=0.0) < -ASYMMETRY * largest:
         problem = f"a distance is negative ({matrix.min():.3g})"
         raise ConfigurationError(problem, "subtract similarities from the largest")
@@ -418,23 +448,42 @@ def _check_square(matrix: FloatArray, largest: float) -> None:
 
 
 def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[float], bool]:
-    """Return all measures of a query, and whether ties matter."""
+    """Return all measures of one query, and whether ties make a difference to them.
+
+    Where shapes have equal distances, a measure is its expected value over their orders.
+
+    Parameters
+    ----------
+    distances
+        Distance of the query to each shape that it ranks, shape (k,).
+    relevant
+        Which of these are of its class, shape (k,).
+
+    Returns
+    -------
+    values : list of float
+        Value of each measure, in the order of :data:`MEASURES`.
+    is_tied : bool
+        Whether shapes of its class and others have the same distance.
+    """
     order = np.argsort(distances, kind="stable")
     hits = relevant[order].astype(np.float64)
     n_results = len(order)
-    # Each rank lies in a group of equal distances: its first rank, its size, and the hits in it and
-    # before it.
+    # Groups of equal distances: the first rank, the number of ranks, and the hits of each group.
     starts = np.flatnonzero(np.diff(distances[order], prepend=-np.inf) > 0)
     sizes = np.diff(starts, append=n_results)
     group_hits = np.add.reduceat(hits, starts)
+    # The same for each rank.
     size = np.repeat(sizes, sizes)
-    in_group = np.repeat(group_hits, sizes)
-    gains = in_group / size
-    # Given a hit at this rank, the earlier ranks of its group hold (h - 1) / (t - 1) hits each, on
-    # average.
-    inside = np.arange(n_results) - np.repeat(starts, sizes)
-    before = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
-    hits_up_to = before + 1 + inside * (in_group - 1) / np.maximum(size - 1, 1)
-    results = RankedList(gains, hits_up_to, int(hits.sum()))
+    hits_of_group = np.repeat(group_hits, sizes)
+    expected_hits = hits_of_group / size
+    # Given a hit at this rank, each other rank of its group of t ranks and h hits holds
+    # (h - 1) / (t - 1) hits, on average.
+    ranks_before = np.arange(n_results) - np.repeat(starts, sizes)
+    hits_before_group = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
+    hits_of_others = ranks_before * (hits_of_group - 1) / np.maximum(size - 1, 1)
+    hits_up_to = hits_before_group + 1 + hits_of_others
+    results = RankedList(expected_hits, hits_up_to, int(hits.sum()))
     values = [measure.of_query(results) for measure in MEASURES.values()]
-    return values, bool(((group_hits > 0) & (group_hits < sizes)).any())
+    is_mixed = (group_hits > 0) & (group_hits < sizes)
+    return values, bool(is_mixed.any())

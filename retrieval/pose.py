@@ -108,13 +108,18 @@ def rectilinearity_rotation(mesh: Mesh) -> Matrix:
 
 @njit(cache=True, nogil=True)
 def _turned(matrix: Matrix, vector: NDArray[np.float64]) -> Matrix:
-    """Return the product of a rotation and a matrix.
+    """Return a matrix turned by a rotation: the product of both.
 
-    The rotation is given by its Rodrigues vector: its axis times tan of half its angle.
+    Parameters
+    ----------
+    matrix
+        Shape (3, 3).
+    vector
+        Rodrigues vector of the rotation, shape (3,): its axis times tan of half its angle.
     """
     x, y, z = vector
     scale = 2.0 / (1.0 + x * x + y * y + z * z)
-    turn = np.array(
+    rotation = np.array(
         [
             [1.0 - scale * (y * y + z * z), scale * (x * y - z), scale * (x * z + y)],
             [scale * (x * y + z), 1.0 - scale * (x * x + z * z), scale * (y * z - x)],
@@ -125,18 +130,31 @@ def _turned(matrix: Matrix, vector: NDArray[np.float64]) -> Matrix:
     for row in range(3):
         for column in range(3):
             for k in range(3):
-                product[row, column] += turn[row, k] * matrix[k, column]
+                product[row, column] += rotation[row, k] * matrix[k, column]
     return product
 
 
 @njit(cache=True, nogil=True)
 def _projected_areas(area_vectors: Matrix, rotations: Rotations) -> NDArray[np.float64]:
-    """Return the summed area of all projections after each rotation.
+    """Return the rectilinear area of a surface after each of some rotations.
 
-    Some rotations at once take as long as one.
+    That is the summed area of the projections of all triangles on the three coordinate planes.
+    Rotations are computed :data:`LANES` at a time, which takes as long as one.
+
+    Parameters
+    ----------
+    area_vectors
+        Normal of each triangle times its area, shape (m, 3).
+    rotations
+        Shape (k, 3, 3).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (k,).
     """
     areas = np.zeros(len(rotations))
-    m = np.zeros((9, LANES))
+    m = np.zeros((9, LANES))  # the nine entries of the rotation in each lane
     totals = np.empty(LANES)
     for first in range(0, len(rotations), LANES):
         count = min(LANES, len(rotations) - first)
@@ -156,36 +174,49 @@ def _projected_areas(area_vectors: Matrix, rotations: Rotations) -> NDArray[np.f
 def _refined(
     area_vectors: Matrix, rotations: Rotations, areas: NDArray[np.float64]
 ) -> tuple[Rotations, Matrix]:
-    """Rotate by a step about each axis while that helps, then halve the step.
+    """Search for rotations of least rectilinear area near given ones, by pattern search.
 
-    The second value are the areas.
+    Each one turns by a step about each axis where that lowers its area; if no turn does, its step
+    is halved, until :data:`LAST_STEP`.
+
+    Parameters
+    ----------
+    area_vectors
+        Normal of each triangle times its area, shape (m, 3).
+    rotations
+        Where the searches start, shape (k, 3, 3).
+    areas
+        Their rectilinear areas, shape (k,).
+
+    Returns
+    -------
+    rotations, areas : numpy.ndarray
+        Where the searches end, and the areas there.
     """
     rotations = rotations.copy()
     areas = areas.copy()
     steps = np.full(len(rotations), FIRST_STEP)
     candidates = np.empty((2, *rotations.shape))
     while (steps > LAST_STEP).any():
-        improved = steps <= LAST_STEP  # those that have ended stay as they are
-        active = ~improved
+        has_ended = steps <= LAST_STEP
+        has_improved = np.zeros(len(rotations), dtype=np.bool_)
         for axis in range(3):
+            # Backwards and forwards by a step about the axis.
             for start in range(len(rotations)):
                 for side in range(2):
                     turn = np.zeros(3)
                     # Half the angle approximates its tangent well enough.
                     turn[axis] = (side - 0.5) * steps[start]
                     candidates[side, start] = _turned(rotations[start], turn)
-            turned_areas = _projected_areas(area_vectors, candidates.reshape(-1, 3, 3))
-            turned_areas = turned_areas.reshape(2, -1)
+            flat_areas = _projected_areas(area_vectors, candidates.reshape(-1, 3, 3))
+            candidate_areas = flat_areas.reshape(2, -1)
             for start in range(len(rotations)):
-                if not active[start]:
-                    continue
-                for side in range(2):
-                    if turned_areas[side, start] < areas[start]:
-                        rotations[start] = candidates[side, start]
-                        areas[start] = turned_areas[side, start]
-                        improved[start] = True
-                        break
-        steps = np.where(improved, steps, 0.5 * steps)
+                side = 0 if candidate_areas[0, start] < areas[start] else 1
+                if not has_ended[start] and candidate_areas[side, start] < areas[start]:
+                    rotations[start] = candidates[side, start]
+                    areas[start] = candidate_areas[side, start]
+                    has_improved[start] = True
+        steps = np.where(has_improved | has_ended, steps, 0.5 * steps)
     return rotations, areas
 
 
@@ -213,15 +244,16 @@ def normalise(mesh: Mesh, candidates: Sequence[str], image_size: int) -> Mesh:
     """
     centred = _rounded(to_unit_sphere(mesh))
     best = centred
-    fewest = np.inf
+    fewest_pixels = np.inf
     for name in candidates:
         rotation = ROTATIONS[name](centred)
         turned = _rounded(centred.with_vertices(centred.vertices @ rotation.T))
-        axis_views = render(turned, image_size, view_sphere(0))[::2]
-        pixels = int((axis_views != BACKGROUND).sum())
-        if pixels <= fewest * (1.0 + EQUALLY_LARGE):
+        views = render(turned, image_size, view_sphere(0))
+        axis_views = views[::2]  # the silhouette from the other side is the same
+        n_pixels = int((axis_views != BACKGROUND).sum())
+        if n_pixels <= fewest_pixels * (1.0 + EQUALLY_LARGE):
             best = turned
-            fewest = pixels
+            fewest_pixels = n_pixels
     return best
 
 

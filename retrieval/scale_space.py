@@ -37,6 +37,8 @@ MARGIN = 17
 _BLOCK = 2048
 #: Octaves stop when the shorter side of the image falls below 16 pixels.
 SMALLEST_SIDE = 16
+#: Share of the threshold of a peak that its pixel must have: between pixels, it may be higher.
+CANDIDATE_SHARE = 0.8
 #: Most moves of an extremum to the next pixel.
 REFINEMENT_STEPS = 5
 
@@ -113,18 +115,24 @@ def build_octave(octave: SingleArray, half: SingleArray, is_first: bool) -> None
 def _blur(
     image: SingleArray, blurred: SingleArray, difference: SingleArray, half: SingleArray, level: int
 ) -> None:
-    """Convolve an image with a separable Gaussian; the border is repeated.
+    """Convolve an image with a separable Gaussian, and subtract the image from the result.
+
+    It is done in blocks of whole rows, which stay in the nearest cache. Beyond the image, its
+    outermost pixels are repeated.
 
     Parameters
     ----------
     image
-        The image with its border, which is filled.
-    blurred, difference
-        Overwritten with the result, and with the result less the image.
+        The image with a border of ``MARGIN`` pixels, whose upper and lower rows are filled in
+        place, shape (height, width).
+    blurred
+        Overwritten with the result, same shape.
+    difference
+        Overwritten with the result less the image, same shape.
     half
-        Memory for what is blurred in one direction.
+        Memory for a block that is blurred along columns alone.
     level
-        Number of the Gaussian.
+        Number of the Gaussian in :data:`KERNELS`.
     """
     height, stride = image.shape
     source = image.ravel()
@@ -137,10 +145,12 @@ def _blur(
     for top in range(MARGIN, height - MARGIN, n_rows):
         first = top * stride
         count = min(n_rows, height - MARGIN - top) * stride
+        # Along columns; then along rows, whose borders are filled in between.
         _convolve(source, first, stride, half, MARGIN, count, level)
-        for row in range(MARGIN, MARGIN + count, stride):
-            half[row : row + MARGIN] = half[row + MARGIN]
-            half[row + stride - MARGIN : row + stride] = half[row + stride - MARGIN - 1]
+        for begin in range(MARGIN, MARGIN + count, stride):
+            end = begin + stride
+            half[begin : begin + MARGIN] = half[begin + MARGIN]
+            half[end - MARGIN : end] = half[end - MARGIN - 1]
         _convolve(half, MARGIN, 1, target, first, count, level)
         before = source[first:]
         after = target[first:]
@@ -159,35 +169,42 @@ def _convolve(
     count: int,
     level: int,
 ) -> None:
-    """Add up weighted pixels before and after each, in the order of half a kernel.
+    """Convolve pixels along rows or columns with a symmetric kernel.
+
+    Products are added in one order, from the centre outwards, so that results are the same bytes on
+    any processor.
 
     Parameters
     ----------
-    source, start
-        Pixels, and the first of them that is convolved.
+    source
+        Pixels in a flat array.
+    start
+        Index of the first pixel to convolve.
     step
-        Distance between neighbours.
+        Distance of neighbours in the flat array: 1 along rows, the length of a row along columns.
     target, begin
-        Where the sums are written.
+        Flat array for the results, and the index of the first.
     count
-        Number of the pixels.
+        Number of pixels to convolve.
     level
-        Number of the kernel.
+        Number of the kernel in :data:`KERNELS`, which holds one half of it.
     """
     kernel = KERNELS[level]
     centre = source[start : start + count]
     total = target[begin : begin + count]
     for x in range(count):
         total[x] = kernel[0] * centre[x]
-    for j in range(1, SIZES[level], 2):  # two in one pass; weights beyond the kernel are zero
-        near = kernel[j]
-        far = kernel[j + 1]
+    # Two weights in one pass; those beyond the kernel are zero.
+    for j in range(1, SIZES[level], 2):
+        weight = kernel[j]
+        next_weight = kernel[j + 1]
         before = source[start - j * step :]
         after = source[start + j * step :]
-        earlier = source[start - (j + 1) * step :]
-        later = source[start + (j + 1) * step :]
+        next_before = source[start - (j + 1) * step :]
+        next_after = source[start + (j + 1) * step :]
         for x in range(count):
-            total[x] = (total[x] + near * (before[x] + after[x])) + far * (earlier[x] + later[x])
+            partial = total[x] + weight * (before[x] + after[x])
+            total[x] = partial + next_weight * (next_before[x] + next_after[x])
 
 
 @njit(cache=True, nogil=True)
@@ -216,7 +233,8 @@ def find_extrema(
     count = 0
     height = differences.shape[1] - 2 * MARGIN
     width = differences.shape[2] - 2 * MARGIN
-    candidate_threshold = np.float32(0.8 * peak_threshold)
+    candidate_threshold = np.float32(CANDIDATE_SHARE * peak_threshold)
+    # Marks of the candidates in a row, a byte each. Few pixels are: eight are skipped at a time.
     marks = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
     eights = marks.view(np.uint64)
     for level in range(1, LEVELS + 1):
@@ -247,9 +265,19 @@ def find_extrema(
 def _mark_candidates(
     differences: SingleArray, level: int, row: int, marks: NDArray[np.uint8]
 ) -> None:
-    """Mark the pixels of a row that exceed or fall below their six nearest neighbours.
+    """Mark the pixels of a row that exceed or fall below all of their six nearest neighbours.
 
-    Few do. The ends of the row are left out.
+    These are four in the same difference, and one in the finer and in the coarser one.
+
+    Parameters
+    ----------
+    differences
+        Differences of Gaussians, shape (levels, height, width).
+    level, row
+        The row, neither the first nor the last one.
+    marks
+        Overwritten: 1 for each marked pixel, without the first and the last of the row, shape
+        (width - 2,).
     """
     width = len(marks)
     here = differences[level, row]
@@ -277,7 +305,17 @@ def _mark_candidates(
 def _is_extremum(
     differences: SingleArray, level: int, row: int, column: int, value: np.float32
 ) -> bool:
-    """Return whether the value at a pixel exceeds or falls below all its 26 neighbours."""
+    """Return whether a pixel exceeds or falls below all its 26 neighbours in space and scale.
+
+    Parameters
+    ----------
+    differences
+        Differences of Gaussians, shape (levels, height, width).
+    level, row, column
+        The pixel, on no border.
+    value
+        Its value; a positive one must exceed the others, a negative one fall below them.
+    """
     sign = np.float32(1.0) if value > 0 else np.float32(-1.0)
     value = sign * value
     # The row neighbours in the same level reject nearly every pixel.
@@ -358,8 +396,24 @@ def _refine(
 def _solve_symmetric(
     matrix: tuple[float, float, float, float, float, float], u: float, v: float, w: float
 ) -> tuple[bool, float, float, float]:
-    """Solve a symmetric 3 x 3 system given by its upper triangle; returns (solvable, x, y, z)."""
+    """Solve a symmetric system of three linear equations by the adjugate of its matrix.
+
+    Parameters
+    ----------
+    matrix
+        Upper triangle, row by row: entries 00, 01, 02, 11, 12 and 22.
+    u, v, w
+        Right side.
+
+    Returns
+    -------
+    is_solvable : bool
+        Whether the matrix is regular.
+    x, y, z : float
+        The solution; 0 if there is none.
+    """
     a, b, c, d, e, f = matrix
+    # The adjugate, whose entries are called cij, over the determinant is the inverse.
     c00 = d * f - e * e
     c01 = c * e - b * f
     c02 = b * e - c * d

@@ -119,14 +119,23 @@ def render(mesh: Mesh, size: int, sphere: ViewSphere) -> NDArray[np.float32]:
     and Bag-of-Features", Machine Vision and Applications 24, 2013.
     """
     images = np.full((len(sphere.directions), size, size), BACKGROUND, dtype=np.float32)
-    x, y, z = mesh.vertices.T
-    for view, opposite in enumerate(sphere.permutation_of(-np.eye(3))):
-        if view < opposite:  # both are drawn at once
-            right, up, eye = (
-                axis[0] * x + axis[1] * y + axis[2] * z for axis in sphere.cameras[view]
-            )
-            pixels = np.stack(
-                [0.5 * size * (1.0 + right), 0.5 * size * (1.0 - up), 0.5 * (1.0 - eye)], axis=1
-            )
-            draw_triangles(pixels, mesh.faces, images[view], images[opposite])
+    opposites = sphere.permutation_of(-np.eye(3))
+    for view, opposite in enumerate(opposites):
+        if view > opposite:  # it was drawn together with the view from the other side
+            continue
+        right, up, towards_eye = sphere.cameras[view]
+        columns = 0.5 * size * (1.0 + _coordinates(mesh, right))
+        rows = 0.5 * size * (1.0 - _coordinates(mesh, up))
+        depths = 0.5 * (1.0 - _coordinates(mesh, towards_eye))
+        pixels = np.stack([columns, rows, depths], axis=1)
+        draw_triangles(pixels, mesh.faces, images[view], images[opposite])
     return images
+
+
+def _coordinates(mesh: Mesh, axis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the coordinate of each vertex along an axis, shape (n,).
+
+    Unlike those of a matrix product, its sums are the same to the last bit on all processors.
+    """
+    x, y, z = mesh.vertices.T
+    return np.asarray(axis[0] * x + axis[1] * y + axis[2] * z)

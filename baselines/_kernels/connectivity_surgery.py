@@ -47,29 +47,59 @@ def collapse(mesh: Mesh) -> NDArray[np.int64]:
 
 
 def _line_quadrics(vertices: FloatArray, edges: NDArray[np.int64]) -> FloatArray:
-    """Return the quadrics of the squared distance to the edges of each vertex, shape (n, 4, 4)."""
+    """Return for each vertex the quadric of the squared distances to the lines through its edges.
+
+    With the quadric Q of a vertex, these distances of a point p sum to (p, 1) Q (p, 1)^T.
+
+    Parameters
+    ----------
+    vertices
+        Positions, shape (n, 3).
+    edges
+        Vertices at both ends of each edge, shape (edges, 2).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, 4, 4), symmetric.
+    """
     start = vertices[edges[:, 0]]
     end = vertices[edges[:, 1]]
     lengths = np.linalg.norm(end - start, axis=1, keepdims=True)
-    direction = (end - start) / np.maximum(lengths, np.finfo(float).tiny)
-    # The rows map a homogeneous point p to direction x p - moment, whose length is its distance to
-    # the line.
-    rows = np.zeros((len(edges), 3, 4))
-    rows[:, :, :3] = np.cross(direction[:, None], np.eye(3)).transpose(0, 2, 1)
-    rows[:, :, 3] = -np.cross(direction, start)
-    total = np.zeros((len(vertices), 4, 4))
+    directions = (end - start) / np.maximum(lengths, np.finfo(float).tiny)
+    # The distance of a point p to a line is the length of d x p - d x start, with the direction d.
+    # Of each edge, K maps (p, 1) to that vector, so the squared distance has the quadric K^T K.
+    maps = np.zeros((len(edges), 3, 4))
+    maps[:, :, :3] = np.cross(directions[:, None], np.eye(3)).transpose(0, 2, 1)
+    maps[:, :, 3] = -np.cross(directions, start)
+    quadrics = np.zeros((len(vertices), 4, 4))
     for ends in edges.T:
-        np.add.at(total, ends, np.einsum("eki,ekj->eij", rows, rows))
-    return total
+        np.add.at(quadrics, ends, np.einsum("eki,ekj->eij", maps, maps))
+    return quadrics
 
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def _collapse(
     points: FloatArray, faces: NDArray[np.int32], links: Links, quadrics: FloatArray
 ) -> NDArray[np.int64]:
-    """Collapse the cheapest edge at a triangle until none is left; see :func:`collapse`.
+    """Collapse the cheapest edge at a triangle, again and again, until no triangle is left.
 
-    All arrays but the points are changed. Returns the vertex into which each vertex collapsed.
+    Parameters
+    ----------
+    points
+        Positions, shape (n, 3); a vertex does not move when another one collapses into it.
+    faces
+        Triangles, shape (m, 3); changed.
+    links
+        Connections of each pair of vertices, shape (n, n): 0 for none, 1 for an edge, more for an
+        edge at triangles; changed.
+    quadrics
+        From :func:`_line_quadrics`; changed.
+
+    Returns
+    -------
+    numpy.ndarray
+        The vertex into which each vertex collapsed, itself if it remains, shape (n,).
     """
     n = len(points)
     owner = np.arange(n)
@@ -85,17 +115,21 @@ def _collapse(
         owner[i] = j
         cost[i] = np.inf
         quadrics[j] += quadrics[i]
+        # Vertex j takes over the triangles and the edges of i.
         around = np.flatnonzero((faces[:, 0] == i) | (faces[:, 1] == i) | (faces[:, 2] == i))
         _count(faces, around, links, -1)
         for k in np.flatnonzero(links[i]):
-            links[i, k] = links[k, i] = 0
+            links[i, k] = 0
+            links[k, i] = 0
             if k != j:
-                links[j, k] = links[k, j] = max(links[j, k], 1)
+                links[j, k] = max(links[j, k], 1)
+                links[k, j] = links[j, k]
         _replace(faces, around, i, j)
         _count(faces, around, links, 1)
         _evaluate(j, points, quadrics, links, cost, target)
         for k in np.flatnonzero(links[j]):
             _evaluate(k, points, quadrics, links, cost, target)
+    # A vertex may have collapsed into one that collapsed later.
     for i in range(n):
         while owner[owner[i]] != owner[i]:
             owner[i] = owner[owner[i]]
@@ -134,21 +168,36 @@ def _evaluate(
     cost: FloatArray,
     target: NDArray[np.int64],
 ) -> None:
-    """Find the cheapest collapse of vertex i."""
+    """Find the cheapest collapse of a vertex into a neighbour with which it shares a triangle.
+
+    The cost is the sum of squared distances to the edges that both stand for, and of the product of
+    the length of the edge and of the others at the vertex (Au et al. 2008).
+
+    Parameters
+    ----------
+    i
+        The vertex.
+    points, quadrics, links
+        As for :func:`_collapse`.
+    cost, target
+        Cost of the cheapest collapse of each vertex, infinite if there is none, and the neighbour
+        into which it goes, -1 if there is none; those of the vertex are written. Shape (n,).
+    """
     neighbours = np.flatnonzero(links[i])
     lengths = np.sqrt(((points[neighbours] - points[i]) ** 2).sum(axis=1))
     cost[i] = np.inf
     target[i] = -1
     for place, j in enumerate(neighbours):
-        if links[i, j] > 1:
-            shape = 0.0
-            x = points[j, 0]
-            y = points[j, 1]
-            z = points[j, 2]
-            for a, row in enumerate((x, y, z, 1.0)):
-                for b, column in enumerate((x, y, z, 1.0)):
-                    shape += row * column * (quadrics[i, a, b] + quadrics[j, a, b])
-            price = max(shape, 0.0) + lengths[place] * (lengths.sum() - lengths[place])
-            if price < cost[i]:
-                cost[i] = price
-                target[i] = j
+        is_at_triangle = links[i, j] > 1
+        if not is_at_triangle:
+            continue
+        shape_cost = 0.0
+        homogeneous = (points[j, 0], points[j, 1], points[j, 2], 1.0)
+        for a, row in enumerate(homogeneous):
+            for b, column in enumerate(homogeneous):
+                shape_cost += row * column * (quadrics[i, a, b] + quadrics[j, a, b])
+        sampling_cost = lengths[place] * (lengths.sum() - lengths[place])
+        new_cost = max(shape_cost, 0.0) + sampling_cost
+        if new_cost < cost[i]:
+            cost[i] = new_cost
+            target[i] = j

@@ -210,92 +210,162 @@ def _bones(mesh: Mesh, owners: IntArray) -> IntArray:
 
 
 def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: IntArray) -> FloatArray:
-    """Return the displacement of each joint, shape (k, 3).
+    """Return how far the contraction moved each joint off the middle of its part.
 
-    0 where a part touches another in a single vertex.
+    A part between others, such as a piece of an arm, has a loop of vertices towards each of them.
+    Its displacement is the mean over its loops of the mean along each loop; that of an end, which
+    has one loop, is the mean over its vertices.
+
+    Parameters
+    ----------
+    mesh
+        The surface before the contraction.
+    displacements
+        How far the contraction moved each vertex, shape (n, 3), in units of the mesh.
+    owners
+        Joint of each vertex, shape (n,); the vertices of a joint are its part.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (joints, 3); 0 for a part between others that touches one of them in a single vertex.
     """
-    k = int(owners.max()) + 1
+    n_parts = int(owners.max()) + 1
     lengths = mesh.edge_graph()
     first, second = lengths.tocoo().coords
-    across = owners[first] != owners[second]
-    # A loop holds the vertices of a part that have an edge to one neighbouring part; its edges
-    # weigh its vertices.
+    goes_across = owners[first] != owners[second]
+    # A loop is a column: the vertices of a part that have an edge to one neighbouring part. Each
+    # counts by the length of its edges to others of the loop.
     loops = csr_array(
-        (across, (first, owners[first] * k + owners[second])),
-        shape=(mesh.n_vertices, k * k),
+        (goes_across, (first, owners[first] * n_parts + owners[second])),
+        shape=(mesh.n_vertices, n_parts * n_parts),
         dtype=bool,
     )
     loops.eliminate_zeros()
     weights = loops.multiply(lengths @ loops)
-    with np.errstate(invalid="ignore"):
-        means = (weights.T @ displacements) / weights.sum(axis=0)[:, None]
-    faced = (loops.sum(axis=0) > 0).reshape(k, k, 1)
-    degrees = faced.sum(axis=1)
-    means = np.where(faced, means.reshape(k, k, 3), 0.0).sum(axis=1) / np.maximum(degrees, 1)
-    whole = weighted_means(displacements, np.ones(len(owners)), owners)
-    return np.nan_to_num(np.where(degrees > 1, means, whole))
+    with np.errstate(invalid="ignore"):  # a loop of one vertex has no edges
+        loop_means = (weights.T @ displacements) / weights.sum(axis=0)[:, None]
+
+    # Mean over the loops of each part; over all its vertices, if it has only one loop.
+    are_adjacent = (loops.sum(axis=0) > 0).reshape(n_parts, n_parts, 1)
+    n_loops = are_adjacent.sum(axis=1)
+    sums = np.where(are_adjacent, loop_means.reshape(n_parts, n_parts, 3), 0.0).sum(axis=1)
+    means_of_loops = sums / np.maximum(n_loops, 1)
+    means_of_vertices = weighted_means(displacements, np.ones(len(owners)), owners)
+    return np.nan_to_num(np.where(n_loops > 1, means_of_loops, means_of_vertices))
 
 
 def _merge_junctions(
     mesh: Mesh, joints: FloatArray, owners: IntArray
 ) -> tuple[FloatArray, IntArray]:
-    """Move junctions onto their best neighbours while that evens out the distances of a part."""
-    merged = True
-    while merged:
-        merged = False
-        degrees = np.bincount(_bones(mesh, owners).ravel())
-        for junction in np.flatnonzero(degrees > 2).tolist():
-            neighbour = _better_joint(mesh, joints, owners, junction)
+    """Merge junctions with neighbours in which they are more central.
+
+    A junction has at least three bones. It merges with the neighbour for which the distances of the
+    surface of both parts to the joint spread least, if they spread less than before, and goes on
+    from there.
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    joints
+        Positions, shape (k, 3).
+    owners
+        Joint of each vertex of the surface, shape (n,).
+
+    Returns
+    -------
+    joints, owners
+        Those that are left, in the same form.
+    """
+    has_merged = True
+    while has_merged:
+        has_merged = False
+        n_bones = np.bincount(_bones(mesh, owners).ravel())
+        for junction in np.flatnonzero(n_bones > 2).tolist():
+            joint = junction
+            neighbour = _better_joint(mesh, joints, owners, joint)
             while neighbour is not None:
-                owners = np.where(owners == junction, neighbour, owners)
-                merged = True
-                junction = neighbour
-                neighbour = _better_joint(mesh, joints, owners, junction)
+                owners = np.where(owners == joint, neighbour, owners)
+                has_merged = True
+                joint = neighbour
+                neighbour = _better_joint(mesh, joints, owners, joint)
     kept, owners = np.unique(owners, return_inverse=True)
     return joints[kept], owners
 
 
 def _better_joint(mesh: Mesh, joints: FloatArray, owners: IntArray, junction: int) -> int | None:
-    """Return the neighbour of a junction in whose part the distances to its joint spread less.
+    """Return the neighbour of a junction into which it is to merge; None for none.
 
-    None if there is none, or if the junction has no vertices any more.
+    Of the neighbours, it is the one around which the distances of the surface of both parts spread
+    least, if they spread clearly less than those of the junction's part around the junction.
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    joints
+        Positions, shape (k, 3).
+    owners
+        Joint of each vertex, shape (n,).
+    junction
+        Number of the joint; it may have no vertices any more.
     """
-    part = owners == junction
-    if not part.any():
+    in_part = owners == junction
+    if not in_part.any():
         return None
     bones = _bones(mesh, owners)
-    others = np.setdiff1d(bones[(bones == junction).any(axis=1)], junction)
-    spreads = [_spread(mesh.vertices[part | (owners == other)], joints[other]) for other in others]
-    spread = _spread(mesh.vertices[part], joints[junction])
-    if min(spreads, default=np.inf) >= CENTREDNESS_GAIN * spread:
+    neighbours = np.setdiff1d(bones[(bones == junction).any(axis=1)], junction)
+    spreads = []
+    for neighbour in neighbours:
+        in_both = in_part | (owners == neighbour)
+        spreads.append(_spread(mesh.vertices[in_both], joints[neighbour]))
+    present_spread = _spread(mesh.vertices[in_part], joints[junction])
+    if min(spreads, default=np.inf) >= CENTREDNESS_GAIN * present_spread:
         return None
-    return int(others[np.argmin(spreads)])
+    return int(neighbours[np.argmin(spreads)])
 
 
 def _absorb_pockets(
     mesh: Mesh, joints: FloatArray, owners: IntArray
 ) -> tuple[FloatArray, IntArray]:
-    """Let each pocket join the part around its mouth.
+    """Let pockets of the skeleton join the part around their mouths.
 
-    A pocket is an end of the skeleton whose surface faces its joint: a dent, not a limb.
+    A pocket is an end of the skeleton whose surface faces its joint, so that the flux of the
+    distance to the joint is negative: a dent, such as a mouth, not a limb.
+
+    Parameters
+    ----------
+    mesh
+        Closed surface.
+    joints
+        Positions, shape (k, 3).
+    owners
+        Joint of each vertex, shape (n,).
+
+    Returns
+    -------
+    joints, owners
+        Those that are left, in the same form.
     """
-    corners_of_faces = mesh.vertices[mesh.faces]
-    middles = corners_of_faces.mean(axis=1)
-    outwards = np.sign(np.einsum("fi,fi->", mesh.face_normals, corners_of_faces[:, 0]))
+    corners = mesh.vertices[mesh.faces]
+    middles = corners.mean(axis=1)
+    # The sign of the volume: 1 if the normals point outwards, -1 if inwards.
+    outwards = np.sign(np.einsum("fi,fi->", mesh.face_normals, corners[:, 0]))
     while True:
-        corners = np.sort(owners[mesh.faces], axis=1)
-        joint_of_face = corners[:, 1]
-        flux_of_face = outwards * np.einsum(
-            "fi,fi->f", mesh.face_normals, middles - joints[joint_of_face]
-        )
+        # The joint that owns most corners of each triangle, the middle one of three different ones.
+        joint_of_face = np.sort(owners[mesh.faces], axis=1)[:, 1]
+        from_joints = middles - joints[joint_of_face]
+        flux_of_face = outwards * np.einsum("fi,fi->f", mesh.face_normals, from_joints)
         flux = np.bincount(joint_of_face, weights=flux_of_face, minlength=len(joints))
         bones = _bones(mesh, owners)
-        degrees = np.bincount(bones.ravel(), minlength=len(joints))
-        pockets = np.flatnonzero((degrees == 1) & (flux < 0))
+        n_bones = np.bincount(bones.ravel(), minlength=len(joints))
+        pockets = np.flatnonzero((n_bones == 1) & (flux < 0))
         if not len(pockets):
             return joints, owners
         pocket = int(pockets[0])
-        mouth = int(bones[(bones == pocket).any(axis=1)].sum()) - pocket
+        only_bone = bones[(bones == pocket).any(axis=1)]
+        mouth = int(only_bone.sum()) - pocket  # the other end of the bone
         joints = np.delete(joints, pocket, axis=0)
         owners = _absorb(owners, pocket, mouth)
 

@@ -80,6 +80,7 @@ def smooth_interpolation(
     solve_grounded = factorise_definite(laplacian.stiffness[1:, 1:])
 
     def solve(loads: FloatArray) -> FloatArray:
+        """Solve L x = b for each column b of the balanced loads; x has the weighted mean 0."""
         balanced = loads - np.outer(shares, loads.sum(axis=0))
         solution = np.vstack([np.zeros((1, p)), solve_grounded(balanced[1:])])
         return np.asarray(solution - shares @ solution)
@@ -89,11 +90,14 @@ def smooth_interpolation(
     green = solve(weights[:, None] * solve(units))
     scale = np.abs(green[samples]).max()
     green /= scale
-    border = np.ones((p, 1))
+    # The fit at the samples; the last row and column are the constant and its side condition.
     inner = green[samples] + np.eye(p) / (fidelity * scale)
+    border = np.ones((p, 1))
     system = np.block([[inner, border], [border.T, np.zeros((1, 1))]])
     coefficients = np.linalg.solve(system, np.vstack([np.eye(p), np.zeros((1, p))]))
-    return np.asarray(green @ coefficients[:-1] + coefficients[-1])
+    of_green = coefficients[:-1]
+    constants = coefficients[-1]
+    return np.asarray(green @ of_green + constants)
 
 
 def low_rank_scaling(shape: Shape, columns: FloatArray, coupling: FloatArray) -> FloatArray:

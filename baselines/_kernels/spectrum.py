@@ -11,9 +11,23 @@ DETACHED = 1e-9
 
 
 def spectrum(shape: Shape, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest eigenvalues and eigenfunctions of a connected surface.
+    """Return the lowest eigenvalues and eigenfunctions of the Laplacian of a connected surface.
 
-    Eigenvalues have shape (count,) and ascend; functions have shape (n, count).
+    The constant function, of eigenvalue 0, is left out.
+
+    Parameters
+    ----------
+    shape
+        The surface.
+    count
+        Number of eigenvalues.
+
+    Returns
+    -------
+    values : numpy.ndarray
+        Ascending, shape (count,), in inverse squared units of the shape.
+    functions : numpy.ndarray
+        Orthonormal in area, shape (n, count).
 
     Raises
     ------

@@ -90,7 +90,7 @@ def animals() -> ShapeSet:
 
 
 def animals_few() -> ShapeSet:
-    """Return three poses of each class with at least seven shapes."""
+    """Return the data set of three poses of each class that has at least seven shapes."""
     kept = set[str]()
     for name, poses in _classes():
         if len(poses) >= _FEW:

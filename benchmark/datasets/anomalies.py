@@ -56,7 +56,10 @@ def _kind(anomaly: Anomaly) -> tuple[str, ...]:
 
 
 def _joined(members: Sequence[Anomaly]) -> Anomaly:
-    """Return one problem for all members of a kind."""
+    """Return one anomaly that stands for several of a kind, in different files.
+
+    Numbers in the messages that differ become ranges.
+    """
     members = sorted(members, key=_numbers, reverse=True)
     files: list[str] = []
     for anomaly in members:

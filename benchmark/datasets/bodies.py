@@ -161,7 +161,7 @@ def bone_rotations(angles: FloatArray) -> dict[str, FloatArray]:
     Parameters
     ----------
     angles
-        Joint angles, shape (27,).
+        Joint angles, shape (27,): of both arms, both legs, trunk, head, and the body as a whole.
 
     Returns
     -------
@@ -189,36 +189,59 @@ def _column(angles: FloatArray, bones: int) -> Rotation:
 
 
 def _arm(raised: float, forward: float, roll: float, bend: float) -> dict[str, Rotation]:
-    """Return the rotations of the left arm, by bone.
+    """Return the rotations of the bones of the left arm, by name.
 
-    The upper arm rolls, then takes the shortest swing to its direction.
+    The upper arm rolls about its axis, then takes the shortest swing to its direction.
+
+    Parameters
+    ----------
+    raised
+        Angle between the upper arm and straight down, in degrees.
+    forward
+        How far the raised arm points forward instead of sideways, in degrees.
+    roll
+        Turn of the upper arm about its axis, in degrees.
+    bend
+        Bend of the elbow, in degrees; 0 is a straight arm.
     """
     raised = np.radians(raised)
     forward = np.radians(forward)
     side = np.sin(raised) * np.cos(forward)
     front = np.sin(raised) * np.sin(forward)
-    target = np.array([side, -front, -np.cos(raised)])
-    axis = np.cross(_UPPER_ARM, target)
-    angle = np.arctan2(np.linalg.norm(axis), _UPPER_ARM @ target)
+    direction = np.array([side, -front, -np.cos(raised)])
+    # The shortest rotation from the direction at rest, as a vector along its axis.
+    axis = np.cross(_UPPER_ARM, direction)
+    angle = np.arctan2(np.linalg.norm(axis), _UPPER_ARM @ direction)
     swing = axis * (angle / max(float(np.linalg.norm(axis)), 1e-12))
     half_roll = Rotation.from_rotvec(-np.radians(roll) / 2 * _UPPER_ARM)
+    # The elbow bends about the normal of the plane of upper arm and forearm, which form an angle
+    # at rest.
     hinge = np.cross(_UPPER_ARM, _FOREARM)
-    rest_bend = np.arctan2(np.linalg.norm(hinge), _UPPER_ARM @ _FOREARM)
+    bend_at_rest = np.arctan2(np.linalg.norm(hinge), _UPPER_ARM @ _FOREARM)
     hinge /= np.linalg.norm(hinge)
     return {
         "clavicle": Rotation.from_rotvec(_CLAVICLE_SHARE * swing),
         "upperarm01": Rotation.from_rotvec((1 - _CLAVICLE_SHARE) * swing) * half_roll,
         "upperarm02": half_roll,
-        "lowerarm01": Rotation.from_rotvec((np.radians(bend) - rest_bend) * hinge),
+        "lowerarm01": Rotation.from_rotvec((np.radians(bend) - bend_at_rest) * hinge),
     }
 
 
 def _leg(
     flexion: float, abduction: float, roll: float, bend: float, point: float
 ) -> dict[str, Rotation]:
-    """Return the rotations of the left leg, by bone."""
+    """Return the rotations of the bones of the left leg, by name.
+
+    Parameters
+    ----------
+    flexion, abduction, roll
+        How far the thigh is raised forward, raised sideways, and turned about its axis, in degrees.
+    bend, point
+        Bend of the knee, and stretch of the foot, in degrees.
+    """
 
     def about_x(angle: float) -> Rotation:
+        """Return a rotation about the axis of the hip, in degrees."""
         return Rotation.from_euler("x", angle, degrees=True)
 
     half_roll = Rotation.from_euler("z", roll / 2, degrees=True)
@@ -233,6 +256,13 @@ def _leg(
 
 def body_mesh(subject: Subject, angles: FloatArray) -> Mesh:
     """Generate the mesh of a body in a pose.
+
+    Parameters
+    ----------
+    subject
+        Age, weight and other features of the body.
+    angles
+        Joint angles, shape (27,); see :func:`bone_rotations`.
 
     Returns
     -------
@@ -324,14 +354,16 @@ def _template() -> _Template:
         raise DatasetError(problem, f"run `pip install {package}`") from error
     faces = model.get_triangular_faces().numpy().astype(np.int32)
     labels = connected_components(Mesh(model.template_vertices.numpy(), faces))
-    # Eyes and tongue are separate components inside the head.
-    kept = labels == np.bincount(labels).argmax()
-    renumbered = np.cumsum(kept, dtype=np.int32) - 1
-    rows = np.flatnonzero(kept)
-    strongest = model.vertex_bone_weights.numpy()[rows].argmax(axis=1)
-    bones = model.vertex_bone_indices.numpy()[rows, strongest]
+    # Only the skin is kept: eyes and tongue are separate components inside the head.
+    is_kept = labels == np.bincount(labels).argmax()
+    new_numbers = np.cumsum(is_kept, dtype=np.int32) - 1
+    kept_faces = faces[is_kept[faces[:, 0]]]
+    # The bone that moves each vertex most.
+    vertices = np.flatnonzero(is_kept)
+    strongest = model.vertex_bone_weights.numpy()[vertices].argmax(axis=1)
+    bones = model.vertex_bone_indices.numpy()[vertices, strongest]
     names = tuple(model.bone_labels[bone] for bone in bones)
-    return _Template(model, kept, renumbered[faces[kept[faces[:, 0]]]], names)
+    return _Template(model, is_kept, new_numbers[kept_faces], names)
 
 
 def _model() -> Any:
@@ -348,6 +380,15 @@ def _model() -> Any:
         """Model whose linear blend skinning adds in one order and in double precision."""
 
         def get_skinned_vertices(self, rest_vertices: Any, bone_transforms: Any) -> Any:
+            """Return the posed vertices: the mean of where their bones move them, by weight.
+
+            Parameters
+            ----------
+            rest_vertices
+                Shape (bodies, n, 3).
+            bone_transforms
+                Shape (bodies, bones, 4, 4).
+            """
             bones = self.vertex_bone_indices.numpy()
             weights = self.vertex_bone_weights.numpy()
             rest = rest_vertices.numpy()
@@ -356,10 +397,12 @@ def _model() -> Any:
             x = rest[..., 0, None]
             y = rest[..., 1, None]
             z = rest[..., 2, None]
-            for number in range(bones.shape[1]):
-                turn = transforms[:, bones[:, number], :3]
-                moved = turn[..., 0] * x + turn[..., 1] * y + turn[..., 2] * z + turn[..., 3]
-                posed += weights[:, number, None] * moved
+            for slot in range(bones.shape[1]):  # a vertex follows a few bones
+                affine = transforms[:, bones[:, slot], :3]
+                moved = (
+                    affine[..., 0] * x + affine[..., 1] * y + affine[..., 2] * z + affine[..., 3]
+                )
+                posed += weights[:, slot, None] * moved
             return torch.from_numpy(posed)
 
     return Body(skinning_method="lbs", pose_parameterization="local-ref")

@@ -130,7 +130,20 @@ def open_dataset(name: str, data_root: Path | None = None) -> ShapeSet:
 
 
 def _open(name: str, data_root: Path | None) -> ShapeSet:
-    """Return a data set without changes; see :func:`open_dataset`."""
+    """Return a data set by its name, without changes; see :func:`open_dataset`.
+
+    Parameters
+    ----------
+    name
+        Name of a set of the suite, or path of a folder.
+    data_root
+        Folder that holds the official sets; None if there is none.
+
+    Raises
+    ------
+    DatasetError
+        If the data of an official set are not there, or there is no such folder.
+    """
     require_known(name)
     source = _source(name)
     if source is None:
@@ -146,7 +159,10 @@ def _open(name: str, data_root: Path | None) -> ShapeSet:
 
 
 def _source(name: str) -> OfficialSet | GeneratedSet | None:
-    """Return the data set of the suite with a name; None if there is none."""
+    """Return where the data set of a name comes from; None if it is no set of the suite.
+
+    ``many_people`` sets have their number of bodies in the name: ``"people[n=100]"``.
+    """
     match = _MANY.fullmatch(name)
     if not match:
         return CATALOGUE.get(name)

@@ -53,13 +53,28 @@ class Change:
 def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> ShapeSet:
     """Return a data set with several views of each shape, one after the other.
 
-    The cameras stand upright around the shape at half a step, one and a half steps, ... from its
-    own camera, which is the last one on request. All views have the frame of the set's own views.
+    The cameras stand upright around the shape, in equal steps; the first stands half a step from
+    the shape's own camera. All views have the frame of the set's own views.
+
+    Parameters
+    ----------
+    shapes
+        A data set of complete surfaces.
+    count
+        Number of views of each shape.
+    own
+        Whether to add the view of the shape's own camera, as the last one.
+
+    Raises
+    ------
+    ConfigurationError
+        If the data set holds views itself.
     """
     if "mesh" not in shapes.inputs:
         problem = f"{shapes.name} shows one side of each shape"
         raise ConfigurationError(problem, "choose a data set of complete surfaces")
-    angles = [2 * np.pi / count * step for step in np.arange(count) + 0.5]
+    step = 2 * np.pi / count
+    angles = [step * place for place in np.arange(count) + 0.5]
     if own:
         angles.append(0.0)
     views: list[Entry] = []
@@ -73,6 +88,7 @@ def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> Shap
             angle_of[name] = angle
 
     def camera(view: Entry) -> Camera:
+        """Return the camera of the shape, turned by the angle of the view."""
         name = view.identifier
         return surface.turned_by(shapes.camera(shape_of[name]), angle_of[name])
 

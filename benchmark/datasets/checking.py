@@ -218,43 +218,48 @@ def _summary(values: Sequence[Any]) -> str:
 
 
 def describe_content(dataset: ShapeSet) -> str:
-    """Say what a data set is by its content.
+    """Return what a data set is by its content, not by its name.
 
-    It is a stand-in, a known copy of an official set, or neither.
+    It is a stand-in for an official set, a known copy of one by the digests of its files, files
+    that are named like one, or neither.
     """
     if dataset.stand_in_for:
         return f"stand-in for {dataset.stand_in_for}"
     official = SETS.get(dataset.name)
     if official is None:
         return "not a stand-in"
+    # The published copy to which each file belongs by its digest.
     copies = [official.copy_of(entry) for entry in dataset.shapes]
     first = copies[0] if copies else None
-    if first is None or any(copy is not first for copy in copies):
+    are_of_one_copy = all(copy is first for copy in copies)
+    if first is None or not are_of_one_copy:
         return f"files named like {official.title}, unverified"
     n_files = len(first.digests)
-    count = f"all {n_files}" if len(copies) == n_files else f"{len(copies)} of its {n_files}"
+    is_complete = len(copies) == n_files
+    count = f"all {n_files}" if is_complete else f"{len(copies)} of its {n_files}"
     return f"{first.title} (SHA-256 of {count} files)"
 
 
 def _problems_of_copies(dataset: ShapeSet) -> Iterator[Anomaly]:
-    """Yield the files that a known copy lacks, if others of the set belong to it.
+    """Yield the files that are not those of a published copy of an official set.
 
-    If none does, yield that no copy is known.
+    If most files belong to one copy, these are the files that do not. If none belongs to any, it is
+    one warning about the whole set.
     """
     official = SETS.get(dataset.name)
     if official is None or dataset.stand_in_for:
         return
-    copies = {entry: official.copy_of(entry) for entry in dataset.shapes}
-    recognised = [copy for copy in copies.values() if copy is not None]
-    if not recognised:
+    copy_of = {entry: official.copy_of(entry) for entry in dataset.shapes}
+    known_copies = [copy for copy in copy_of.values() if copy is not None]
+    if not known_copies:
         what = f"no file has a known SHA-256, so tables call them files named like {official.title}"
         yield Anomaly("warning", (dataset.name,), what, "say beside scores which copy they are of")
         return
-    usual, _ = Counter(recognised).most_common(1)[0]
-    what = f"not the file of '{usual.title}': another SHA-256"
+    most_frequent, _ = Counter(known_copies).most_common(1)[0]
+    what = f"not the file of '{most_frequent.title}': another SHA-256"
     hint = f"restore it, or tables call the set files named like {official.title}, unverified"
-    for entry, copy in copies.items():
-        if copy is not usual:
+    for entry, copy in copy_of.items():
+        if copy is not most_frequent:
             yield Anomaly("warning", (_file_of(dataset, entry),), what, hint)
 
 
@@ -312,7 +317,11 @@ def check_dataset(dataset: ShapeSet, watched: Watched = iter) -> Report:
 
 
 def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
-    """Yield what hinders retrieval, shapes that are no queries, and classes of a wrong size."""
+    """Yield what is wrong with the classes of a data set.
+
+    That is what hinders retrieval, shapes that are alone in their class and so no queries, and
+    classes of another size than the official one.
+    """
     try:
         check_ranked(dataset)
     except DatasetError as error:
@@ -323,7 +332,7 @@ def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
     except DatasetError as error:
         yield Anomaly("error", (dataset.name,), error.located, error.hint)
     sizes = Counter(entry.subject for entry in dataset.shapes)
-    n_lone = [*sizes.values()].count(1)
+    n_lone = sum(size == 1 for size in sizes.values())
     if n_lone:
         what = (
             f"ranked, but no queries: {n_lone} of {len(dataset.shapes)} shapes "
@@ -369,7 +378,17 @@ def _why_skipped(path: Path, folder: Path) -> tuple[str, str]:
 
 
 def _surplus_meshes(place: Path, folder: Path, used: Container[Path | None]) -> Iterator[Anomaly]:
-    """Yield the meshes at one place of a folder that are no shapes of the data set."""
+    """Yield the meshes in one folder of a data set that are none of its shapes.
+
+    Parameters
+    ----------
+    place
+        The folder in which they are looked for.
+    folder
+        Folder of the data set, relative to which files are named.
+    used
+        Files of the shapes.
+    """
     first_of_name: dict[str, Path] = {}
     for path in all_mesh_files(place):
         name = _relative(path, folder)
@@ -407,7 +426,17 @@ def unfinished_files(dataset: ShapeSet, entries: Iterable[Entry]) -> Iterator[An
 
 
 def _report(dataset: ShapeSet, problems: Iterable[Anomaly], watched: Watched) -> Report:
-    """Return the report on all shapes of a data set, with problems of the set that are known."""
+    """Inspect all shapes of a data set, and return the report on them and on the set.
+
+    Parameters
+    ----------
+    dataset
+        The data set.
+    problems
+        Problems of the set that are known already.
+    watched
+        Progress wrapper around the shapes.
+    """
     shapes: list[CheckedShape] = []
     read: list[Entry] = []
     anomalies: list[Anomaly] = []
@@ -423,41 +452,53 @@ def _report(dataset: ShapeSet, problems: Iterable[Anomaly], watched: Watched) ->
         shapes.append(shape)
         read.append(entry)
         anomalies += [Anomaly("warning", (file,), what, hint) for what, hint in shape.changes]
-    of_all = [
+    all_anomalies = [
         *problems,
         *unread_files(dataset),
         *unfinished_files(dataset, read),
         *anomalies,
         *_copies_of_shapes(shapes),
     ]
-    if dataset.observe is None:
-        of_all += _problems_of_units(shapes)
-    of_all += _problems_of_frame(dataset, {shape.file: shape.extent for shape in shapes})
-    return Report(dataset, tuple(shapes), by_kind(of_all))
+    are_meshes = dataset.observe is None
+    if are_meshes:
+        all_anomalies += _problems_of_units(shapes)
+    extents = {shape.file: shape.extent for shape in shapes}
+    all_anomalies += _problems_of_frame(dataset, extents)
+    return Report(dataset, tuple(shapes), by_kind(all_anomalies))
 
 
 def _copies_of_shapes(shapes: Iterable[CheckedShape]) -> Iterator[Anomaly]:
-    """Yield the shapes that have the geometry of an earlier one."""
-    first_with: dict[str, CheckedShape] = {}
+    """Yield the shapes that have exactly the geometry of an earlier one.
+
+    It is an error if their classes differ.
+    """
+    first_with_digest: dict[str, CheckedShape] = {}
     for shape in shapes:
-        twin = first_with.setdefault(shape.digest, shape)
-        if twin is shape:
+        original = first_with_digest.setdefault(shape.digest, shape)
+        if original is shape:
             continue
         severity = "warning"
         what = "the same geometry as another"
-        if twin.subject != shape.subject:
+        if original.subject != shape.subject:
             severity = "error"
             what = f"{what} of another class"
-        yield Anomaly(severity, (f"{shape.file} ({twin.file})",), what, "keep one of the two")
+        yield Anomaly(severity, (f"{shape.file} ({original.file})",), what, "keep one of the two")
 
 
 def changes_of(prepared: Prepared) -> list[tuple[str, str]]:
-    """Return what is unusual about a mesh, and what preparation does about it or a user can do."""
+    """Return what is unusual about a mesh, each with what preparation or a user can do about it.
+
+    Returns
+    -------
+    list of (str, str)
+        What it is, such as "3 duplicate triangles", and what becomes of it.
+    """
     report = prepared.report
     changes = []
-    for name, (what, action) in _CHANGES.items():
+    for name, (singular_and_plural, action) in _CHANGES.items():
         if report[name]:
-            changes.append((counted(int(report[name]), *what), action))
+            what = counted(int(report[name]), *singular_and_plural)
+            changes.append((what, action))
     gap = prepared.scale * report["largest_gap"]
     if gap:
         hint = "join the pieces if the surface should be in one"
@@ -469,7 +510,20 @@ def changes_of(prepared: Prepared) -> list[tuple[str, str]]:
 
 
 def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> CheckedShape:
-    """Return what a shape is like; raise a ``ShapeError`` if it cannot be used."""
+    """Read a shape, prepare it, and return what it is like.
+
+    Parameters
+    ----------
+    dataset, entry
+        The shape.
+    file
+        What reports call its file.
+
+    Raises
+    ------
+    ShapeError
+        If it cannot be used.
+    """
     capture: dict[str, Any] = {}
     if dataset.observe is None:
         mesh = dataset.load(entry)
@@ -519,7 +573,21 @@ def _joined_pieces(dataset: ShapeSet, entry: Entry, surface: Mesh) -> Iterator[t
 
 
 def _capture(observed: Any, entry: Entry) -> dict[str, Any]:
-    """Return how a depth image was taken, in the same words for images that were taken alike."""
+    """Return how a depth image was taken, in words that are equal for images that were taken alike.
+
+    Parameters
+    ----------
+    observed
+        The object of the image.
+    entry
+        Its shape; the name of its file is replaced by NAME.
+
+    Returns
+    -------
+    dict
+        In words ``unit``, ``camera`` and ``mask``; in metres ``depths``, the least and the largest
+        one, and ``distance`` and ``size`` of the object.
+    """
     notes = observed.notes
     depths = observed.depths[observed.depths > 0]
     stem = entry.path.stem if entry.path else ""
@@ -535,10 +603,11 @@ def _capture(observed: Any, entry: Entry) -> dict[str, Any]:
 
 
 def _problems_of_units(shapes: Sequence[CheckedShape]) -> Iterator[Anomaly]:
-    """Yield the shapes that differ by the factor of a unit from their class.
+    """Yield the shapes whose size differs from that of their class by the factor of a unit.
 
     A shape that is alone in its class is compared with the whole set. If some are larger and some
-    smaller, these are the fewer ones; of equal groups, that farther from the whole set.
+    smaller by a factor, the fewer ones have another unit; of equally many, those farther from the
+    usual size.
     """
     if not shapes:
         return
@@ -546,18 +615,18 @@ def _problems_of_units(shapes: Sequence[CheckedShape]) -> Iterator[Anomaly]:
     ratios = {shape.file: _ratio_to_class(shape, shapes, usual_size) for shape in shapes}
 
     def rank(group: Sequence[CheckedShape]) -> tuple[int, float]:
-        """Return what is least for the group that rather has another unit."""
+        """Return what is least for the group that has another unit: few shapes, far from usual."""
         distance = sum(abs(math.log(shape.size / usual_size)) for shape in group)
         return len(group) or len(shapes), -distance
 
-    for unit in _UNITS:
-        large = [shape for shape in shapes if _is_near(ratios[shape.file], unit)]
-        small = [shape for shape in shapes if _is_near(1 / ratios[shape.file], unit)]
+    for factor in _UNITS:
+        large = [shape for shape in shapes if _is_near(ratios[shape.file], factor)]
+        small = [shape for shape in shapes if _is_near(1 / ratios[shape.file], factor)]
         odd, others = sorted((large, small), key=rank)
         if odd:
             word = "large" if odd is large else "small"
             rest = others or [shape for shape in shapes if shape not in odd]
-            yield _other_unit(odd, f"{unit:g} times as {word}", [shape.file for shape in rest])
+            yield _other_unit(odd, f"{factor:g} times as {word}", [shape.file for shape in rest])
 
 
 def _is_near(factor: float, unit: float) -> bool:
@@ -596,7 +665,7 @@ def _problems_of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Itera
     if not extents:
         return
     declared = dataset.half_width
-    widest = max(extents, key=extents.__getitem__)
+    widest = max(extents, key=lambda file: extents[file])
     if declared is not None and extents[widest] >= declared:
         what = f"extends to {extents[widest]:.6g}, beyond the camera's half width of {declared:.6g}"
         hint = f"set half_width = {extents[widest] / FILL:.6g} in {SETTINGS_FILE}, or remove it"
@@ -604,6 +673,7 @@ def _problems_of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Itera
     fitted = common_half_width(list(extents.values())) / FILL
     half_width = declared or fitted
     for file, extent in extents.items():
+        width_in_pixels = extent / half_width * SIZE
         if declared is None and extent >= fitted:
             what = (
                 f"extends to {extent:.6g}, out of scale with the others, "
@@ -614,7 +684,7 @@ def _problems_of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Itera
                 f"{extent / FILL:.6g} in {SETTINGS_FILE}; the view input leaves it out"
             )
             yield Anomaly("warning", (file,), what, hint)
-        elif (extent / half_width * SIZE) ** 2 < FEWEST_PIXELS:
+        elif width_in_pixels**2 < FEWEST_PIXELS:
             what = (
                 f"extends to {extent:.6g}, almost nothing in a frame of half width {half_width:.6g}"
             )

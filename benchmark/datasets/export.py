@@ -79,10 +79,28 @@ def _write_meshes(
 ) -> tuple[dict[str, Entry], list[str]]:
     """Write the meshes of a data set below a folder.
 
+    Parameters
+    ----------
+    dataset
+        The data set.
+    names
+        File of each shape by its identifier, relative to the folder.
+    target
+        The folder.
+    watched
+        Progress wrapper around the shapes.
+
     Returns
     -------
-    dict of str to Entry, list of str
-        The shape in each file; and a line for each shape that cannot be read.
+    written : dict of str to Entry
+        The shape in each file.
+    problems : list of str
+        A line for each shape that cannot be read.
+
+    Raises
+    ------
+    DatasetError
+        If no shape can be read.
     """
     written: dict[str, Entry] = {}
     problems: list[str] = []
@@ -101,12 +119,21 @@ def _write_meshes(
 
 
 def _file_names(entries: Sequence[Entry]) -> dict[str, str]:
-    """Return the file of each shape; a pose that several shapes of a class have is numbered."""
+    """Return the file in which each shape is written, ``CLASS/POSE.off``, by its identifier.
+
+    A pose without a name, or that several shapes of a class have, gets the number of the shape.
+
+    Raises
+    ------
+    ConfigurationError
+        If a class or pose cannot be the name of a file.
+    """
     counts = Counter((entry.subject, entry.pose.casefold()) for entry in entries)
     names = {}
     for number, entry in enumerate(entries):
         pose = entry.pose
-        if not pose or counts[entry.subject, pose.casefold()] > 1:
+        is_unique = counts[entry.subject, pose.casefold()] == 1
+        if not pose or not is_unique:
             pose = f"{pose or 'pose'}-{number}"
         for word in (entry.subject, pose):
             if not re.fullmatch(r"\w[\w .+-]*", word):
@@ -117,7 +144,15 @@ def _file_names(entries: Sequence[Entry]) -> dict[str, str]:
 
 
 def _settings(dataset: ShapeSet, written: Mapping[str, Entry]) -> str:
-    """Return the ``dataset.toml`` that reproduces depth images and canonical poses of the set."""
+    """Return the text of a ``dataset.toml`` that reproduces the cameras and poses of a data set.
+
+    Parameters
+    ----------
+    dataset
+        The data set.
+    written
+        The shape in each file.
+    """
     lines = [f"# Written from the data set {_quoted(dataset.name)}."]
     if dataset.stand_in_for:
         lines.append(f"stand_in_for = {_quoted(dataset.stand_in_for)}")

@@ -156,11 +156,15 @@ def sub_folders(folder: Path) -> list[Path]:
 
 
 def skipped_files(folder: Path) -> list[Path]:
-    """Return unknown files of a folder and its sub-folders, and hidden ones of a known kind."""
+    """Return the files of a folder and its sub-folders that nothing reads.
+
+    These are files of unknown kinds, and hidden ones, also of a known kind.
+    """
     places = (folder, *sub_folders(folder))
     known = {*MESHES, *BESIDE, *EXTENSIONS, *_BESIDE}
 
     def is_unknown(path: Path) -> bool:
+        """Return whether a path is a file that nothing reads."""
         is_list = path.name == SETTINGS_FILE or _LISTS.fullmatch(path.name) is not None
         is_read = path.parent == folder and is_list
         is_about_cameras = CAMERA_FILES.fullmatch(path.name) is not None
@@ -196,7 +200,20 @@ def is_hidden(path: Path) -> bool:
 
 
 def _labelled(source: Path, entries: Sequence[Entry]) -> list[Entry]:
-    """Return shapes with the labels of a list, which has each of them."""
+    """Return shapes with the classes that a list of labels gives them.
+
+    Parameters
+    ----------
+    source
+        The list, ``labels.txt`` or ``labels.csv``.
+    entries
+        The shapes beside it; each must be in the list, and nothing else.
+
+    Raises
+    ------
+    DatasetError
+        If the list and the shapes differ.
+    """
     labels = read_labels(source)
     if not isinstance(labels, dict):
         raise DatasetError(f"{source} does not name the shapes", "write 'name label' on each line")
@@ -212,17 +229,22 @@ def _labelled(source: Path, entries: Sequence[Entry]) -> list[Entry]:
 
 
 def _depth_images(folder: Path) -> list[Entry]:
-    """Return the depth images of a folder, or those of its sub-folders if it has none itself."""
+    """Return the depth images of a folder, or of its sub-folders if it holds none itself.
+
+    A sub-folder is a class; its images may lie in a folder ``depth`` in it. Folders of masks are
+    left out.
+    """
     files = depth_files(folder)
     if files:
         return [*_from_names(files)]
     entries: list[Entry] = []
-    for sub in sub_folders(folder):
-        if sub.name.lower() not in MASK_FOLDERS:
-            files = depth_files(sub)
-            if not files and (sub / "depth").is_dir():
-                files = depth_files(sub / "depth")
-            entries += _from_sub_folder(sub, files)
+    for sub_folder in sub_folders(folder):
+        if sub_folder.name.lower() in MASK_FOLDERS:
+            continue
+        files = depth_files(sub_folder)
+        if not files and (sub_folder / "depth").is_dir():
+            files = depth_files(sub_folder / "depth")
+        entries += _from_sub_folder(sub_folder, files)
     return entries
 
 
@@ -327,7 +349,20 @@ def _whole(word: str) -> int:
 
 
 def _from_cla(cla: Path, files: Iterable[Path]) -> Iterator[Entry]:
-    """Yield the shapes that a classification lists by the number at the end of their files."""
+    """Yield the shapes that a classification lists by the numbers at the ends of their file names.
+
+    Parameters
+    ----------
+    cla
+        A ``.cla`` file of the Princeton Shape Benchmark, see :func:`read_cla`.
+    files
+        Meshes of the folder, such as ``m123.off``.
+
+    Raises
+    ------
+    DatasetError
+        If there is no file with a listed number, or several ones, or it lies elsewhere.
+    """
     by_number: dict[int, list[Path]] = {}
     for path in files:
         match = re.search(r"[0-9]+\Z", mesh_stem(path))

@@ -21,11 +21,23 @@ def depth_frame_set(name: str, folder: Path, entries: tuple[Entry, ...]) -> Shap
     """Return a set of depth images of one object each.
 
     The mesh of a shape is its visible surface: right, up, towards the camera. All keys of
-    ``dataset.toml`` are optional: ``intrinsics``, a file or fx, fy, cx, cy, otherwise a file is
-    searched for each image; ``depth_scale``, the units per metre; ``up``, the up direction in the
-    camera's frame, [right, down, forward], used if no floor is detected; ``half_width``, half the
-    width of the frame of the objects, in metres; ``canonical_pose``, a pose or a table from class
-    to pose.
+    ``dataset.toml`` are optional:
+
+    - ``intrinsics``, a file or fx, fy, cx, cy; without it, a file is searched for each image;
+    - ``depth_scale``, the units per metre;
+    - ``up``, the up direction in the camera's frame, [right, down, forward], used if no floor is
+      detected;
+    - ``half_width``, half the width of the frame of the objects, in metres;
+    - ``canonical_pose``, a pose or a table from class to pose.
+
+    Parameters
+    ----------
+    name
+        Name of the set.
+    folder
+        Its folder, with ``dataset.toml``.
+    entries
+        The images.
 
     Raises
     ------
@@ -42,6 +54,7 @@ def depth_frame_set(name: str, folder: Path, entries: tuple[Entry, ...]) -> Shap
     }
 
     def key(entry: Entry) -> str:
+        """Return what determines a shape: digests of its files, and the settings of the set."""
         frame = files[entry.identifier]
         try:
             parts = [file_digest(frame.image)]
@@ -54,6 +67,7 @@ def depth_frame_set(name: str, folder: Path, entries: tuple[Entry, ...]) -> Shap
         return " ".join([*parts, repr(settings)])
 
     def files_of(entry: Entry) -> list[Path]:
+        """Return the files that a shape is read from."""
         frame = files[entry.identifier]
         try:
             beside = [frame.mask_file, frame.intrinsics_file]
@@ -87,7 +101,20 @@ def frame_settings(folder: Path) -> dict[str, Any]:
 
 
 def _camera(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Return what settings say about the camera, as keywords of ``FrameFiles``."""
+    """Return what the settings of a data set say about its camera, as keywords of ``FrameFiles``.
+
+    Parameters
+    ----------
+    values
+        Keys and values of ``dataset.toml``.
+    path
+        That file, relative to which files are named.
+
+    Raises
+    ------
+    DatasetError
+        If a value is invalid.
+    """
     camera: dict[str, Any] = {
         "intrinsics": None,
         "scale": None,

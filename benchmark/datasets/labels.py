@@ -91,16 +91,29 @@ def scalars_of(values: Any, what: str) -> list[Scalar]:
         raise ConfigurationError(problem, _ONE_AXIS)
     if array.dtype.kind in "mM":
         raise ConfigurationError(f"the {what}s are times ({array.dtype})", _ONE_AXIS)
-    plain = [_scalar(value, row, what) for row, value in enumerate(array.tolist(), 1)]
-    types = {isinstance(value, bool) for value in plain if value is not None}
-    if len(types) > 1:
+    scalars = [_scalar(value, row, what) for row, value in enumerate(array.tolist(), 1)]
+    are_truth_values = [isinstance(value, bool) for value in scalars if value is not None]
+    if any(are_truth_values) and not all(are_truth_values):
         problem = f"truth values stand beside other {what}s"
         raise ConfigurationError(problem, "write all as text or as whole numbers")
-    return plain
+    return scalars
 
 
 def _as_array(values: Any, what: str) -> Any:
-    """Return values as an array; raise ``ConfigurationError`` for one text, or without order."""
+    """Return values of any kind as a numpy array.
+
+    Parameters
+    ----------
+    values
+        A list, an array, a tensor, a column of a table, or an iterator.
+    what
+        What an error calls the values: ``"label"``.
+
+    Raises
+    ------
+    ConfigurationError
+        If they are one text or have no order, such as a set, or cannot be converted.
+    """
     if isinstance(values, Set | str | bytes | Mapping):
         problem = f"the {what}s are one value of type {_type_name(values)}"
         raise ConfigurationError(problem, _ONE_AXIS)
@@ -118,7 +131,22 @@ def _as_array(values: Any, what: str) -> Any:
 
 
 def _scalar(value: Any, row: int, what: str) -> Scalar:
-    """Return a plain value of Python; None if it says that there is none."""
+    """Return a value as a plain one of Python; None if it says that there is none.
+
+    Parameters
+    ----------
+    value
+        A text, bytes, a number or a truth value, also of numpy, or an array of one of them.
+    row
+        Its place among all values, from 1, for an error.
+    what
+        What an error calls the values: ``"label"``.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is anything else, infinite, or a float too large to tell whole numbers apart.
+    """
     if hasattr(value, "__array__") or isinstance(value, np.generic):
         value = _only_item(value, row, what)
     if value is None or _is_nan(value):
@@ -153,7 +181,20 @@ def _scalar(value: Any, row: int, what: str) -> Scalar:
 
 
 def _only_item(value: Any, row: int, what: str) -> Any:
-    """Return the only item of an array, such as a cell of MATLAB; None if it is empty or masked."""
+    """Return the only item of an array, such as a cell of MATLAB; None if it is empty or masked.
+
+    Parameters
+    ----------
+    value
+        An array, or what numpy converts to one.
+    row, what
+        As for :func:`_scalar`.
+
+    Raises
+    ------
+    ConfigurationError
+        If it holds several items, records or times.
+    """
     try:
         array = value if isinstance(value, np.ma.MaskedArray) else np.asarray(value)
     except Exception as error:  # of any library
@@ -219,13 +260,18 @@ def class_name(label: bool | int | float | str, shape: object) -> str:
 
 
 def classes_of(labels: Any) -> dict[str, str] | list[str]:
-    """Return the classes of shapes by name, or in order.
+    """Return the classes of shapes from labels in any of several forms.
 
     Parameters
     ----------
     labels
         A mapping by name, a pandas series or frame of one column, whose index names the shapes, or
-        one axis of values.
+        one axis of values in the order of the shapes.
+
+    Returns
+    -------
+    dict of str to str, or list of str
+        Class of each shape, by its name if the labels have names, else in order.
 
     Raises
     ------
@@ -258,7 +304,20 @@ def check_names(names: Sequence[str], hint: str = "name each shape once") -> Non
 
 
 def _classes(labels: Sequence[Scalar], names: Sequence[str]) -> list[str]:
-    """Return the classes that labels mean; raise ``ConfigurationError`` if shapes have none."""
+    """Return the class that each label means, as text.
+
+    Parameters
+    ----------
+    labels
+        A label for each shape; None for no label.
+    names
+        Name of each shape; a label -1 makes it a class of its own.
+
+    Raises
+    ------
+    ConfigurationError
+        If shapes have no label, or two labels differ in spelling alone.
+    """
     classes = []
     missing = []
     for label, name in zip(labels, names, strict=True):
@@ -317,18 +376,28 @@ def read_labels(path: Path) -> dict[str, str] | list[str]:
 
 
 def _rows_of(lines: Sequence[str]) -> TextRows:
-    """Return the cells of lines with one or two of them each."""
-    splits = {separator: cells_of(lines, separator) for separator in separators_of(lines)}
-    different = {str(rows): separator for separator, rows in splits.items()}
+    """Split the lines of a table into cells, one or two per line, at the separator that fits.
+
+    Raises
+    ------
+    ConfigurationError
+        If several separators fit and give different cells, or lines have other numbers of cells.
+    """
+    rows_by_separator = {
+        separator: cells_of(lines, separator) for separator in separators_of(lines)
+    }
+    different = {str(rows): separator for separator, rows in rows_by_separator.items()}
     if len(different) > 1:
         raise ambiguous(list(different.values()))
-    for rows in splits.values():  # all of them are equal
-        if len(rows[0]) <= 2:
+    if rows_by_separator:
+        rows, *_ = rows_by_separator.values()  # all of them are equal
+        n_cells = len(rows[0])
+        if n_cells <= 2:
             return rows
         hint = _ON_EACH_LINE
         if rows[0][0] == "":
             hint = f"{hint}, without row numbers (index=False in pandas)"
-        raise ConfigurationError(f"it has lines of {len(rows[0])} words", hint)
+        raise ConfigurationError(f"it has lines of {n_cells} words", hint)
     if not any(map(holds_separator, lines)):
         return cells_of(lines, ";")
     widths = {len(row) for row in cells_of(lines, usual_separator(lines))}
@@ -344,15 +413,27 @@ def _check_title(line: str) -> None:
 
 
 def _without_header(rows: TextRows) -> TextRows:
-    """Return rows without the first one if it names the two columns."""
+    """Return the rows of a table without the first one, if that names its columns.
+
+    Parameters
+    ----------
+    rows
+        Cells of each row, one or two: the label, or name and label.
+
+    Raises
+    ------
+    ConfigurationError
+        If the header says that labels come first, or there is nothing but a header.
+    """
     if len(rows[0]) == 1:
         return rows
-    name, label = (cell.lower() for cell in rows[0])
-    if name in _LABELS and label in _NAMES:
+    first, second = (cell.lower() for cell in rows[0])
+    if first in _LABELS and second in _NAMES:
         problem = f"its first line is '{','.join(rows[0])}', labels first"
         raise ConfigurationError(problem, "write the name before the label")
-    is_unnamed = not name and label in _UNNAMED
-    if not is_unnamed and not (name in _NAMES and label in _LABELS):
+    is_header = first in _NAMES and second in _LABELS
+    is_header_of_pandas = not first and second in _UNNAMED
+    if not (is_header or is_header_of_pandas):
         return rows
     if len(rows) == 1:
         raise ConfigurationError("it has no line but its header", _ON_EACH_LINE)

@@ -50,7 +50,11 @@ __all__ = [
 
 
 def find_formats() -> dict[str, Format]:
-    """Return the formats of the package by extension, preferred ones first."""
+    """Return all mesh formats by the extensions of their files.
+
+    Formats are the modules of a package that have a ``FORMAT``; those with a lower ``preference``
+    come first.
+    """
     known: list[Format] = []
     for module_info in pkgutil.iter_modules(formats.__path__):
         module = import_module(f"{formats.__name__}.{module_info.name}")

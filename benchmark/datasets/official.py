@@ -103,9 +103,9 @@ class OfficialSet:
                 if pose in self.without:
                     continue
                 number = self.first + place * self.poses + pose
-                is_null = self.null and pose == 0
-                name = self.null if is_null else self.names
-                stem = name.format_map({"class": subject, "pose": pose, "number": number})
+                has_name_of_null = self.null and pose == 0
+                pattern = self.null if has_name_of_null else self.names
+                stem = pattern.format_map({"class": subject, "pose": pose, "number": number})
                 shapes[stem] = (subject, str(pose))
         return shapes
 
@@ -116,7 +116,16 @@ class OfficialSet:
         return SIDE if entry.subject in self.side else FRONT
 
     def open(self, name: str, folder: Path) -> ShapeSet:
-        """Read the list of shapes; a ``dataset.toml`` may set canonical poses and cameras.
+        """Return the official data set in a folder.
+
+        A ``dataset.toml`` there may set canonical poses and cameras.
+
+        Parameters
+        ----------
+        name
+            Name of the data set.
+        folder
+            The folder.
 
         Raises
         ------
@@ -154,46 +163,68 @@ class OfficialSet:
         return None
 
     def _with_sizes(self, shapes: ShapeSet) -> ShapeSet:
-        """Give the surfaces of copies whose files hold no size the area that their list states."""
+        """Return the data set with the areas that published lists state, where files have no unit.
+
+        Other files keep their size.
+        """
         if not any(copy.area for copy in self.copies):
             return shapes
 
         def area_of(entry: Entry) -> float:
+            """Return the area that a file should have; 0 if it keeps its own."""
             copy = self.copy_of(entry)
             return copy.area if copy else 0.0
 
         def load(entry: Entry) -> Mesh:
+            """Return the mesh in its size."""
             mesh = shapes.load(entry)
             area = area_of(entry)
             return scaled_to_area(mesh, area) if area else mesh
 
         def key(entry: Entry) -> str:
+            """Return what determines the mesh: that of the file, and the area."""
             return key_with_area(shapes.key(entry), area_of(entry))
 
         def code(entry: Entry) -> Sequence[str]:
+            """Return the modules that determine the mesh."""
             modules = shapes.code(entry)
-            return (*modules, scaled_to_area.__module__) if area_of(entry) else modules
+            if not area_of(entry):
+                return modules
+            return (*modules, scaled_to_area.__module__)
 
         return replace(shapes, load=load, key=key, code=code)
 
     def _named(self, folder: Path) -> list[Entry]:
-        """Read shapes whose names are known."""
+        """Return the shapes of a set whose file names are all known.
+
+        Raises
+        ------
+        DatasetError
+            If a file is missing, or there is another one.
+        """
+        # Files and names are compared by keys, which ignore how names are written.
         stems = {_key(stem): stem for stem in self.shapes}
         files = _files(folder, {_form(stem) for stem in self.shapes})
-        missing = [f"shape '{stem}' is missing" for key, stem in stems.items() if key not in files]
-        surplus = [
-            f"{path.name} is one too many" for key, path in files.items() if key not in stems
-        ]
-        if missing or surplus:
+        missing = [stem for key, stem in stems.items() if key not in files]
+        surplus = [path.name for key, path in files.items() if key not in stems]
+        examples = [f"shape '{stem}' is missing" for stem in missing[:1]]
+        examples += [f"{name} is one too many" for name in surplus[:1]]
+        if examples:
             problem = (
                 f"{folder} holds {len(files)} shapes, not the official {len(stems)}: "
-                f"{', '.join([*missing[:1], *surplus[:1]])}"
+                f"{', '.join(examples)}"
             )
             raise DatasetError(problem, _UNPACK)
         return [Entry(stem, *self.shapes[stem], files[key]) for key, stem in stems.items()]
 
     def _listed(self, folder: Path) -> Iterator[Entry]:
-        """Yield numbered shapes, with classes from a list or from sub-folders."""
+        """Yield the shapes of a set with numbered files; their classes are listed, or sub-folders.
+
+        Raises
+        ------
+        DatasetError
+            If there are more or fewer shapes than in the official set, or their classes are others.
+        """
         by_key = _files(folder, {_form(self.names.format(number=0))})
         files = {_number(key): path for key, path in by_key.items()}
         source = class_list(list(folders_of_set(folder)), LISTS)
@@ -216,7 +247,17 @@ class OfficialSet:
     def _check_list(
         self, source: Path, classes: Mapping[int, str], files: Mapping[int, Path]
     ) -> None:
-        """Raise ``DatasetError`` unless a list names the shapes whose files are there."""
+        """Raise ``DatasetError`` unless a list of classes names exactly the models that are there.
+
+        Parameters
+        ----------
+        source
+            The list.
+        classes
+            Class of each model by its number, as listed.
+        files
+            Meshes by their numbers.
+        """
         missing = classes.keys() - files.keys()
         surplus = files.keys() - classes.keys()
         if missing:
@@ -229,14 +270,21 @@ class OfficialSet:
         raise DatasetError(problem, _UNPACK)
 
     def _official_names(self, classes: Mapping[int, str], source: Path) -> dict[str, str]:
-        """Return the official name of each listed class.
+        """Return the official name of each class of a list, by its name there.
+
+        Parameters
+        ----------
+        classes
+            Class of each model by its number, as listed.
+        source
+            The list, for an error.
 
         Raises
         ------
         DatasetError
             If there are more or fewer classes, or one has others than its official models.
         """
-        models: dict[str, list[int]] = {}
+        models: dict[str, list[int]] = {}  # numbers of the models of each class
         for number, name in classes.items():
             models.setdefault(name, []).append(number)
         if len(models) != self.classes:
@@ -260,7 +308,13 @@ class OfficialSet:
         return {name: self.members[digest] for name, digest in digests.items()}
 
     def _classed(self, folder: Path) -> Iterator[Entry]:
-        """Yield shapes whose names hold class and number, class by class."""
+        """Yield the shapes of a set whose file names hold class and number, class by class.
+
+        Raises
+        ------
+        DatasetError
+            If there are no such files, or none of a class of which the set must have some.
+        """
         stems = {
             subject: self.names.format_map({"class": subject, "pose": 0})
             for subject in self.subjects
@@ -326,12 +380,19 @@ def folders_of_set(folder: Path, depth: int = _DEPTH) -> Iterator[Path]:
 
 
 def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
-    """Return the meshes with file names of the given forms, by key.
+    """Return the meshes of a folder whose names have one of some forms, by the keys of their names.
+
+    Parameters
+    ----------
+    folder
+        The folder; its sub-folders may hold the meshes.
+    forms
+        Names without their numbers.
 
     Raises
     ------
     DatasetError
-        If there are two of a key.
+        If two files are the same shape.
     """
     path_of: dict[str, Path] = {}
     for place in folders_of_set(folder):

@@ -104,7 +104,18 @@ def people(draw: int = 0) -> ShapeSet:
 
 
 def many_people(n: int) -> ShapeSet:
-    """Return ``n`` bodies drawn at random x 20 poses."""
+    """Return a data set of bodies drawn at random, in 20 poses each.
+
+    Parameters
+    ----------
+    n
+        Number of bodies.
+
+    Raises
+    ------
+    ConfigurationError
+        If there cannot be so many, or so few.
+    """
     if not _FEWEST <= n <= _MOST:
         problem = f"people[n={n}] has no such number of bodies"
         raise ConfigurationError(problem, f"choose {_FEWEST} to {_MOST}")

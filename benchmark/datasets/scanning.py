@@ -52,6 +52,9 @@ _WHITE = 0.0002
 #: Standard deviation of smooth noise, in metres.
 _SMOOTH = 0.0003
 
+#: Density at the surface of a solid whose voxels have density 1.
+_SURFACE = 0.5
+
 _CORNERS = np.array(
     [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)],
     dtype=np.int64,
@@ -80,17 +83,19 @@ def scanned(body: Mesh, subject: str, name: str) -> Mesh:
     closed = membrane(body, _cavities())
     heights = _asymmetry(named_random(subject, "asymmetry"))
     uneven = closed.vertices + heights[:, np.newaxis] * vertex_normals(closed)
+    # The grid has a random direction and offset; its unit is a voxel.
     random = named_random(name, "scan")
     turn = _turn_about_z(random.uniform(0, 2 * np.pi))
-    turned = uneven @ turn.T / VOXEL
-    origin = turned.min(axis=0) - _MARGIN - random.uniform(0, 1, 3)
-    solid = _solid(turned - origin, body)
+    in_voxels = uneven @ turn.T / VOXEL
+    origin = in_voxels.min(axis=0) - _MARGIN - random.uniform(0, 1, 3)
+    solid = _solid(in_voxels - origin, body)
     boundary = _boundary(solid)
     # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the resulting edges
     # are slightly longer.
     side = 0.97 * math.sqrt(boundary.area / N_SCAN_VERTICES * 2 / math.sqrt(3))
     skin = isotropic_remesh(boundary, side, iterations=3, feature_degrees=180)
-    return _noisy(skin.with_vertices(((skin.vertices + origin) * VOXEL) @ turn), random)
+    in_metres = (skin.vertices + origin) * VOXEL
+    return _noisy(skin.with_vertices(in_metres @ turn), random)
 
 
 def _turn_about_z(angle: float) -> FloatArray:
@@ -165,11 +170,20 @@ def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
 
 @njit(cache=True, nogil=True)
 def _count_crossings(points, faces, crossings):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Add the orientation of each triangle at the voxels where a line along z crosses it.
+    """Add up for each line of voxels along z where it enters and leaves the solid.
 
-    It is added to ``crossings[x, y, z]`` if the line crosses just below node z. Rows and spans are
-    half-open, and each edge is always evaluated from its lower end, so that no line misses or hits
-    both of two adjacent triangles.
+    Rows and spans are half-open, and each edge is always evaluated from its lower end, so that no
+    line misses or hits both of two adjacent triangles.
+
+    Parameters
+    ----------
+    points
+        Vertices of a closed surface in units of a voxel, inside the grid, shape (n, 3).
+    faces
+        Its triangles, shape (m, 3).
+    crossings
+        Shape of the grid, updated: 1 is added to ``crossings[x, y, z]`` if the line at (x, y)
+        enters the solid just below z, -1 if it leaves it there.
     """
     for f in range(faces.shape[0]):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
@@ -193,7 +207,8 @@ def _count_crossings(points, faces, crossings):  # type: ignore[no-untyped-def] 
             else:
                 x1, z1 = _at_row(points, j, k, row)
             if x1 < x0:
-                x0, x1, z0, z1 = x1, x0, z1, z0
+                x0, x1 = x1, x0
+                z0, z1 = z1, z0
             for column in range(int(np.ceil(x0)), int(np.ceil(x1))):
                 # Between the ends of the span, hence inside the grid, which has a margin around all
                 # points.
@@ -220,22 +235,39 @@ def _close_gaps(solid: NDArray[np.bool_], part: Points) -> None:
 
 
 def _boundary(solid: NDArray[np.bool_]) -> Mesh:
-    """Return the surface of the solid in voxel units, by marching cubes where it has one."""
+    """Return the surface of a solid, by marching cubes on its blurred voxels.
+
+    Only the cubes through which the surface runs are visited.
+
+    Parameters
+    ----------
+    solid
+        Voxels inside, shape (x, y, z).
+
+    Returns
+    -------
+    Mesh
+        The largest component, in units of a voxel.
+    """
     import igl
 
     density = gaussian_filter(solid.astype(np.float32), 1.0)
-    inside = density > 0.5
-    blocks = [
-        inside[x : x - 1 or None, y : y - 1 or None, z : z - 1 or None] for x, y, z in _CORNERS
-    ]
-    mixed = functools.reduce(np.logical_or, (block != blocks[0] for block in blocks))
-    corners = np.argwhere(mixed)[:, np.newaxis, :] + _CORNERS
-    flat = np.ravel_multi_index(tuple(np.moveaxis(corners, 2, 0)), density.shape)
-    used, cubes = np.unique(flat, return_inverse=True)
-    nodes = np.stack(np.unravel_index(used, density.shape), axis=1).astype(np.float64)
-    values = density.ravel()[used].astype(np.float64)
+    is_inside = density > _SURFACE
+    # Cubes of eight neighbouring voxels through which the surface runs: some of their corners are
+    # inside and some outside.
+    width, depth, height = (length - 1 for length in density.shape)
+    at_corners = [is_inside[x : x + width, y : y + depth, z : z + height] for x, y, z in _CORNERS]
+    is_mixed = functools.reduce(
+        np.logical_or, (at_corner != at_corners[0] for at_corner in at_corners)
+    )
+    # The voxels at their corners, numbered from 0 without the others.
+    corners = np.argwhere(is_mixed)[:, np.newaxis, :] + _CORNERS
+    voxels = np.ravel_multi_index(tuple(np.moveaxis(corners, 2, 0)), density.shape)
+    used_voxels, cubes = np.unique(voxels, return_inverse=True)
+    positions = np.stack(np.unravel_index(used_voxels, density.shape), axis=1).astype(np.float64)
+    values = density.ravel()[used_voxels].astype(np.float64)
     vertices, faces, _ = igl.marching_cubes(
-        values, nodes, cubes.reshape(-1, 8).astype(np.int64), 0.5
+        values, positions, cubes.reshape(-1, 8).astype(np.int64), _SURFACE
     )
     # libigl orients the triangles towards larger values, i.e. inwards.
     return largest_component(Mesh(vertices, faces[:, ::-1]))

@@ -41,13 +41,18 @@ _KEYS = ("camera", "canonical_pose", "half_width", "normalise", "stand_in_for", 
 def with_settings(shapes: ShapeSet) -> ShapeSet:
     """Apply the ``dataset.toml`` of the folder of a set of meshes, if there is one.
 
-    All keys are optional: ``camera``, the name of a view, a table with ``direction`` and optionally
-    ``up``, or a table from class or shape to either; ``up`` (``"z"`` or ``"y"``), the up axis of
-    the files for the named views; ``canonical_pose``, a pose or a table from class to pose;
-    ``half_width``, half the width of the camera's frame in file units, or else in those that
-    follow; ``unit``, a key of :data:`METRES`, a number of metres, or a table from class or shape to
-    either, which make all shapes metres; ``normalise = "area"``, which gives all unit area;
-    ``stand_in_for``, the official set that generated shapes replace.
+    All keys are optional:
+
+    - ``camera``, the name of a view, a table with ``direction`` and optionally ``up``, or a table
+      from class or shape to either;
+    - ``up`` (``"z"`` or ``"y"``), the up axis of the files for the named views;
+    - ``canonical_pose``, a pose or a table from class to pose;
+    - ``unit``, a key of :data:`METRES`, a number of metres, or a table from class or shape to
+      either, which make all shapes metres;
+    - ``normalise = "area"``, which gives all unit area;
+    - ``half_width``, half the width of the camera's frame, in metres or in units of the root of the
+      area if one of these two is set, else in units of the files;
+    - ``stand_in_for``, the official set that generated shapes replace.
 
     Raises
     ------
@@ -84,26 +89,46 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
 
 
 def _size_changes(shapes: ShapeSet, values: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Return what replaces functions of a set whose shapes are in other units or normalised."""
+    """Return the functions of a data set that change the sizes of its meshes.
+
+    Parameters
+    ----------
+    shapes
+        The data set.
+    values
+        Keys and values of its settings: ``unit``, the unit of the files, or ``normalise``, if
+        meshes get unit area.
+    path
+        The file of the settings, for an error.
+
+    Returns
+    -------
+    dict
+        ``load``, ``key`` and ``code``, which replace those of the set.
+    """
     is_normalised = "normalise" in values
     units = _by_name(
         values.get("unit", 1), "unit", lambda value: _metres(value, path), shapes, path
     )
 
     def unit_of(entry: Entry) -> float:
+        """Return the unit of a file in metres."""
         return units(entry) or 1.0
 
     def load(entry: Entry) -> Mesh:
+        """Return the mesh of unit area, or in metres."""
         mesh = shapes.load(entry)
         if is_normalised and mesh.area:
             return of_unit_area(mesh)
         return mesh_in_metres(mesh, unit_of(entry))
 
     def key(entry: Entry) -> str:
+        """Return what determines the mesh: that of the file, and how its size changes."""
         size = "area" if is_normalised else unit_of(entry)
         return f"{shapes.key(entry)} {size}"
 
     def code(entry: Entry) -> Sequence[str]:
+        """Return the modules that determine the mesh."""
         return (*shapes.code(entry), of_unit_area.__module__)
 
     return {"load": load, "key": key, "code": code}
@@ -147,19 +172,27 @@ def canonical_poses(value: Any, entries: Iterable[Entry], path: Path) -> dict[st
     entries
         Shapes of the data set.
     path
-        The file.
+        The file, for an error.
+
+    Raises
+    ------
+    ConfigurationError
+        If a class, or a pose of it, is unknown.
+    DatasetError
+        If a pose is neither text nor a whole number.
     """
-    poses = {}
+    poses_of = {}
     for subject, members in by_subject(entries).items():
-        poses[subject] = [entry.pose for entry in members]
+        poses_of[subject] = [entry.pose for entry in members]
+    table = value if isinstance(value, dict) else dict.fromkeys(poses_of, value)
     chosen = {}
-    table = value if isinstance(value, dict) else dict.fromkeys(poses, value)
     for subject, pose in table.items():
-        check_known(f"class under canonical_pose in {path}", [subject], poses)
-        if isinstance(pose, bool) or not isinstance(pose, int | str):
+        check_known(f"class under canonical_pose in {path}", [subject], poses_of)
+        is_name = isinstance(pose, int | str) and not isinstance(pose, bool)
+        if not is_name:
             problem = f"{path}: the canonical pose of '{subject}' is {pose!r}"
             raise DatasetError(problem, "write a pose in quotes")
-        check_known(f"pose of class '{subject}' in {path}", [str(pose)], poses[subject])
+        check_known(f"pose of class '{subject}' in {path}", [str(pose)], poses_of[subject])
         chosen[subject] = str(pose)
     return chosen
 
@@ -200,7 +233,24 @@ def _metres(value: Any, path: Path) -> float:
 
 
 def _camera(value: Any, up: str, path: Path) -> Camera:
-    """Return a camera of a settings file: the name of a view, or a table."""
+    """Return the camera that a settings file describes.
+
+    Parameters
+    ----------
+    value
+        The name of a view, or a table with ``direction`` and optionally ``up``.
+    up
+        Up axis of the meshes, ``"y"`` or ``"z"``: where a view or a table does not say it.
+    path
+        The file, for an error.
+
+    Raises
+    ------
+    ConfigurationError
+        If the view or a key is unknown.
+    DatasetError
+        If it is no camera.
+    """
     if isinstance(value, str):
         check_known(f"camera in {path}", [value], VIEWS)
         return _y_up(VIEWS[value]) if up == "y" else VIEWS[value]

@@ -27,6 +27,10 @@ _LEAST_WAY = 0.3
 
 #: The same as a multiple of their Euclidean distance.
 _LEAST_DETOUR = 2.0
+
+#: Least distance between shortcuts.
+_SPACING = _LEAST_WAY / 5
+
 #: Number of candidate triangles for one end of a shortcut.
 _CANDIDATES = 100
 #: Pixels per side of the perspective camera.
@@ -46,12 +50,22 @@ def noise(mesh: Mesh, amount: float, random: Random) -> Mesh:
 
 
 def holes(mesh: Mesh, amount: float, random: Random) -> Mesh:
-    """Cut the given number of round holes at random positions; keep the largest piece."""
+    """Cut round holes at random positions of a surface; keep the largest piece.
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    amount
+        Number of holes, a whole number.
+    random
+        Source of the positions, which are drawn by area.
+    """
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     running = np.cumsum(mesh.face_areas)
-    # A draw below the whole area, however it is rounded.
-    areas = running[-1] * random.uniform(size=int(amount)) * (1 - 1e-12)
-    centres = middles[np.searchsorted(running, areas)]
+    # Triangles drawn by area. The factor keeps a draw below the whole area, however it is rounded.
+    drawn_areas = running[-1] * random.uniform(size=int(amount)) * (1 - 1e-12)
+    centres = middles[np.searchsorted(running, drawn_areas)]
     radius = _HOLE_RADIUS * extent_of(mesh)
     kept = np.ones(mesh.n_faces, dtype=bool)
     for centre in centres:
@@ -104,36 +118,62 @@ def turned_by(camera: Camera, angle: float) -> Camera:
 
 
 def seen_from_near(mesh: Mesh, camera: Camera, amount: float) -> Mesh:
-    """Return the surface that a perspective camera sees from a distance of a number of extents.
+    """Return the surface that a perspective camera sees from near.
 
     The camera looks at the centre of the bounding box in the direction of the orthographic one. Its
     pixels become vertices in the coordinates of the mesh; triangles across steps in depth are left
     out.
+
+    Parameters
+    ----------
+    mesh
+        The surface.
+    camera
+        The orthographic camera.
+    amount
+        Distance of the camera from the centre, as a multiple of the longest side of the bounding
+        box.
     """
     from benchmark.geometry.rasterise import depth_buffer
 
     extent = extent_of(mesh)
+    distance = amount * extent
     centre = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
     points = (mesh.vertices - centre) @ camera.rotation.T
-    depths = amount * extent - points[:, 2]
+    depths = distance - points[:, 2]
+    # Focal length in pixels with which the bounding sphere fills its share of the image. Rays
+    # touch a sphere at a tangent, not at its widest circle.
     radius = np.linalg.norm(points, axis=1).max()
-    # The silhouette of a sphere lies at the tangent.
-    focal = _FILL * _PIXELS / 2 * np.sqrt((amount * extent) ** 2 - radius**2) / radius
-    across = _PIXELS / 2 + focal * points[:, :2] / depths[:, None]
+    focal_length = _FILL * _PIXELS / 2 * np.sqrt(distance**2 - radius**2) / radius
+    xy = _PIXELS / 2 + focal_length * points[:, :2] / depths[:, None]
     # Inverse depths, unlike depths, are linear in the image.
-    image = -1 / depth_buffer(np.column_stack([across, -1 / depths]), mesh.faces, _PIXELS, np.inf)
-    rows, columns = np.nonzero(image > 0)
+    pixels = np.column_stack([xy, -1 / depths])
+    image = -1 / depth_buffer(pixels, mesh.faces, _PIXELS, np.inf)
+    is_seen = image > 0
+
+    rows, columns = np.nonzero(is_seen)
     depth = image[rows, columns].astype(np.float64)
-    x = (columns + 0.5 - _PIXELS / 2) * depth / focal
-    y = (rows + 0.5 - _PIXELS / 2) * depth / focal
-    seen = np.column_stack([x, y, amount * extent - depth]) @ camera.rotation + centre
-    faces = _faces_of_image(image > 0)
-    faces = faces[np.ptp(depth[faces], axis=1) < _LARGEST_STEP * extent]
-    return compact(seen, faces)
+    x = (columns + 0.5 - _PIXELS / 2) * depth / focal_length
+    y = (rows + 0.5 - _PIXELS / 2) * depth / focal_length
+    vertices = np.column_stack([x, y, distance - depth]) @ camera.rotation + centre
+    faces = _faces_of_image(is_seen)
+    steps = np.ptp(depth[faces], axis=1)
+    return compact(vertices, faces[steps < _LARGEST_STEP * extent])
 
 
 def _faces_of_image(is_seen: NDArray[np.bool_]) -> IntArray:
-    """Return two triangles for each square of four seen pixels, which are numbered by rows."""
+    """Triangulate the pixels of an image, two triangles for each square of four seen pixels.
+
+    Parameters
+    ----------
+    is_seen
+        Shape (h, w).
+
+    Returns
+    -------
+    numpy.ndarray
+        Triangles, shape (m, 3); seen pixels are numbered by rows.
+    """
     numbers = np.full(is_seen.shape, -1)
     numbers[is_seen] = np.arange(is_seen.sum())
     a = numbers[:-1, :-1]
@@ -147,59 +187,78 @@ def _faces_of_image(is_seen: NDArray[np.bool_]) -> IntArray:
 
 
 def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
-    """Join the given number of triangle pairs, near in space and far along the surface, by tubes.
+    """Join pairs of triangles, near in space and far along the surface, by tubes.
 
-    Nearby parts are fused as scanners and marching cubes fuse a hand and a hip. Among the
-    candidates, the nearest pairs are joined first. A tube replaces its two triangles by six, so the
-    surface stays a manifold and its genus increases by one.
+    So scanners and marching cubes fuse parts that touch, such as a hand and a hip. Of random
+    triangles, those are joined first that are nearest to their partners. A tube replaces its two
+    triangles by six, so the surface stays a manifold and its genus increases by one.
+
+    Parameters
+    ----------
+    mesh
+        A closed surface.
+    amount
+        Number of tubes, a whole number.
+    random
+        Source of the triangles.
 
     Raises
     ------
     UnsupportedShape
         If there are fewer such pairs.
     """
+    n_tubes = int(amount)
     starts = random.permutation(mesh.n_faces)[:_CANDIDATES]
     middles = mesh.vertices[mesh.faces].mean(axis=1)
-    extent = extent_of(mesh)
+    spacing = _SPACING * extent_of(mesh)
     partners, gaps = _partners(mesh, middles, starts)
-    used = np.zeros(mesh.n_vertices, dtype=bool)
-    removed = np.zeros(mesh.n_faces, dtype=bool)
+    is_used = np.zeros(mesh.n_vertices, dtype=bool)
+    is_removed = np.zeros(mesh.n_faces, dtype=bool)
     tubes: list[IntArray] = []
-    for number in np.argsort(gaps, kind="stable"):
-        first = mesh.faces[starts[number]]
-        second = mesh.faces[partners[number]]
-        if len(tubes) == int(amount) or not np.isfinite(gaps[number]):
+    for candidate in np.argsort(gaps, kind="stable"):
+        has_no_partner = not np.isfinite(gaps[candidate])
+        if len(tubes) == n_tubes or has_no_partner:
             break
-        if used[first].any() or used[second].any():
+        start = starts[candidate]
+        partner = partners[candidate]
+        first = mesh.faces[start]
+        second = mesh.faces[partner]
+        if is_used[first].any() or is_used[second].any():
             continue
         # Adjacent tubes would act as a single shortcut.
-        distances = np.linalg.norm(mesh.vertices - middles[starts[number]], axis=1)
-        used |= distances < _LEAST_WAY / 5 * extent
-        used[first] = True
-        used[second] = True
-        removed[[starts[number], partners[number]]] = True
+        is_used |= np.linalg.norm(mesh.vertices - middles[start], axis=1) < spacing
+        is_used[first] = True
+        is_used[second] = True
+        is_removed[[start, partner]] = True
         tubes.append(_tube(mesh.vertices, first, second))
-    if len(tubes) < int(amount):
-        problem = f"the surface comes near itself at {len(tubes)} places, fewer than {int(amount)}"
+    if len(tubes) < n_tubes:
+        problem = f"the surface comes near itself at {len(tubes)} places, fewer than {n_tubes}"
         raise UnsupportedShape(problem, "choose a smaller strength")
-    return Mesh(mesh.vertices, np.concatenate([mesh.faces[~removed], *tubes]))
+    return Mesh(mesh.vertices, np.concatenate([mesh.faces[~is_removed], *tubes]))
 
 
 def _partners(
     mesh: Mesh, middles: FloatArray, starts: NDArray[np.integer]
 ) -> tuple[IntArray, FloatArray]:
-    """Return the nearest triangle that each start can be joined with, and its distance.
+    """Find for some triangles the nearest one that each can be joined with by a tube.
 
-    The distance is infinite if there is none.
+    It is far along the surface, and the outer sides of both face each other.
 
     Parameters
     ----------
     mesh
         The surface.
     middles
-        Centres of its triangles.
+        Centres of its triangles, shape (m, 3).
     starts
-        Numbers of some triangles.
+        Indices of the triangles, shape (k,).
+
+    Returns
+    -------
+    partners : numpy.ndarray
+        Index of the nearest such triangle, shape (k,).
+    gaps : numpy.ndarray
+        Distance of both centres, infinite if there is none, shape (k,).
     """
     from scipy.sparse.csgraph import dijkstra  # lazy
 
@@ -210,14 +269,15 @@ def _partners(
     partners = np.zeros(len(starts), dtype=np.int64)
     gaps = np.full(len(starts), np.inf)
     for number, start in enumerate(starts):  # one at a time: all pairs would take gigabytes
-        along = dijkstra(graph, indices=mesh.faces[start, 0])[mesh.faces[:, 0]]
-        straight = np.linalg.norm(middles - middles[start], axis=1)
-        distant = (along > _LEAST_WAY * extent) & (along > _LEAST_DETOUR * straight)
-        # The outer sides must face each other, so that the tube lies outside.
-        facing = (middles @ normals[start] > offsets[start]) & (normals @ middles[start] > offsets)
-        straight[~(distant & facing)] = np.inf
-        partners[number] = straight.argmin()
-        gaps[number] = straight[partners[number]]
+        ways = dijkstra(graph, indices=mesh.faces[start, 0])[mesh.faces[:, 0]]
+        distances = np.linalg.norm(middles - middles[start], axis=1)
+        is_far_along = (ways > _LEAST_WAY * extent) & (ways > _LEAST_DETOUR * distances)
+        # Each lies on the outer side of the other, so that the tube is outside the body.
+        is_before_start = middles @ normals[start] > offsets[start]
+        has_start_before = normals @ middles[start] > offsets
+        distances[~(is_far_along & is_before_start & has_start_before)] = np.inf
+        partners[number] = distances.argmin()
+        gaps[number] = distances[partners[number]]
     return partners, gaps
 
 
@@ -231,16 +291,33 @@ def _outer_normals(mesh: Mesh) -> FloatArray:
 def _tube(
     vertices: FloatArray, first: NDArray[np.integer], second: NDArray[np.integer]
 ) -> IntArray:
-    """Return six triangles between two facing triangles: the shortest tube of three."""
-    turns = [np.roll(second[::-1], k) for k in range(3)]
-    lengths = [np.linalg.norm(vertices[first] - vertices[turn], axis=1).sum() for turn in turns]
-    other = turns[int(np.argmin(lengths))]
+    """Return the six triangles of a tube between two triangles that face each other.
+
+    Of the three ways to connect their corners, the shortest is taken.
+
+    Parameters
+    ----------
+    vertices
+        Positions, shape (n, 3).
+    first, second
+        Corners of both triangles, shape (3,).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (6, 3).
+    """
+    # The triangles face each other, so their corners run in opposite directions.
+    orders = [np.roll(second[::-1], k) for k in range(3)]
+    lengths = [np.linalg.norm(vertices[first] - vertices[order], axis=1).sum() for order in orders]
+    opposite = orders[int(np.argmin(lengths))]
     faces = []
     for k in range(3):
+        following = (k + 1) % 3
         a = first[k]
-        b = first[(k + 1) % 3]
-        c = other[k]
-        d = other[(k + 1) % 3]
+        b = first[following]
+        c = opposite[k]
+        d = opposite[following]
         faces += [(a, b, c), (b, d, c)]
     return np.array(faces, dtype=np.int64)
 

@@ -7,9 +7,10 @@ The absence of a reading is no edge of a body; only a jump of depth is.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import binary_erosion, distance_transform_edt
 
 from benchmark.depth.neighbours import NEIGHBOUR_GAP, error_at, jump
@@ -165,9 +166,11 @@ def in_gaps_of_mask(depths: Depths, kept: Mask) -> Mask:
 def _filled_once(
     depths: Depths, surface: Depths, others: Mask, bounds: Mask, widest: int
 ) -> Depths:
-    """Return the depths of a surface with those of the gaps in rows and columns.
+    """Fill the gaps of a surface once, by interpolation along rows and along columns.
 
-    Of two gaps, the narrower one counts.
+    A gap is a run of pixels between two pixels of the object. It is filled if no jump of depth lies
+    between them and nothing that was measured across it lies behind the surface. Where a gap in a
+    row and one in a column cross, the narrower one counts.
 
     Parameters
     ----------
@@ -181,6 +184,11 @@ def _filled_once(
         Pixels that end a gap, besides those of the object, shape (h, w).
     widest
         Maximum number of pixels in a gap.
+
+    Returns
+    -------
+    numpy.ndarray
+        Depths of the surface with those of the gaps, shape (h, w); 0 elsewhere.
     """
     known = np.where(surface > 0, surface, np.where(others, depths, 0))
     on_object = surface > 0
@@ -190,28 +198,45 @@ def _filled_once(
     result = surface.copy()
     narrowest = np.full(surface.shape, widest + 1)
     for along, across in ((in_row, in_column), (in_column, in_row)):
-        (before, after), (left, right) = along.depths, along.distances
-        gap = left + right - 1
-        fits = ~is_end & along.on_object[0] & along.on_object[1] & (gap < narrowest)
-        fits &= np.abs(before - after) <= jump(np.minimum(before, after))
-        between = before + (after - before) * left / np.maximum(left + right, 1)
-        fits &= ~_is_behind(across, between)
+        depth_before, depth_after = along.depths
+        to_before, to_after = along.distances
+        width = to_before + to_after
+        gap = width - 1
+        between = depth_before + (depth_after - depth_before) * to_before / np.maximum(width, 1)
+        is_on_surface = along.on_object[0] & along.on_object[1]
+        nearer = np.minimum(depth_before, depth_after)
+        is_on_surface &= np.abs(depth_before - depth_after) <= jump(nearer)
+        is_narrower = gap < narrowest
+        fits = ~is_end & is_on_surface & is_narrower & ~_is_behind(across, between)
         result[fits] = between[fits]
         narrowest[fits] = gap[fits]
     return result
 
 
 def _ends(known: Depths, on_object: Mask, is_end: Mask) -> _Ends:
-    """Return the ends of the gap around each pixel in its row."""
+    """Find the ends of the gap around each pixel, to its left and to its right in its row.
+
+    Parameters
+    ----------
+    known
+        Depths in metres, 0 where there is no reading, shape (h, w).
+    on_object
+        Pixels of the object, shape (h, w).
+    is_end
+        Pixels that end a gap, shape (h, w).
+    """
     columns = np.arange(is_end.shape[1])
     before, after = _columns_of_ends(is_end)
-    # One column on either side stands for the outside of the image.
-    depths, inside = np.pad(known, ((0, 0), (1, 1))), np.pad(on_object, ((0, 0), (1, 1)))
-    at = (before + 1, after + 1)
+
+    def at(values: NDArray[Any], columns_of_ends: IntArray) -> NDArray[Any]:
+        """Return the values in some columns of each row; 0 outside of the image."""
+        bordered = np.pad(values, ((0, 0), (1, 1)))
+        return np.take_along_axis(bordered, columns_of_ends + 1, axis=1)
+
     return _Ends(
-        (np.take_along_axis(depths, at[0], 1), np.take_along_axis(depths, at[1], 1)),
-        (np.take_along_axis(inside, at[0], 1), np.take_along_axis(inside, at[1], 1)),
-        (columns - before, after - columns),
+        depths=(at(known, before), at(known, after)),
+        on_object=(at(on_object, before), at(on_object, after)),
+        distances=(columns - before, after - columns),
     )
 
 

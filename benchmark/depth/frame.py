@@ -210,7 +210,22 @@ class _Pixels(NamedTuple):
 
 
 def _find_pixels(depths: Depths, points: Points, live: Pixels) -> _Pixels:
-    """Return the pixels of the object, which is searched in the rows and columns with readings."""
+    """Find the pixels of the object, without a mask: the nearest large piece before the background.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres; 0 for missing depth.
+    points
+        Point of each pixel in the camera's frame, shape (h, w, 3), metres.
+    live
+        Index of the rows and columns that have readings.
+
+    Raises
+    ------
+    DepthError
+        If no piece is large enough, or the depth jumps between too many pixels.
+    """
     seen = depths > 0
     planes = _planes(points[live], seen[live])
     chosen = np.zeros_like(seen)
@@ -221,38 +236,69 @@ def _find_pixels(depths: Depths, points: Points, live: Pixels) -> _Pixels:
     if np.count_nonzero(dropped) > MOST_FLYING * np.count_nonzero(seen):
         raise DepthError("the depth jumps between too many pixels of the image", HOW_TO_RESIZE)
     n_flying = int(np.count_nonzero(chosen & ~kept))
-    return _Pixels(None, chosen, kept, dropped, n_flying, planes)
+    return _Pixels(
+        mask=None, chosen=chosen, kept=kept, dropped=dropped, n_flying=n_flying, planes=planes
+    )
 
 
 def _pixels_of_mask(depths: Depths, points: Points, live: Pixels, mask: Mask) -> _Pixels:
-    """Return the pixels of the object in a mask, and of its gaps in which the surface goes on."""
+    """Return the pixels of the object in a mask, and those in gaps of the mask on the same surface.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres; 0 for missing depth.
+    points
+        Point of each pixel in the camera's frame, shape (h, w, 3), metres.
+    live
+        Index of the rows and columns that have readings.
+    mask
+        Pixels of the object, with and without a reading, shape (h, w).
+
+    Raises
+    ------
+    DepthError
+        If few readings lie in the mask, or few of them on the surface of the object.
+    """
     seen = depths > 0
     chosen = mask & seen
     _check_count(chosen)
     kept = on_surface(depths, chosen)
     n_flying = int(np.count_nonzero(chosen & ~kept))
     in_gaps = in_gaps_of_mask(depths, kept)
-    # The scene only has to provide the floor.
+    # The mask says where the object is; planes are searched only for the floor around it.
     planes = _planes(points[live], (seen & ~mask & ~in_gaps)[live])
     in_gaps &= ~_on_planes(points, planes)
-    return _Pixels(mask, chosen, kept | in_gaps, chosen, n_flying, planes)
+    return _Pixels(
+        mask=mask,
+        chosen=chosen,
+        kept=kept | in_gaps,
+        dropped=chosen,
+        n_flying=n_flying,
+        planes=planes,
+    )
 
 
 def _doubts(n_pixels: int, n_averaged: int) -> tuple[tuple[str, str], ...]:
-    """Return why the form of an object may be wrong.
+    """Return why the form of an object may be wrong, each with what a user can do.
 
-    It may be if few readings show the object, or many of them are averages.
+    Parameters
+    ----------
+    n_pixels
+        Number of readings on the object.
+    n_averaged
+        Number of those that a program averaged with missing ones when it resized the image.
     """
     doubts = []
     if n_pixels < FEWEST_SURE:
-        what = f"the object shows {n_pixels} pixels, so its form depends on where they lie"
-        doubts.append((what, f"go nearer, until it shows {FEWEST_SURE}"))
+        doubt = f"the object shows {n_pixels} pixels, so its form depends on where they lie"
+        doubts.append((doubt, f"go nearer, until it shows {FEWEST_SURE}"))
     if n_averaged > MOST_AVERAGED * n_pixels:
-        what = (
+        doubt = (
             f"{n_averaged} depths of the object were averaged with missing ones,"
             " so its edges were averaged, too"
         )
-        doubts.append((what, HOW_TO_RESIZE))
+        doubts.append((doubt, HOW_TO_RESIZE))
     return tuple(doubts)
 
 
@@ -326,7 +372,15 @@ def _up_direction(planes: Sequence[Plane], recorded: Up | None) -> tuple[FloatAr
 def checked_up(direction: Up) -> FloatArray:
     """Return an up direction as a unit vector.
 
-    Raises ``DepthError`` if it is invalid or near the optical axis.
+    Parameters
+    ----------
+    direction
+        Right, down and forward in the camera's frame, at any length; anything that a file may hold.
+
+    Raises
+    ------
+    DepthError
+        If it is no such vector, or nearly along the optical axis.
     """
     try:
         up = np.asarray(direction, dtype=np.float64)
@@ -394,8 +448,8 @@ def object_surface(
     DepthError
         If the surface is larger than the frame.
     """
-    part = tuple(slice(at.min(), at.max() + 1) for at in np.nonzero(mask))
-    points, faces = _squares(depths[part], rays[part], mask[part])
+    bounding_box = tuple(slice(at.min(), at.max() + 1) for at in np.nonzero(mask))
+    points, faces = _squares(depths[bounding_box], rays[bounding_box], mask[bounding_box])
     mesh = Mesh(points @ rotation.T, faces)
     extents = np.ptp(mesh.vertices, axis=0)
     if extents.max() >= 2 * half_width:
@@ -409,14 +463,33 @@ def object_surface(
 
 
 def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, Faces]:
-    """Return pixel corners in the camera's frame, and two triangles per pixel.
+    """Return the mesh of the pixels of an object: corners of pixels, and two triangles per pixel.
 
-    Corners have shape (n, 3); triangles face the camera.
+    Neighbouring pixels share a corner, at the mean of their depths, unless a jump of depth lies
+    between them: a corner is *torn* there, and each pixel around it has a vertex of its own.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres.
+    rays
+        Rays of the pixels, shape (h, w, 2): x and y at depth 1.
+    mask
+        Pixels of the object, shape (h, w).
+
+    Returns
+    -------
+    numpy.ndarray
+        Vertices in the camera's frame, shape (n, 3), metres.
+    numpy.ndarray
+        Triangles that face the camera, shape (m, 3).
     """
+    # For each corner of the grid, the depths of the four pixels around it, and which of these are
+    # of the object, shape (4, h + 1, w + 1).
     around = _around_corners(depths)
-    held = _around_corners(mask)
-    is_whole = _are_within_a_jump(around, held)
-    is_torn = held & ~is_whole
+    on_object = _around_corners(mask)
+    is_whole = _are_within_a_jump(around, on_object)
+    is_torn = on_object & ~is_whole
     n_whole = np.count_nonzero(is_whole)
 
     # Vertices: first the corners on one surface, then one for each pixel around a torn corner.
@@ -424,19 +497,25 @@ def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, Faces]:
     numbers[:, is_whole] = np.arange(n_whole)
     numbers[is_torn] = n_whole + np.arange(np.count_nonzero(is_torn))
 
-    means = (around * held).sum(axis=0)[is_whole] / held.sum(axis=0)[is_whole]
-    z = np.concatenate([means, _depths_of_torn_corners(around, held, is_torn)])
+    sums = (around * on_object).sum(axis=0)[is_whole]
+    means = sums / on_object.sum(axis=0)[is_whole]
+    z = np.concatenate([means, _depths_of_torn_corners(around, on_object, is_torn)])
     _, row, column = np.nonzero(is_torn)
     rays_of_corners = _rays_of_corners(rays)
     xy = np.concatenate([rays_of_corners[is_whole], rays_of_corners[row, column]]) * z[:, None]
 
-    # Of a pixel's corners, the upper left one has it as the lower right of the pixels around it.
+    # The upper left corner of a pixel has that pixel at its lower right, and so on.
     below_right, below_left, above_right, above_left = numbers[::-1]
-    a = below_right[:-1, :-1][mask]
-    b = above_right[1:, :-1][mask]
-    c = above_left[1:, 1:][mask]
-    d = below_left[:-1, 1:][mask]
-    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    top_left = below_right[:-1, :-1][mask]
+    bottom_left = above_right[1:, :-1][mask]
+    bottom_right = above_left[1:, 1:][mask]
+    top_right = below_left[:-1, 1:][mask]
+    faces = np.concatenate(
+        [
+            np.stack([top_left, bottom_left, bottom_right], axis=1),
+            np.stack([top_left, bottom_right, top_right], axis=1),
+        ]
+    )
     return np.column_stack([xy, z]), faces
 
 
@@ -557,7 +636,15 @@ class FrameFiles:
         return os.path.relpath(self.intrinsics_file or "", self.image.parent)
 
     def _camera(self) -> Intrinsics:
-        """Return the camera: what is passed, completed by the depth scale of its file."""
+        """Return the intrinsics that were passed, or else those of a file beside the image.
+
+        Passed ones lack the unit of depths, which the file may state.
+
+        Raises
+        ------
+        DepthError
+            If there are none, or the file that is needed for them cannot be read.
+        """
         file = self.intrinsics_file
         if self.intrinsics is None:
             if file is None:

@@ -136,6 +136,12 @@ _HINT = "write a 3 x 3 matrix, camera.json of Open3D, camera_info.yaml of ROS, o
 #: Iterations to find the ray of a distorted pixel; lenses of depth cameras need five.
 _STEPS = 20
 
+#: Bounds of plausible focal lengths, in widths or heights of the image.
+_FOCAL_LENGTHS = (0.1, 20)
+
+#: Largest coordinate of a ray at depth 1: one of 89.4 degrees off the axis.
+_STEEPEST = 100
+
 
 @dataclass(frozen=True)
 class Intrinsics:
@@ -176,14 +182,28 @@ class Intrinsics:
             raise DepthError(problem, "pass positive focal lengths in pixels")
 
     def check_size(self, width: int, height: int) -> None:
-        """Raise ``DepthError`` if the intrinsics belong to an image of another size."""
+        """Check that the intrinsics can be those of an image of this size.
+
+        Parameters
+        ----------
+        width, height
+            Size of the image in pixels.
+
+        Raises
+        ------
+        DepthError
+            If they state another size, the focal lengths are implausible, or the principal point
+            lies outside the image, or far from its middle if they state no size.
+        """
         if self.size is not None and self.size != (width, height):
             own = " x ".join(map(str, self.size))
             raise DepthError(
                 f"the intrinsics are those of {own} pixels, the image has {width} x {height}",
                 "pass those of the depth image at this resolution",
             )
-        if not (0.1 < self.fx / width < 20 and 0.1 < self.fy / height < 20):
+        least, largest = _FOCAL_LENGTHS
+        is_plausible = least < self.fx / width < largest and least < self.fy / height < largest
+        if not is_plausible:
             problem = (
                 f"the focal lengths {self.fx:g}, {self.fy:g}"
                 f" are implausible for {width} x {height} pixels"
@@ -219,20 +239,40 @@ class Intrinsics:
 
 
 def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
-    """Invert the distortion by fixed-point iteration, as OpenCV does [Brown 1971]."""
+    """Invert Brown's lens distortion [1971] by fixed-point iteration, as OpenCV does.
+
+    Parameters
+    ----------
+    seen
+        Distorted rays, x and y at depth 1, shape (h, w, 2).
+    coefficients
+        k1, k2, p1, p2, k3, k4, k5 and k6, in OpenCV's order; missing ones are 0.
+
+    Returns
+    -------
+    numpy.ndarray
+        Rays without distortion, shape (h, w, 2).
+
+    Raises
+    ------
+    DepthError
+        If the iteration diverges.
+    """
     padding = [0.0] * (len(_BROWN) - len(coefficients))
     k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *padding)
     rays = seen
-    with np.errstate(all="ignore"):
+    with np.errstate(all="ignore"):  # rays that diverge are refused below
         for _ in range(_STEPS):
             x = rays[..., 0]
             y = rays[..., 1]
-            r = x * x + y * y
-            radial = (1 + r * (k4 + r * (k5 + r * k6))) / (1 + r * (k1 + r * (k2 + r * k3)))
-            shift_x = 2 * p1 * x * y + p2 * (r + 2 * x * x)
-            shift_y = p1 * (r + 2 * y * y) + 2 * p2 * x * y
-            rays = (seen - np.stack([shift_x, shift_y], axis=-1)) * radial[..., None]
-    if not (np.isfinite(rays).all() and np.abs(rays).max() < 100):
+            r2 = x * x + y * y  # the squared radius
+            numerator = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+            denominator = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            tangential_x = 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+            tangential_y = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+            tangential = np.stack([tangential_x, tangential_y], axis=-1)
+            rays = (seen - tangential) * (numerator / denominator)[..., None]
+    if not (np.isfinite(rays).all() and np.abs(rays).max() < _STEEPEST):
         raise DepthError(
             f"distortion {coefficients} cannot be inverted on this image", "check its coefficients"
         )
@@ -300,24 +340,37 @@ def read_intrinsics(path: Path) -> Intrinsics:
 
 
 def _parsed(text: str) -> Sequence[Any]:
-    """Return the content of JSON or of each document of YAML; None for plain numbers."""
+    """Parse a file of intrinsics.
+
+    Parameters
+    ----------
+    text
+        JSON, YAML with one or more documents, or plain numbers.
+
+    Returns
+    -------
+    sequence
+        The mapping in JSON, or that of each document of YAML with the keys of the first; a None
+        alone if the text is plain numbers.
+    """
     if text.lstrip().startswith("{"):
         return [parse_json(text)]
     if ":" not in text:
         return [None]
     from yaml import load_all  # lazy
 
+    # OpenCV writes a first line "%YAML:1.0" and tags of its own, which no parser knows.
     plain = re.sub(r"(?m)^%.*$|!!opencv-\w+", "", text)
     documents = [content for content in load_all(plain, _yaml_loader()) if content is not None]
-    # The last one may be cut off.
+    # A recording may be cut off within its last document, which then lacks keys.
     like_first = [content for content in documents if [*content] == [*documents[0]]]
     return like_first or [None]
 
 
 def _yaml_loader() -> type[Any]:
-    """Return a loader of YAML that reads plain decimal numbers.
+    """Return a loader of YAML for untrusted files, which reads plain decimal numbers alone.
 
-    It refuses aliases, deep levels and repeated keys.
+    It refuses aliases, which can expand to gigabytes, deep nesting, and repeated keys.
     """
     from yaml import AliasEvent, MappingNode, Node, SafeLoader, ScalarNode  # lazy
 
@@ -325,6 +378,7 @@ def _yaml_loader() -> type[Any]:
         depth = 0
 
         def compose_node(self, parent: Node | None, index: int) -> Node | None:
+            """Compose a node as the base class does, if it is plain; numbers become floats."""
             if self.check_event(AliasEvent):  # a few of them can hold gigabytes
                 raise ValueError("it has aliases")
             self.depth += 1
@@ -333,8 +387,9 @@ def _yaml_loader() -> type[Any]:
             node = super().compose_node(parent, index)
             self.depth -= 1
             if isinstance(node, ScalarNode) and node.tag.endswith((":int", ":float")):
-                _number(node.value)  # YAML has hexadecimal ones, underscores and sixtieths
-                node.tag = "tag:yaml.org,2002:float"  # and octal ones, with a leading zero
+                # Raises for other numbers of YAML: hexadecimal, sexagesimal, with underscores.
+                _number(node.value)
+                node.tag = "tag:yaml.org,2002:float"  # as an int, 010 would be octal
             if isinstance(node, MappingNode):
                 check_different([str(key.value) for key, _ in node.value])
             return node
@@ -374,9 +429,14 @@ def find_intrinsics(image: Path) -> Path | None:
 
 
 def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
-    """Return the camera of fx, fy, cx, cy or of a 3 x 3 or 4 x 4 matrix.
+    """Return the camera of fx, fy, cx, cy or of a camera matrix.
 
-    What follows are further facts of ``Intrinsics``.
+    Parameters
+    ----------
+    numbers
+        The four numbers; or 9 or 16, the rows of a 3 x 3 or 4 x 4 matrix.
+    *facts
+        Further arguments of ``Intrinsics``: size, distortion and scales.
 
     Raises
     ------
@@ -407,9 +467,19 @@ def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
 
 
 def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
-    """Return the camera of parsed JSON or YAML.
+    """Return the camera that a parsed JSON or YAML describes.
 
-    It may be ``camera.json`` of Open3D, ``camera_info`` of ROS, or named focal lengths.
+    Parameters
+    ----------
+    content
+        Keys and values of ``camera.json`` of Open3D, of ``camera_info`` of ROS, of a file of
+        OpenCV, or with named focal lengths.
+
+    Raises
+    ------
+    DepthError
+        If it describes no camera, several ones, or one that is not a pinhole with Brown's
+        distortion.
     """
     values = _by_meaning(content)
     width = int(_number(values.get("width", 0)))
@@ -417,16 +487,17 @@ def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
     size = (width, height) if width > 0 and height > 0 else None
     facts = (size, tuple(_distortion(values)), _scales(values))
 
+    # A file may say the same in several ways: as a matrix, as a projection, by names.
     cameras = {camera_of(numbers, *facts) for numbers in _numbers_of_cameras(values)}
     projection = _flat(values.get("projection", []))
     if any(projection):
         cameras.add(_rectified(projection, facts, cameras))
+    keys = ", ".join(map(str, content))
     if len(cameras) > 1:
-        raise DepthError(f"keys {', '.join(map(str, content)):.200} contradict each other", _HINT)
+        raise DepthError(f"keys {keys:.200} contradict each other", _HINT)
     if not cameras:
-        missing = [name for name in _FOCAL if name not in values]
-        names = " and no ".join(missing)
-        raise DepthError(f"keys {', '.join(map(str, content)):.200} name no {names}", _HINT)
+        missing = " and no ".join(name for name in _FOCAL if name not in values)
+        raise DepthError(f"keys {keys:.200} name no {missing}", _HINT)
     return cameras.pop()
 
 
@@ -451,15 +522,30 @@ def _numbers_of_cameras(values: Mapping[str, Any]) -> list[list[float]]:
 def _rectified(
     projection: Sequence[float], facts: Sequence[Any], cameras: Collection[Intrinsics]
 ) -> Intrinsics:
-    """Return the camera of a projection matrix.
+    """Return the camera of a projection matrix, as ROS writes it beside that of raw images.
 
-    Raises ``DepthError`` if the others of the file are another one.
+    Parameters
+    ----------
+    projection
+        Rows of the 3 x 4 or 4 x 4 matrix, 12 or 16 numbers.
+    facts
+        Size, distortion and scales.
+    cameras
+        Cameras that the rest of the file describes, if any.
+
+    Raises
+    ------
+    DepthError
+        If the projection has other numbers, or is of another camera: then the file does not say
+        which of the two took the depth image.
     """
     if len(projection) not in (12, 16):
         problem = f"a projection of {len(projection)} numbers"
         raise DepthError(problem, "write the 3 x 4 matrix of the projection, or leave it out")
-    rectified = camera_of([projection[place] for place in (0, 5, 2, 6)], *facts)
-    if (cameras and rectified not in cameras) or (rectified.distortion and not cameras):
+    fx, fy, cx, cy = projection[0], projection[5], projection[2], projection[6]
+    rectified = camera_of([fx, fy, cx, cy], *facts)
+    is_other_camera = bool(cameras) and rectified not in cameras
+    if is_other_camera or (rectified.distortion and not cameras):
         raise DepthError(
             "K and distortion are those of raw images, P is that of rectified ones",
             "leave that of the depth image; without the distortion, if it is rectified",
@@ -468,9 +554,22 @@ def _rectified(
 
 
 def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values of all keys that are understood, by meaning.
+    """Return the values in a file of intrinsics by what they mean, whatever its keys are called.
 
-    Raises ``DepthError`` if two contradict each other.
+    Parameters
+    ----------
+    content
+        Keys and values of the file; some hold mappings themselves.
+
+    Returns
+    -------
+    dict
+        Values by meanings such as ``"fx"``, ``"matrix"``, ``"coefficients"`` or ``"scale"``.
+
+    Raises
+    ------
+    DepthError
+        If two keys contradict each other, or one that is not understood may matter.
     """
     values: dict[str, Any] = {}
     for key, value in content.items():
@@ -480,18 +579,27 @@ def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
         if not meaning:
             _check_irrelevant(str(key), value)
             continue
-        found = _values_of_key(key, meaning, value)
-        others = [name for name, each in found.items() if values.get(name, each) != each]
-        if others:
-            raise DepthError(
-                f"key '{key}' contradicts another one of {others[0]}", "keep the right one"
-            )
-        values.update((name, each) for name, each in found.items() if each is not None)
+        for name, found in _values_of_key(key, meaning, value).items():
+            if values.get(name, found) != found:
+                problem = f"key '{key}' contradicts another one of {name}"
+                raise DepthError(problem, "keep the right one")
+            if found is not None:
+                values[name] = found
     return values
 
 
 def _values_of_key(key: str, meaning: str, value: Any) -> dict[str, Any]:
-    """Return what a key says, by meaning."""
+    """Return what one key of a file of intrinsics says, by meaning.
+
+    Parameters
+    ----------
+    key
+        The key as it stands in the file.
+    meaning
+        What the key means; ``"nested"`` for a mapping whose own keys say it.
+    value
+        Its value: numbers, a text, a list or a mapping.
+    """
     is_nested = isinstance(value, Mapping)
     if meaning == "model" and (is_nested or isinstance(value, list)):  # iai_kinect2
         return {"projection": value}
@@ -536,7 +644,8 @@ def _letters(key: str) -> str:
 def _check_irrelevant(key: str, value: Any) -> None:
     """Raise ``DepthError`` if a key that is not understood may matter.
 
-    It may change where a pixel looks or what its depth means, unless its value is neutral.
+    It may change where a pixel looks or what its depth means, unless it is about something else,
+    such as a pose, or its value changes nothing, such as 0.
     """
     if _OF_SLAM.fullmatch(key):
         return
@@ -545,7 +654,9 @@ def _check_irrelevant(key: str, value: Any) -> None:
     is_pose = len(leaves) > 2 and _POSE.search(words)
     if is_pose or _IRRELEVANT.search(words):
         return
-    neutral = (None, "", 0, 1) if re.search("binning|aspect", key) else (None, "", 0)
+    neutral: tuple[Any, ...] = (None, "", 0)
+    if re.search("binning|aspect", key):  # factors, of which 1 changes nothing
+        neutral = (*neutral, 1)
     if any(leaf not in neutral for leaf in leaves):
         hint = (
             "remove it if it changes neither where pixels look nor what depths mean,"
@@ -555,25 +666,44 @@ def _check_irrelevant(key: str, value: Any) -> None:
 
 
 def _scales(values: Mapping[str, Any]) -> tuple[float, ...]:
-    """Return the units per metre of each reading of a depth scale; empty if there is no scale."""
-    value = values.get("scale")
+    """Return the units per metre of depths that a file of intrinsics may mean.
+
+    Parameters
+    ----------
+    values
+        Values of the file by meaning; ``"units"`` are units per metre, while ``"scale"`` is a unit
+        or a number that may be meant either way round.
+
+    Returns
+    -------
+    tuple of float
+        Units per metre: none if the file states no scale, one, or three readings of an ambiguous
+        number.
+
+    Raises
+    ------
+    DepthError
+        If the scale is not a positive number or a unit, or stated twice.
+    """
+    scale = values.get("scale")
     if "units" in values:
         units = _number(values["units"])
-        if value is not None or not 0 < units < math.inf:
-            given = f"{units:g}" if value is None else f"{units:g} and {value!r:.40}"
+        if scale is not None or not 0 < units < math.inf:
+            given = f"{units:g}" if scale is None else f"{units:g} and {scale!r:.40}"
             raise DepthError(f"invalid depth scale {given}", "write units per metre, once")
         return (units,)
-    if value is None:
+    if scale is None:
         return ()
-    unit = str(value).strip().lower().replace("metre", "meter").removesuffix("s")
-    if unit in _UNITS:
-        return (_UNITS[unit],)
+    name_of_unit = str(scale).strip().lower().replace("metre", "meter").removesuffix("s")
+    if name_of_unit in _UNITS:
+        return (_UNITS[name_of_unit],)
     try:
-        number = _number(value)
+        number = _number(scale)
     except (TypeError, ValueError):
         number = math.nan
     if not 0 < number < math.inf:
-        raise DepthError(f"invalid depth scale {value!r:.40}", "write units per metre, or mm")
+        raise DepthError(f"invalid depth scale {scale!r:.40}", "write units per metre, or mm")
+    # Units per metre, metres per unit, or millimetres per unit.
     return number, 1 / number, 1000 / number
 
 
@@ -592,6 +722,7 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
         If the distortion model is another one, or the number of coefficients does not match Brown's
         model.
     """
+    # The coefficients may stand in one list, or each under its name.
     lists = [[_number(values.get(name, 0)) for name in _BROWN]]
     if "coefficients" in values:
         lists.insert(0, _flat(values["coefficients"]))

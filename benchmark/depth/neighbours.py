@@ -81,7 +81,8 @@ def jump(depths: Depths) -> Depths:
 def neighbours(seen: Mask, direction: tuple[int, int]) -> tuple[IntArray, IntArray]:
     """Return pairs of pixels with a reading that are neighbours in a direction.
 
-    They are indices into the flat image.
+    The neighbour of a pixel is the next one with a reading, with at most :data:`NEIGHBOUR_GAP`
+    pixels without one between them.
 
     Parameters
     ----------
@@ -89,16 +90,21 @@ def neighbours(seen: Mask, direction: tuple[int, int]) -> tuple[IntArray, IntArr
         Pixels with a reading, shape (h, w).
     direction
         Step in rows, not negative, and in columns.
+
+    Returns
+    -------
+    first, second : numpy.ndarray
+        Both pixels of each pair, as indices into the flat image, shape (k,).
     """
     height, width = seen.shape
     numbers = np.arange(seen.size).reshape(seen.shape)
-    is_open = seen.copy()  # whose next reading is not found yet
+    is_open = seen.copy()  # pixels whose neighbour is not found yet
     first = []
     second = []
     for distance in range(1, NEIGHBOUR_GAP + 2):
         down = distance * direction[0]
         right = distance * direction[1]
-        # Columns whose neighbours at this distance lie in the image.
+        # Columns from which a step of this length stays in the image.
         start = max(0, -right)
         stop = width - max(0, right)
         if down >= height or start >= stop:
@@ -136,7 +142,19 @@ def _empty_between(is_live: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def on_surface(depths: Depths, mask: Mask) -> Mask:
-    """Return the pixels of an object on its surface, see :func:`without_flying_pixels`.
+    """Return the pixels of an object that lie on its surface, without flying pixels.
+
+    Parameters
+    ----------
+    depths
+        Shape (h, w), metres; 0 for missing depth.
+    mask
+        Pixels of the object, with and without a depth, shape (h, w).
+
+    Returns
+    -------
+    numpy.ndarray
+        Mask of the pixels on the surface, shape (h, w).
 
     Raises
     ------

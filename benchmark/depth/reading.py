@@ -89,6 +89,9 @@ FEWEST_SEEN = 200
 MASK_FOLDERS = ("mask", "masks")
 """Names of mask folders."""
 
+#: Factors that put three channels of up to 16 bits side by side in one number.
+_PLACES_OF_CHANNELS = (1, 2**16, 2**32)
+
 #: Least number of values of a mask that JPEG or smoothing blurred.
 _FEWEST_GREYS = 7
 
@@ -226,19 +229,26 @@ def _nearer_than_a_far_plane(depth: Depths, far: float) -> Depths:
 
 
 def _looks_unlike_depths(seen: Depths, units: float) -> str:
-    """Return how values betray that they are no depths; "" if they do not.
+    """Return how the values of an image betray that they are no depths; "" if they do not.
 
-    They may have been scaled, or be what a sensor sends.
+    They may have been scaled to the range of their type, or be what a sensor sends.
+
+    Parameters
+    ----------
+    seen
+        Values of the pixels with a reading, shape (k,), in the unit of the image.
+    units
+        Supposed units per metre; 1 for floats in metres.
     """
     if units == 1:
         if seen.max() <= 1:
             return f"end at {seen.max():g}, as in a z-buffer or an image scaled to 1"
         return ""
-    top = int(seen.max())
-    if top >= 255 and top & (top + 1) == 0:
-        bits = top.bit_length()
+    largest = int(seen.max())
+    n_bits = largest.bit_length()
+    if n_bits >= 8 and largest == 2**n_bits - 1:
         return (
-            f"end at {top}, the largest of {bits} bits, as raw disparities of a Kinect (11)"
+            f"end at {largest}, the largest of {n_bits} bits, as raw disparities of a Kinect (11)"
             " or scaled images do"
         )
     whole = np.unique(seen.astype(np.int64))
@@ -252,16 +262,26 @@ def _looks_unlike_depths(seen: Depths, units: float) -> str:
 def _looks_like_confidence(depth: Depths, units: float) -> str:
     """Return how values betray bits of confidence above those of the depth; "" if they do not.
 
-    Where the confidence of neighbours differs, only the lower bits go on; where a depth exceeds
-    them, all do.
+    Android's DEPTH16 stores 13 bits of depth and, above them, 3 bits of confidence. Then neighbours
+    whose upper bits differ have nearly the same lower bits; where a depth passes from 8191 to 8192,
+    the lower bits jump.
+
+    Parameters
+    ----------
+    depth
+        Values of the image, shape (h, w); 0 for missing depth.
+    units
+        Supposed units per metre; 1 for floats in metres.
     """
     if units == 1:
         return ""
-    confidence, low = np.divmod(depth, _CONFIDENCE)
-    differs = confidence[:, :-1] != confidence[:, 1:]
-    have_depths = (low[:, :-1] > 0) & (low[:, 1:] > 0)
-    goes_on = np.abs(np.diff(low, axis=1))[differs & have_depths] < _LARGEST_STEP
-    if len(goes_on) < _FEWEST_STEPS or goes_on.mean() < 0.5:
+    upper_bits, lower_bits = np.divmod(depth, _CONFIDENCE)
+    # Neighbours in a row whose upper bits differ, of which both have lower bits.
+    differ = upper_bits[:, :-1] != upper_bits[:, 1:]
+    have_lower_bits = (lower_bits[:, :-1] > 0) & (lower_bits[:, 1:] > 0)
+    steps = np.abs(np.diff(lower_bits, axis=1))[differ & have_lower_bits]
+    are_small = steps < _LARGEST_STEP
+    if len(steps) < _FEWEST_STEPS or are_small.mean() < 0.5:
         return ""
     return (
         f"above {_CONFIDENCE - 1} repeat the depths below, as in Android's DEPTH16: 13 bits are the"
@@ -320,7 +340,18 @@ def _check_size(width: int, height: int) -> None:
 
 
 def _pixels(content: bytes) -> NDArray[Any]:
-    """Return the values of an image file; raise ``DepthError`` if it holds no depth."""
+    """Return the values of a depth image in an image file such as PNG, shape (h, w).
+
+    Parameters
+    ----------
+    content
+        Bytes of the file.
+
+    Raises
+    ------
+    DepthError
+        If it holds no depth: colours, 8 bits, several images, or scaled values.
+    """
     with _opened(content) as image:
         _check_size(*image.size)
         scale = image.info.get("scale", 1)  # of a PFM
@@ -336,35 +367,48 @@ def _pixels(content: bytes) -> NDArray[Any]:
         has_16_bits_in_32 = image.mode == "I" and image.format in ("PNG", "PPM")
         if not has_16_bits_in_32:
             return values
+        # Pillow stretches the values of a PGM from its stated maximum to 65535.
         maximum = _MAXIMUM.match(content[:1000])
-        stretched = int(maximum[1]) / 65535 if maximum else 1
-        return np.asarray(np.round(values * stretched).astype(np.uint16))
+        unstretch = int(maximum[1]) / 65535 if maximum else 1
+        return np.asarray(np.round(values * unstretch).astype(np.uint16))
 
 
 def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
-    """Raise ``ValueError`` if numbers follow those of a PGM or PFM.
+    """Raise ``ValueError`` unless a PGM or PFM ends with its pixels.
 
-    Pillow would read the first ones.
+    Pillow reads the pixels that the header announces and ignores what follows them.
+
+    Parameters
+    ----------
+    image
+        The image that Pillow opened.
+    content
+        Bytes of its file.
     """
     body = content[image.tile[0].offset :]
     kind = content[:2]
-    count: float = 0
-    if kind == b"P2":  # text
+    n_numbers: float = 0
+    if kind == b"P2":  # a PGM in text
         if body[-1:].isdigit():
             raise ValueError("its last line has no line break, so it may be cut off")
-        count = len(re.sub(rb"#[^\n]*", b"", body).split())
-    elif kind == b"P5":
-        count = len(body) / (1 if image.mode == "L" else 2)
-    elif kind == b"Pf":
-        count = len(body) / 4
-    if count > image.size[0] * image.size[1] + 1:
+        without_comments = re.sub(rb"#[^\n]*", b"", body)
+        n_numbers = len(without_comments.split())
+    elif kind == b"P5":  # a binary PGM of 8 or 16 bits
+        n_numbers = len(body) / (1 if image.mode == "L" else 2)
+    elif kind == b"Pf":  # a PFM of 32 bits
+        n_numbers = len(body) / 4
+    width, height = image.size
+    if n_numbers > width * height + 1:
         raise ValueError("numbers follow the pixels that its header announces")
 
 
 def _opened(content: bytes) -> ImageFile.ImageFile:
-    """Open an image of one frame that no tag turns.
+    """Open an image file that holds one image, as it is to be seen.
 
-    A PNG with wrong checksums or without its end is damaged.
+    Raises
+    ------
+    DepthError
+        If it is truncated, holds several images, a tag turns it, or its encoding is not read.
     """
     from PIL import Image  # lazy: most verbs read no image
 
@@ -393,10 +437,7 @@ def _opened(content: bytes) -> ImageFile.ImageFile:
 
 
 def _check_samples(content: bytes) -> None:
-    """Raise ``DepthError`` if a TIFF holds samples that Pillow does not read.
-
-    Such are floats of 64 bits.
-    """
+    """Raise ``DepthError`` if Pillow cannot read the numbers of a TIFF, such as 64-bit floats."""
     from PIL.TiffImagePlugin import BITSPERSAMPLE, SAMPLEFORMAT, ImageFileDirectory_v2  # lazy
 
     is_large = b"+" in content[2:4]  # of more than 4 GiB
@@ -413,7 +454,19 @@ def _check_samples(content: bytes) -> None:
 
 
 def _array(content: bytes) -> NDArray[Any]:
-    """Return an array, whose size is checked before it is read: a small file can declare any."""
+    """Return the depths in an NPY or NPZ file.
+
+    Parameters
+    ----------
+    content
+        Bytes of the file. An NPZ file holds one array, or one named ``depth``. Sizes are checked
+        before an array is read, as a small file can declare any.
+
+    Raises
+    ------
+    DepthError
+        If it is not clear which array holds the depths, or another one says what they mean.
+    """
     loaded = load_arrays(content)
     if isinstance(loaded, np.ndarray):
         return loaded
@@ -442,9 +495,10 @@ def _member(archive: Any, name: str) -> bytes:
 
 
 def is_depth_file(path: Path) -> bool:
-    """Return whether a file may be a depth image.
+    """Return whether a file may be a depth image, by its name and its header.
 
-    It holds integers or floats by its header, and is not named as a mask.
+    It holds integers of more than 8 bits or floats, and is not named as a mask. A damaged file may
+    be one, too: it is reported when it is read.
     """
     suffix = path.suffix.lower()
     if suffix not in EXTENSIONS or _MASK.search(path.stem):
@@ -485,9 +539,17 @@ def read_mask(path: Path) -> Mask:
 
 
 def _mask_array(content: bytes) -> NDArray[Any]:
-    """Return the array of a mask in an NPY or NPZ file.
+    """Return the mask in an NPY or NPZ file, booleans or numbers, shape (h, w) or (h, w, channels).
 
-    Of an NPZ file, it is the only array or that named ``mask``.
+    Parameters
+    ----------
+    content
+        Bytes of the file. An NPZ file holds one array, or one named ``mask``.
+
+    Raises
+    ------
+    DepthError
+        If it is not clear which array is the mask, or it cannot be one.
     """
     loaded = load_arrays(content)
     if isinstance(loaded, np.ndarray):
@@ -506,15 +568,24 @@ def _mask_array(content: bytes) -> NDArray[Any]:
 
 
 def _object(mask: NDArray[Any]) -> Mask:
-    """Return the pixels of the only object of a mask, shape (h, w).
+    """Return the pixels of the object in a mask, shape (h, w).
 
-    A mask with colours has shape (h, w, 3 or 4).
+    Parameters
+    ----------
+    mask
+        Shape (h, w), or (h, w, channels) in colours. One value besides 0 marks the object. Of white
+        on black that JPEG or smoothing blurred, what is lighter than half is the object.
+
+    Raises
+    ------
+    DepthError
+        If it holds several values, such as the labels of several objects.
     """
     if mask.ndim == 3:
         mask = mask[..., 0] if mask.shape[2] == 1 else _one_channel(mask)
     values = np.unique(mask)
     levels = values[values != 0]
-    if len(levels) <= 1 and len(values) <= 2:
+    if len(levels) <= 1:
         return np.asarray(mask != 0)
     if not _is_blurred(mask, values):
         problem = f"the mask holds {_listed_levels(levels)}, not one object"
@@ -523,16 +594,31 @@ def _object(mask: NDArray[Any]) -> Mask:
 
 
 def _one_channel(mask: NDArray[Any]) -> NDArray[Any]:
-    """Return a mask of colours as one number a pixel, shape (h, w).
+    """Return the channel of a mask in colours that tells its object, shape (h, w).
 
-    The number is its opacity, its grey, or its colour; 0 where it is clear.
+    The first that applies:
+
+    - of a picture that is cut out, with more than two colours and clear pixels, the opacity;
+    - of grey without clear pixels, the grey;
+    - of anything else, the colour as one number, 0 for black and where it is clear.
+
+    Parameters
+    ----------
+    mask
+        Shape (h, w, 3), or (h, w, 4) with the opacity; 8 or 16 bits.
     """
     has_opacity = mask.shape[-1] == 4
-    clear = mask[..., 3] == 0 if has_opacity else np.zeros(mask.shape[:2], dtype=bool)
-    colours = np.where(clear[..., None], 0, mask[..., :3]).astype(np.int64) @ (1, 2**16, 2**32)
-    is_clear_somewhere = bool(clear.any())
-    if is_clear_somewhere and len(np.unique(colours)) > 2:
+    is_clear = np.zeros(mask.shape[:2], dtype=bool)
+    if has_opacity:
+        is_clear = mask[..., 3] == 0
+    is_clear_somewhere = bool(is_clear.any())
+
+    visible = np.where(is_clear[..., None], 0, mask[..., :3]).astype(np.int64)
+    colours = visible @ _PLACES_OF_CHANNELS
+    is_picture = len(np.unique(colours)) > 2
+    if is_clear_somewhere and is_picture:
         return np.asarray(mask[..., 3])
+
     is_grey = np.ptp(mask[..., :3], axis=-1).max(initial=0) == 0
     if is_grey and not is_clear_somewhere:
         return np.asarray(mask[..., 0])
@@ -548,9 +634,17 @@ def _listed_levels(levels: NDArray[Any]) -> str:
 
 
 def _is_blurred(mask: NDArray[Any], values: NDArray[Any]) -> bool:
-    """Return whether JPEG or smoothing left greys in a mask of white on black.
+    """Return whether a mask is white on black, with greys that JPEG or smoothing left at its edge.
 
-    Labels of several objects are flat, or few.
+    Such greys lie between black and white. Labels of several objects, by contrast, are few, or
+    areas of one value.
+
+    Parameters
+    ----------
+    mask
+        Shape (h, w).
+    values
+        Its distinct values, ascending.
     """
     from scipy.ndimage import maximum_filter, minimum_filter  # lazy
 
@@ -558,12 +652,12 @@ def _is_blurred(mask: NDArray[Any], values: NDArray[Any]) -> bool:
     if white not in (255, 65535) or len(values) < _FEWEST_GREYS:
         return False
     is_grey = (mask > 0) & (mask < white)
-    is_flat = is_grey & (maximum_filter(mask, 3) == minimum_filter(mask, 3))
+    equals_its_neighbours = maximum_filter(mask, 3) == minimum_filter(mask, 3)
+    n_flat = (is_grey & equals_its_neighbours).sum()
     is_bright = mask > 0.75 * white
     is_unclear = (mask > 0.25 * white) & ~is_bright
-    return bool(
-        is_flat.sum() <= _MOST_FLAT * is_bright.sum() and is_unclear.sum() <= is_bright.sum()
-    )
+    n_bright = is_bright.sum()
+    return bool(n_flat <= _MOST_FLAT * n_bright and is_unclear.sum() <= n_bright)
 
 
 def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
@@ -595,26 +689,31 @@ def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
 
 
 def find_mask(image: Path) -> Path | None:
-    """Return the mask of an image by its usual names; None if there is none.
+    """Find the mask of an image by its usual names.
 
-    It lies next to the image or in a folder ``mask`` or ``masks``.
+    It lies next to the image, as ``NAME-mask.png``, or in a folder ``mask`` or ``masks``, as
+    ``NAME.png``; of ``NAME_depth.png``, too.
+
+    Returns
+    -------
+    Path or None
+        The mask; None if there is none.
 
     Raises
     ------
     DepthError
         If there are several.
     """
-    image = image.absolute()  # a relative one may lie in the folder above it
-    stems = {image.stem, re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem) or image.stem}
-    beside = _pictures(image.parent, stems, "[._-]masks?([^a-z].*)?")
-    whole: list[Path] = []
-    longer: list[Path] = []
+    image = image.absolute()  # of a relative path, the folder above may not be known
+    without_depth = re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem)
+    stems = {image.stem, without_depth or image.stem}
+    found = _pictures(image.parent, stems, "[._-]masks?([^a-z].*)?")
+    with_longer_names: list[Path] = []
     for folder in _mask_folders(image):
-        whole += _pictures(folder, stems, "(_mask)?")
-        longer += _pictures(folder, stems, "_.*")
-    found = beside + whole
-    if not found:  # a longer name may be that of another image
-        found = [path for path in longer if not image.with_name(path.name).exists()]
+        found += _pictures(folder, stems, "(_mask)?")
+        with_longer_names += _pictures(folder, stems, "_.*")
+    if not found:  # "a_1.png" is the mask of "a.png" only if there is no image "a_1.png"
+        found = [path for path in with_longer_names if not image.with_name(path.name).exists()]
     if len(found) > 1:
         names = [path.relative_to(image.parent.parent).as_posix() for path in found[:2]]
         raise DepthError(

@@ -45,6 +45,9 @@ _TRIALS = 150
 _REFINEMENTS = 4
 """Number of refits to the inliers of the best sample."""
 
+_COLLINEAR = 1e-6
+"""Twice the area in square metres of a sample up to which its points lie on a line."""
+
 _SPREAD = 3
 """Ratio of the side of the image to the maximum offset between the points of a sample."""
 
@@ -105,13 +108,12 @@ class Plane:
 
 
 def background_planes(points: Points, seen: Mask) -> list[Plane]:
-    """Return the planes that bound a scene, by RANSAC [Fischler and Bolles 1981].
-
-    Samples have three points.
+    """Return the planes that bound a scene, by RANSAC on three points [Fischler and Bolles 1981].
 
     A background plane contains at least ``SHARE`` of the points, has almost no points behind it
-    other than those of other background planes, and reaches the image margins. The result is
-    deterministic.
+    other than those of other background planes, and reaches the image margins. Any other plane,
+    such as the back of a chair, is left out of the search until a background plane is found. The
+    result is deterministic.
 
     Parameters
     ----------
@@ -132,29 +134,30 @@ def background_planes(points: Points, seen: Mask) -> list[Plane]:
     n_seen = np.count_nonzero(seen)
     fewest = max(SHARE * n_seen, 3)
     at_edge = _edge(seen.shape)
-    left = seen.copy()
-    is_clutter = np.zeros(seen.shape, dtype=bool)
     planes: list[Plane] = []
+    # Points on no background plane so far, and those of them on planes that bound no scene.
+    remaining = seen.copy()
+    is_clutter = np.zeros(seen.shape, dtype=bool)
     for _ in range(3 * MOST_PLANES):
-        candidates = left & ~is_clutter
+        candidates = remaining & ~is_clutter
         if len(planes) == MOST_PLANES or np.count_nonzero(candidates) < fewest:
             break
         plane = _best_plane(points, candidates, random)
         if plane is None:
             break
-        held = candidates & plane.holds(points)
-        n_held = np.count_nonzero(held)
-        if n_held < fewest:
+        on_plane = candidates & plane.holds(points)
+        n_on_plane = np.count_nonzero(on_plane)
+        if n_on_plane < fewest:
             break
-        behind = left & (plane.heights(points) < -2 * plane.slack(points))
+        behind = remaining & (plane.heights(points) < -2 * plane.slack(points))
         bounds_the_scene = np.count_nonzero(behind) <= BEHIND * n_seen
-        reaches_the_edge = np.count_nonzero(held & at_edge) >= EDGE * n_held
+        reaches_the_edge = np.count_nonzero(on_plane & at_edge) >= EDGE * n_on_plane
         if bounds_the_scene and reaches_the_edge:
             planes.append(plane)
-            left &= ~plane.holds(points)
+            remaining &= ~plane.holds(points)
             is_clutter[:] = False
         else:
-            is_clutter |= held  # part of the object or of something else
+            is_clutter |= on_plane
     return planes
 
 
@@ -185,9 +188,25 @@ def _best_plane(points: Points, candidates: Mask, random: np.random.Generator) -
 def _random_planes(
     points: Points, candidates: Mask, random: np.random.Generator
 ) -> tuple[Points, FloatArray]:
-    """Return unit normals and offsets of planes through random candidates.
+    """Draw planes, each through a random candidate and two random pixels near it.
 
-    Each goes through a candidate and two of its neighbours.
+    Draws on a line, or with a pixel that is no candidate, are dropped.
+
+    Parameters
+    ----------
+    points
+        Shape (h, w, 3), metres in the camera's frame.
+    candidates
+        Pixels from which planes are drawn, shape (h, w).
+    random
+        Source of randomness.
+
+    Returns
+    -------
+    normals : numpy.ndarray
+        Unit normals, shape (k, 3), with k at most :data:`_TRIALS`.
+    offsets : numpy.ndarray
+        Distance of each plane from the camera along its normal, shape (k,), metres.
     """
     rows, columns = np.nonzero(candidates)
     first = random.integers(len(rows), size=_TRIALS)
@@ -198,7 +217,7 @@ def _random_planes(
     c = points[third]
     normals = np.cross(b - a, c - a)
     lengths = np.linalg.norm(normals, axis=1)
-    is_plane = (lengths > 1e-6) & candidates[second] & candidates[third]
+    is_plane = (lengths > _COLLINEAR) & candidates[second] & candidates[third]
     normals = normals[is_plane] / lengths[is_plane, None]
     offsets = (normals * a[is_plane]).sum(axis=1)
     return normals, offsets
@@ -258,16 +277,16 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     if not free.any():
         raise DepthError("nothing but planes is left of the scene", _HINT)
 
-    # A piece ends where the depth jumps.
+    # Label of the piece of each free pixel, -1 elsewhere; a piece ends where the depth jumps.
     labels = np.full(free.shape, -1, dtype=np.int64)
     labels[free] = np.arange(np.count_nonzero(free))
     labels[free] = _joined(labels, depths, jump(depths))
 
-    # At twice the depth, a pixel covers four times the area.
-    surfaces = np.bincount(labels[free], weights=depths[free] ** 2)
+    # Area and mean depth of each piece: at twice the depth, a pixel covers four times the area.
+    areas = np.bincount(labels[free], weights=depths[free] ** 2)
     n_pixels = np.bincount(labels[free])
     distances = np.bincount(labels[free], weights=depths[free]) / n_pixels
-    is_large = (surfaces >= LARGE * surfaces.max()) & (n_pixels >= FEWEST * seen.size)
+    is_large = (areas >= LARGE * areas.max()) & (n_pixels >= FEWEST * seen.size)
     if not is_large.any():
         problem = (
             f"no piece left of the scene holds {FEWEST:.1%} of the image,"
@@ -277,9 +296,11 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     large = np.flatnonzero(is_large)
     nearest = large[distances[large].argmin()]
 
-    # An arm before a chest is a piece of its own.
-    groups = _joined(labels, depths, np.full_like(depths, JOINED))
-    return np.asarray(free & (groups == groups[nearest])[labels])
+    # A part before another one, such as an arm before the chest, is a piece of its own: pieces that
+    # touch in the image at similar depths make up the object.
+    group_of_piece = _joined(labels, depths, np.full_like(depths, JOINED))
+    is_of_object = group_of_piece == group_of_piece[nearest]
+    return np.asarray(free & is_of_object[labels])
 
 
 def _joined(labels: IntArray, depths: Depths, limits: Depths) -> IntArray:

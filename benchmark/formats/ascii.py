@@ -59,9 +59,16 @@ def filled_lines(text: bytes) -> list[bytes]:
 
 
 def parse_numbers(text: bytes) -> FloatArray:
-    """Parse numbers; raise ``ValueError`` at anything else.
+    """Parse decimal numbers between blanks, shape (k,).
 
-    Python itself would take ``1_0`` and digits of other scripts.
+    Unlike Python itself, this refuses ``1_0`` and digits of other scripts.
+
+    Raises
+    ------
+    ValueError
+        If anything else stands there; the message quotes the first such word.
+    UnreadableMesh
+        If the numbers have decimal commas.
     """
     if not text.strip():
         return np.empty(0)
@@ -72,12 +79,15 @@ def parse_numbers(text: bytes) -> FloatArray:
             problem = "numbers have decimal commas"
             raise UnreadableMesh(problem, "export with LC_NUMERIC=C") from error
         words = text.decode("latin-1").split()
-        wrong = next((word for word in words if not _NUMBER.fullmatch(word)), "")
-        raise ValueError(f"expected a number, not '{wrong:.20}'") from error
+        first_wrong = next((word for word in words if not _NUMBER.fullmatch(word)), "")
+        raise ValueError(f"expected a number, not '{first_wrong:.20}'") from error
 
 
 def parse_table(lines: Sequence[bytes], widths: Collection[int] = (3,)) -> FloatArray:
-    """Parse lines of numbers, and return the first three of each; a fourth alone is a weight.
+    """Parse lines of coordinates, and return the first three numbers of each, shape (lines, 3).
+
+    Further numbers are colours or normals; a fourth number alone is the weight of homogeneous
+    coordinates, which must be 1.
 
     Parameters
     ----------
@@ -85,6 +95,11 @@ def parse_table(lines: Sequence[bytes], widths: Collection[int] = (3,)) -> Float
         The lines.
     widths
         How many numbers a line may have.
+
+    Raises
+    ------
+    ValueError
+        If a line has another number of them, or something that is no number.
     """
     counts = {len(line.split()) for line in lines}
     other = counts.difference(widths)
@@ -93,7 +108,8 @@ def parse_table(lines: Sequence[bytes], widths: Collection[int] = (3,)) -> Float
     if 4 in counts and (_fourth_numbers(lines) != 1).any():
         raise ValueError("a line has a fourth number, which is not 1")
     if len(counts) == 1:
-        return parse_numbers(b" ".join(lines)).reshape(len(lines), counts.pop())[:, :3]
+        table = parse_numbers(b" ".join(lines)).reshape(len(lines), counts.pop())
+        return table[:, :3]
     first_three = [b" ".join(line.split()[:3]) for line in lines]
     return parse_numbers(b" ".join(first_three)).reshape(len(lines), 3)
 

@@ -14,6 +14,7 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
+from numpy.typing import NDArray
 
 from benchmark.errors import UnreadableMesh
 from benchmark.files import parse_json, read_file
@@ -57,12 +58,25 @@ _MOST_VERTICES = 2**24
 #: Bytes at the beginning of a binary file.
 _MAGIC = b"glTF"
 
+#: Bytes of the header of a binary file, and of the header of each of its chunks.
+_FILE_HEADER = 12
+_CHUNK_HEADER = 8
+
 #: Mode of primitives that are triangles; those of smaller modes are points and lines.
 _TRIANGLES = 4
 
 
 def read(data: bytes, path: Path) -> Surface:
-    """Return the triangles of the default scene of a file; animations are not played.
+    """Return the vertices and triangles of the default scene of a glTF file.
+
+    Nodes stand where their transforms place them; animations are not played.
+
+    Parameters
+    ----------
+    data
+        Bytes of the file, as text (``.gltf``) or binary (``.glb``).
+    path
+        The file, beside which its buffers lie.
 
     Raises
     ------
@@ -116,28 +130,56 @@ def buffer_files(path: Path) -> list[Path]:
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
-    """Return the text of a file, and the numbers behind it in a binary one, if there are any."""
+    """Split a glTF file into its description and its numbers.
+
+    Returns
+    -------
+    text : bytes
+        The description, as JSON.
+    binary : bytes or None
+        The numbers of a binary file; None if there are none, or the file is text.
+
+    Raises
+    ------
+    ValueError
+        If a binary file is of another version or cut off.
+    """
     if not data.startswith(_MAGIC):
         return data, None
     version, size = struct.unpack_from("<II", data, 4)
     if version != 2 or size > len(data):
         raise ValueError(f"version {version}, {size} bytes announced, but it holds {len(data)}")
     chunks = []
-    at = 12
-    while at + 8 <= size:
-        length = struct.unpack_from("<I", data, at)[0]
-        if at + 8 + length > size:
+    position = _FILE_HEADER
+    while position + _CHUNK_HEADER <= size:
+        (length,) = struct.unpack_from("<I", data, position)
+        start = position + _CHUNK_HEADER
+        end = start + length
+        if end > size:
             raise ValueError("it ends within a chunk")
-        chunks.append(data[at + 8 : at + 8 + length])
-        at += 8 + length
+        chunks.append(data[start:end])
+        position = end
     if not chunks:
         raise ValueError("it ends before its first chunk")
     text, *further = chunks
-    return text, further[0] if further else None
+    binary = further[0] if further else None
+    return text, binary
 
 
 def _matrix(node: Node) -> FloatArray:
-    """Return the transform of a node, shape (4, 4), for column vectors."""
+    """Return the transform of a node relative to its parent, shape (4, 4), for column vectors.
+
+    Parameters
+    ----------
+    node
+        It holds a ``matrix``, column by column, or a ``translation``, a ``rotation`` as quaternion
+        and a ``scale``, which is applied first.
+
+    Raises
+    ------
+    ValueError
+        If it holds both, or the matrix is not affine.
+    """
     from scipy.spatial.transform import Rotation
 
     parts = ("rotation", "scale", "translation")
@@ -189,23 +231,41 @@ class _File:
         self._read: dict[int, bytes] = {}
 
     def surfaces(self) -> Iterator[Surface]:
-        """Yield vertices and triangles of each primitive of the default scene, in their places."""
+        """Yield vertices and triangles of each mesh of the default scene, in the place of its node.
+
+        Raises
+        ------
+        UnreadableMesh
+            If a node is posed by a skin or by morph targets.
+        """
         nodes = self._tree.get("nodes", [])
         for number, transform in _placed(nodes, self._roots(nodes)).items():
             node = nodes[number]
-            mesh = self._tree["meshes"][node["mesh"]] if "mesh" in node else {"primitives": []}
+            mesh = {"primitives": []}
+            if "mesh" in node:
+                mesh = self._tree["meshes"][node["mesh"]]
             if "skin" in node:
                 raise _posed("skin")
             if any(node.get("weights", mesh.get("weights", []))):
                 raise _posed("weights")
+            linear = transform[:3, :3]
+            is_mirrored = np.linalg.det(transform) < 0
             for primitive in mesh["primitives"]:
                 vertices, faces = self._primitive(primitive)
-                if np.linalg.det(transform) < 0:
+                if is_mirrored:
                     faces = faces[:, ::-1]
-                yield vertices @ transform[:3, :3].T + transform[:3, 3], faces
+                yield vertices @ linear.T + transform[:3, 3], faces
 
     def _roots(self, nodes: list[Node]) -> Iterable[int]:
-        """Return the nodes of the default scene; without scenes, those in no other node."""
+        """Return the numbers of the nodes at the top of the default scene.
+
+        Without scenes, these are the nodes that are not below another one.
+
+        Raises
+        ------
+        ValueError
+            If there are several scenes and none is the default.
+        """
         scenes = self._tree.get("scenes", [])
         if len(scenes) > 1 and "scene" not in self._tree:
             raise ValueError(f"it has {len(scenes)} scenes, and none is the default; export one")
@@ -220,10 +280,20 @@ class _File:
         return set(range(len(nodes))) - below
 
     def _primitive(self, primitive: dict[str, Any]) -> Surface:
-        """Return vertices and triangles of a primitive; points and lines have no triangles."""
+        """Return vertices, shape (n, 3), and triangles, shape (m, 3), of a primitive.
+
+        Points and lines have no triangles.
+
+        Raises
+        ------
+        UnreadableMesh
+            If it is a strip or a fan of triangles.
+        """
         vertices = self._accessor(primitive["attributes"]["POSITION"])
-        indices = primitive.get("indices")
-        corners = np.arange(len(vertices)) if indices is None else self._accessor(indices)[:, 0]
+        corners: NDArray[Any] = np.arange(len(vertices))
+        if primitive.get("indices") is not None:
+            corners = self._accessor(primitive["indices"])[:, 0]
+        # Modes 0 to 3 are points and lines, 5 and 6 strips and fans of triangles.
         mode = primitive.get("mode", _TRIANGLES)
         if mode not in range(_TRIANGLES + 1):
             problem = f"primitives of mode {mode} are not read"
@@ -233,30 +303,41 @@ class _File:
         return vertices, corners.astype(np.int64).reshape(-1, 3)
 
     def _accessor(self, number: int) -> FloatArray:
-        """Return the numbers behind an accessor, shape (count, width)."""
+        """Return the numbers that an accessor describes, as floats, shape (count, width).
+
+        Raises
+        ------
+        ValueError
+            If the buffer with the numbers is cut off.
+        UnreadableMesh
+            If they are sparse, compressed or missing.
+        """
         accessor = self._tree["accessors"][number]
         if "sparse" in accessor:
             problem = f"accessor {number} is sparse, which is not read"
             raise UnreadableMesh(problem, "export it in full")
         if "bufferView" not in accessor:
             raise UnreadableMesh(f"accessor {number} has no data", "export it in full")
-        kind = np.dtype(_TYPES[accessor["componentType"]])
-        count = accessor["count"]
+        # The accessor describes rows of numbers, its view the part of a buffer in which they lie.
+        number_type = np.dtype(_TYPES[accessor["componentType"]])
+        n_rows = accessor["count"]
         width = _WIDTHS[accessor["type"]]
         offset = accessor.get("byteOffset", 0)
         view = self._tree["bufferViews"][accessor["bufferView"]]
         start = view.get("byteOffset", 0)
         size = view["byteLength"]
-        n_bytes = kind.itemsize * width
-        stride = view.get("byteStride", n_bytes)
-        window = self._buffer(view["buffer"])[start : start + size]
-        end = offset + stride * (count - 1) + n_bytes
-        if stride < n_bytes or len(window) < max(size, end):
+        row_size = number_type.itemsize * width
+        stride = view.get("byteStride", row_size)
+        content = self._buffer(view["buffer"])[start : start + size]
+        end = offset + stride * (n_rows - 1) + row_size
+        if stride < row_size or len(content) < max(size, end):
             raise ValueError(f"buffer {view['buffer']} is cut off")
-        strides = (stride, kind.itemsize)
-        result = np.ndarray((count, width), kind, window, offset, strides).astype(np.float64)
-        if accessor.get("normalized") and kind.kind != "f":
-            result = np.maximum(result / np.iinfo(kind).max, -1)
+        rows: NDArray[Any] = np.ndarray(
+            (n_rows, width), number_type, content, offset, (stride, number_type.itemsize)
+        )
+        result = rows.astype(np.float64)
+        if accessor.get("normalized") and number_type.kind != "f":
+            result = np.maximum(result / np.iinfo(number_type).max, -1)
         return result
 
     def _buffer(self, number: int) -> bytes:

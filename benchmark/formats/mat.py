@@ -13,7 +13,19 @@ from benchmark.formats.base import Format, MeshArrays
 
 
 def read(data: bytes, _: Path) -> MeshArrays:
-    """Return the vertices and triangles of a MATLAB file, counted from 1."""
+    """Return the vertices and the triangles, counted from 1, of a MATLAB file.
+
+    Parameters
+    ----------
+    data
+        Bytes of the file, which holds a struct ``surface`` with the coordinates X, Y and Z of the
+        vertices, and their numbers in three columns TRIV.
+
+    Raises
+    ------
+    ValueError
+        If it holds no such struct, or is of MATLAB 7.3.
+    """
     from scipy.io import loadmat
 
     check_expansion(data)
@@ -22,9 +34,10 @@ def read(data: bytes, _: Path) -> MeshArrays:
     except NotImplementedError as error:
         raise ValueError("it is a MATLAB 7.3 file; save it with '-v7'") from error
     surface = content.get("surface", np.empty(0))
-    if surface.size != 1 or not {"X", "Y", "Z", "TRIV"} <= set(surface.dtype.names or ()):
+    names = ("X", "Y", "Z", "TRIV")
+    if surface.size != 1 or not set(names) <= set(surface.dtype.names or ()):
         raise ValueError("it has no struct 'surface' with X, Y, Z and TRIV")
-    fields = {name: np.asarray(surface.flat[0][name]) for name in ("X", "Y", "Z", "TRIV")}
+    fields = {name: np.asarray(surface.flat[0][name]) for name in names}
     are_numbers = all(field.dtype.kind in "iuf" for field in fields.values())
     if not are_numbers or fields["TRIV"].shape[1:] != (3,):
         raise ValueError("X, Y and Z are no real numbers, or TRIV has not three columns")

@@ -34,7 +34,29 @@ _OTHER_LINE = re.compile(
 
 
 def read(data: bytes, _: Path) -> MeshArrays:
-    """Return the vertices and polygons of an OBJ file, counted from 1."""
+    """Return the vertices and polygons of an OBJ file.
+
+    Parameters
+    ----------
+    data
+        Bytes of the file.
+
+    Returns
+    -------
+    vertices : numpy.ndarray
+        Shape (n, 3).
+    corners : numpy.ndarray
+        Vertices of all polygons one after the other, counted from 1, shape (k,).
+    sizes : numpy.ndarray
+        Number of corners of each polygon, shape (m,).
+
+    Raises
+    ------
+    ValueError
+        If there are no vertices, or a number is wrong.
+    UnreadableMesh
+        If it has lines that change the shape and are not read.
+    """
     text = plain_text(data).replace(b"\\\n", b" ")
     vertices = list(_VERTEX.finditer(text))
     polygons = list(_FACE.finditer(text))
@@ -49,12 +71,15 @@ def read(data: bytes, _: Path) -> MeshArrays:
     # Numbers behind a slash are those of textures and normals.
     words = re.sub(rb"/\S*", b"", b" ".join(polygon[1] for polygon in polygons))
     indices = whole_numbers(parse_numbers(words))
+    # Negative numbers count back from the last vertex before the polygon.
     vertex_starts = np.array([vertex.start() for vertex in vertices])
     face_starts = np.array([polygon.start() for polygon in polygons], dtype=np.int64)
-    latest = np.repeat(np.searchsorted(vertex_starts, face_starts), sizes)
-    corners = _counted_from_1(indices, latest)
+    n_vertices_before = np.repeat(np.searchsorted(vertex_starts, face_starts), sizes)
+    corners = _counted_from_1(indices, n_vertices_before)
     check_end(data, corners, len(vertices))
-    return parse_table([vertex[1] for vertex in vertices], (3, 4, 6, 7)), corners, sizes
+    # Coordinates, with or without a weight and a colour.
+    coordinates = parse_table([vertex[1] for vertex in vertices], (3, 4, 6, 7))
+    return coordinates, corners, sizes
 
 
 def _counted_from_1(indices: IntArray, latest: IntArray) -> IntArray:

@@ -32,7 +32,28 @@ _OTHER_DIMENSION = re.compile(rb"(?:ST)?C?N?(?:4n?|n)OFF")
 
 
 def read(data: bytes, _: Path) -> MeshArrays:
-    """Return the vertices and polygons of an OFF file."""
+    """Return the vertices and polygons of an OFF file.
+
+    Parameters
+    ----------
+    data
+        Bytes of the file: the word OFF, numbers of vertices and faces, a line for each vertex, and
+        one for each face: the number of its corners, and these, counted from 0. Both may have
+        colours.
+
+    Returns
+    -------
+    vertices : numpy.ndarray
+        Shape (n, 3).
+    corners, sizes : numpy.ndarray
+        Vertices of all polygons one after the other, and the number of corners of each; of
+        triangles alone, one array of shape (m, 3).
+
+    Raises
+    ------
+    ValueError
+        If the header is wrong, or another number of lines follows.
+    """
     text = plain_text(data).lstrip()
     header = _HEADER.match(text)
     if not header:
@@ -43,17 +64,20 @@ def read(data: bytes, _: Path) -> MeshArrays:
     body = text[header.end() :]
     lines = filled_lines(body)
     if len(lines) in (1, n_vertices + n_faces):
-        triangles = _triangle_mesh(body, n_vertices, n_faces)
-        if triangles:
-            return triangles
+        # The usual case, which is read as one array: coordinates and triangles alone.
+        triangle_mesh = _triangle_mesh(body, n_vertices, n_faces)
+        if triangle_mesh:
+            return triangle_mesh
     if len(lines) != n_vertices + n_faces:
         raise ValueError(
             f"{n_vertices} vertices and {n_faces} faces announced, but {len(lines)} lines follow"
         )
+    lines_of_vertices = lines[:n_vertices]
     width = _numbers_of_a_vertex(header[1] or b"")
-    _check_colours(lines[:n_vertices], width)
-    vertices = parse_table(lines[:n_vertices], (width, width + 3, width + 4))
-    return vertices, *_counted_polygons(lines[n_vertices:])
+    _check_colours(lines_of_vertices, width)
+    vertices = parse_table(lines_of_vertices, (width, width + 3, width + 4))
+    corners, sizes = _counted_polygons(lines[n_vertices:])
+    return vertices, corners, sizes
 
 
 def _check_kind(text: bytes) -> None:
@@ -96,17 +120,33 @@ def _counted_polygons(lines: Sequence[bytes]) -> tuple[IntArray, IntArray]:
 
 
 def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> MeshArrays | None:
-    """Read rows of three for vertices and of four for triangles; None for anything else."""
+    """Read an OFF file of coordinates and triangles, without colours.
+
+    Parameters
+    ----------
+    body
+        What follows the header.
+    n_vertices, n_faces
+        Numbers that the header announces.
+
+    Returns
+    -------
+    tuple or None
+        Vertices, shape (n, 3), and triangles, shape (m, 3); None if the file holds anything else.
+    """
     try:
         numbers = parse_numbers(body)
     except ValueError:
         return None
-    if len(numbers) != 3 * n_vertices + 4 * n_faces:
+    n_coordinates = 3 * n_vertices
+    if len(numbers) != n_coordinates + 4 * n_faces:
         return None
-    faces = numbers[3 * n_vertices :].reshape(-1, 4)
-    if (faces[:, 0] != 3).any():
+    vertices = numbers[:n_coordinates].reshape(-1, 3)
+    faces = numbers[n_coordinates:].reshape(-1, 4)
+    are_triangles = (faces[:, 0] == 3).all()
+    if not are_triangles:
         return None
-    return numbers[: 3 * n_vertices].reshape(-1, 3), whole_numbers(faces[:, 1:])
+    return vertices, whole_numbers(faces[:, 1:])
 
 
 def write(mesh: Mesh) -> bytes:

@@ -80,7 +80,26 @@ class _Element(NamedTuple):
 
 
 def read(data: bytes, _: Path) -> MeshArrays:
-    """Return the vertices and polygons of a PLY file."""
+    """Return the vertices and polygons of a PLY file, text or binary.
+
+    Parameters
+    ----------
+    data
+        Bytes of the file.
+
+    Returns
+    -------
+    vertices : numpy.ndarray
+        Shape (n, 3).
+    corners, sizes : numpy.ndarray
+        Vertices of all polygons one after the other, counted from 0, and the number of corners of
+        each polygon; empty corners alone for a point cloud.
+
+    Raises
+    ------
+    ValueError
+        If the header is not understood, or other data follow than it announces.
+    """
     header, body = _split_header(data)
     elements, is_text = _elements(header)
     names = [element.name for element in elements]
@@ -97,14 +116,15 @@ def read(data: bytes, _: Path) -> MeshArrays:
     if is_text:
         _check_lines(lines, runs)
     vertices = np.concatenate(list(map(_coordinates, runs["vertex"]))).astype(np.float64)
-    if "face" not in names:  # points
+    is_point_cloud = "face" not in names
+    if is_point_cloud:
         return vertices, np.empty(0, dtype=np.int64)
-    faces = runs["face"]
-    names_of_face = faces[0].dtype.names or ()
-    corners = "vertex_index" if "vertex_index" in names_of_face else "vertex_indices"
-    sizes = np.concatenate([np.full(len(run), run[corners].shape[1]) for run in faces])
-    flat = np.concatenate([run[corners].ravel() for run in faces])
-    return vertices, whole_numbers(flat), sizes
+    fields = runs["face"][0].dtype.names or ()
+    name_of_corners = "vertex_index" if "vertex_index" in fields else "vertex_indices"
+    corners_of_runs = [run[name_of_corners] for run in runs["face"]]
+    sizes = np.concatenate([np.full(len(run), run.shape[1]) for run in corners_of_runs])
+    corners = np.concatenate([run.ravel() for run in corners_of_runs])
+    return vertices, whole_numbers(corners), sizes
 
 
 def _coordinates(run: Run) -> NDArray[Any]:
@@ -123,7 +143,25 @@ def _split_header(data: bytes) -> tuple[list[str], bytes]:
 
 
 def _elements(lines: Sequence[str]) -> tuple[list[_Element], bool]:
-    """Return the elements of a header, and whether numbers are text."""
+    """Parse the header of a PLY file.
+
+    Parameters
+    ----------
+    lines
+        Lines of the header.
+
+    Returns
+    -------
+    elements : list of _Element
+        What the file holds, such as vertices and faces, with the fields of a row of each.
+    is_text : bool
+        Whether the numbers are text, not binary.
+
+    Raises
+    ------
+    ValueError
+        If a line is not understood.
+    """
     elements: list[_Element] = []
     order: str | None = None
     for line in lines:
@@ -176,42 +214,77 @@ def _check_lines(lines: Sequence[bytes], runs: Mapping[str, Sequence[Run]]) -> N
 
 
 def _element_runs(data: bytes, at: int, element: _Element) -> list[Run]:
-    """Return the rows of an element, in runs; that of an element without rows is empty."""
+    """Return the rows of an element in runs: consecutive rows whose lists have equal lengths.
+
+    Rows with lists, such as the corners of a polygon, vary in length, so they are read as arrays
+    only where they do not.
+
+    Parameters
+    ----------
+    data
+        Numbers of the file; those of a text are converted.
+    at
+        Where the element begins.
+    element
+        Name, number of rows and fields.
+
+    Returns
+    -------
+    list of numpy.ndarray
+        Structured arrays; a single empty one for an element without rows.
+
+    Raises
+    ------
+    ValueError
+        If the data end before the rows that are announced.
+    """
     runs: list[Run] = []
-    count = element.n_rows
-    most = count
-    while count or not runs:
-        row, lengths = _row_at(data, at, element, count)
-        fitting = min(count, most, (len(data) - at) // max(row.itemsize, 1))
-        if count and not (fitting and row.itemsize):
-            raise ValueError(f"{count} rows of {element.name} announced, but it ends before them")
-        run = np.frombuffer(data, row, fitting, at) if fitting else np.empty(0, row)
+    n_left = element.n_rows
+    longest = n_left
+    while n_left or not runs:
+        row, lengths = _row_at(data, at, element, n_left)
+        n_that_fit = (len(data) - at) // max(row.itemsize, 1)
+        n_rows = min(n_left, longest, n_that_fit)
+        if n_left and not (n_rows and row.itemsize):
+            raise ValueError(f"{n_left} rows of {element.name} announced, but it ends before them")
+        run = np.frombuffer(data, row, n_rows, at) if n_rows else np.empty(0, row)
+        # The run ends before the first row whose lists have other lengths. The next one is tried
+        # with one row, then twice as many each time, so that short runs cost little.
         differs = np.zeros(len(run), dtype=bool)
         for name, length in lengths.items():
             differs |= run[name] != length
-        most *= 2
+        longest *= 2
         if differs.any():
             run = run[: differs.argmax()]
-            most = 1
+            longest = 1
         runs.append(run)
         at += run.nbytes
-        count -= len(run)
+        n_left -= len(run)
     return runs
 
 
 def _row_at(
     data: bytes, at: int, element: _Element, count: int
 ) -> tuple[np.dtype[Any], dict[str, int]]:
-    """Return the layout of the row that begins at a place, and the lengths of its lists by field.
+    """Return the layout of one row of an element, as its lists are long there.
 
     Parameters
     ----------
-    data, at
-        The rows, and the place.
+    data
+        Numbers of the file.
+    at
+        Where the row begins.
     element
-        The element.
+        Name and fields.
     count
-        Number of rows from there; 0 if there is none.
+        Number of rows from there; if it is 0, lists are empty.
+
+    Returns
+    -------
+    layout : numpy.dtype
+        Fields of the row; before each list stands its length, as ``"NAME size"``.
+    lengths : dict
+        Length of each list by the name of the field that holds it.
     """
     layout: list[Any] = []
     lengths: dict[str, int] = {}
@@ -219,20 +292,21 @@ def _row_at(
         if not field.size_type:
             layout.append((field.name, field.type))
             continue
+        # Where a list begins is known from the layout so far; its length stands there.
         name = f"{field.name} size"
         layout.append((name, field.size_type))
         lengths[name] = 0
         if count and at < len(data):
-            begun = np.frombuffer(data, layout, 1, at)
-            if not float(begun[name][0]).is_integer():
+            row_so_far = np.frombuffer(data, layout, 1, at)
+            if not float(row_so_far[name][0]).is_integer():
                 raise ValueError("its rows are not those that its header announces")
-            lengths[name] = int(whole_numbers(begun[name])[0])
+            lengths[name] = int(whole_numbers(row_so_far[name])[0])
         layout.append((field.name, field.type, (lengths[name],)))
     return np.dtype(layout), lengths
 
 
 def write(mesh: Mesh) -> bytes:
-    """Return the content of a binary PLY file."""
+    """Return a mesh as the bytes of a binary PLY file, with coordinates in double precision."""
     header = (
         "ply\nformat binary_little_endian 1.0\n"
         f"element vertex {mesh.n_vertices}\n"

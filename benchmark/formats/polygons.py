@@ -28,12 +28,21 @@ _FOLDED = 1e-6
 
 
 def count_from_0(corners: IntArray, n_vertices: int, first: int) -> IntArray:
-    """Return corners counted from 0 instead of ``first``.
+    """Return vertex indices counted from 0, of a file whose format counts from ``first``.
+
+    Parameters
+    ----------
+    corners
+        Vertex indices as they stand in the file.
+    n_vertices
+        Number of vertices.
+    first
+        Index of the first vertex in this format, 0 or 1.
 
     Raises
     ------
     InvalidMesh
-        If vertices are missing, or the file counts otherwise.
+        If vertices are missing, or the file evidently counts the other way.
     """
     low = int(corners.min())
     high = int(corners.max())
@@ -50,9 +59,27 @@ def count_from_0(corners: IntArray, n_vertices: int, first: int) -> IntArray:
 
 
 def split_polygons(vertices: Points, corners: IntArray, sizes: IntArray) -> IntArray:
-    """Split polygons into fans of triangles, around the first corner that sees all others.
+    """Split polygons into fans of triangles, each around the first corner that sees all others.
 
-    A face without corners, as some exporters write, is none.
+    Parameters
+    ----------
+    vertices
+        Coordinates, shape (n, 3).
+    corners
+        Vertices of all polygons one after the other, shape (k,).
+    sizes
+        Number of corners of each polygon, shape (p,); those without corners, as some exporters
+        write, are left out.
+
+    Returns
+    -------
+    numpy.ndarray
+        Triangles, shape (m, 3).
+
+    Raises
+    ------
+    InvalidMesh
+        If a polygon has one or two corners, or none that sees all others.
     """
     sizes = sizes[sizes != 0]
     too_few = np.flatnonzero(sizes < 3)
@@ -69,31 +96,54 @@ def split_polygons(vertices: Points, corners: IntArray, sizes: IntArray) -> IntA
             "without a corner that sees all others"
         )
         raise InvalidMesh(problem, "triangulate the polygons before exporting them")
-    # The polygon of each triangle, and the triangle's place in the fan.
-    polygon = np.repeat(np.arange(len(sizes)), sizes - 2)
-    within = np.arange(len(polygon)) - np.repeat(starts - 2 * np.arange(len(starts)), sizes - 2)
-    turned = [(centres[polygon] + step) % sizes[polygon] for step in (0, within + 1, within + 2)]
-    return np.stack([corners[starts[polygon] + place] for place in turned], axis=1)
+    # The polygon of each triangle, and the triangle's place in the fan: a polygon of k corners has
+    # k - 2 triangles.
+    numbers = np.arange(len(sizes))
+    polygon = np.repeat(numbers, sizes - 2)
+    first_triangles = starts - 2 * numbers
+    within = np.arange(len(polygon)) - first_triangles[polygon]
+    triangle = []
+    for steps_from_centre in (0, within + 1, within + 2):
+        place = (centres[polygon] + steps_from_centre) % sizes[polygon]
+        triangle.append(corners[starts[polygon] + place])
+    return np.stack(triangle, axis=1)
 
 
 def _fan_centres(
     vertices: Points, corners: IntArray, starts: IntArray, sizes: IntArray
 ) -> IntArray:
-    """Return the place of the first corner of each polygon that sees all others; -1 for none."""
+    """Find the first corner of each polygon that sees all others, around which it is split.
+
+    Parameters
+    ----------
+    vertices
+        Coordinates, shape (n, 3).
+    corners
+        Vertices of all polygons one after the other, shape (k,).
+    starts, sizes
+        Where each polygon begins among them, and its number of corners, shape (p,).
+
+    Returns
+    -------
+    numpy.ndarray
+        Place of that corner in its polygon, from 0; -1 if there is none, shape (p,).
+    """
     centres = np.zeros(len(sizes), dtype=np.int64)
     extent = np.abs(vertices).max() or 1.0  # products of coordinates stay in range
     if not np.isfinite(extent):
         return centres  # this is refused as a mesh
+    # Polygons of equal size are tried together, in blocks that fit in memory; large ones one by
+    # one, with a method that tries few corners.
     for size in np.unique(sizes[sizes > 3]):
-        same = np.flatnonzero(sizes == size)
+        of_size = np.flatnonzero(sizes == size)
         if size > _MOST_CORNERS:
-            for polygon in same:
+            for polygon in of_size:
                 places = starts[polygon] + np.arange(size)
                 centres[polygon] = _seeing_corner(vertices[corners[places]] / extent)
-            continue
-        for block in np.array_split(same, len(same) // _MOST_POLYGONS + 1):
-            places = starts[block, None] + np.arange(size)
-            centres[block] = _seeing_corners(vertices[corners[places]] / extent)
+        else:
+            for block in np.array_split(of_size, len(of_size) // _MOST_POLYGONS + 1):
+                places = starts[block, None] + np.arange(size)
+                centres[block] = _seeing_corners(vertices[corners[places]] / extent)
     return centres
 
 
@@ -127,19 +177,30 @@ def _looks_ahead(polygons: Points, corner: int) -> NDArray[np.bool_]:
 
 
 def _seeing_corner(polygon: Points) -> int:
-    """Return the first corner of a large polygon, shape (k, 3), whose fan nowhere folds back.
+    """Return the first corner of a large polygon whose fan of triangles nowhere folds back.
 
-    -1 if there is none. How far ahead the triangle of a side and a corner looks is linear in the
-    corner. So is the sum over the sides that one corner does not see: with that corner go all
-    others for which this sum alone is too far behind.
+    How far the triangle of a side and a corner faces like the polygon is linear in the position of
+    the corner, and so is a sum over sides. If a corner does not see some sides, all corners are
+    left out for which the sum over these sides alone is too far behind.
+
+    Parameters
+    ----------
+    polygon
+        Positions of its corners, shape (k, 3).
+
+    Returns
+    -------
+    int
+        Place of the corner; -1 if there is none, or none was found among those tried.
     """
     centred = polygon - polygon.mean(axis=0)
     following = np.roll(centred, -1, axis=0)
     normals = np.cross(centred, following)
-    whole = normals.sum(axis=0)
-    slopes = np.cross(whole, following - centred)
-    offsets = normals @ whole
-    most_folded = _FOLDED * (whole @ whole)
+    whole_normal = normals.sum(axis=0)
+    # The triangle of a side and a corner c faces like the polygon by offset + slope c.
+    slopes = np.cross(whole_normal, following - centred)
+    offsets = normals @ whole_normal
+    most_folded = _FOLDED * (whole_normal @ whole_normal)
     untried = np.arange(len(polygon))
     n_fans = 0
     for _ in range(_MOST_TRIES):
@@ -148,10 +209,11 @@ def _seeing_corner(polygon: Points) -> int:
         corner = untried[0]
         untried = untried[1:]
         ahead = offsets + slopes @ centred[corner]
-        behind = ahead < 0
-        if -ahead[behind].sum() > most_folded:
-            offset = offsets[behind].sum()
-            slope = slopes[behind].sum(axis=0)
+        is_behind = ahead < 0
+        if -ahead[is_behind].sum() > most_folded:
+            # The sum over the sides that this corner does not see excludes other corners, too.
+            offset = offsets[is_behind].sum()
+            slope = slopes[is_behind].sum(axis=0)
             untried = untried[offset + centred[untried] @ slope >= -most_folded]
         elif _looks_ahead(polygon[None], int(corner))[0]:
             return int(corner)

@@ -46,7 +46,21 @@ def _binary_corners(data: bytes) -> FloatArray | None:
 
 
 def _ascii_corners(data: bytes) -> FloatArray:
-    """Return the coordinates of all corners, three a triangle."""
+    """Return the coordinates of all corners in an STL file of text, shape (9 * triangles,).
+
+    Parameters
+    ----------
+    data
+        Bytes of the file: ``facet``, ``outer loop``, three lines ``vertex x y z``, and so on, from
+        ``solid`` to ``endsolid``.
+
+    Raises
+    ------
+    ValueError
+        If it is no such file or cut off, or a facet has other than three corners.
+    UnreadableMesh
+        If its line breaks are missing.
+    """
     if data.lstrip()[:5].lower() != b"solid":
         raise ValueError(
             f"{len(data)} bytes are neither an ASCII STL nor as many triangles as it announces"

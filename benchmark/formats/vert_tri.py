@@ -21,7 +21,23 @@ from benchmark.formats.reading import read_unpacked
 
 
 def read(data: bytes, path: Path) -> MeshArrays:
-    """Return the vertices of a file and the triangles of that beside it, counted from 0."""
+    """Return the vertices of a file, and the triangles of the file beside it, counted from 0.
+
+    Parameters
+    ----------
+    data
+        Bytes of the ``.vert`` file: a line of three coordinates for each vertex.
+    path
+        That file; the ``.tri`` file beside it has a line of three vertices for each triangle,
+        counted from 0 or from 1.
+
+    Raises
+    ------
+    ValueError
+        If it is not clear whether the triangles count from 0 or from 1.
+    UnreadableMesh
+        If there is no such file beside it, or it is damaged.
+    """
     vertices = parse_table(filled_lines(plain_text(data)))
     companion = triangle_file(path)
     with named_errors(companion, "tri file", UnreadableMesh, "fetch it again"):

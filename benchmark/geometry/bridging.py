@@ -51,29 +51,48 @@ def bridge_components(mesh: Mesh) -> tuple[Mesh, list[float]]:
 
 
 def _links(mesh: Mesh, labels: IntArray) -> Iterator[tuple[float, int, int]]:
-    """Yield the links of the minimum spanning tree of the components [Prim 1957].
+    """Yield the links of the minimum spanning tree of the components, by Prim's algorithm [1957].
 
-    They come in the order in which they are found from component 0. A link is the distance from a
-    vertex of the joined components to one of a new component, and these two vertices.
+    The tree grows from component 0: each link joins the nearest component that is still outside.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    labels
+        Component of each vertex, from 0, shape (n,).
+
+    Yields
+    ------
+    gap : float
+        Length of the link, in units of the mesh.
+    first, second : int
+        The vertices at its ends: of a component that is joined, and of the new one.
     """
     anchors = _anchor_candidates(mesh, labels)
     points = mesh.vertices[anchors]
-    component = labels[anchors]
+    component_of = labels[anchors]
     # Distance of each anchor to the joined components, and the nearest anchor of them.
     gaps = np.full(len(anchors), np.inf)
     nearest = np.zeros(len(anchors), dtype=np.int64)
-    added = 0
-    outside = np.flatnonzero(component != added)
+    newest_component = 0
+    outside = np.flatnonzero(component_of != newest_component)
     while len(outside):
-        members = np.flatnonzero(component == added)
-        distances, at = cKDTree(points[members]).query(points[outside])
-        closer = distances < gaps[outside]
-        gaps[outside[closer]] = distances[closer]
-        nearest[outside[closer]] = members[at[closer]]
-        end = outside[gaps[outside].argmin()]
-        yield float(gaps[end]), int(anchors[nearest[end]]), int(anchors[end])
-        added = component[end]
-        outside = outside[component[outside] != added]
+        # Only the component that joined last can bring an anchor nearer.
+        members = np.flatnonzero(component_of == newest_component)
+        distances, member_of = cKDTree(points[members]).query(points[outside])
+        is_closer = distances < gaps[outside]
+        closer = outside[is_closer]
+        gaps[closer] = distances[is_closer]
+        nearest[closer] = members[member_of[is_closer]]
+        next_anchor = outside[gaps[outside].argmin()]
+        yield (
+            float(gaps[next_anchor]),
+            int(anchors[nearest[next_anchor]]),
+            int(anchors[next_anchor]),
+        )
+        newest_component = component_of[next_anchor]
+        outside = outside[component_of[outside] != newest_component]
 
 
 def _anchor_candidates(mesh: Mesh, labels: IntArray) -> IntArray:
@@ -95,25 +114,35 @@ class _Builder:
         self._welded: dict[int, int] = {}
 
     def bridge(self, first: int, second: int) -> None:
-        """Join two vertices of different components."""
+        """Join two components by a strip of triangles from vertex to vertex.
+
+        The strip connects a boundary edge at each vertex: four corners, two triangles. Vertices at
+        the same position become one, which leaves one triangle, or none.
+
+        Parameters
+        ----------
+        first, second
+            Vertices of different components, which may have been replaced by others since.
+        """
         first = self._resolve(first)
         second = self._resolve(second)
-        a, b = self._facing_edges(first, second)
-        forward = self._runs(first, a)
+        beside_first, beside_second = self._facing_edges(first, second)
+        first_edge_runs_forward = self._runs(first, beside_first)
         if self._gap(first, second) == 0:
             self._weld(second, first)
-            if self._gap(a, b) == 0:
-                self._weld(b, a)
+            if self._gap(beside_first, beside_second) == 0:
+                self._weld(beside_second, beside_first)
                 return
-            strip = [(a, first, b)]
-        elif self._gap(first, b) <= self._gap(a, second):
-            strip = [(a, first, b), (first, second, b)]
+            strip = [[beside_first, first, beside_second]]
+        elif self._gap(first, beside_second) <= self._gap(beside_first, second):
+            strip = [[beside_first, first, beside_second], [first, second, beside_second]]
         else:
-            strip = [(a, first, second), (a, second, b)]
-        # If a side runs from first to a in its face, it must run from a to first in the new
-        # triangle.
-        for x, y, z in strip:
-            self._add([x, y, z] if forward else [y, x, z])
+            strip = [[beside_first, first, second], [beside_first, second, beside_second]]
+        # Two triangles at an edge are oriented alike if they run through it in opposite directions.
+        for triangle in strip:
+            if not first_edge_runs_forward:
+                triangle[:2] = triangle[1], triangle[0]
+            self._add(triangle)
 
     def _facing_edges(self, first: int, second: int) -> tuple[int, int]:
         """Return the far ends of the boundary edges at two vertices that a bridge joins.

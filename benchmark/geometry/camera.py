@@ -8,13 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import ConfigurationError
-from benchmark.geometry.mesh import Points
+from benchmark.geometry.mesh import FloatArray, Points
 
 #: Largest depth of an image.
 _NEAREST = 1.0
 
 #: Least depth of the foreground.
 _FARTHEST = 1e-3
+
+#: Largest error of the length of a unit vector.
+_ROUNDING = 1e-12
+
+#: Length of what is orthogonal of an up vector, up to which it is parallel to the direction.
+_PARALLEL = 1e-9
 
 
 @dataclass(frozen=True)
@@ -38,20 +44,21 @@ class Camera:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
+        """Normalise ``direction``, and make ``up`` a unit vector orthogonal to it."""
         direction = np.asarray(self.direction, dtype=np.float64)
         up = np.asarray(self.up, dtype=np.float64)
         length = np.linalg.norm(direction)
-        if np.isfinite(length) and length > 0:
-            if abs(length - 1) > 1e-12:  # unit vectors stay bitwise identical
-                direction = direction / length
+        has_direction = np.isfinite(length) and length > 0
+        if has_direction:
+            direction = _normalised(direction, length)
             up = up - (up @ direction) * direction
         height = np.linalg.norm(up)
-        if not (np.isfinite(length) and length > 0 and np.isfinite(height) and height > 1e-9):
+        has_up = np.isfinite(height) and height > _PARALLEL
+        if not (has_direction and has_up):
             problem = f"no camera looks along {self.direction} with {self.up} as up"
             hint = "pass two finite vectors that are neither zero nor parallel"
             raise ConfigurationError(problem, hint)
-        if abs(height - 1) > 1e-12:
-            up = up / height
+        up = _normalised(up, height)
         object.__setattr__(self, "direction", tuple(direction.tolist()))
         object.__setattr__(self, "up", tuple(up.tolist()))
 
@@ -64,6 +71,13 @@ class Camera:
         direction = np.asarray(self.direction)
         up = np.asarray(self.up)
         return np.stack([np.cross(direction, up), up, -direction])
+
+
+def _normalised(vector: FloatArray, length: np.floating) -> FloatArray:
+    """Return a vector over its length; one of length 1 stays bitwise identical."""
+    if abs(length - 1) <= _ROUNDING:
+        return vector
+    return np.asarray(vector / length)
 
 
 FRONT = Camera((0.0, 1.0, 0.0))

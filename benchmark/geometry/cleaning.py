@@ -95,7 +95,9 @@ def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
     faces = _proper(place[surface.faces])
     n_collapsed = mesh.n_faces - len(faces)
     faces, n_flat = _without_flat(distinct, faces, _FLAT * unit)
-    single = np.sort(np.unique(np.sort(faces, axis=1), axis=0, return_index=True)[1])
+    sorted_corners = np.sort(faces, axis=1)
+    _, first_of_each = np.unique(sorted_corners, axis=0, return_index=True)
+    single = np.sort(first_of_each)
     cleaned = compact(distinct, faces[single])
     return cleaned, {
         "vertices_before": mesh.n_vertices,
@@ -132,22 +134,25 @@ def count_holes(boundary: IntArray) -> int:
 
 @np.errstate(over="ignore")
 def extent_of(mesh: Mesh) -> float:
-    """Return the longest side of the bounding box.
+    """Return the longest side of the bounding box, in units of the mesh.
 
     Raises
     ------
     InvalidMesh
-        If it is zero or out of range, or coordinates are rounded.
+        If it is zero or out of range, or if the coordinates were single precision and so far from
+        the origin that rounding moved them visibly.
     """
     extent = float(np.ptp(mesh.vertices, axis=0).max()) if mesh.n_vertices else 0.0
-    if not _EXTENTS[0] < extent < _EXTENTS[1]:
+    least, largest = _EXTENTS
+    if not least < extent < largest:
         problem = f"the bounding box of the mesh has extent {extent:g}"
         raise InvalidMesh(problem, "pass a surface of positive size in a unit that fits it")
-    far = np.abs(mesh.vertices).max(axis=0)
-    coarse = mesh.vertices[:, far * np.finfo(np.float32).eps > _COARSE * extent]
+    farthest = np.abs(mesh.vertices).max(axis=0)  # along each axis
+    rounding = farthest * np.finfo(np.float32).eps
+    coarse = mesh.vertices[:, rounding > _COARSE * extent]
     if coarse.size and _were_single(coarse):
         problem = (
-            f"coordinates of {far.max():.7g} in single precision are too coarse "
+            f"coordinates of {farthest.max():.7g} in single precision are too coarse "
             f"for a size of {extent:.3g}"
         )
         hint = "move it to the origin, or export coordinates in double precision"
@@ -193,19 +198,30 @@ def make_manifold(mesh: Mesh) -> Mesh:
     faces = mesh.faces.astype(np.int64)
     edges = mesh.edges
     if (edges.counts > 2).any():
-        # Rank of each side among the sides of its edge, largest face first; ties by face order.
-        size = np.repeat(mesh.face_areas, 3)
-        order = np.lexsort((np.arange(len(size)), -size, edges.of_sides))
-        rank = (np.arange(len(size)) - edges.first[edges.of_sides[order]])[np.argsort(order)]
-        keep = ~(rank.reshape(-1, 3) >= 2).any(axis=1)
-        faces = faces[keep]
+        ranks = _ranks_at_edges(mesh)
+        faces = faces[(ranks < 2).all(axis=1)]
         edges = edges_of(faces)
-    fan, owner = _fans(faces, edges)
-    if len(faces) == mesh.n_faces and len(owner) == mesh.n_vertices:
+    fan_of_corner, vertex_of_fan = _fans(faces, edges)
+    if len(faces) == mesh.n_faces and len(vertex_of_fan) == mesh.n_vertices:
         return mesh
-    # Order fans by their vertex, so that a manifold mesh stays unchanged.
-    order = np.argsort(owner, kind="stable")
-    return Mesh(mesh.vertices[owner[order]], np.argsort(order)[fan].reshape(-1, 3).astype(np.int32))
+    # The fans become the vertices, in the order of those that they come from.
+    order = np.argsort(vertex_of_fan, kind="stable")
+    place_of_fan = np.argsort(order)
+    corners = place_of_fan[fan_of_corner].reshape(-1, 3)
+    return Mesh(mesh.vertices[vertex_of_fan[order]], corners.astype(np.int32))
+
+
+def _ranks_at_edges(mesh: Mesh) -> IntArray:
+    """Return the rank of each triangle at each of its three edges, shape (m, 3).
+
+    At an edge, the largest triangle has rank 0; of equal ones, the first.
+    """
+    edges = mesh.edges
+    sides = np.arange(3 * mesh.n_faces)
+    areas = np.repeat(mesh.face_areas, 3)
+    order = np.lexsort((sides, -areas, edges.of_sides))  # by edge, then largest first
+    ranks_in_order = sides - edges.first[edges.of_sides[order]]
+    return np.asarray(ranks_in_order[np.argsort(order)].reshape(-1, 3))
 
 
 def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, int]:
@@ -229,7 +245,7 @@ def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, i
         Number of turned triangles, and of pieces that cannot be oriented (such as a Moebius strip).
     """
     edges = mesh.edges
-    starts, ends = sides_of(mesh.faces)
+    starts, _ = sides_of(mesh.faces)
     # Both sides of each inner edge, which run alike if their triangles are oriented differently.
     inner = edges.first[edges.counts == 2]
     first = edges.grouped_sides[inner]
@@ -239,22 +255,48 @@ def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, i
     contradicts = runs_alike ^ (signs[first // 3] != signs[second // 3])
     n_one_sided = len(np.unique(piece[first[contradicts] // 3]))
 
-    middles = mesh.vertices[mesh.faces].mean(axis=1)
-    centres = weighted_means(middles, mesh.face_areas, piece)
-    fluxes = np.einsum("fk,fk->f", middles - centres[piece], mesh.face_normals)
-    outwards = np.bincount(piece, signs * fluxes)
-    rim = edges.grouped_sides[edges.first[edges.counts == 1]]
-    lengths = np.linalg.norm(mesh.vertices[starts[rim]] - mesh.vertices[ends[rim]], axis=1)
-    is_closed = np.bincount(piece[rim // 3], lengths, len(areas)) <= np.sqrt(areas)
-    by_volume = is_closed & (np.abs(outwards) > _NO_VOLUME * areas**1.5)
-    majority = np.bincount(piece, signs * mesh.face_areas)
-    signs *= np.where(np.where(by_volume, outwards, majority) < 0, -1, 1)[piece]
-
+    signs *= _signs_of_pieces(mesh, signs, areas, piece)[piece]
     turned = signs < 0
     if not turned.any():
         return mesh, 0, n_one_sided
     faces = np.where(turned[:, None], mesh.faces[:, ::-1], mesh.faces)
     return Mesh(mesh.vertices, faces), int(turned.sum()), n_one_sided
+
+
+def _signs_of_pieces(
+    mesh: Mesh, signs: FloatArray, areas: FloatArray, piece: IntArray
+) -> NDArray[np.integer]:
+    """Return -1 for each piece that is to be turned as a whole, else 1, shape (pieces,).
+
+    A closed piece with a volume faces outwards; any other keeps the side of most of its area.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    signs
+        -1 for the triangles that are turned so that those of a piece are alike, else 1, shape (m,).
+    areas, piece
+        Area of each piece, and the piece of each triangle.
+    """
+    edges = mesh.edges
+    starts, ends = sides_of(mesh.faces)
+    rim = edges.grouped_sides[edges.first[edges.counts == 1]]
+    lengths = np.linalg.norm(mesh.vertices[starts[rim]] - mesh.vertices[ends[rim]], axis=1)
+    border = np.bincount(piece[rim // 3], lengths, len(areas))
+    is_closed = border <= np.sqrt(areas)
+
+    # By the divergence theorem, the flux of the position through a closed surface is three times
+    # its volume, with the sign of its orientation.
+    middles = mesh.vertices[mesh.faces].mean(axis=1)
+    centres = weighted_means(middles, mesh.face_areas, piece)
+    fluxes = np.einsum("fk,fk->f", middles - centres[piece], mesh.face_normals)
+    outwards = np.bincount(piece, signs * fluxes)
+    has_volume = np.abs(outwards) > _NO_VOLUME * areas**1.5
+
+    majority = np.bincount(piece, signs * mesh.face_areas)
+    decisive = np.where(is_closed & has_volume, outwards, majority)
+    return np.where(decisive < 0, -1, 1)
 
 
 def _consistent_signs(mesh: Mesh) -> FloatArray:
@@ -324,30 +366,63 @@ def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
 
 
 def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
-    """Merge vertices within a distance, transitively, at the mean of their distinct positions.
+    """Merge vertices within a distance of each other, transitively, at their mean.
 
-    Where this merges some, rounding may have moved others farther apart, and borders are closed
-    that are within :data:`SEAM` times the distance. What returns is that of
-    :func:`merge_duplicates`.
+    Each distinct position counts once in a mean. Where copies were merged, rounding may have moved
+    others farther apart: vertices of borders that remain are merged within :data:`SEAM` times the
+    distance.
+
+    Parameters
+    ----------
+    surface
+        The mesh.
+    distance
+        Distance within which vertices are copies, in units of the mesh.
+
+    Returns
+    -------
+    positions : numpy.ndarray
+        Merged positions, shape (k, 3).
+    place : numpy.ndarray
+        Index of each vertex of the mesh among them, shape (n,).
+
+    Raises
+    ------
+    InvalidMesh
+        If most vertices lie that near to very many others.
     """
     distinct, place = merge_duplicates(surface.vertices)
     groups = _near_groups(distinct, distance)
     if groups is None:
         return distinct, place
     equally = np.ones(len(distinct))
+    merged = weighted_means(distinct, equally, groups)
+    # Vertices of borders that are left, and the groups that the wider distance makes of them.
     rim = np.unique(edges_of(_proper(groups[place[surface.faces]])).boundary)
-    at_rim = _near_groups(weighted_means(distinct, equally, groups)[rim], SEAM * distance)
-    if at_rim is not None:
-        first = np.arange(groups.max() + 1)
-        first[rim] = rim[np.unique(at_rim, return_index=True)[1][at_rim]]
-        groups = np.unique(first, return_inverse=True)[1].astype(np.int64)[groups]
+    rim_groups = _near_groups(merged[rim], SEAM * distance)
+    if rim_groups is not None:
+        _, first_of_group = np.unique(rim_groups, return_index=True)
+        stands_for = np.arange(len(merged))
+        stands_for[rim] = rim[first_of_group[rim_groups]]
+        _, wider_groups = np.unique(stands_for, return_inverse=True)
+        groups = wider_groups.astype(np.int64)[groups]
     return weighted_means(distinct, equally, groups), groups[place]
 
 
 def _near_groups(points: Points, distance: float) -> IntArray | None:
-    """Return the group of each point, joined by chains of points within a distance.
+    """Group points that are connected by chains of points within a distance of each other.
 
-    None if all are single.
+    Returns
+    -------
+    numpy.ndarray or None
+        Group of each point, numbered from 0 by their first points, shape (n,); None if each point
+        is alone in its group.
+
+    Raises
+    ------
+    InvalidMesh
+        If points have on average more than :data:`_MOST_COPIES` neighbours, whose pairs would not
+        fit in memory.
     """
     from scipy.spatial import cKDTree  # lazy: most verbs clean nothing
 
@@ -374,16 +449,32 @@ def _proper(faces: IntArray) -> IntArray:
 
 
 def _without_flat(vertices: Points, faces: IntArray, height: float) -> tuple[IntArray, int]:
-    """Split triangles at their longest sides where a neighbour is flat.
+    """Remove flat triangles by splitting the triangles across their longest sides.
 
-    In each round, all triangles at a longest side are split at the third corner of a flat one,
-    which leaves nothing of the flat one itself. Choices follow the positions of vertices, not their
-    numbers.
+    The third corner of a flat triangle lies on its longest side. In each round, all triangles at
+    such a side are split at that corner, which leaves nothing of the flat one and opens no border.
+    Choices follow the positions of vertices, not their numbers.
+
+    Parameters
+    ----------
+    vertices
+        Positions, shape (n, 3).
+    faces
+        Triangles, shape (m, 3).
+    height
+        Height up to which a triangle is flat, in units of the mesh.
 
     Returns
     -------
-    numpy.ndarray, int
-        The triangles, and how many were flat.
+    faces : numpy.ndarray
+        Triangles that are not flat, shape (k, 3).
+    n_flat : int
+        How many of the given triangles were flat.
+
+    Raises
+    ------
+    InvalidMesh
+        If flat triangles remain after :data:`_MOST_ROUNDS` rounds.
     """
     # Numbers of the vertices; once a triangle is flat, vertices are sorted by their positions.
     order = np.arange(len(vertices))
@@ -411,53 +502,86 @@ def _flat_triangles(corners: FloatArray, height: float) -> tuple[IntArray, IntAr
 
 
 def _split_at_flat(faces: IntArray, flat: IntArray, longest: IntArray, n_vertices: int) -> IntArray:
-    """Return the triangles after a round of splitting; each changes at most once.
+    """Split edges at the vertices of flat triangles that lie on them; one round.
+
+    A triangle changes at most once in a round.
 
     Parameters
     ----------
     faces
-        All triangles.
-    flat, longest
-        Those that are flat, and the longest side of each.
+        All triangles, shape (m, 3).
+    flat
+        Indices of those that are flat, shape (k,).
+    longest
+        The longest side of each flat one, 0 to 2: side s runs from corner s to corner s + 1.
     n_vertices
         Number of vertices.
+
+    Returns
+    -------
+    numpy.ndarray
+        The triangles afterwards; those that were split stand at the end.
     """
     edges = edges_of(faces)
-    at_sides = edges.of_sides.reshape(-1, 3)
+    edge_of_side = edges.of_sides.reshape(-1, 3)
     n_edges = len(edges.ends)
-    # The vertex at which each edge is split; n_vertices for none.
-    third = np.full(n_edges, n_vertices)
-    np.minimum.at(third, at_sides[flat, longest], faces[flat, (longest + 2) % 3])
-    chosen = np.where(third < n_vertices, np.arange(n_edges), n_edges)[at_sides]
-    first = chosen.min(axis=1, keepdims=True)
-    third[at_sides[chosen > first]] = n_vertices  # a triangle changes once in a round
-    face, side = np.nonzero(third[at_sides] < n_vertices)
+    # The vertex at which each edge is split: the corner opposite the longest side of a flat
+    # triangle, the first of several. An edge that is not split has n_vertices.
+    middle_of_edge = np.full(n_edges, n_vertices)
+    opposite_longest = faces[flat, (longest + 2) % 3]
+    np.minimum.at(middle_of_edge, edge_of_side[flat, longest], opposite_longest)
+    # Of several edges of a triangle that would be split, only the first is.
+    split_edges = np.where(middle_of_edge < n_vertices, np.arange(n_edges), n_edges)[edge_of_side]
+    first_split = split_edges.min(axis=1, keepdims=True)
+    middle_of_edge[edge_of_side[split_edges > first_split]] = n_vertices
+
+    face, side = np.nonzero(middle_of_edge[edge_of_side] < n_vertices)
     start = faces[face, side]
     end = faces[face, (side + 1) % 3]
     opposite = faces[face, (side + 2) % 3]
-    middle = third[at_sides[face, side]]
+    middle = middle_of_edge[edge_of_side[face, side]]
     halves = np.concatenate(
         [np.stack([start, middle, opposite]), np.stack([middle, end, opposite])], axis=1
     ).T
+    # A flat triangle is split at its own corner, so both of its halves have a corner twice.
     return np.concatenate([np.delete(faces, face, axis=0), _proper(halves)])
 
 
 def _fans(faces: IntArray, edges: Edges) -> tuple[IntArray, IntArray]:
-    """Return the fan of each corner, shape (3 m,), and the vertex of each fan.
+    """Find the fans of a mesh: the faces around a vertex that are connected through its edges.
 
-    A fan is what edges connect of the faces around a vertex.
+    A vertex of a manifold has one fan; one where two surfaces touch has two.
+
+    Parameters
+    ----------
+    faces
+        Triangles, shape (m, 3).
+    edges
+        Their edges.
+
+    Returns
+    -------
+    fan_of_corner : numpy.ndarray
+        Fan of each corner of each triangle, shape (3 m,).
+    vertex_of_fan : numpy.ndarray
+        Vertex of each fan, shape (fans,).
     """
-    # Consecutive sides of an edge share both end points; non-manifold edges chain all their faces.
+    # The corners at both ends of each side, shape (2, sides); that of the smaller vertex first.
+    vertex_of_corner = faces.ravel()
+    corners = np.arange(len(vertex_of_corner)).reshape(-1, 3)
+    ends = np.stack(sides_of(corners))
+    smaller_first = vertex_of_corner[ends].argsort(axis=0)
+    ends = np.take_along_axis(ends, smaller_first, axis=0)
+
+    # Each side of an edge is linked with the previous one of the same edge, at both ends.
     sides = np.delete(edges.grouped_sides, edges.first)
     previous = np.delete(edges.grouped_sides, edges.first + edges.counts - 1)
-    vertex = faces.ravel()
-    corners = np.stack(sides_of(np.arange(len(vertex)).reshape(-1, 3)))
-    smaller_first = vertex[corners].argsort(axis=0)
-    corners = np.take_along_axis(corners, smaller_first, axis=0)
-    fan = component_labels(corners[:, sides].ravel(), corners[:, previous].ravel(), len(vertex))
-    owner = np.zeros(int(fan.max(initial=-1)) + 1, dtype=np.int64)
-    owner[fan] = vertex
-    return fan, owner
+    fan_of_corner = component_labels(
+        ends[:, sides].ravel(), ends[:, previous].ravel(), len(vertex_of_corner)
+    )
+    vertex_of_fan = np.zeros(int(fan_of_corner.max(initial=-1)) + 1, dtype=np.int64)
+    vertex_of_fan[fan_of_corner] = vertex_of_corner
+    return fan_of_corner, vertex_of_fan
 
 
 def component_labels(tails: IntArray, heads: IntArray, count: int) -> IntArray:

@@ -32,22 +32,24 @@ _N_POINTS = 8000
 
 
 def check_copies(mesh: Mesh) -> None:
-    """Raise ``InvalidMesh`` if a mesh holds a surface twice.
+    """Raise ``InvalidMesh`` if a mesh holds a surface twice, such as another level of detail.
 
-    Pieces are what common positions connect. As a coarser copy may keep positions of its original,
-    a mesh that is one such piece is also looked at by its common vertices, unless these divide it
-    into many pieces, as textures do.
+    The mesh is divided into pieces, of which two are compared at a time. Faces belong to one piece
+    if vertices at the same position connect them. A coarser copy may share positions with its
+    original and so be in one piece with it: if there is one piece alone, faces belong together only
+    if they share vertices by number, unless that leaves many pieces, as the seams of textures do.
     """
     if not mesh.n_faces or not np.isfinite(mesh.vertices).all():
         return  # which is refused elsewhere
-    place = merge_duplicates(mesh.vertices)[1]
-    piece = _piece_of_face(place[mesh.faces])
-    if not piece.any():
-        piece = _piece_of_face(mesh.faces.astype(np.int64))
-        if piece.max() >= _MOST_PIECES:
+    _, place = merge_duplicates(mesh.vertices)
+    piece_of_face = _piece_of_face(place[mesh.faces])
+    is_single = not piece_of_face.any()
+    if is_single:
+        piece_of_face = _piece_of_face(mesh.faces.astype(np.int64))
+        if piece_of_face.max() >= _MOST_PIECES:
             return
-    if piece.any():
-        _check_pieces(mesh, piece)
+    if piece_of_face.any():
+        _check_pieces(mesh, piece_of_face)
 
 
 def _piece_of_face(faces: IntArray) -> IntArray:
@@ -56,12 +58,23 @@ def _piece_of_face(faces: IntArray) -> IntArray:
     return np.unique(labels[faces[:, 0]], return_inverse=True)[1]
 
 
-def _check_pieces(mesh: Mesh, piece: IntArray) -> None:
-    """Raise ``InvalidMesh`` if two large pieces run along each other."""
-    areas = np.bincount(piece, mesh.face_areas)
+def _check_pieces(mesh: Mesh, piece_of_face: IntArray) -> None:
+    """Raise ``InvalidMesh`` if two large pieces run along each other.
+
+    Two pieces do if, of points spread over each of them, more than the share :data:`MOST` lies near
+    the other.
+
+    Parameters
+    ----------
+    mesh
+        The mesh.
+    piece_of_face
+        Number of the piece of each triangle, from 0, shape (m,).
+    """
+    areas = np.bincount(piece_of_face, mesh.face_areas)
     largest = np.argsort(-areas, kind="stable")[:_MOST_PIECES]
-    large = [int(number) for number in largest if areas[number] > _LEAST * areas.sum()]
-    points = {number: _points_on(mesh, np.flatnonzero(piece == number)) for number in large}
+    large = [int(piece) for piece in largest if areas[piece] > _LEAST * areas.sum()]
+    points = {piece: _points_on(mesh, np.flatnonzero(piece_of_face == piece)) for piece in large}
     for first, second in combinations(large, 2):
         near = NEAR * np.sqrt(min(areas[first], areas[second]))
         share = min(

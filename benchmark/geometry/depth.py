@@ -322,9 +322,22 @@ def depth_surface(
 
 
 def _triangulate(samples: Points, jump: float) -> Faces:
-    """Return the triangles between samples without background corners.
+    """Triangulate a grid of depths between neighbours; leave out triangles across a jump of depth.
 
-    Those with a depth difference above ``jump`` are left out.
+    Each square of four samples becomes two triangles, split along the diagonal whose ends differ
+    less in depth; if one of the samples is background, the other three become one.
+
+    Parameters
+    ----------
+    samples
+        Depth of each sample, shape (rows, columns); larger is nearer, 0 is background.
+    jump
+        Largest difference of depth within a triangle.
+
+    Returns
+    -------
+    numpy.ndarray
+        Indices into the flat grid, shape (m, 3); triangles face the camera.
     """
     index = np.arange(samples.size, dtype=np.int32).reshape(samples.shape)
     # Corners of each block, counter-clockwise in the image.

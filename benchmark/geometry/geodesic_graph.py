@@ -15,18 +15,16 @@ WINDOWS = 800
 #: docs/measurements.md.
 WINDOWS_OF_THIN = 2**16
 
-#: A mesh is thin if a tenth of its triangles are longer than so many times their height.
+#: A triangle is thin if its longest side is more than so many times its height.
 THIN = 7.0
+
+#: Share of such triangles above which a mesh is thin.
+SHARE_OF_THIN = 0.1
 
 #: Tangent of the angle below which a vertex lies on the boundary ray of a window, not inside the
 #: window. The ray runs through a vertex, whose own windows cover the surface behind it. Regular
 #: triangulations put many vertices on such rays; without this margin, rounding would decide which
 #: of them split a window and thus how far windows reach.
-
-# Tangent of the angle below which a vertex lies on the boundary ray of a window, not inside the
-# window. The ray runs through a vertex, whose own windows cover the surface behind it. Regular
-# triangulations put many vertices on such rays; without this margin, rounding would decide which of
-# them split a window and thus how far windows reach.
 GRAZING = 1e-9
 
 
@@ -59,28 +57,56 @@ def geodesic_graph(mesh: Mesh, windows: int | None = None) -> csr_array:
         Lengths of the mesh edges and the arcs, in units of the mesh, symmetric, shape (n, n).
     """
     sides = _Sides(mesh)
+    skips_detours = False
     if windows is None:
-        longest = sides.lengths.reshape(-1, 3).max(axis=1)
-        is_thin = longest**2 > THIN * 2 * mesh.face_areas
-        windows = WINDOWS_OF_THIN if is_thin.mean() > 0.1 else WINDOWS
-    opposite = np.argsort(sides.apexes, kind="stable")
-    first = np.concatenate(([0], np.cumsum(np.bincount(sides.apexes, minlength=mesh.n_vertices))))
-    # Successors of the last ring are neither followed nor stored. If that is the first ring, it has
-    # at most one window per triangle at the source. Otherwise, fewer than ``windows`` precede it,
-    # which include the previous ring, and a window has at most two successors. One extra entry, as
-    # a window is written before it is counted.
-    room = max(3 * windows, int(np.diff(first).max(initial=0))) + 1
-    # Around a thin fan, windows multiply at each turn: those are left out that a vertex beside them
-    # makes a detour.
-    ends = np.empty((0, 2), np.int64)
-    if windows == WINDOWS_OF_THIN:
-        ends = np.stack((sides.starts, sides.ends, sides.ends, sides.starts), axis=1).reshape(-1, 2)
-    first_names, first_plane = _first_windows(sides, opposite)
+        skips_detours = _is_thin(mesh, sides)
+        windows = WINDOWS_OF_THIN if skips_detours else WINDOWS
+    # The sides opposite vertex v are by_apex[offsets[v] : offsets[v + 1]].
+    by_apex = np.argsort(sides.apexes, kind="stable")
+    n_opposite = np.bincount(sides.apexes, minlength=mesh.n_vertices)
+    offsets = np.concatenate(([0], np.cumsum(n_opposite)))
+    first_names, first_plane = _first_windows(sides, by_apex)
     passages, moves = _passages(sides)
     tails, heads, lengths = _follow_windows(
-        first_names, first_plane, passages, moves, ends, first, windows, room
+        first_names,
+        first_plane,
+        passages,
+        moves,
+        _ends_of_passages(sides) if skips_detours else np.empty((0, 2), np.int64),
+        offsets,
+        windows,
+        _most_windows(windows, int(n_opposite.max(initial=0))),
     )
     return _undirected(mesh.n_vertices, tails, heads, lengths)
+
+
+def _is_thin(mesh: Mesh, sides: _Sides) -> bool:
+    """Return whether many triangles of a mesh are long and thin.
+
+    Around a fan of thin triangles, windows multiply at each turn, so that more of them are needed.
+    """
+    longest = sides.lengths.reshape(-1, 3).max(axis=1)
+    # The height over the longest side is twice the area over its length.
+    is_thin = longest**2 > THIN * 2 * mesh.face_areas
+    return bool(is_thin.mean() > SHARE_OF_THIN)
+
+
+def _most_windows(windows: int, most_first: int) -> int:
+    """Return how many windows of one source are stored at most.
+
+    Successors of the last ring are not stored. If that is the first ring, it has one window for
+    each triangle at the source. If not, fewer than ``windows`` come before it, and each of those in
+    the ring before has at most two successors. A window is written before it is counted, which
+    takes one more place.
+
+    Parameters
+    ----------
+    windows
+        Number of windows at which the last ring begins.
+    most_first
+        Largest number of triangles at a vertex.
+    """
+    return max(3 * windows, most_first) + 1
 
 
 def _first_windows(sides: _Sides, opposite: IntArray) -> tuple[IntArray, FloatArray]:
@@ -101,36 +127,48 @@ def _first_windows(sides: _Sides, opposite: IntArray) -> tuple[IntArray, FloatAr
     return names, np.stack((-x, -y, sides.lengths[opposite] - x, -y), axis=1)
 
 
-def _passages(sides: _Sides) -> tuple[IntArray, FloatArray]:
-    """Return where each passage through a side leads.
+def _ends_of_passages(sides: _Sides) -> IntArray:
+    """Return the vertices P and Q of each passage, shape (passages, 2); see :func:`_passages`."""
+    forward_and_backward = (sides.starts, sides.ends, sides.ends, sides.starts)
+    return np.stack(forward_and_backward, axis=1).reshape(-1, 2)
 
-    Passage 2 s enters through side s with P at its start, passage 2 s + 1 with P at its end.
+
+def _passages(sides: _Sides) -> tuple[IntArray, FloatArray]:
+    """Return where each passage from a triangle into its neighbour leads.
+
+    A passage enters a triangle through its side PQ and leaves it by one of the other two sides,
+    past P or past Q. Passage 2 s enters through side s with P at its start, passage 2 s + 1 with P
+    at its end.
 
     Returns
     -------
     names : numpy.ndarray
-        The third corner, and the next passages past P and past Q, shape (passages, 3).
+        The third corner, and the next passages past P and past Q, -1 where there is no triangle;
+        shape (passages, 3).
     moves : numpy.ndarray
         Coordinates of the third corner parallel and perpendicular to the vector from P to Q, in
         units of its length, shape (passages, 2).
     """
-    last = _turn(sides.twins, 2)
-    following = _turn(sides.twins, 1)
+    # The other two sides of the triangle, seen from its neighbours: that from the end of the side
+    # to the apex, and that from the apex to its start.
+    beyond_end = _turn(sides.twins, 1)
+    beyond_start = _turn(sides.twins, 2)
     forward = (
         sides.apexes,
-        _passage(sides, last, sides.starts),
-        _passage(sides, following, sides.apexes),
+        _passage(sides, beyond_start, sides.starts),
+        _passage(sides, beyond_end, sides.apexes),
     )
     backward = (
         sides.apexes,
-        _passage(sides, following, sides.ends),
-        _passage(sides, last, sides.apexes),
+        _passage(sides, beyond_end, sides.ends),
+        _passage(sides, beyond_start, sides.apexes),
     )
+    names = np.stack((*forward, *backward), axis=1).reshape(-1, 3)
     width = np.where(sides.lengths > 0, sides.lengths, 1.0)
     along = sides.apex_x / width
     beside = sides.apex_y / width
-    names = np.stack((*forward, *backward), axis=1).reshape(-1, 3)
-    return names, np.stack((along, beside, 1.0 - along, beside), axis=1).reshape(-1, 2)
+    moves = np.stack((along, beside, 1.0 - along, beside), axis=1).reshape(-1, 2)
+    return names, moves
 
 
 def _passage(sides: _Sides, twins: IntArray, start: IntArray) -> IntArray:
@@ -153,6 +191,7 @@ class _Sides:
     """
 
     def __init__(self, mesh: Mesh) -> None:
+        """Compute the geometry of all sides of a mesh, and which of them lie on the same edge."""
         self.starts, self.ends = sides_of(mesh.faces)
         self.apexes = _turn(self.starts, 2)
         along = mesh.vertices[self.ends] - mesh.vertices[self.starts]
@@ -162,14 +201,15 @@ class _Sides:
         self.apex_x = (towards_apex * along).sum(axis=1)
         self.apex_y = np.linalg.norm(towards_apex - self.apex_x[:, None] * along, axis=1)
 
+        # Both sides of each edge between two triangles, unless its ends coincide.
         edges = mesh.edges
-        pair = edges.first[edges.counts == 2]
-        first = edges.grouped_sides[pair]
-        second = edges.grouped_sides[pair + 1]
-        proper = self.lengths[first] > 0
+        inner = edges.first[edges.counts == 2]
+        first = edges.grouped_sides[inner]
+        second = edges.grouped_sides[inner + 1]
+        has_length = self.lengths[first] > 0
         self.twins = np.full(len(self.starts), -1, dtype=np.int64)
-        self.twins[first[proper]] = second[proper]
-        self.twins[second[proper]] = first[proper]
+        self.twins[first[has_length]] = second[has_length]
+        self.twins[second[has_length]] = first[has_length]
 
 
 def _undirected(count: int, tails: IntArray, heads: IntArray, lengths: FloatArray) -> csr_array:
@@ -278,7 +318,20 @@ def _follow_windows(first_names, first_plane, passages, moves, ends, first, budg
 
 @njit(cache=True, nogil=True)
 def _begin_windows(names, ends, seen, best, queue, plane):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write the windows through the sides opposite a source, and see their ends.
+    """Write the windows through the sides opposite a source, and the distances of their ends.
+
+    Parameters
+    ----------
+    names
+        Ends P and Q of each side, and the passage through it, -1 for none; shape (sides, 3).
+    ends
+        Coordinates of P and of Q with the source at the origin, shape (sides, 4).
+    seen
+        Written: the vertices that are reached.
+    best
+        Updated: the least squared distance of each vertex from the source; infinite if not reached.
+    queue, plane
+        Written: passage of each window; P, Q and the rays that bound it, shape (room, 8).
 
     Returns
     -------
@@ -314,16 +367,18 @@ def _enlarged(values, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, A
 
 @njit(cache=True, nogil=True)
 def _is_detour(square_p, square_q, row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return whether all points behind a window are nearer by way of P or of Q.
+    """Return whether each path through a window is longer than one by way of P or of Q.
 
-    This is theorem 3.2 of Xin and Wang [2009].
+    Then the shortest paths to all that lies behind the window pass elsewhere [Xin and Wang 2009,
+    theorem 3.2].
 
     Parameters
     ----------
     square_p, square_q
-        Squares of the least known distances of P and Q from the source.
+        Squares of the least known distances of P and Q from the source; infinite if unknown.
     row
-        P, Q and the two rays of the window.
+        Coordinates of P, of Q, and of the two rays that bound the window, low at P and high at Q;
+        the source is the origin. Shape (8,).
     """
     p_x, p_y, q_x, q_y = row[0], row[1], row[2], row[3]
     low_x, low_y, high_x, high_y = row[4], row[5], row[6], row[7]
@@ -334,7 +389,7 @@ def _is_detour(square_p, square_q, row):  # type: ignore[no-untyped-def]  # noqa
         from_p = ray_x * p_y - ray_y * p_x
         from_q = ray_x * q_y - ray_y * q_x
         if square < np.inf and from_p != from_q:
-            # Where the farther ray crosses PQ.
+            # Where the ray that bounds the cone on the far side from this vertex crosses PQ.
             share = from_p / (from_p - from_q)
             x = p_x + share * (q_x - p_x)
             y = p_y + share * (q_y - p_y)

@@ -122,31 +122,39 @@ def shortest_paths(graph: csr_array, sources: IntArray) -> FloatArray:
     longest = float(graph.data.max(initial=0.0))
     unit = 2.0 ** np.floor(np.log2(longest)) if longest > 0 else 1.0
     lengths = (graph.data / unit).astype(np.float32)
-    single = csr_array((lengths, heads, starts), shape=graph.shape)
-    distances = np.empty((len(sources), len(starts) - 1))
+    graph_in_units = csr_array((lengths, heads, starts), shape=graph.shape)
+    n_vertices = len(starts) - 1
+    distances = np.empty((len(sources), n_vertices))
     waiting = np.arange(len(sources))
     while len(waiting):
-        reference = dijkstra(single, indices=sources[waiting[0]])
-        nearest = np.argsort(reference[sources[waiting]], kind="stable")[:_BLOCK]
+        from_first = dijkstra(graph_in_units, indices=sources[waiting[0]])
+        nearest = np.argsort(from_first[sources[waiting]], kind="stable")[:_BLOCK]
         block = waiting[nearest]
-        rows = _relax(starts, heads, lengths, np.argsort(reference, kind="stable"), sources[block])
-        distances[block] = rows.T.astype(np.float64) * unit
+        order = np.argsort(from_first, kind="stable")
+        columns = _relax(starts, heads, lengths, order, sources[block])
+        distances[block] = columns.T.astype(np.float64) * unit
         waiting = np.delete(waiting, nearest)
     return distances
 
 
 @njit(cache=True, nogil=True)
 def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return the distances of all vertices, by rows, from each source, by columns.
+    """Relax the arcs of a graph until no distance becomes shorter, for all sources at once.
 
     Parameters
     ----------
     starts, heads, lengths
-        The graph: the first arc of each vertex, and head and length of each arc.
+        The graph in compressed rows: index of the first arc of each vertex, shape (n + 1,); head
+        and length of each arc, shape (arcs,).
     order
-        Vertices in the order of the first sweep.
+        Vertices in the order of the first sweep, best by their distance, shape (n,).
     sources
-        Vertex indices.
+        Vertex indices, shape (k,).
+
+    Returns
+    -------
+    numpy.ndarray
+        Distance of each vertex from each source, shape (n, k), float32; infinite without a path.
     """
     count = order.size
     rows = np.full((count, sources.size), np.float32(np.inf))
@@ -174,38 +182,54 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
 # Distances are never NaN; without that guarantee, the compiler would not vectorise the inner loop.
 @njit(cache=True, nogil=True, fastmath={"nnan", "nsz"})
 def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Shorten the distances of a vertex by way of neighbours that changed since a time.
+    """Shorten the distances of one vertex by way of its neighbours; return whether any is shorter.
 
-    Returns whether any is shorter now.
+    Parameters
+    ----------
+    rows
+        Distance of each vertex from each source, shape (n, k); the row of the vertex is updated.
+    vertex
+        The vertex.
+    starts, heads, lengths
+        The graph, as for :func:`_relax`.
+    changed
+        Time at which the row of each vertex changed last, shape (n,).
+    since
+        Only neighbours that changed after this time count.
     """
+    # Arcs to neighbours that changed, filled up to a multiple of four with copies of the first.
     arcs = np.empty(starts[vertex + 1] - starts[vertex] + 3, np.int64)
-    count = 0
+    n_arcs = 0
     for arc in range(starts[vertex], starts[vertex + 1]):
-        arcs[count] = arc
-        count += changed[heads[arc]] > since
-    arcs[count : count + 3] = arcs[0]  # an arc that is used twice changes nothing
-    row = rows[vertex]
+        arcs[n_arcs] = arc
+        n_arcs += changed[heads[arc]] > since
+    arcs[n_arcs : n_arcs + 3] = arcs[0]
+    own = rows[vertex]
     improved = False
-    for at in range(0, count, 4):  # four at a time: the row is read and written a quarter as often
-        i, j, k, m = arcs[at], arcs[at + 1], arcs[at + 2], arcs[at + 3]
-        first = rows[heads[i]]
-        second = rows[heads[j]]
-        third = rows[heads[k]]
-        fourth = rows[heads[m]]
-        to_first = lengths[i]
-        to_second = lengths[j]
-        to_third = lengths[k]
-        to_fourth = lengths[m]
-        shorter = 0
-        for column in range(row.size):
-            by_first = first[column] + to_first
-            by_second = second[column] + to_second
-            by_third = third[column] + to_third
-            by_fourth = fourth[column] + to_fourth
-            by_either = by_first if by_first < by_second else by_second
-            by_other = by_third if by_third < by_fourth else by_fourth
-            candidate = by_either if by_either < by_other else by_other
-            shorter |= candidate < row[column]
-            row[column] = candidate if candidate < row[column] else row[column]
-        improved |= shorter > 0
+    # Four neighbours at a time: the own row is read and written a quarter as often.
+    for place in range(0, n_arcs, 4):
+        arc_1 = arcs[place]
+        arc_2 = arcs[place + 1]
+        arc_3 = arcs[place + 2]
+        arc_4 = arcs[place + 3]
+        row_1 = rows[heads[arc_1]]
+        row_2 = rows[heads[arc_2]]
+        row_3 = rows[heads[arc_3]]
+        row_4 = rows[heads[arc_4]]
+        length_1 = lengths[arc_1]
+        length_2 = lengths[arc_2]
+        length_3 = lengths[arc_3]
+        length_4 = lengths[arc_4]
+        n_shorter = 0
+        for source in range(own.size):
+            by_1 = row_1[source] + length_1
+            by_2 = row_2[source] + length_2
+            by_3 = row_3[source] + length_3
+            by_4 = row_4[source] + length_4
+            by_1_or_2 = by_1 if by_1 < by_2 else by_2
+            by_3_or_4 = by_3 if by_3 < by_4 else by_4
+            shortest = by_1_or_2 if by_1_or_2 < by_3_or_4 else by_3_or_4
+            n_shorter |= shortest < own[source]
+            own[source] = shortest if shortest < own[source] else own[source]
+        improved |= n_shorter > 0
     return improved

@@ -98,13 +98,19 @@ def cotangent_laplacian(mesh: Mesh) -> Laplacian:
 
 
 def _cotangents(mesh: Mesh) -> FloatArray:
-    """Return the cotangent at each corner of each triangle, shape (m, 3); 0 without area."""
+    """Return the cotangent of the angle at each corner of each triangle, shape (m, 3).
+
+    Triangles without area have 0. If a cotangent exceeds :data:`_LARGEST_COTANGENT`, those of its
+    triangle are scaled down together.
+    """
     corners = mesh.vertices[mesh.faces]
     towards_next = np.roll(corners, -1, axis=1) - corners
     towards_previous = np.roll(corners, 1, axis=1) - corners
     double_areas = 2.0 * mesh.face_areas
-    flat = double_areas <= np.finfo(np.float64).eps * (towards_next**2).sum(axis=2).max(axis=1)
-    divisors = np.where(flat, np.inf, double_areas)[:, None]
+    longest_squared = (towards_next**2).sum(axis=2).max(axis=1)
+    is_flat = double_areas <= np.finfo(np.float64).eps * longest_squared
+    # The dot product of two sides is |a| |b| cos, twice the area |a| |b| sin of the angle between.
+    divisors = np.where(is_flat, np.inf, double_areas)[:, None]
     cotangents = (towards_next * towards_previous).sum(axis=2) / divisors
     largest = np.maximum(np.abs(cotangents).max(axis=1, keepdims=True), 1.0)
     cotangents *= np.minimum(1.0, _LARGEST_COTANGENT / largest)
@@ -145,16 +151,16 @@ def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
     if not 1 <= k <= count:
         problem = f"{k} eigenpairs of a mesh with {count} vertices"
         raise UnsupportedShape(problem, f"ask for 1 to {count}")
-    root = 1.0 / np.sqrt(laplacian.mass)
-    scaling = diags_array(root)
+    inverse_root = 1.0 / np.sqrt(laplacian.mass)
+    scaling = diags_array(inverse_root)
     symmetric = (scaling @ laplacian.stiffness @ scaling).tocsc()
     if k > count // 2 or count < _DENSE:
         values, vectors = np.linalg.eigh(symmetric.toarray())
     else:
-        # The shift is below the spectrum by a fraction of its scale 1/area, which makes the
-        # factorised matrix definite.
+        # Eigenvalues are multiples of 1 / area. A shift slightly below 0, the least of them, makes
+        # the factorised matrix definite.
         shift = -1e-2 / laplacian.mass.sum()
         start = np.random.default_rng(0).standard_normal(count)
         values, vectors = eigsh(symmetric, k=k, sigma=shift, which="LM", v0=start, tol=0.0)
     order = np.argsort(values, kind="stable")[:k]
-    return np.maximum(values[order], 0.0), root[:, None] * vectors[:, order]
+    return np.maximum(values[order], 0.0), inverse_root[:, None] * vectors[:, order]

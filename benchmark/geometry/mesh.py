@@ -45,6 +45,7 @@ class Mesh:
     faces: Faces
 
     def __post_init__(self) -> None:
+        """Check both arrays, and replace them by read-only ones of the types of a mesh."""
         object.__setattr__(self, "vertices", _checked(self.vertices, np.float64, "vertices", "fiu"))
         object.__setattr__(self, "faces", _checked(self.faces, np.int32, "faces", "iu"))
         is_finite = np.isfinite(self.vertices).all(axis=1)
@@ -150,18 +151,23 @@ def _is_of_bytes(array: NDArray[Any]) -> bool:
 
 
 def _checked(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[Any]:
-    """Return the numbers of an array, shape (count, 3), read-only; raise ``InvalidMesh`` if unfit.
+    """Return an array of triples, shape (count, 3), that nobody can write to.
 
     Parameters
     ----------
     array
-        What somebody passes.
+        What a caller passes: coordinates or vertex indices.
     dtype
-        Type of the numbers.
+        Type of the result.
     what
-        What an error calls them: ``"vertices"``.
+        What an error calls the array: ``"vertices"``.
     kinds
-        Accepted kinds of numbers, as in ``numpy.dtype.kind``.
+        Accepted kinds of numbers, as in ``numpy.dtype.kind``; without ``"f"``, they are indices.
+
+    Raises
+    ------
+    InvalidMesh
+        If it is no array of this shape and kind, or an index is negative or too large for the type.
     """
     try:
         values = np.ma.filled(array, np.nan)  # of masked numbers
@@ -242,11 +248,12 @@ def sides_of(faces: NDArray[np.integer]) -> tuple[IntArray, IntArray]:
 def edges_of(faces: NDArray[np.integer]) -> Edges:
     """Return the undirected edges of triangles, shape (m, 3)."""
     starts, ends = sides_of(faces)
+    # Both ends of a side in one number, the smaller vertex first: equal for both sides of an edge.
     base = int(faces.max(initial=0)) + 1
     keys = np.minimum(starts, ends) * base + np.maximum(starts, ends)
-    edges, of_sides, counts = np.unique(keys, return_inverse=True, return_counts=True)
+    edge_keys, of_sides, counts = np.unique(keys, return_inverse=True, return_counts=True)
     return Edges(
-        ends=np.stack(np.divmod(edges, base), axis=1),
+        ends=np.stack(np.divmod(edge_keys, base), axis=1),
         counts=counts,
         of_sides=of_sides,
         grouped_sides=np.argsort(keys, kind="stable"),

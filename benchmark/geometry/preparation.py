@@ -179,7 +179,23 @@ def prepare(mesh: Mesh, n_vertices: int = 2000) -> Prepared:
 
 
 def _decimated(parts: Mesh, n_vertices: int, whole_area: float) -> tuple[Mesh, float]:
-    """Return a decimated manifold mesh, and the fraction of the whole area that is lost.
+    """Decimate a mesh, make it manifold again, and measure the area that preparation loses.
+
+    Parameters
+    ----------
+    parts
+        A manifold mesh, without the components that are dropped.
+    n_vertices
+        Target number of vertices.
+    whole_area
+        Area of the mesh before any component was dropped.
+
+    Returns
+    -------
+    Mesh
+        The decimated manifold mesh.
+    float
+        Fraction of the whole area that is lost, rounded to 6 decimals.
 
     Raises
     ------
@@ -189,8 +205,11 @@ def _decimated(parts: Mesh, n_vertices: int, whole_area: float) -> tuple[Mesh, f
     reduced = decimate(parts, n_vertices)
     opened = reduced
     if reduced is not parts:
-        opened = cleaning.make_manifold(cleaning.clean(reduced)[0])
-    lost = max(0.0, round(1 - parts.area / whole_area * (opened.area / reduced.area), 6))
+        cleaned, _ = cleaning.clean(reduced)
+        opened = cleaning.make_manifold(cleaned)
+    # Decimation itself smooths area away, which is no loss: only what is dropped before and after.
+    kept = parts.area / whole_area * (opened.area / reduced.area)
+    lost = max(0.0, round(1 - kept, 6))
     if lost > cleaning.LARGEST_AREA_LOSS:
         problem = f"preparation would lose {lost:.0%} of the area: triangles overlap in edges"
         hint = "join what belongs together, and remove what does not belong to the shape"
@@ -270,7 +289,13 @@ def filtered(mesh: Mesh, name: str, **parameters: object) -> Mesh:
 
 
 def import_pymeshlab() -> Any:
-    """Return the package; raise ``ConfigurationError`` where it cannot be loaded, or not safely."""
+    """Return the package pymeshlab, imported where that is safe.
+
+    Raises
+    ------
+    ConfigurationError
+        If it would be imported first outside the main thread, or cannot be imported.
+    """
     if "pymeshlab" not in sys.modules and threading.current_thread() is not threading.main_thread():
         problem = (
             "pymeshlab corrupts the memory of a process that loads it first "
@@ -286,7 +311,10 @@ def import_pymeshlab() -> Any:
 
 
 def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
-    """Collapse edges until so many faces remain, if the topology allows it."""
+    """Collapse edges by quadric error until ``n_faces`` faces remain, if the topology allows it.
+
+    All parameters of the filter are named, as their defaults differ between releases.
+    """
     return filtered(
         mesh,
         "meshing_decimation_quadric_edge_collapse",

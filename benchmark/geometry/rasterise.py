@@ -55,15 +55,16 @@ def draw_triangles(
 ) -> None:
     """Lower every pixel of ``image`` to the depth of the nearest triangle over its centre.
 
-    The view from behind is drawn in the same pass, because a triangle covers the same pixels from
-    both sides.
+    Triangles are drawn row by row, as spans between two of their edges. The view from behind is
+    drawn in the same pass, because a triangle covers the same pixels from both sides.
 
     Parameters
     ----------
     points
-        As in :func:`depth_buffer`, float64.
+        Projected vertices, shape (n, 3), float64: x to the right and y downwards in pixels, and the
+        depth; vertices may lie outside the image.
     faces
-        As in :func:`depth_buffer`, int32; indices are not checked.
+        Vertex indices, shape (m, 3), int32; they are not checked.
     image
         Shape (height, width), float32, changed in place; initialise it with a depth behind
         everything.
@@ -71,13 +72,11 @@ def draw_triangles(
         Like ``image``, for the opposite camera with the same up direction; depths run from 0 to 1,
         measured from that camera. :data:`NOT_BEHIND` for none.
     """
-    # Rows and columns are clipped to the image before drawing, so vertices may lie arbitrarily far
-    # outside.
     height, width = image.shape
     for f in range(faces.shape[0]):
+        # Corners by y, the upper one first: an edge is always traversed from its upper end, so that
+        # both triangles at it compute the same x.
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        # Sorted by y: edges are always traversed from the upper end, so both adjacent triangles
-        # compute the same x.
         if points[j, 1] < points[i, 1]:
             i, j = j, i
         if points[k, 1] < points[j, 1]:
@@ -87,27 +86,30 @@ def draw_triangles(
         x0, y0, z0 = points[i, 0], points[i, 1], points[i, 2]
         x1, y1, z1 = points[j, 0], points[j, 1], points[j, 2]
         x2, y2, z2 = points[k, 0], points[k, 1], points[k, 2]
+        # Rows whose centres lie in the triangle and in the image.
         first = max(0, int(np.ceil(y0 - 0.5)))
         last = min(height - 1, int(np.floor(y2 - 0.5)))
         if first > last or y0 == y2:
             continue
         for row in range(first, last + 1):
             y = row + 0.5
+            # One end of the span lies on the long edge, from the upper to the lower corner, and the
+            # other one on a short edge.
             t = (y - y0) / (y2 - y0)
-            left = x0 + t * (x2 - x0)
-            left_depth = z0 + t * (z2 - z0)
-            # At the height of the middle vertex, use both short edges: a neighbour may share either
-            # of them.
+            long_x = x0 + t * (x2 - x0)
+            long_depth = z0 + t * (z2 - z0)
+            # At the height of the middle corner, both short edges are used: a neighbour may share
+            # either of them.
             if y <= y1 and y0 != y1:
                 t = (y - y0) / (y1 - y0)
-                right = x0 + t * (x1 - x0)
-                right_depth = z0 + t * (z1 - z0)
-                _draw_span(image, behind, row, width, left, left_depth, right, right_depth)
+                short_x = x0 + t * (x1 - x0)
+                short_depth = z0 + t * (z1 - z0)
+                _draw_span(image, behind, row, width, long_x, long_depth, short_x, short_depth)
             if y >= y1 and y1 != y2:
                 t = (y - y1) / (y2 - y1)
-                right = x1 + t * (x2 - x1)
-                right_depth = z1 + t * (z2 - z1)
-                _draw_span(image, behind, row, width, left, left_depth, right, right_depth)
+                short_x = x1 + t * (x2 - x1)
+                short_depth = z1 + t * (z2 - z1)
+                _draw_span(image, behind, row, width, long_x, long_depth, short_x, short_depth)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", inline="always")
@@ -121,9 +123,20 @@ def _draw_span(
     x1: float,
     z1: float,
 ) -> None:
-    """Draw a row of a triangle, which has depths z0 and z1 at its ends x0 and x1."""
+    """Lower the pixels of a row to the depths of a triangle, linear from one end to the other.
+
+    Parameters
+    ----------
+    image, behind
+        As for :func:`draw_triangles`.
+    row, width
+        Number of the row, and of the columns of the image.
+    x0, z0, x1, z1
+        Column, in pixels, and depth at either end of the span.
+    """
     if x1 < x0:
-        x0, x1, z0, z1 = x1, x0, z1, z0
+        x0, x1 = x1, x0
+        z0, z1 = z1, z0
     first = max(0, int(np.ceil(x0 - 0.5)))
     last = min(width - 1, int(np.floor(x1 - 0.5)))
     slope = (z1 - z0) / (x1 - x0) if x1 > x0 else 0.0
