@@ -241,7 +241,7 @@ class _File:
         nodes = self._tree.get("nodes", [])
         for number, transform in _placed(nodes, self._roots(nodes)).items():
             node = nodes[number]
-            mesh = {"primitives": []}
+            mesh: dict[str, Any] = {"primitives": []}
             if "mesh" in node:
                 mesh = self._tree["meshes"][node["mesh"]]
             if "skin" in node:
