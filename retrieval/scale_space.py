@@ -145,18 +145,33 @@ def _blur(
     for top in range(MARGIN, height - MARGIN, n_rows):
         first = top * stride
         count = min(n_rows, height - MARGIN - top) * stride
-        # Along columns; then along rows, whose borders are filled in between.
-        _convolve(source, first, stride, half, MARGIN, count, level)
-        for begin in range(MARGIN, MARGIN + count, stride):
-            end = begin + stride
-            half[begin : begin + MARGIN] = half[begin + MARGIN]
-            half[end - MARGIN : end] = half[end - MARGIN - 1]
-        _convolve(half, MARGIN, 1, target, first, count, level)
+        _convolve(source, first, stride, half, MARGIN, count, level)  # along columns
+        _repeat_ends(half, count, stride)
+        _convolve(half, MARGIN, 1, target, first, count, level)  # along rows
         before = source[first:]
         after = target[first:]
         out = result[first:]
         for x in range(count):
             out[x] = after[x] - before[x]
+
+
+@njit(cache=True, nogil=True)
+def _repeat_ends(rows: SingleArray, count: int, stride: int) -> None:
+    """Fill the borders at both ends of each row of a block with the outermost pixel there.
+
+    Parameters
+    ----------
+    rows
+        Flat array, of which the block begins at index ``MARGIN``; changed in place.
+    count
+        Number of pixels of the block.
+    stride
+        Length of a row.
+    """
+    for begin in range(MARGIN, MARGIN + count, stride):
+        end = begin + stride
+        rows[begin : begin + MARGIN] = rows[begin + MARGIN]
+        rows[end - MARGIN : end] = rows[end - MARGIN - 1]
 
 
 @njit(cache=True, nogil=True)

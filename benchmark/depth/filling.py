@@ -198,19 +198,27 @@ def _filled_once(
     result = surface.copy()
     narrowest = np.full(surface.shape, widest + 1)
     for along, across in ((in_row, in_column), (in_column, in_row)):
-        depth_before, depth_after = along.depths
-        to_before, to_after = along.distances
-        width = to_before + to_after
-        gap = width - 1
-        between = depth_before + (depth_after - depth_before) * to_before / np.maximum(width, 1)
-        is_on_surface = along.on_object[0] & along.on_object[1]
-        nearer = np.minimum(depth_before, depth_after)
-        is_on_surface &= np.abs(depth_before - depth_after) <= jump(nearer)
+        gap = along.distances[0] + along.distances[1] - 1
+        between = _interpolated(along)
         is_narrower = gap < narrowest
-        fits = ~is_end & is_on_surface & is_narrower & ~_is_behind(across, between)
+        fits = ~is_end & _are_on_one_surface(along) & is_narrower & ~_is_behind(across, between)
         result[fits] = between[fits]
         narrowest[fits] = gap[fits]
     return result
+
+
+def _interpolated(ends: _Ends) -> Depths:
+    """Return the depth of each pixel on the straight line between the ends of its gap."""
+    before, after = ends.depths
+    to_before, to_after = ends.distances
+    return np.asarray(before + (after - before) * to_before / np.maximum(to_before + to_after, 1))
+
+
+def _are_on_one_surface(ends: _Ends) -> Mask:
+    """Return whether both ends of the gap around each pixel are of the object, without a jump."""
+    before, after = ends.depths
+    is_smooth = np.abs(before - after) <= jump(np.minimum(before, after))
+    return np.asarray(ends.on_object[0] & ends.on_object[1] & is_smooth)
 
 
 def _ends(known: Depths, on_object: Mask, is_end: Mask) -> _Ends:

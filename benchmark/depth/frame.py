@@ -162,16 +162,8 @@ def observe(
     direction, up_source = _up_direction(pixels.planes, up)
     surface = object_surface(completed, rays, is_object, upright_rotation(direction), half_width)
     n_pixels = int(np.count_nonzero(pixels.kept))
-    notes: dict[str, float | str] = {
-        "mask": "found" if mask is None else "given",
-        "up": up_source,
-        "planes": float(len(pixels.planes)),
-        "object_pixels": float(n_pixels),
-        "flying_pixels": float(pixels.n_flying),
-        "filled_pixels": float(np.count_nonzero(is_object) - n_pixels),
-        "distance": round(distance, 4),
-        "size": round(float(np.ptp(surface.vertices, axis=0).max()), 4),
-    }
+    n_filled = int(np.count_nonzero(is_object)) - n_pixels
+    notes = _notes(pixels, up_source, n_filled, distance, surface)
     n_averaged = int(np.count_nonzero(averaged & (pixels.chosen | is_object)))
     return ObservedObject(
         depths=np.where(is_object, completed, depths),
@@ -277,6 +269,36 @@ def _pixels_of_mask(depths: Depths, points: Points, live: Pixels, mask: Mask) ->
         n_flying=n_flying,
         planes=planes,
     )
+
+
+def _notes(
+    pixels: _Pixels, up_source: str, n_filled: int, distance: float, surface: Mesh
+) -> dict[str, float | str]:
+    """Return what is said of an object in a depth image: how it was found, and how large it is.
+
+    Parameters
+    ----------
+    pixels
+        Its pixels.
+    up_source
+        Where its up direction comes from.
+    n_filled
+        Number of pixels without a reading whose depths were filled in.
+    distance
+        Median depth of the object, in metres.
+    surface
+        Its surface, in metres.
+    """
+    return {
+        "mask": "found" if pixels.mask is None else "given",
+        "up": up_source,
+        "planes": float(len(pixels.planes)),
+        "object_pixels": float(np.count_nonzero(pixels.kept)),
+        "flying_pixels": float(pixels.n_flying),
+        "filled_pixels": float(n_filled),
+        "distance": round(distance, 4),
+        "size": round(float(np.ptp(surface.vertices, axis=0).max()), 4),
+    }
 
 
 def _doubts(n_pixels: int, n_averaged: int) -> tuple[tuple[str, str], ...]:
