@@ -39,7 +39,15 @@ class AcceleratedMDS(CheckedParameters):
     samples: Annotated[int, Interval(4)] = 25
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the classic MDS of the interpolated distances, centred at the origin.
+        """Return the classic MDS of distances that are interpolated from samples, about the origin.
+
+        Geodesic distances between a few samples are interpolated smoothly to all pairs, as a matrix
+        of low rank.
+
+        Returns
+        -------
+        CanonicalForm
+            With the number of samples, and the stress on their rows of distances, as notes.
 
         Raises
         ------

@@ -59,7 +59,15 @@ class FastClassicalScaling(CheckedParameters):
     fidelity: Annotated[float, Interval(0, closed="neither")] = 50.0
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the classic MDS of the extended distances, centred at the origin.
+        """Return the classic MDS of distances that are extended from samples, about the origin.
+
+        Geodesic distances are computed from a few samples to all vertices, and extended smoothly to
+        all pairs, as a matrix of low rank.
+
+        Returns
+        -------
+        CanonicalForm
+            With the number of samples, and the stress on their rows of distances, as notes.
 
         Raises
         ------

@@ -220,7 +220,7 @@ def majorise(
     max_iterations: int = 100,
     rtol: float = 1e-3,
 ) -> tuple[FloatArray, list[float]]:
-    """Repeat a transform that never raises the stress [de Leeuw 1977].
+    """Lower the stress of points step by step, by a transform that never raises it [de Leeuw 1977].
 
     Parameters
     ----------

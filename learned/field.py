@@ -164,6 +164,7 @@ def in_frame(mesh: Mesh) -> Mesh:
         problem = "the mesh has no area"
         raise UnsupportedShape(problem, "pass a surface with at least one proper triangle")
     shares = areas / total
+    # Corners of the triangles, from the centroid of the surface, in units of the root of its area.
     a, b, c = _corners(mesh)
     origin = shares @ (a + b + c) / 3
     unit = total**0.5
@@ -173,6 +174,8 @@ def in_frame(mesh: Mesh) -> Mesh:
     covariance = sum(moments) / 12
     _, vectors = np.linalg.eigh(covariance)  # ascending
     axes = vectors.T[::-1].copy()
+    # The sign of an axis is arbitrary: it points to the heavier tail, unless that makes the frame
+    # left-handed, which turns the least decided axis.
     skewness = _skewness([corner @ axes.T for corner in corners], shares)
     axes[skewness < 0] *= -1
     if np.linalg.det(axes) < 0:

@@ -147,6 +147,7 @@ class FieldNetwork(nn.Module):
             Shape (n, tokens, width).
         """
         squares, neighbours = _squares(positions, points).topk(N_NEIGHBOURS, dim=-1, largest=False)
+        # Points of each neighbourhood relative to its token, and the normals there.
         n_shapes, n_tokens, n_neighbours = neighbours.shape
         size = (n_shapes, n_tokens, n_neighbours, 3)
         rows = neighbours.reshape(n_shapes, n_tokens * n_neighbours, 1).expand(-1, -1, 3)

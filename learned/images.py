@@ -30,14 +30,19 @@ _TIE = 1e-6
 
 
 def checked_image(image: DepthImage) -> DepthImage:
-    """Return the image as float32 if a network can read it.
+    """Return a depth image as float32, if a network can read it.
+
+    Parameters
+    ----------
+    image
+        Shape (500, 500), in [0, 1] with 0 as background.
 
     Raises
     ------
     InvalidMesh
-        If the image does not have 500 x 500 pixels in [0, 1].
+        If it has another shape or other values.
     UnsupportedShape
-        If the image is empty.
+        If it is empty.
     """
     image = np.asarray(image, dtype=np.float32)
     if image.shape != (SIZE, SIZE):

@@ -167,6 +167,7 @@ def _load(
     except RuntimeError as error:
         problem = f"the weights in {folder} belong to another network than '{configuration.name}'"
         raise ConfigurationError(problem, "train it again") from error
+    # Convolutions in double precision go in stripes.
     for module in network.modules():
         if dtype == torch.float64 and isinstance(module, nn.Conv2d) and module.stride == (1, 1):
             module._conv_forward = functools.partial(_in_stripes, module)

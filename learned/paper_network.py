@@ -100,7 +100,15 @@ class EncoderDecoder(nn.Module):
     """
 
     def __init__(self, channels_in: int, width: int) -> None:
-        """Make the blocks, from the outermost to the innermost and back, and the head."""
+        """Make the blocks of the encoder, from the outermost inwards, of the decoder, and the head.
+
+        Parameters
+        ----------
+        channels_in
+            Channels of the image and of the features concatenated to it.
+        width
+            Channels of the outermost block; each inner one has twice as many.
+        """
         super().__init__()
         widths = [width, 2 * width, 4 * width, 8 * width]
         inward = widths[::-1]

@@ -166,7 +166,12 @@ def measures(predictions: Tensor, targets: Tensor, factor: float = 1.0) -> dict[
 
 
 def device_named(name: Device) -> torch.device:
-    """Return the device of this name; ``"auto"`` takes a GPU if there is one.
+    """Return the device of torch with a name.
+
+    Parameters
+    ----------
+    name
+        ``"cuda"``, ``"mps"`` or ``"cpu"``; ``"auto"`` takes the first of these that is there.
 
     Raises
     ------

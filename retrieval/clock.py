@@ -61,6 +61,7 @@ def count_words(words: NDArray[np.int32], view_offsets: Counts, n_words: int) ->
     """
     sizes = np.diff(view_offsets)
     view_of_word = np.repeat(np.arange(len(sizes)), sizes)
+    # View and word in one number, by which equal pairs are counted.
     keys, counts = np.unique(view_of_word * n_words + words, return_counts=True)
     views, distinct = np.divmod(keys, n_words)
     return Histograms(
@@ -207,6 +208,7 @@ def _largest_similarities(
     touched = np.empty(n_slots + 1, dtype=np.uint32)
     largest = np.empty(len(sizes))
     for other in range(len(sizes)):
+        # For each entry of the other form, the own entries of the same word in views that meet.
         n_touched = np.uint64(0)
         for entry in range(np.uint64(ends[other]), np.uint64(ends[other + 1])):
             cell = np.uint64(cells[entry])
@@ -218,6 +220,7 @@ def _largest_similarities(
                 touched[n_touched] = slot
                 n_touched += np.uint64(before == 0)
                 shared[slot] = before + min(count, own_counts[mine])
+        # The similarity of each pair of views counts for the rotations that bring them together.
         totals = np.zeros(N_ROTATIONS)
         for k in range(n_touched):
             slot = np.uint64(touched[k])
@@ -228,11 +231,12 @@ def _largest_similarities(
                 np.uint64(first_turns[slot]), np.uint64(first_turns[slot + np.uint64(1)])
             ):
                 totals[turns[turn]] += similarity
+        # Two views without keypoints are equal, which no entry says.
         for view in np.flatnonzero(sizes[other] == 0):
             for place in range(width):
                 slot = view * width + place
                 for turn in range(first_turns[slot], first_turns[slot + 1]):
                     both_are_empty = own_sizes[slot] == 0
-                    totals[turns[turn]] += both_are_empty  # which makes them equal
+                    totals[turns[turn]] += both_are_empty
         largest[other] = totals.max()
     return largest

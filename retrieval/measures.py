@@ -216,9 +216,10 @@ def evaluate(
     answered: ArrayLike | None = None,
     targets: Targets | None = None,
 ) -> Scores:
-    """Score distances between queries and a gallery against their classes.
+    """Score the rankings of a gallery by distance, for queries with known classes.
 
-    A shape without a result scores 0 in every measure as a query, and ranks behind all other shapes
+    Each query ranks the shapes of the gallery, without itself; those of its class are relevant. A
+    shape without a result scores 0 in every measure as a query, and ranks behind all other shapes
     as a target.
 
     Parameters
@@ -231,7 +232,12 @@ def evaluate(
     answered
         Indices of the m queries that have a result, in their order; None for all.
     targets
-        The gallery; None if it is the queries, each of which is left out for itself.
+        The gallery; None if it is the queries.
+
+    Returns
+    -------
+    Scores
+        Means of all measures, and their values for each query.
 
     Raises
     ------
@@ -261,6 +267,7 @@ def evaluate(
             all_distances[shapes_with_result] = known_distances
             values[query], is_tied = _of_query(all_distances[ranked], is_relevant[query][ranked])
             n_tied += is_tied
+    # A query without a relevant shape has no values.
     values[~is_relevant.any(axis=1)] = np.nan
     return Scores(
         means=_means(values, has_targets=targets is not None),

@@ -160,6 +160,7 @@ def _projected_areas(area_vectors: Matrix, rotations: Rotations) -> NDArray[np.f
         count = min(LANES, len(rotations) - first)
         for lane in range(count):
             m[:, lane] = rotations[first + lane].ravel()
+        # The area of a projection along an axis is the coordinate of the turned area vector there.
         totals[:] = 0.0
         for x, y, z in area_vectors:
             for lane in range(LANES):

@@ -177,6 +177,7 @@ def bone_rotations(angles: FloatArray) -> dict[str, FloatArray]:
     rotations |= dict.fromkeys(_NECK, _column(head, len(_NECK)))
     for bone, rotation in (_arm(*left_arm) | _leg(*left_leg)).items():
         rotations[f"{bone}.L"] = rotation
+    # The mirror image of a rotation across the plane x = 0 turns the other way about y and z.
     for bone, rotation in (_arm(*right_arm) | _leg(*right_leg)).items():
         rotations[f"{bone}.R"] = Rotation.from_rotvec(rotation.as_rotvec() * [1.0, -1.0, -1.0])
     return {bone: rotation.as_matrix() for bone, rotation in rotations.items()}
@@ -285,6 +286,7 @@ def body_mesh(subject: Subject, angles: FloatArray) -> Mesh:
     phenotypes = {
         name: torch.tensor([value], dtype=torch.float64) for name, value in asdict(subject).items()
     }
+    # Sums in one thread are the same on all machines.
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:

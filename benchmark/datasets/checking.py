@@ -353,7 +353,7 @@ def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
 
 
 def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
-    """Yield files of a folder that are no shapes of the data set."""
+    """Yield the files in the folder of a data set that are none of its shapes, with the reason."""
     folder = dataset.folder
     if folder is None:
         return

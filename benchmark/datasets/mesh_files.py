@@ -163,9 +163,16 @@ def read_surface(path: Path) -> Mesh:
 
 
 def write_mesh(path: Path | str, mesh: Mesh) -> None:
-    """Write a mesh by extension, with coordinates in full precision.
+    """Write a mesh to a file, with coordinates in full precision.
 
-    On a full disk, the old file remains.
+    If that fails, as on a full disk, the old file remains.
+
+    Parameters
+    ----------
+    path
+        The file, whose extension determines the format.
+    mesh
+        The mesh.
 
     Raises
     ------

@@ -405,6 +405,11 @@ def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
 def _opened(content: bytes) -> ImageFile.ImageFile:
     """Open an image file that holds one image, as it is to be seen.
 
+    Parameters
+    ----------
+    content
+        Bytes of the file.
+
     Raises
     ------
     DepthError
@@ -661,10 +666,20 @@ def _is_blurred(mask: NDArray[Any], values: NDArray[Any]) -> bool:
 
 
 def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
-    """Return the pixels of the object of a mask, with and without a depth.
+    """Return the mask of an object in a depth image, as booleans, if it can be one.
 
-    A mask has two values; a picture of white on black that JPEG or smoothing blurred is split at
-    half.
+    Parameters
+    ----------
+    mask
+        Shape (h, w), or (h, w, channels) in colours. It has two values, or is white on black with
+        edges that JPEG or smoothing blurred, which are split at half.
+    seen
+        Pixels of the image with a depth, shape (h, w).
+
+    Returns
+    -------
+    numpy.ndarray
+        Pixels of the object, with and without a depth, shape (h, w).
 
     Raises
     ------

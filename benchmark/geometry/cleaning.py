@@ -70,6 +70,11 @@ def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
     moved the copies. Where three corners of a triangle lie on a line, the triangles across its
     longest side are split at the third: no border opens.
 
+    Parameters
+    ----------
+    mesh
+        Any triangle mesh.
+
     Returns
     -------
     Mesh
@@ -95,6 +100,7 @@ def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
     faces = _proper(place[surface.faces])
     n_collapsed = mesh.n_faces - len(faces)
     faces, n_flat = _without_flat(distinct, faces, _FLAT * unit)
+    # Triangles with the same three corners are duplicates; the first of them stays.
     sorted_corners = np.sort(faces, axis=1)
     _, first_of_each = np.unique(sorted_corners, axis=0, return_index=True)
     single = np.sort(first_of_each)
@@ -192,8 +198,13 @@ def make_manifold(mesh: Mesh) -> Mesh:
     """Return a mesh with at most two faces per edge and one fan of faces per vertex.
 
     An edge with more than two faces keeps the two largest: internal walls and slivers are dropped,
-    and the surface around them stays connected. A vertex with several fans is split into one vertex
-    per fan, at the same position.
+    and the surface around them stays connected. A vertex with several fans, of faces that are
+    connected through its edges, is split into one vertex per fan, at the same position.
+
+    Parameters
+    ----------
+    mesh
+        Any triangle mesh; it is returned itself if nothing is to change.
     """
     faces = mesh.faces.astype(np.int64)
     edges = mesh.edges
@@ -225,17 +236,19 @@ def _ranks_at_edges(mesh: Mesh) -> IntArray:
 
 
 def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, int]:
-    """Orient the triangles of each piece of a manifold mesh alike.
+    """Orient the triangles of each piece of a manifold mesh alike, and closed pieces outwards.
 
-    A piece is closed if its border is at most as long as the root of its area; it is oriented
-    outwards. An open piece, or one without volume, keeps the orientation of most of its area.
+    A piece is closed if its border is at most as long as the root of its area. An open piece, or
+    one without volume, keeps the orientation of most of its area.
 
     Parameters
     ----------
     mesh
-        The mesh.
-    areas, piece
-        Its :func:`component_areas`.
+        A manifold mesh.
+    areas
+        Area of each piece, shape (pieces,).
+    piece
+        Piece of each triangle, from 0, shape (m,); both as from :func:`component_areas`.
 
     Returns
     -------
@@ -255,6 +268,7 @@ def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, i
     contradicts = runs_alike ^ (signs[first // 3] != signs[second // 3])
     n_one_sided = len(np.unique(piece[first[contradicts] // 3]))
 
+    # Now the triangles of a piece are alike; as a whole, it may still face the wrong way.
     signs *= _signs_of_pieces(mesh, signs, areas, piece)[piece]
     turned = signs < 0
     if not turned.any():

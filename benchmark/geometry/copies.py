@@ -34,10 +34,10 @@ _N_POINTS = 8000
 def check_copies(mesh: Mesh) -> None:
     """Raise ``InvalidMesh`` if a mesh holds a surface twice, such as another level of detail.
 
-    The mesh is divided into pieces, of which two are compared at a time. Faces belong to one piece
-    if vertices at the same position connect them. A coarser copy may share positions with its
-    original and so be in one piece with it: if there is one piece alone, faces belong together only
-    if they share vertices by number, unless that leaves many pieces, as the seams of textures do.
+    The mesh is divided into pieces, of which two are compared at a time. Faces are of one piece if
+    vertices at the same position connect them. As a coarser copy may share positions with its
+    original, a mesh of a single such piece is divided again, into faces that share vertices by
+    number, unless that leaves many pieces, as the seams of textures do.
     """
     if not mesh.n_faces or not np.isfinite(mesh.vertices).all():
         return  # which is refused elsewhere

@@ -257,6 +257,7 @@ def back_project(
         raise UnsupportedShape(problem, "check the camera and the half width of the data set")
     if stride is None:
         stride = max(1, round(math.sqrt(foreground / SAMPLES)))
+    # Positions of the samples in the frame [-1, 1]^3: centres of their pixels, and their depths.
     samples = depth[stride // 2 :: stride, stride // 2 :: stride].astype(np.float64)
     centres = (np.arange(len(samples)) * stride + stride // 2 + 0.5) * (2 / depth.shape[0]) - 1
     x, y = np.meshgrid(centres, -centres)

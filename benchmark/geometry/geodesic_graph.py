@@ -191,7 +191,13 @@ class _Sides:
     """
 
     def __init__(self, mesh: Mesh) -> None:
-        """Compute the geometry of all sides of a mesh, and which of them lie on the same edge."""
+        """Compute the geometry of all sides of the triangles of a mesh, and find their twins.
+
+        Sets the ``starts``, ``ends`` and ``apexes`` of the sides: the vertices at both ends and
+        opposite; ``lengths``; ``apex_x`` and ``apex_y``, the place of the apex along the side and
+        its distance from it; and ``twins``, the side of the neighbour at the same edge, -1 for
+        none. All have shape (3 m,).
+        """
         self.starts, self.ends = sides_of(mesh.faces)
         self.apexes = _turn(self.starts, 2)
         along = mesh.vertices[self.ends] - mesh.vertices[self.starts]
@@ -349,10 +355,11 @@ def _begin_windows(names, ends, seen, best, queue, plane):  # type: ignore[no-un
             (names[number, 0], p_x * p_x + p_y * p_y),
             (names[number, 1], q_x * q_x + q_y * q_y),
         ):
+            # A vertex counts as seen at its first distance; it is written in any case.
             seen[n_seen] = vertex
             n_seen += (square < np.inf) & (best[vertex] == np.inf)
             best[vertex] = min(best[vertex], square)
-        if names[number, 2] >= 0:
+        if names[number, 2] >= 0:  # the rays of a first window go through P and Q themselves
             queue[queued] = names[number, 2]
             _place(plane[queued], p_x, p_y, q_x, q_y, p_x, p_y, q_x, q_y)
             queued += 1
@@ -382,14 +389,16 @@ def _is_detour(square_p, square_q, row):  # type: ignore[no-untyped-def]  # noqa
     """
     p_x, p_y, q_x, q_y = row[0], row[1], row[2], row[3]
     low_x, low_y, high_x, high_y = row[4], row[5], row[6], row[7]
+    # Of all points behind the window, those on the ray farthest from a vertex v gain least by a way
+    # through v: it is enough to compare both ways to where that ray crosses the side PQ.
     for square, v_x, v_y, ray_x, ray_y in (
         (square_p, p_x, p_y, high_x, high_y),
         (square_q, q_x, q_y, low_x, low_y),
     ):
+        # How far P and Q lie to the left of the ray, as cross products.
         from_p = ray_x * p_y - ray_y * p_x
         from_q = ray_x * q_y - ray_y * q_x
         if square < np.inf and from_p != from_q:
-            # Where the ray that bounds the cone on the far side from this vertex crosses PQ.
             share = from_p / (from_p - from_q)
             x = p_x + share * (q_x - p_x)
             y = p_y + share * (q_y - p_y)

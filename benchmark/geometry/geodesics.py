@@ -184,6 +184,9 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
 def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Shorten the distances of one vertex by way of its neighbours; return whether any is shorter.
 
+    The distance of the vertex from a source is at most that of a neighbour plus the arc between
+    them.
+
     Parameters
     ----------
     rows
@@ -191,7 +194,8 @@ def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore
     vertex
         The vertex.
     starts, heads, lengths
-        The graph, as for :func:`_relax`.
+        The graph in compressed rows: index of the first arc of each vertex; head and length of each
+        arc.
     changed
         Time at which the row of each vertex changed last, shape (n,).
     since

@@ -246,7 +246,13 @@ def sides_of(faces: NDArray[np.integer]) -> tuple[IntArray, IntArray]:
 
 
 def edges_of(faces: NDArray[np.integer]) -> Edges:
-    """Return the undirected edges of triangles, shape (m, 3)."""
+    """Return the undirected edges of triangles, and which sides of the triangles lie on each.
+
+    Parameters
+    ----------
+    faces
+        Vertex indices, shape (m, 3). Side 3 f + k runs from corner k of face f to the next corner.
+    """
     starts, ends = sides_of(faces)
     # Both ends of a side in one number, the smaller vertex first: equal for both sides of an edge.
     base = int(faces.max(initial=0)) + 1
