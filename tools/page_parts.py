@@ -10,7 +10,7 @@ import csv
 import importlib.util
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import log
 from pathlib import Path
@@ -26,7 +26,8 @@ from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.registry import select_one
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import markdown_table
-from benchmark.report.notation import hundredths
+from benchmark.report.notation import BLANK, hundredths
+from benchmark.report.rows import RowScores
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import claims
 from benchmark.text import say
@@ -143,6 +144,60 @@ def claims_of_paper() -> str:
     return "\n".join(lines).replace("---:", "---")  # words, not numbers
 
 
+#: Tables of one depth view: heading, identifier, data set and column.
+VIEWS = (
+    ("people", "I-view", "people[draw=0]", "5 subjects"),
+    ("scans", "II-view", "humans-scanlike", "ours"),
+    ("real people (FAUST)", "faust", "faust", "view"),
+    ("TOSCA", "III-view", "tosca", "all shapes"),
+)
+
+#: Networks that see one depth view, as the page on networks calls them, each with its rows.
+NETWORKS = {
+    "`learned`, 500 pixels": (
+        "learned[configuration=as_printed]",
+        "learned[configuration=as_printed,training=animals-III]",
+    ),
+    "`learned`, 128 pixels": ("learned",),
+    "`learned-wide-extra`": ("learned-wide-extra",),
+    "the same, of animals": ("learned-wide-extra[training=animals-sampled]",),
+    "`learned-streamed`": ("learned-streamed",),
+}
+
+
+def networks() -> str:
+    """Return a table of the scores of networks on one view, beside the best form and no form."""
+    views = {
+        (view.table.identifier, view.dataset): view
+        for view in table_views(read_records(RESULTS, local=False))
+    }
+    scores = []
+    chances = []
+    for _, table, data, column in VIEWS:
+        view = views[table, data]
+        scores.append({row.method: row.scored[column] for row in view.rows if column in row.scored})
+        chances.append(hundredths(view.chance[column][MEASURE]))
+    body = []
+    for title, methods in NETWORKS.items():
+        body.append([title, *(_score_of_network(of_table, methods) for of_table in scores)])
+    best = []
+    for of_table in scores:
+        forms = [of_table[name].means[MEASURE] for name in METHODS if name in of_table]
+        best.append(hundredths(max(forms)))
+    none = [hundredths(of_table["identity"].means[MEASURE]) for of_table in scores]
+    body += [["best classical form", *best], ["no form", *none], ["random order", *chances]]
+    return "\n".join(markdown_table(["", *(heading for heading, *_ in VIEWS)], body))
+
+
+def _score_of_network(of_table: Mapping[str, RowScores], methods: Sequence[str]) -> str:
+    """Return the score of a network by the first of its rows, or why there is none to compare."""
+    for method in methods:
+        row = of_table.get(method)
+        if row is not None:
+            return "seen" if row.seen_classes else hundredths(row.means[MEASURE])
+    return BLANK
+
+
 def experiment(name: str) -> str:
     """Return the table of an experiment, made by its module from its file."""
     place = importlib.util.spec_from_file_location(name, EXPERIMENTS / f"{name}.py")
@@ -160,6 +215,7 @@ PARTS: Mapping[str, Callable[[], str]] = {
     "worst-classes": worst_classes,
     "five-shapes": five_shapes,
     "claims-of-the-paper": claims_of_paper,
+    "networks": networks,
     **{f"departs-{method}": partial(departs, method) for method in METHODS},
 }
 
