@@ -151,6 +151,11 @@ def in_frame(mesh: Mesh) -> Mesh:
     does not matter. The two axes with the largest skewness point to the side of the positive third
     moment; the third axis makes the frame right-handed.
 
+    Parameters
+    ----------
+    mesh
+        A triangle mesh.
+
     Raises
     ------
     UnsupportedShape

@@ -180,7 +180,11 @@ class PairsOnDisk:
         return replace(self, scale=scale)
 
     def stretched(self) -> PairsOnDisk:
-        """Return the pairs with the depths of targets stretched to .1 to .9."""
+        """Return the pairs with the depths of their targets stretched to the range from .1 to .9.
+
+        The scale comes from the least, the largest and the mean depth of all targets, without their
+        background. Depths are stored less 1/2, the middle of the frame.
+        """
         total = 0
         count = 0
         least = np.inf

@@ -315,6 +315,7 @@ def _train_epoch(
     network = state.network.train()
     optimizer = state.optimizer
     device = next(network.parameters()).device
+    # Each pair stands ``repeat`` times in the order of an epoch.
     drawn = np.random.default_rng([seed, epoch]).permutation(len(pairs) * schedule.repeat)
     batches = torch.from_numpy(drawn % len(pairs)).split(schedule.batch)
     for rows in batches[state.step :]:
@@ -364,7 +365,15 @@ class _State:
     """
 
     def __init__(self, network: nn.Module, optimizer: torch.optim.Optimizer, path: Path) -> None:
-        """Begin a training, at its first step; :meth:`resume` goes on with that of a checkpoint."""
+        """Begin a training, at its first step; :meth:`resume` goes on with that of a checkpoint.
+
+        Parameters
+        ----------
+        network, optimizer
+            The network, and the optimizer that trains it.
+        path
+            File of the checkpoint.
+        """
         self.network = network
         self.optimizer = optimizer
         self.path = path
@@ -373,6 +382,8 @@ class _State:
         self.epoch = 0
         self.step = 0
         self.sums = torch.zeros(2)
+        # When the checkpoint was written last; losses of the finished epochs; processor seconds up
+        # to the checkpoint, and the clock since then.
         self.saved = time.perf_counter()
         self.history: History = []
         self.seconds = 0.0

@@ -185,6 +185,13 @@ def _detect_all(
 def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int, int, int, int]:
     """Return the bounding box of the pixels of an image that differ from the background.
 
+    Parameters
+    ----------
+    image
+        Shape (height, width).
+    background
+        Value of the background.
+
     Returns
     -------
     top, bottom, left, right : int

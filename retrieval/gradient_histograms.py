@@ -105,6 +105,7 @@ def gradients(
             square = ratio * ratio
             turn = np.float32(-0.0464964749) * square + np.float32(0.15931422)
             turn = (turn * square - np.float32(0.327622764)) * square * ratio + ratio
+            # From the first eighth to the first quarter, half, and whole turn.
             turn = quarter_turn - turn if ay > ax else turn
             turn = half_turn - turn if gx < 0 else turn
             angle[x] = TURN - turn if gy < 0 else turn

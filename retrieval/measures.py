@@ -457,14 +457,16 @@ def _check_square(matrix: FloatArray, largest: float) -> None:
 def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[float], bool]:
     """Return all measures of one query, and whether ties make a difference to them.
 
-    Where shapes have equal distances, a measure is its expected value over their orders.
+    Shapes are ranked by distance. Those at equal distances form a group, in which any order is as
+    good as another: a measure is its expected value over all orders, so that hits count in
+    fractions.
 
     Parameters
     ----------
     distances
         Distance of the query to each shape that it ranks, shape (k,).
     relevant
-        Which of these are of its class, shape (k,).
+        Which of these are of its class, shape (k,); at their ranks are the hits.
 
     Returns
     -------
@@ -480,12 +482,12 @@ def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[
     starts = np.flatnonzero(np.diff(distances[order], prepend=-np.inf) > 0)
     sizes = np.diff(starts, append=n_results)
     group_hits = np.add.reduceat(hits, starts)
-    # The same for each rank.
+    # The same for each rank; a rank of a group with 1 hit in 4 ranks holds 1/4 of a hit.
     size = np.repeat(sizes, sizes)
     hits_of_group = np.repeat(group_hits, sizes)
     expected_hits = hits_of_group / size
-    # Given a hit at this rank, each other rank of its group of t ranks and h hits holds
-    # (h - 1) / (t - 1) hits, on average.
+    # Expected hits up to and at a rank, given one there: those of the groups before, that one, and
+    # (h - 1) / (t - 1) at each earlier rank of its group of t ranks and h hits.
     ranks_before = np.arange(n_results) - np.repeat(starts, sizes)
     hits_before_group = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
     hits_of_others = ranks_before * (hits_of_group - 1) / np.maximum(size - 1, 1)

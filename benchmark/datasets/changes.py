@@ -73,6 +73,7 @@ def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> Shap
     if "mesh" not in shapes.inputs:
         problem = f"{shapes.name} shows one side of each shape"
         raise ConfigurationError(problem, "choose a data set of complete surfaces")
+    # Angles of the cameras from the shape's own, in radians.
     step = 2 * np.pi / count
     angles = [step * place for place in np.arange(count) + 0.5]
     if own:

@@ -488,6 +488,11 @@ def _copies_of_shapes(shapes: Iterable[CheckedShape]) -> Iterator[Anomaly]:
 def changes_of(prepared: Prepared) -> list[tuple[str, str]]:
     """Return what is unusual about a mesh, each with what preparation or a user can do about it.
 
+    Parameters
+    ----------
+    prepared
+        The prepared mesh, whose report counts what was changed.
+
     Returns
     -------
     list of (str, str)
@@ -608,6 +613,11 @@ def _problems_of_units(shapes: Sequence[CheckedShape]) -> Iterator[Anomaly]:
     A shape that is alone in its class is compared with the whole set. If some are larger and some
     smaller by a factor, the fewer ones have another unit; of equally many, those farther from the
     usual size.
+
+    Parameters
+    ----------
+    shapes
+        Shapes with their files, classes and sizes, the roots of their areas.
     """
     if not shapes:
         return

@@ -197,6 +197,11 @@ class OfficialSet:
     def _named(self, folder: Path) -> list[Entry]:
         """Return the shapes of a set whose file names are all known.
 
+        Parameters
+        ----------
+        folder
+            Folder of the set.
+
         Raises
         ------
         DatasetError
@@ -219,6 +224,11 @@ class OfficialSet:
 
     def _listed(self, folder: Path) -> Iterator[Entry]:
         """Yield the shapes of a set with numbered files; their classes are listed, or sub-folders.
+
+        Parameters
+        ----------
+        folder
+            Folder of the set.
 
         Raises
         ------
@@ -309,6 +319,11 @@ class OfficialSet:
 
     def _classed(self, folder: Path) -> Iterator[Entry]:
         """Yield the shapes of a set whose file names hold class and number, class by class.
+
+        Parameters
+        ----------
+        folder
+            Folder of the set, with files such as ``cat10.off``.
 
         Raises
         ------

@@ -310,7 +310,7 @@ def intrinsics_of(value: str, folder: Path = Path()) -> Intrinsics:
 
 
 def read_intrinsics(path: Path) -> Intrinsics:
-    """Read intrinsics.
+    """Read the intrinsics of a camera from a file.
 
     Parameters
     ----------
@@ -322,8 +322,9 @@ def read_intrinsics(path: Path) -> Intrinsics:
     Raises
     ------
     DepthError
-        If the file is missing, holds no intrinsics, those of a lens that is not a pinhole with
-        Brown's distortion, or something else that may change where pixels look or what depths mean.
+        If the file is missing, holds no intrinsics or those of several cameras, of a lens that is
+        not a pinhole with Brown's distortion, or something else that may change where pixels look
+        or what depths mean.
     """
     with named_errors(path, "file of intrinsics", DepthError, _HINT):
         text = decode(read_file(path, _LARGEST_FILE))
@@ -642,10 +643,20 @@ def _letters(key: str) -> str:
 
 
 def _check_irrelevant(key: str, value: Any) -> None:
-    """Raise ``DepthError`` if a key that is not understood may matter.
+    """Check that a key of a file of intrinsics that is not understood cannot matter.
 
-    It may change where a pixel looks or what its depth means, unless it is about something else,
-    such as a pose, or its value changes nothing, such as 0.
+    It is about something else, such as a pose or an exposure, or its value changes nothing, such as
+    0.
+
+    Parameters
+    ----------
+    key, value
+        The key as it stands in the file, and its value: numbers, a text, a list or a mapping.
+
+    Raises
+    ------
+    DepthError
+        If it may change where a pixel looks or what its depth means.
     """
     if _OF_SLAM.fullmatch(key):
         return
@@ -714,7 +725,13 @@ def _flat(values: Any) -> list[float]:
 
 
 def _distortion(values: Mapping[str, Any]) -> list[float]:
-    """Return the coefficients of Brown's model; empty if all are zero.
+    """Return the coefficients of Brown's lens distortion in a file; empty if all are zero.
+
+    Parameters
+    ----------
+    values
+        Values of the file by meaning: ``"coefficients"``, a list, or ``"k1"``, ``"p1"`` and so on;
+        and names of models.
 
     Raises
     ------

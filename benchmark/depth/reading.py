@@ -709,6 +709,11 @@ def find_mask(image: Path) -> Path | None:
     It lies next to the image, as ``NAME-mask.png``, or in a folder ``mask`` or ``masks``, as
     ``NAME.png``; of ``NAME_depth.png``, too.
 
+    Parameters
+    ----------
+    image
+        Path of a depth image.
+
     Returns
     -------
     Path or None

@@ -59,9 +59,19 @@ def filled_lines(text: bytes) -> list[bytes]:
 
 
 def parse_numbers(text: bytes) -> FloatArray:
-    """Parse decimal numbers between blanks, shape (k,).
+    """Parse decimal numbers between blanks.
 
     Unlike Python itself, this refuses ``1_0`` and digits of other scripts.
+
+    Parameters
+    ----------
+    text
+        Numbers in ASCII, such as ``b"1 -2.5 3e-4"``.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (k,); empty for blanks alone.
 
     Raises
     ------

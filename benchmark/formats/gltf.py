@@ -261,6 +261,11 @@ class _File:
 
         Without scenes, these are the nodes that are not below another one.
 
+        Parameters
+        ----------
+        nodes
+            All nodes of the file; each names its children by their numbers.
+
         Raises
         ------
         ValueError
@@ -280,9 +285,15 @@ class _File:
         return set(range(len(nodes))) - below
 
     def _primitive(self, primitive: dict[str, Any]) -> Surface:
-        """Return vertices, shape (n, 3), and triangles, shape (m, 3), of a primitive.
+        """Return vertices, shape (n, 3), and triangles, shape (m, 3), of a primitive of a mesh.
 
         Points and lines have no triangles.
+
+        Parameters
+        ----------
+        primitive
+            Its ``attributes`` with the ``POSITION`` of vertices, optionally ``indices``, the
+            corners of its triangles, both as numbers of accessors; and its ``mode``.
 
         Raises
         ------
@@ -304,6 +315,12 @@ class _File:
 
     def _accessor(self, number: int) -> FloatArray:
         """Return the numbers that an accessor describes, as floats, shape (count, width).
+
+        Parameters
+        ----------
+        number
+            Number of the accessor. It says where rows begin in a buffer, how many there are, how
+            many numbers of which type a row holds, and how far rows are apart.
 
         Raises
         ------

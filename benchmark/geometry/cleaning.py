@@ -140,7 +140,12 @@ def count_holes(boundary: IntArray) -> int:
 
 @np.errstate(over="ignore")
 def extent_of(mesh: Mesh) -> float:
-    """Return the longest side of the bounding box, in units of the mesh.
+    """Return the longest side of the bounding box of a mesh, in its units.
+
+    Parameters
+    ----------
+    mesh
+        A mesh whose vertices all belong to triangles.
 
     Raises
     ------
@@ -425,6 +430,13 @@ def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
 
 def _near_groups(points: Points, distance: float) -> IntArray | None:
     """Group points that are connected by chains of points within a distance of each other.
+
+    Parameters
+    ----------
+    points
+        Coordinates, shape (n, 3).
+    distance
+        Largest distance of neighbours in a chain.
 
     Returns
     -------

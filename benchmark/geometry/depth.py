@@ -355,6 +355,7 @@ def _triangulate(samples: Points, jump: float) -> Faces:
     split_ac = (along_ac <= along_bd + _TIE)[:, np.newaxis]
     first = np.where(split_ac, np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
     second = np.where(split_ac, np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
+    # Both triangles of a square stand one after the other.
     faces = np.stack([first, second], axis=1).reshape(-1, 3)
     corners = z[faces]
     whole = seen[faces].all(axis=1) & (corners.max(axis=1) - corners.min(axis=1) <= jump)
