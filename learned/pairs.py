@@ -250,6 +250,7 @@ def keep(
         depths.flush()
         write_text(note, json.dumps({**recipe, "bodies": count}))
 
+    # Images go straight to the file; how many are done is noted once a minute.
     noted = time.perf_counter()
     for number in range(finished, len(bodies.names)):
         for place, image in enumerate(bodies.images(number)):
@@ -261,6 +262,7 @@ def keep(
             say(f"images of {number + 1} of {len(bodies.names)} bodies are made")
     if finished < len(bodies.names):
         note_finished(len(bodies.names))
+    # The target of each image is the first one of its body.
     rows = torch.arange(len(depths))
     return PairsOnDisk(bodies.identifiers(), depths, rows // n_images * n_images)
 

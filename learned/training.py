@@ -269,6 +269,7 @@ def fit(
     release = torch.__version__.partition("+")[0]  # a training may go on with another build
     state.resume(asdict(schedule) | {"data": pairs.digest(), "seed": seed, "torch": release})
     steps = math.ceil(len(pairs) * schedule.repeat / schedule.batch)
+    # Epochs that an earlier call did, with a part of the one in which it was interrupted.
     begun = state.epoch + state.step / steps
     if begun:
         log(f"going on after epoch {round(begun, 2):g} of {schedule.epochs}")

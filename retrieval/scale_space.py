@@ -258,6 +258,7 @@ def find_extrema(
             for eight in range(len(eights)):
                 if eights[eight] == 0:
                     continue
+                # Tests from the cheapest to the most expensive.
                 for column in range(8 * eight, 8 * eight + 8):
                     value = differences[level, row, column]
                     if not marks[column] or abs(value) < candidate_threshold:

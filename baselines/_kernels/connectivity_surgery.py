@@ -111,11 +111,13 @@ def _collapse(
         i = int(np.argmin(cost))
         if cost[i] == np.inf:
             break
+        # Vertex i collapses into j; from now on, j stands for the edges of both.
         j = target[i]
         owner[i] = j
         cost[i] = np.inf
         quadrics[j] += quadrics[i]
-        # Vertex j takes over the triangles and the edges of i.
+        # Vertex j takes over the triangles and the connections of i. Triangles with both vanish, and
+        # connections that only they made become plain edges.
         around = np.flatnonzero((faces[:, 0] == i) | (faces[:, 1] == i) | (faces[:, 2] == i))
         _count(faces, around, links, -1)
         for k in np.flatnonzero(links[i]):
@@ -126,6 +128,7 @@ def _collapse(
                 links[k, j] = links[j, k]
         _replace(faces, around, i, j)
         _count(faces, around, links, 1)
+        # Costs around j have changed.
         _evaluate(j, points, quadrics, links, cost, target)
         for k in np.flatnonzero(links[j]):
             _evaluate(k, points, quadrics, links, cost, target)

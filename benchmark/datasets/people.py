@@ -162,6 +162,7 @@ def humans_scanlike() -> ShapeSet:
     adults = SUBJECTS["humans-scanlike"]
 
     def key(entry: Entry) -> str:
+        """Return what determines a scan: its name, which seeds it, the body and the cavities."""
         body = describe_body(adults[entry.subject], _angles(entry))
         return f"scan of {entry.identifier}: {body} {file_digest(CAVITIES)}"
 

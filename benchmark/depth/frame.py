@@ -150,6 +150,7 @@ def observe(
         pixels = _pixels_of_mask(depths, points, live, checked_mask(mask, depths > 0))
     _check_count(pixels.kept)
 
+    # Gaps between the readings of the object are filled, up to a width in pixels.
     distance = float(np.median(depths[pixels.kept]))
     widest = int(WIDEST * max(intrinsics.fx, intrinsics.fy) / distance)
     dead = dead_rows[:, None] | dead_columns

@@ -153,6 +153,8 @@ def _passages(sides: _Sides) -> tuple[IntArray, FloatArray]:
     # to the apex, and that from the apex to its start.
     beyond_end = _turn(sides.twins, 1)
     beyond_start = _turn(sides.twins, 2)
+    # Third corner, and the passages into these neighbours past P and past Q: with P at the start of
+    # the side, and with P at its end.
     forward = (
         sides.apexes,
         _passage(sides, beyond_start, sides.starts),
