@@ -380,6 +380,7 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
         sum_distances(points, levels, sums)
         mean_distances = sums / n_pairs
         disparities = isotonic_regression(mean_distances, weights=n_pairs).x
+        # At a fixed size: otherwise, points and disparities would shrink to 0 together.
         disparities *= norm / np.sqrt((n_pairs * disparities**2).sum())
         moved, stress = level_transform(points, levels, disparities.astype(np.float32))
         return moved, stress

@@ -203,7 +203,9 @@ def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
     if not (folder / CARD).is_file():
         return False
     card = json.loads((folder / CARD).read_bytes())
+    # Options that are newer than the card had their defaults.
     stored = {**asdict(Schedule()), **(card.get("schedule") or {})}
+    # Parts of the recipe that are no options, by the names of the same facts in a card.
     facts = {"seed": "seed", "shapes": "identifiers", "images": "data_digest"}
     for name, fact in facts.items():
         if name in recipe:

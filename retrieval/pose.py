@@ -212,6 +212,7 @@ def _refined(
             flat_areas = _projected_areas(area_vectors, candidates.reshape(-1, 3, 3))
             candidate_areas = flat_areas.reshape(2, -1)
             for start in range(len(rotations)):
+                # Backwards if that lowers the area, else perhaps forwards.
                 side = 0 if candidate_areas[0, start] < areas[start] else 1
                 if not has_ended[start] and candidate_areas[side, start] < areas[start]:
                     rotations[start] = candidates[side, start]

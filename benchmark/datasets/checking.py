@@ -342,6 +342,7 @@ def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
         yield Anomaly("warning", (dataset.name,), what, hint)
     if dataset.name not in SETS:
         return
+    # Official sizes, where a set has some.
     for subject, size in SETS[dataset.name].sizes.items():
         if sizes[subject] != size:
             what = f"class '{subject}' has {sizes[subject]} shapes, officially {size}"

@@ -112,6 +112,7 @@ def read(data: bytes, _: Path) -> MeshArrays:
     if is_text:
         lines = filled_lines(plain_text(body))
         body = parse_numbers(b" ".join(lines)).tobytes()
+    # From here on, the numbers of a text are read like those of a binary file.
     runs = _runs(elements, body)
     if is_text:
         _check_lines(lines, runs)
