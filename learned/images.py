@@ -86,10 +86,12 @@ def resampled(image: DepthImage, resolution: int, crop: bool = False) -> DepthIm
     length = float(size)
     if crop:
         first_row, first_column, length = _window(seen)
+    # How much of each row and column of the image each row and column of the result covers.
     rows = _shares(first_row, length, size, resolution)
     columns = _shares(first_column, length, size, resolution)
 
     def summed(pixels: NDArray[Any]) -> NDArray[np.float64]:
+        """Return the sum of the pixels that each pixel of the result covers, by their shares."""
         # A sparse product adds in the same order on every machine.
         return np.asarray((columns @ (rows @ pixels.astype(np.float64)).T).T)
 

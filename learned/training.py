@@ -238,8 +238,10 @@ def fit(
     ----------
     network
         Network with its initial weights.
-    pairs, validation
-        Training pairs, and others for curves.
+    pairs
+        Training pairs.
+    validation
+        Other pairs, on which the network is measured a few times; None for no such measures.
     schedule
         Schedule, with its precision resolved.
     folder

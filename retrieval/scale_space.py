@@ -226,12 +226,16 @@ def _convolve(
 def find_extrema(
     differences: SingleArray, peak_threshold: float, edge_ratio: float, points: FloatArray
 ) -> int:
-    """Find the sub-pixel extrema of the differences of one octave.
+    """Find the sub-pixel extrema of the differences of Gaussians of one octave.
+
+    They are the keypoints of SIFT: pixels that exceed, or fall below, all neighbours in space and
+    scale, refined by a fit, and not on an edge.
 
     Parameters
     ----------
     differences
-        Those of :func:`octave_in` without their borders.
+        Differences of Gaussians, shape (levels + 2, height + 2 MARGIN, width + 2 MARGIN); the
+        pixels are the first rows and columns, see :func:`octave_in`.
     peak_threshold
         Minimum absolute value at the refined extremum, in units of the image.
     edge_ratio

@@ -279,6 +279,7 @@ def body_mesh(subject: Subject, angles: FloatArray) -> Mesh:
     template = _template()
     import torch  # lazy
 
+    # The model takes tensors with one row for each body.
     transforms = {}
     for bone, rotation in bone_rotations(angles).items():
         transforms[bone] = torch.eye(4, dtype=torch.float64)[None]

@@ -115,7 +115,10 @@ def observe(
     up: Up | None = None,
     half_width: float = HALF_WIDTH,
 ) -> ObservedObject:
-    """Return the object of a depth image.
+    """Return the object that a depth image shows: its pixels, and the surface behind them.
+
+    The pixels are found in the mask, or as the nearest large piece before the background. Flying
+    pixels are dropped, gaps filled, and the surface is turned upright.
 
     Parameters
     ----------
@@ -142,6 +145,7 @@ def observe(
     intrinsics.check_size(width, height)
     rays = intrinsics.rays(width, height)
     points = unprojected(depths, rays)
+    # A registered image has rows and columns without any reading: they are left out of the search.
     dead_rows, dead_columns = dead_lines(depths > 0)
     live = np.ix_(~dead_rows, ~dead_columns)
     if mask is None:
@@ -156,6 +160,7 @@ def observe(
     dead = dead_rows[:, None] | dead_columns
     if dead.mean() > MOST_DEAD:  # of a registered image, what lies between readings may be anything
         dead[:] = False
+    # Depths that a program averaged with missing ones are replaced like gaps.
     averaged = averages(depths, pixels.kept, pixels.dropped & ~pixels.kept)
     completed = filled(depths, pixels.kept, averaged, pixels.mask, dead, widest)
     is_object = completed > 0
@@ -625,9 +630,12 @@ class FrameFiles:
         return None if self.intrinsics and self.scale else find_intrinsics(self.image)
 
     def observe(self) -> ObservedObject:
-        """Read the frame and return its object.
+        """Read the image, its camera and its mask, and return the object that it shows.
 
-        Raises ``DepthError``, which names the faulty file.
+        Raises
+        ------
+        DepthError
+            If a file is faulty, which the error names, or no object is found.
         """
         values = read_values(self.image)
         mask_file = self.mask_file

@@ -267,6 +267,7 @@ def back_project(
         problem = f"{foreground} pixels of foreground hold no piece of {SPECK} samples"
         hint = "check the half width of the data set or sample with a smaller stride"
         raise UnsupportedShape(problem, hint)
+    # Samples of the foreground that are in no piece; those where pieces were split count once.
     sampled = int(np.count_nonzero(samples))
     lost = sampled - len(np.unique(mesh.vertices[:, :2], axis=0))
     mesh, gaps = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
