@@ -57,7 +57,7 @@ _MESSAGES = ("problem", "hint")
 #: Functions whose texts are parts of messages.
 _SPEAKERS = ("named_errors",)
 
-#: Ends of the paths of modules: packages, sources and compiled extensions, as Python looks for them.
+#: Ends of the paths of modules: packages, sources and compiled extensions, in Python's order.
 _ENDINGS = ("/__init__.py", ".py", *EXTENSION_SUFFIXES)
 
 #: Arguments with texts for tables and lists.

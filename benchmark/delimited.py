@@ -90,8 +90,9 @@ def _fits(mark: str, lines: Sequence[str], *, has_short_first: bool) -> bool:
     else:
         counts = [line.count(mark) for line in lines]
     first = counts[0]
-    usual = counts[-1]
-    if usual == 0 or any(count != usual for count in counts[1:]):
+    others = counts[1:] or counts
+    usual = others[-1]
+    if usual == 0 or any(count != usual for count in others):
         return False
     return first == usual or (has_short_first and first == usual - 1)
 

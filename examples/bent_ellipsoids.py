@@ -1,4 +1,4 @@
-"""Bent Ellipsoids, a data set: ellipsoids of a few proportions, each bent like a banana by several angles.
+"""Bent Ellipsoids, a data set: ellipsoids of a few proportions, each bent by several angles.
 
 python bent_ellipsoids.py DIR
 python -m benchmark run -d DIR -m classic-mds -m gps

@@ -1,4 +1,4 @@
-"""Distance Distribution: how often two points of a form lie how far apart, straight through space."""
+"""Distance Distribution: how often two points of a form lie how far apart, in a straight line."""
 
 from __future__ import annotations
 
@@ -19,7 +19,9 @@ LARGEST = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class DistanceDistribution:
-    """Histogram of the distances between points of the surface: the shape distribution D2 of Osada et al. (2002).
+    """Histogram of the distances between points of the surface.
+
+    It is the shape distribution D2 of Osada et al. (2002).
 
     Parameters
     ----------
@@ -36,7 +38,7 @@ class DistanceDistribution:
     bins: Annotated[int, Interval(2)] = 64
 
     def signature(self, form: Mesh) -> SignatureArrays:
-        """Return the histogram; every vertex counts by its area, and distances by their mean, so that scale goes."""
+        """Return the histogram of distances over their mean; each vertex counts by its area."""
         areas = np.bincount(
             form.faces.ravel(), np.repeat(form.face_areas / 3, 3), minlength=form.n_vertices
         )
@@ -49,6 +51,6 @@ class DistanceDistribution:
         return {"shares": counts / weights.sum()}
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
-        """Return the sums of the differences of histograms, for all pairs, shape (N, N); ``draw`` is of no account."""
+        """Return the sums of differences of histograms, shape (N, N); ``draw`` has no effect."""
         shares = np.array([signature["shares"] for signature in signatures])
         return cdist(shares, shares, "cityblock")

@@ -14,7 +14,7 @@ from benchmark.api import FloatArray, Interval, MethodInfo, Shape
 
 @dataclass(frozen=True, kw_only=True)
 class DistanceProfile:
-    """Quantiles, over the area of the surface, of the mean geodesic distance of a point to all others.
+    """Quantiles over the surface of the mean geodesic distance of a point to all others.
 
     Parameters
     ----------
@@ -31,7 +31,7 @@ class DistanceProfile:
     count: Annotated[int, Interval(1)] = 50
 
     def describe(self, shape: Shape) -> FloatArray:
-        """Return the quantiles, shape (count,); each vertex counts by its area, so that the mesh does not matter."""
+        """Return the quantiles, shape (count,); each vertex counts by its area."""
         area = shape.laplacian().mass
         means = shape.geodesics() @ area / area.sum()
         order = np.argsort(means)

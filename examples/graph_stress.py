@@ -1,4 +1,4 @@
-"""Graph Stress: a program of any language that reads a mesh file and writes another one; here ``graph_stress.cpp``."""
+"""Graph Stress: a program of any language reads a mesh and writes one: ``graph_stress.cpp``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ REFUSED = 2
 
 @dataclass(frozen=True, kw_only=True)
 class GraphStress:
-    """Form that a program writes: it is called in this folder, with the files to read and to write."""
+    """Form that a program writes: it is called here, with the files to read and to write."""
 
     info: ClassVar[MethodInfo] = MethodInfo(
         name="graph-stress",

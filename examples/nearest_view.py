@@ -1,4 +1,4 @@
-"""Nearest View: of all depth images seen in training, take the one most alike, and answer with its canonical pose."""
+"""Nearest View: take the depth image of the training most alike, and return its canonical pose."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class NearestView:
         options: Mapping[str, Any],
         say: Callable[[str], None],
     ) -> None:
-        """Keep all pairs, smaller; the card is written last, for it means that the model is finished."""
+        """Keep all pairs, smaller. The card is written last: it says that the model is complete."""
         if options:
             raise ConfigurationError(
                 f"nearest-view has no option '{next(iter(options))}'", "leave it out"

@@ -1,4 +1,4 @@
-"""Ray Stretch: every vertex as far from the middle of the surface as the way along the surface is long."""
+"""Ray Stretch: every vertex as far from the middle as the way along the surface is long."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class RayStretch:
     strength: Annotated[float, Interval(0)] = 1.0
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the pushed vertices; the centre is the vertex nearest to all others along the surface."""
+        """Return the pushed vertices; the centre is the vertex nearest to all along the surface."""
         geodesics = shape.geodesics()
         centre = int(geodesics.sum(axis=1).argmin())
         rays = shape.mesh.vertices - shape.mesh.vertices[centre]

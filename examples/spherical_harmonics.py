@@ -79,7 +79,7 @@ class SphericalHarmonics:
         return {"energies": energies(directions, shells, self.n_degrees)}
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> FloatArray:
-        """Return the Euclidean distances of all pairs of signatures, shape (N, N); ``draw`` has no effect."""
+        """Return the Euclidean distances of all pairs, shape (N, N); ``draw`` has no effect."""
         distances = squareform(pdist([arrays["energies"].ravel() for arrays in signatures]))
         return np.asarray(np.round(distances / RESOLUTION) * RESOLUTION)
 
@@ -113,7 +113,7 @@ def sample_surface(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
 
 
 def _on_shells(radii: FloatArray, weights: FloatArray, n_shells: int) -> csr_array:
-    """Return the weight of each point in each shell, shape (n_shells, k): the two nearest shells share it."""
+    """Return the weight of each point in each shell, shape (n_shells, k), shared by two shells."""
     place = np.clip(radii * n_shells - 1, 0, n_shells - 1)
     lower = np.minimum(place.astype(np.int64), n_shells - 2)
     share = place - lower
@@ -123,7 +123,7 @@ def _on_shells(radii: FloatArray, weights: FloatArray, n_shells: int) -> csr_arr
 
 
 def energies(directions: FloatArray, shells: csr_array, n_degrees: int) -> FloatArray:
-    """Return the energies of measures on the sphere in each degree of the spherical harmonics, shape (n, n_degrees).
+    """Return the energies of measures on the sphere in each degree, shape (n, n_degrees).
 
     Parameters
     ----------
@@ -143,7 +143,9 @@ def energies(directions: FloatArray, shells: csr_array, n_degrees: int) -> Float
 def _harmonics(
     directions: FloatArray, n_degrees: int
 ) -> Iterator[tuple[int, int, NDArray[np.complex128]]]:
-    """Yield order, degree and values of the orthonormal harmonics of orders from 0; negative orders mirror them.
+    """Yield order, degree and values of the orthonormal harmonics of orders from 0.
+
+    Negative orders mirror them.
 
     For a fixed order, the Legendre functions of higher degree follow by their recurrence in z.
     """

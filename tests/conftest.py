@@ -26,7 +26,9 @@ os.environ.pop("COLUMNS", None)
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Let no test run a kernel that was compiled before an edit; with several processes, the first one sees to it."""
+    """Let no test run a kernel that was compiled before an edit; with several processes, the first
+    one sees to it.
+    """
     if not hasattr(config, "workerinput"):
         drop_stale_kernels()
 
@@ -82,7 +84,9 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def data_root() -> Path:
-    """The folder that holds the official data sets; tests that need it are skipped where there is none."""
+    """The folder that holds the official data sets; tests that need it are skipped where there is
+    none.
+    """
     named = os.environ.get("CANONICAL_FORMS_DATA", "")
     if not named or not (Path(named) / "tosca").is_dir():
         pytest.skip("needs TOSCA: set CANONICAL_FORMS_DATA to the folder that holds tosca/")

@@ -1,4 +1,5 @@
-"""Forge records by structure, with right checksums: each must be refused by name, or give its own figures.
+"""Forge records by structure, with right checksums: each must be refused by name, or give its own
+figures.
 
 ``python -m tests.forge SEED COUNT FOLDER`` runs every verb on them and prints what they said. The
 folder gets the records that end a verb in an error or show another figure. Started again, it goes
@@ -476,7 +477,9 @@ class Workshop:
 
     @staticmethod
     def _faults_of_figures(results: Path, texts: Sequence[bytes]) -> Iterator[str]:
-        """Yield the files that are neither read nor named, and scores that are not those of the values."""
+        """Yield the files that are neither read nor named, and scores that are not those of the
+        values.
+        """
         skipped = scan_files(local_files(results)).skipped
         named = {skip.where for skip in skipped}
         records_module._say_skipped.cache_clear()
@@ -517,8 +520,8 @@ def contents(folder: Path) -> dict[str, bytes]:
 def remembering(parse: Callable[[bytes], Record]) -> Callable[[bytes], Record]:
     """Return a parser of records that parses each text once.
 
-    Every verb reads all records of a folder. Parsing, of which most of the time would be spent, says
-    the same of a text each time.
+    Every verb reads all records of a folder. Parsing, of which most of the time would be spent,
+    says the same of a text each time.
     """
     results: dict[bytes, Record | RecordError] = {}
 
@@ -574,7 +577,7 @@ def examine(workshop: Workshop, seed: int, start: int, count: int) -> Findings:
 
 
 def guilty(workshop: Workshop, texts: Mapping[int, bytes]) -> dict[int, list[str]]:
-    """Return what goes wrong with which forgeries; with the first, if only with several together."""
+    """Return what goes wrong with which forgeries; with the first, if only with several at once."""
     found = [*workshop.faults([*texts.values()])]
     if not found:
         return {}

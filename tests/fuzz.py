@@ -1,4 +1,5 @@
-"""Damage files of users by structure: cut them, change counts, numbers, bytes. Each must be refused or read alike.
+"""Damage files of users by structure: cut them, change counts, numbers, bytes. Each must be refused
+or read alike.
 
 ``python -m tests.fuzz SEED SECONDS FOLDER`` writes what is read otherwise or hangs into a folder.
 Correct the cause, and move the file to the bad inputs of its kind."""
@@ -55,7 +56,9 @@ def cut(data: bytes, random: Random) -> bytes:
 
 
 def cut_above(data: bytes, random: Random) -> bytes:
-    """Cut before the last number; within it, nobody can tell a cut from a text without a last line break."""
+    """Cut before the last number; within it, nobody can tell a cut from a text without a last line
+    break.
+    """
     words = [*re.finditer(rb"\S+", data)]
     return data[: random.integers(max(1, words[-1].start()))]
 
@@ -162,7 +165,9 @@ def verdict(path: Path, expected: tuple[Any, ...]) -> str:
 
 
 def fuzz(seed: int, seconds: float, found: Path) -> Counter[str]:
-    """Damage files until the time is over; write those that are wrong into a folder, and count all by what became."""
+    """Damage files until the time is over; write those that are wrong into a folder, and count all
+    by what became.
+    """
     random, counts = np.random.default_rng(seed), Counter[str]()
     signal.signal(signal.SIGALRM, late)
     with tempfile.TemporaryDirectory() as name:

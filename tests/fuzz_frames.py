@@ -1,4 +1,5 @@
-"""Depth frames of bodies of known geometry, damaged as cameras and programs do: each has its figures or is refused.
+"""Depth frames of bodies of known geometry, damaged as cameras and programs do: each has its
+figures or is refused.
 
 ``python -m tests.fuzz_frames SEED START STOP`` draws the frames of these numbers, and prints how
 many are right, say that their object is in pieces, or are refused by name; and each other one."""
@@ -146,7 +147,9 @@ def lost_pixels(damage: str, random: Random) -> Mask:
 def damaged(
     truth: Truth, damage: str, random: Random, factor: int
 ) -> tuple[Depths, Mask | None, Mask]:
-    """Return the depths, with a mark for missing ones, the mask that is passed, and the pixels of the object."""
+    """Return the depths, with a mark for missing ones, the mask that is passed, and the pixels of
+    the object.
+    """
     has_wall = truth.pieces > 1 or random.random() < 0.7
     mark = MARKS[random.integers(len(MARKS))]
     behind = truth.distance + random.uniform(0.6, 2.0) if has_wall else np.nan

@@ -30,7 +30,9 @@ def kernels() -> list[Dispatcher]:
 
 
 def print_what_is_left(*, quick: bool) -> None:
-    """Print the kernels that are neither called nor compiled into one that is, and those that are not kept."""
+    """Print the kernels that are neither called nor compiled into one that is, and those that are
+    not kept.
+    """
     main(quick=quick)
     ready = [kernel for kernel in kernels() if kernel.signatures]
     for kernel in ready:  # which grows

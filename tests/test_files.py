@@ -1,6 +1,7 @@
 """Files are whole or absent, and what killed writers leave is removed."""
 
 import contextlib
+import json
 import os
 import re
 import socket
@@ -79,10 +80,16 @@ def beside_mesh(path):
 
 
 def of_scene(path):
-    buffers = f'{{"asset": {{"version": "2.0"}}, "buffers": [{{"byteLength": 12, "uri": "{path.name}"}}], '
-    views = '"bufferViews": [{"buffer": 0, "byteLength": 12}], "accessors": [{"bufferView": 0, "componentType": 5126, '
-    nodes = '"count": 1, "type": "VEC3"}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], '
-    path.with_suffix(".gltf").write_text(buffers + views + nodes + '"nodes": [{"mesh": 0}]}')
+    accessor = {"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}
+    scene = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": 12, "uri": path.name}],
+        "bufferViews": [{"buffer": 0, "byteLength": 12}],
+        "accessors": [accessor],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0}],
+    }
+    path.with_suffix(".gltf").write_text(json.dumps(scene))
     return read_mesh(path.with_suffix(".gltf"))
 
 
@@ -160,8 +167,12 @@ def test_a_device_is_written_to_and_not_replaced(tmp_path):
 
 def test_what_a_killed_writer_left_is_swept(tmp_path):
     command = (
-        "import os, signal\nfrom pathlib import Path\nfrom benchmark.files import write_atomically\n"
-        f"write_atomically(Path({str(tmp_path / 'a' / 'file')!r}), lambda f: os.kill(os.getpid(), signal.SIGKILL))"
+        "import os, signal\n"
+        "from pathlib import Path\n"
+        "from benchmark.files import write_atomically\n"
+        "def die(file):\n"
+        "    os.kill(os.getpid(), signal.SIGKILL)\n"
+        f"write_atomically(Path({str(tmp_path / 'a' / 'file')!r}), die)"
     )
     assert subprocess.run([sys.executable, "-c", command], check=False).returncode == -9
     (dead,) = (tmp_path / "a").iterdir()

@@ -1,4 +1,5 @@
-"""The source distribution and the wheel are built, installed in a new environment, and used as README says.
+"""The source distribution and the wheel are built, installed in a new environment, and used as
+README says.
 
 Each command of README runs in an empty folder, in which a reader has his own data alone.
 """
@@ -59,7 +60,9 @@ def build(kind: str, source: Path, target: Path) -> Path:
 
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The wheel, built from the source distribution, which is built from what git knows, or would take."""
+    """The wheel, built from the source distribution, which is built from what git knows, or would
+    take.
+    """
     folder = tmp_path_factory.mktemp("build")
     words = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     listed = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stdout
@@ -92,7 +95,7 @@ def python(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> str:
 
 
 def copy_kernels(packages: Path) -> None:
-    """Copy the compiled kernels of the checkout to an installed copy, for which numba takes minutes.
+    """Copy the compiled kernels of the checkout to an installed copy: numba takes minutes for them.
 
     It keeps them as long as a source has the size and the time of that which was compiled; the
     suite, as long as no source was put in its place later.

@@ -60,7 +60,9 @@ def test_what_was_compiled_from_other_code_goes(tmp_path, monkeypatch, edited, k
 
 @pytest.mark.slow
 def test_kernels_of_a_plugin_are_compiled_anew_in_each_process(tmp_path, monkeypatch):
-    """numba would reuse the kernel of the plugin, into which that of the helper and a value of a file are compiled."""
+    """numba would reuse the kernel of the plugin, into which that of the helper and a value of a
+    file are compiled.
+    """
     monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
     kernel = "from numba import njit\n{}\n\n@njit(cache=True)\ndef {}(x):\n    return {}\n"
     path = tmp_path / "outer.py"
@@ -71,7 +73,10 @@ def test_kernels_of_a_plugin_are_compiled_anew_in_each_process(tmp_path, monkeyp
             "inner(x) + VALUE",
         )
     )
-    program = f"from benchmark.registry.modules import load_module; print(load_module({str(path)!r}).outer(1))"
+    program = (
+        "from benchmark.registry.modules import load_module; "
+        f"print(load_module({str(path)!r}).outer(1))"
+    )
     printed = []
     for value, constant in ((1, 0), (20, 0), (20, 300)):
         (tmp_path / "helper.py").write_text(kernel.format("", "inner", f"x + {value}"))

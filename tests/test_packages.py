@@ -1,4 +1,6 @@
-"""Each package that the suite is built on does real work at run time: without a function of it, the work ends."""
+"""Each package that the suite is built on does real work at run time: without a function of it, the
+work ends.
+"""
 
 import importlib
 from pathlib import Path

@@ -1,4 +1,6 @@
-"""The wheel: what is in it, how large it is, and what is said where a model is left out; and one version everywhere."""
+"""The wheel: what is in it, how large it is, and what is said where a model is left out; and one
+version everywhere.
+"""
 
 import re
 import runpy
@@ -18,7 +20,8 @@ from learned.methods import Learned
 
 ROOT = Path(__file__).parents[1]
 
-#: Bytes of the models, and of all files, before a wheel compresses them; the wheel has at most 25 MB.
+#: Bytes of the models, and of all files, before a wheel compresses them; the wheel has at most
+#: 25 MB.
 LARGEST_MODELS, LARGEST = 22e6, 30e6
 
 

@@ -1,4 +1,4 @@
-"""Workflows of continuous integration call targets that exist, may only read, and hold no secret."""
+"""Workflows of continuous integration call known targets, may only read, and hold no secret."""
 
 import re
 from pathlib import Path

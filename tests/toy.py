@@ -1,4 +1,6 @@
-"""Small shapes for tests, rods of two builds bent by several angles; a disk that is full; and patience."""
+"""Small shapes for tests, rods of two builds bent by several angles; a disk that is full; and
+patience.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ RADII = {"thin": 0.06, "thick": 0.18}
 
 
 def rod(radius: float, bend: float, rings: int = 24, sides: int = 12) -> Mesh:
-    """Closed rod of length 1, thicker towards one end, bent into an arc of the given angle in radians."""
+    """Closed rod of length 1, thicker towards one end, bent into an arc of the given angle in
+    radians.
+    """
     along = np.linspace(0, 1, rings)
     zero = np.zeros(rings)
     x, z = (

@@ -12,7 +12,9 @@ VERBS = typer.main.get_command(cli).commands
 
 
 def call(*arguments: object, code: int = 0) -> str:
-    """Run a verb, which must end with this exit code; returns what it said, or the error with which it refuses."""
+    """Run a verb, which must end with this exit code; returns what it said, or the error with which
+    it refuses.
+    """
     done = CliRunner().invoke(cli, [*map(str, arguments)])
     if isinstance(done.exception, BenchmarkError):
         assert code == 2, repr(done.exception)

@@ -1,4 +1,5 @@
-"""``python -m tools.guide_figures [RESULTS]``: draw the pictures of the guide from a quick run of the animals.
+"""``python -m tools.guide_figures [RESULTS]``: draw the pictures of the guide from a quick run of
+the animals.
 
 They are transparent, with words in a grey that is read on white and on black.
 """
@@ -140,7 +141,7 @@ def form_of(mesh: Mesh) -> Mesh:
 
 
 def figure_of_pose(*poses: Mesh) -> Figure:
-    """Return two poses, coloured by the distance from one hand: in the air, and along the surface."""
+    """Return two poses, coloured by the distance from one hand: in the air, along the surface."""
     camera = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
     side = TEXT_WIDTH / 4
     columns = []

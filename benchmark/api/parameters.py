@@ -261,7 +261,9 @@ def assignments(texts: str | Iterable[str]) -> dict[str, str]:
         If a name or a value is missing, or a name appears twice.
     """
     values: dict[str, str] = {}
-    for text in split(texts) if isinstance(texts, str) else texts:
+    if isinstance(texts, str):
+        texts = split(texts)
+    for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals):
             missing = "value" if name else "name"

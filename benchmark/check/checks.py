@@ -178,6 +178,7 @@ def _require_similar(case: Case, change: Callable[[Mesh], Mesh], hint: str) -> s
     copies = [case.shape(mesh=change(shape.mesh)) for shape in shapes]
     n = len(shapes)
     distances = case.dissimilarities([*shapes, *copies])
+    # Blocks of the matrix: shapes to each other, and shapes to copies.
     to_others = distances[:n, :n][~np.eye(n, dtype=bool)].min()
     to_copy = np.diag(distances[:n, n:]).max()
     if not to_copy <= _SHARE * to_others:
@@ -428,6 +429,7 @@ def _awkward(case: Case) -> str:
     meshes = awkward()
     if case.is_scorer:
         meshes["a point"] = Mesh(np.zeros((3, 3)), np.array([[0, 1, 2]]))
+
     refused = []
     problems = []
     for name, mesh in meshes.items():

@@ -155,7 +155,7 @@ def _announce(planned: Plan) -> None:
     _say_refused(planned)
     n_finished = sum(job.state == "finished" for job in planned.jobs)
     say(f"{len(planned.pending)} of {len(planned.jobs)} jobs to run, {n_finished} finished before")
-    for job in planned.missed:
+    for job in planned.missed:  # they failed before, or cannot run
         remedy = "; --retry runs it again" if job.state == "failed" else ""
         name = planned.names[job.record.key]
         say(f"{job.state:<11}  {name}  {brief(job.reason)}{remedy}")
@@ -193,7 +193,7 @@ def _run(planned: Plan, size: int, dask: str, timeout: float) -> list[Record]:
     """
     n_pending = len(planned.pending)
     n_processes = max(1, size)
-    # The estimate leaves out jobs of which nothing is known: they are taken to be as long as others.
+    # The estimate leaves out jobs of which nothing is known: they count as much as others.
     n_estimated = max(1, n_pending - planned.estimate.unknown)
     processor_seconds = planned.estimate.seconds * n_pending / n_estimated
     records = []

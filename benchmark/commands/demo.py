@@ -132,6 +132,7 @@ def demo(
     for shape in shapes:
         bodies[shape.name] = drawn_from(_mesh_of(prepared[shape.name]), shape.camera)
     drawn = _Drawn(bodies=bodies)
+
     surface: Shape | None = None
     for wanted in watched(_every_form(shapes, components)):
         if surface is None or surface.identifier != wanted.shape.name:
@@ -143,6 +144,7 @@ def demo(
             drawn.problems.append(f"{wanted}: {error}")
         else:
             drawn.add(wanted, form.mesh)
+
     title = "Your meshes" if meshes else "A generated cat"
     write_play_page(page, [_gallery(title, shapes, components, drawn)])
     return Demo(page, tuple(drawn.problems))

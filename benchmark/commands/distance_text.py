@@ -141,11 +141,12 @@ def _check_widths(rows: TextRows, lines: Sequence[str], hint: str) -> None:
         If they differ; the error says what the text seems to be.
     """
     widths = [len(row) for row in rows]
-    steps = {after - before for before, after in pairwise(widths[1:])}
-    if len(rows) > 3 and steps in ({1}, {-1}):
+    differences = {after - before for before, after in pairwise(widths[1:])}
+    if len(rows) > 3 and differences in ({1}, {-1}):
         problem = "its rows get longer or shorter, as in one triangle of a matrix"
         raise ConfigurationError(problem, "write the whole matrix")
-    if len(rows) > 2 and len({*widths[1:]}) == 1 and widths[0] != widths[1]:
+    all_but_first_agree = len(set(widths[1:])) == 1
+    if len(rows) > 2 and all_but_first_agree and widths[0] != widths[1]:
         problem = f"its first line, '{lines[0].strip():.60}', is no row of the matrix"
         raise ConfigurationError(problem, "delete the first line")
     for number, width in enumerate(widths, 1):

@@ -250,13 +250,15 @@ def _data_sheet(dataset: ShapeSet, name: str, written: Mapping[str, Entry]) -> s
     return f"""# {dataset.title}
 
 {_description(dataset)}
-Version {version(_PROJECT)} of the canonical forms benchmark wrote it: `python -m benchmark data export '{name}'`.
+Version {version(_PROJECT)} of the canonical forms benchmark wrote it:
+`python -m benchmark data export '{name}'`.
 {stands_in}
 ## Composition
 
-- {len(written)} meshes `CLASS/POSE.off`: {len(members)} classes with {poses} poses each. No two meshes are alike.
-- `dataset.toml`: the depth camera of each shape. Views are orthographic depth images of 500 x 500 pixels along its
-  `direction`, with `up` upwards; {frame}.
+- {len(written)} meshes `CLASS/POSE.off`: {len(members)} classes with {poses} poses each. No two
+  meshes are alike.
+- `dataset.toml`: the depth camera of each shape. Views are orthographic depth images of 500 x 500
+  pixels along its `direction`, with `up` upwards; {frame}.
 - `shapes.csv`: file, name, class, pose and fold of each shape.
 - `croissant.json`: the same for machines. `SHA256SUMS`: the digests, for `sha256sum --check`.
 
@@ -266,8 +268,9 @@ Version {version(_PROJECT)} of the canonical forms benchmark wrote it: `python -
 
 ## How it was made
 
-The shapes are generated; no person or animal was recorded. Bodies of people are those of the model `anny` (code
-Apache-2.0, assets CC0), animals are this project's own. The same release writes the same bytes on every machine.
+The shapes are generated; no person or animal was recorded. Bodies of people are those of the model
+`anny` (code Apache-2.0, assets CC0), animals are this project's own. The same release writes the
+same bytes on every machine.
 
 ## Use
 
@@ -275,8 +278,8 @@ Scores of a method are comparable with published ones if the same classes and po
 
     python -m benchmark run -d FOLDER -m METHOD
 
-Draw no conclusions about real people or animals. Choose no parameters on these shapes if you report scores on them.
-Networks may not have seen the subjects of a test.
+Draw no conclusions about real people or animals. Choose no parameters on these shapes if you report
+scores on them. Networks may not have seen the subjects of a test.
 
 ## Licence and citation
 
@@ -291,18 +294,20 @@ def _licence() -> str:
 
 Copyright (c) {RELEASED[:4]} {holder}
 
-Permission is hereby granted, free of charge, to any person obtaining a copy of these data and associated files (the
-"Data"), to deal in the Data without restriction, including without limitation the rights to use, copy, modify, merge,
-publish, distribute, sublicense, and/or sell copies of the Data, and to permit persons to whom the Data are furnished to
-do so, subject to the following conditions:
+Permission is hereby granted, free of charge, to any person obtaining a copy of these data and
+associated files (the "Data"), to deal in the Data without restriction, including without limitation
+the rights to use, copy, modify, merge, publish, distribute, sublicense, and/or sell copies of the
+Data, and to permit persons to whom the Data are furnished to do so, subject to the following
+conditions:
 
-The above copyright notice and this permission notice shall be included in all copies or substantial portions of the
-Data.
+The above copyright notice and this permission notice shall be included in all copies or substantial
+portions of the Data.
 
-THE DATA ARE PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT LIMITED TO THE
-WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR
-COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR
-OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE DATA OR THE USE OR OTHER DEALINGS IN THE DATA.
+THE DATA ARE PROVIDED "AS IS", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT NOT
+LIMITED TO THE WARRANTIES OF MERCHANTABILITY, FITNESS FOR A PARTICULAR PURPOSE AND NONINFRINGEMENT.
+IN NO EVENT SHALL THE AUTHORS OR COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER
+LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, OUT OF OR IN
+CONNECTION WITH THE DATA OR THE USE OR OTHER DEALINGS IN THE DATA.
 """
 
 

@@ -85,6 +85,7 @@ def forget(
             "name methods with -m or data sets with -d, name records with --record, or pass "
             "--unused",
         )
+
     all_records = read_records(folder, published=False)
     _check_known(folder, all_records, records)
     of_data = label_data_sets(all_records)
@@ -98,7 +99,7 @@ def forget(
         is_of_method = is_of_methods(record, names) or not are_named(names)
         return has_selection and record.key in keys_of_data and is_of_method
 
-    with writing(folder):
+    with writing(folder):  # no run may add files meanwhile
         unwanted, files = unneeded(folder, is_unwanted, records)
         if has_selection and not unwanted:
             problem = f"no record under {folder} fits the selection"

@@ -191,6 +191,7 @@ def tables_of_run(
     all_records = labelled[: len(records)]
     of_run = labelled[len(records) :]
 
+    # Tables and data sets that the jobs of the run belong to.
     identifiers = set[str]()
     datasets = set[str]()
     for job, record in zip(plan.jobs, of_run, strict=True):
@@ -202,6 +203,7 @@ def tables_of_run(
                 table = own_table(record.data.name, fold_of(record))
             identifiers.add(table.identifier)
 
+    # All records of the same galleries, also from earlier runs.
     galleries = {(record.gallery, record.input) for record in of_run}
     chosen = chosen_records(all_records, quick=quick, scorer=scorer, seed=seed)
     chosen = [record for record in chosen if (record.gallery, record.input) in galleries]

@@ -78,14 +78,14 @@ def outcome(record: Record) -> str:
     if record.status != "ok":
         return brief(record.reason)
     scores = " ".join(f"{column.title} {column.cell(record)}" for column in PRINTED_SCORES)
-    details = [
+    details = ", ".join(
         f"{quantity.cell(record)} {quantity.title} a shape"
         for quantity in QUANTITIES
         if quantity.title
-    ]
-    measured = ", ".join(details)
-    refused = f"; {brief(record.refusals)}" if record.unsupported else ""
-    return f"{scores}  ({measured}{refused})"
+    )
+    if record.unsupported:
+        details += f"; {brief(record.refusals)}"
+    return f"{scores}  ({details})"
 
 
 def is_of_methods(record: Record, methods: Iterable[str]) -> bool:
@@ -159,7 +159,7 @@ class RecordSelection:
         check_known("table", self.tables, names | {"extended"})
         of_data = records_of(all_records, self.data) if self.data else all_records
         of_input = [record for record in of_data if self.input in (None, record.input)]
-        # A quick run, with some of the poses alone, is shown if it is asked for, or nothing else is.
+        # A quick run, with some of the poses alone, is shown if asked for, or if there is no other.
         full = chosen_records(of_input, scorer=self.scorer, seed=self.seed)
         quick = chosen_records(of_input, quick=True, scorer=self.scorer, seed=self.seed)
         records = quick

@@ -81,14 +81,14 @@ class Submission:
     @property
     def in_words(self) -> str:
         """What a table says of it."""
-        authors = listed(self.facts["authors"])
+        facts = self.facts
         kind = "a folder of forms" if self.scored.is_dir() else "distances"
-        return brief(
-            f"{self.title}: scored here from {kind} by {authors}; trained on {self.facts['trained_on']}; "
-            f"compute: {self.facts['compute']}; licence: {self.facts['licence']}; code: {self.facts['code']}; "
-            f"{self.facts['citation']}",
-            2000,
+        sentence = (
+            f"{self.title}: scored here from {kind} by {listed(facts['authors'])}; "
+            f"trained on {facts['trained_on']}; compute: {facts['compute']}; "
+            f"licence: {facts['licence']}; code: {facts['code']}; {facts['citation']}"
         )
+        return brief(sentence, 2000)
 
 
 @dataclass(frozen=True)
@@ -187,24 +187,29 @@ def read_submission(path: Path) -> Submission:
     if missing:
         said = "; ".join(f"{key}: {REQUIRED[key]}" for key in missing)
         raise ConfigurationError(f"it does not say {listed(missing)}", f"write {said}")
+    input_ = facts.get("input", "mesh")
+    check_known("input", [input_], ("mesh", "view"))
+
+    # What is scored: a file of distances, or a folder of forms, within the submission.
     given = [key for key in SCORED if key in facts]
     if len(given) != 1:
         raise ConfigurationError(
             f"it names {listed(given) or 'neither distances nor forms'}",
             'write distances = "FILE" or forms = "FOLDER"',
         )
-    check_known("input", [facts.get("input", "mesh")], ("mesh", "view"))
-    scored = path.parent / facts[given[0]]
+    kind = given[0]
+    name = facts[kind]
+    scored = path.parent / name
     if not scored.resolve().is_relative_to(path.parent.resolve()):
-        raise ConfigurationError(f"{facts[given[0]]} lies outside of it", "put it into its folder")
-    is_right = scored.is_dir() if given[0] == "forms" else scored.is_file()
-    if not is_right:
-        raise ConfigurationError(f"its {given[0]} {facts[given[0]]} are not there", "add them")
-    return Submission(path.parent, facts, facts.get("input", "mesh"), scored)
+        raise ConfigurationError(f"{name} lies outside of it", "put it into its folder")
+    is_there = scored.is_dir() if kind == "forms" else scored.is_file()
+    if not is_there:
+        raise ConfigurationError(f"its {kind} {name} are not there", "add them")
+    return Submission(path.parent, facts, input_, scored)
 
 
 def _check_value(key: str, value: object) -> None:
-    """Raise ``ConfigurationError`` unless a value is text, or a list of text where one is wanted."""
+    """Raise ``ConfigurationError`` unless a value is text, or a list of texts where one belongs."""
     if key in _LISTS:
         is_right = isinstance(value, list) and all(isinstance(each, str) for each in value)
         wanted = "a list of texts"

@@ -404,7 +404,7 @@ def _surplus_meshes(place: Path, folder: Path, used: Container[Path | None]) -> 
 
 
 def unreadable_files(dataset: ShapeSet) -> Iterator[Anomaly]:
-    """Yield the files of shapes that are missing, or no files that end; their shapes are refused."""
+    """Yield the files of shapes that are missing or do not end; their shapes are refused."""
     for path in dict.fromkeys(chain.from_iterable(map(dataset.files, dataset.shapes))):
         try:
             file_digest(path)

@@ -44,8 +44,8 @@ def _is_stale(source: Path, newest: int) -> bool:
     source
         The file.
     newest
-        When the newest source of the suite was moved to its place. What is compiled into the kernels
-        of a file takes long to find, and needs not be known of kernels that are newer.
+        When the newest source of the suite was moved to its place. What is compiled into the
+        kernels of a file takes long to find, and needs not be known of kernels that are newer.
     """
     kernels = compiled_kernels(source)
     if not kernels:

@@ -75,6 +75,7 @@ def _records_of_word(records: Sequence[Record], word: str) -> list[Record]:
         of_name = [
             record for record in records if word in _words(record) and record not in of_folder
         ]
+
     paths = [path, *(record.data.path for record in of_name)]
     different_paths = list(dict.fromkeys(filter(None, paths)))
     if of_name and len(different_paths) > 1:

@@ -232,7 +232,7 @@ class _Merging:
         ConfigurationError
             If it is in none, or names the rows of several data sets.
         """
-        for name in self.rows:
+        for name in self.rows:  # the name of a row, or the key of a record
             rows = [row for row, names in self.names_of_conflicts.items() if name in names]
             if not rows:
                 conflicts = ", ".join(f"'{row}'" for row in self.names_of_conflicts)

@@ -70,11 +70,12 @@ PRINTED: dict[str, dict[str, dict[str, float]]] = {
 
 NUMERALS = tuple(PRINTED)
 
+#: The classical methods of the paper.
 CLASSICAL = tuple(PRINTED["III"])[:-1]
-"""The classical methods of the paper."""
 
+#: The paper's network as printed, and at 128 x 128 pixels; a claim about the network is judged for
+#: each.
 PAPERS_NETWORKS = (AS_PRINTED, "learned")
-"""The paper's network as printed, and at 128 x 128 pixels; a claim about the network is judged for each."""
 
 
 @dataclass(frozen=True)

@@ -125,6 +125,7 @@ def in_file(path: Path) -> list[Component]:
     if resolved.suffix != ".py":
         problem = f"{path} is a link to {resolved}, which is no Python file"
         raise ConfigurationError(problem, "name the .py file of a plugin")
+
     target = str(resolved)
     module = load_module(target)
     components = []

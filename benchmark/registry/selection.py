@@ -40,10 +40,12 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
             chosen += known.values()
         else:
             chosen += variants(name, known)
+
     named_files = {component.plugin for component in chosen}
     for component in known.values():
         if component.plugin and component.plugin not in named_files:
             chosen.append(component)
+
     places = {name: place for place, name in enumerate(known)}
     chosen.sort(key=lambda component: places.get(component.base_name, len(places)))
     selected: dict[str, Component] = {}

@@ -1,8 +1,8 @@
 """Columns of tables: what each is called, and the value and the text of a row in it.
 
-Markdown, LaTeX, JSON, HTML and data frames iterate over these; none has headings, counts or cells of
-its own. ``scores.csv`` has one score a line instead, a :class:`Score`. A quantity that is measured
-on each job is a line of :data:`QUANTITIES`.
+Markdown, LaTeX, JSON, HTML and data frames iterate over these; none has headings, counts or cells
+of its own. ``scores.csv`` has one score a line instead, a :class:`Score`. A quantity that is
+measured on each job is a line of :data:`QUANTITIES`.
 """
 
 from __future__ import annotations

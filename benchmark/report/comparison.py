@@ -133,6 +133,7 @@ def _frames(view: TableView, column: str, first: str, second: str) -> Iterator[D
     others = [name for name in rows if name != first]
     if second:
         others = [name for name in rows if name == second]
+
     table = f"Table {view.table.identifier} on {view.dataset}"
     if view.is_of_own_data:
         table = view.dataset

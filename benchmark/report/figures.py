@@ -310,16 +310,19 @@ def figure_of_records(
     names = list(shapes) or some_shapes(first)
     check_known("shape", names, labels)
     subjects = list(dict.fromkeys(labels[name] for name in names))
+
+    # A form that is not stored is None.
     columns: list[_Column] = []
     has_forms = False
     for subject in subjects:
         poses = [name for name in names if labels[name] == subject]
-        head = clean_text(subject) if len(subjects) > 1 else "Shape"
-        columns.append(_Column(head, [forms.shape(first, name) for name in poses]))
+        heading = clean_text(subject) if len(subjects) > 1 else "Shape"
+        columns.append(_Column(heading, [forms.shape(first, name) for name in poses]))
         for title, record in records.items():
-            drawn = [forms.form(record, name) for name in poses]
-            columns.append(_Column(title, drawn))
-            has_forms |= any(drawn)
+            forms_of_poses = [forms.form(record, name) for name in poses]
+            columns.append(_Column(title, forms_of_poses))
+            if any(forms_of_poses):
+                has_forms = True
     if not has_forms:
         raise ConfigurationError(
             "no forms of these shapes are stored here", "run the methods here, then draw again"

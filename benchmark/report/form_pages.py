@@ -53,6 +53,8 @@ def forms_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
             rows.append((row.title, file_name(row.method), forms))
     if not rows:
         return {}
+
+    # The first row shows the shapes themselves.
     bodies = [pages.forms.shape(first, shape) for shape in shapes]
     of_shapes = _surfaces(pages, f"{first.input}-{first.data.name}-shape", "", shapes, bodies)
     rows.insert(0, ("Shape", "shape", of_shapes))

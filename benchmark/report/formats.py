@@ -367,10 +367,13 @@ def latex(view: TableView) -> str:
     all_lines = chain.from_iterable(lines for _, lines in all_blocks)
     has_folds = any(line.has_folds for line in all_lines)
     n_scores = sum(len(group.columns) for group in groups)
+
+    # The layout follows from the width.
     is_wide = n_scores > _SCORES_OF_ONE_COLUMN or has_folds  # ranges do not fit one column
     environment = "table*" if is_wide else "table"
     kind = "tabular*" if is_wide else "tabularx"
     columns = _wide_columns(view, groups) if is_wide else _narrow_columns(groups)
+
     notes = " ".join(table_notes(view)[:-1])  # the last one is for those who have the suite
     lines = [
         "% needs booktabs and tabularx",

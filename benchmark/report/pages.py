@@ -123,6 +123,7 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     if len(of_other_cameras) > 1:
         scores["matrix"] = matrix_of(pages, of_other_cameras)
 
+    # A table has up to three pages, by the end of their address.
     contents = {"": scores, "-forms": {"facets": forms}, "-queries": {"facets": queries}}
     contents = {ending: content for ending, content in contents.items() if any(content.values())}
     titles = {f"{view.stem}{ending}.html": PAGES_OF_TABLE[ending] for ending in contents}
@@ -208,10 +209,11 @@ def _content_of_scores(
     forms, queries
         Content of the pages of forms and queries, one for each column: their rows link there.
     """
+    # A row shows the first picture of its forms, and links to places (anchors) of other pages.
     pictures: dict[str, str] = {}
     for facet in forms:
-        for _, anchor, of_row in facet["rows"]:
-            first = next(form for form in of_row if form)
+        for _, anchor, forms_of_row in facet["rows"]:
+            first = next(form for form in forms_of_row if form)
             pictures.setdefault(anchor, first["picture"])
     anchors_of_queries = set[str]()
     for facet in queries:

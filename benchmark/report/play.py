@@ -246,7 +246,7 @@ def _gallery(records: Sequence[Record], forms: StoredForms, most_surfaces: int) 
     most_surfaces
         Number of surfaces, of shapes and forms together, for which the page has room.
     """
-    first = min(records, key=lambda record: record.input == "view")
+    first = min(records, key=lambda record: record.input == "view")  # of surfaces, if there is one
     numbers = _chosen(first.labels, most_surfaces // (1 + len(records)))
     shapes = []
     for number in numbers:

@@ -128,6 +128,7 @@ def queries_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
     if not rows:
         return {}
     first = rows[0].record
+    # All rows rank the same shapes. A shape that has nothing to find is no query.
     queries = [number for number, score in enumerate(first.per_query[MEASURE]) if score is not None]
     outcomes = {number: _outcomes_of(number, rows) for number in queries}
     worst = {number: min(of_query).state for number, of_query in outcomes.items()}

@@ -345,7 +345,9 @@ def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> T
         block: Block = "network" if method.startswith("learned") else "form"
         return TableRow(method, TITLES.get(method, method), block, {})
     block = block_of(records[0])
-    first = min(records, key=lambda record: len(record.method))
+    first = min(records, key=lambda record: len(record.method))  # with the fewest parameters
+
+    # In each column, the row has scores, or records that say why it has none.
     scored = {}
     failed = {}
     for column, galleries in of_table.galleries.items():
@@ -358,6 +360,7 @@ def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> T
         without_scores = [record for record in of_column if record.status != "ok"]
         if without_scores:
             failed[column.title] = without_scores
+
     chosen = {
         name: value
         for name, value in first.parameters.items()

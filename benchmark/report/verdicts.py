@@ -309,10 +309,13 @@ def _leads(
         sizes_of_folds = [len(query_measures(records)) for records in rows[0].records.values()]
     fold_of_query = np.repeat(np.arange(len(sizes_of_folds)), sizes_of_folds)[queries]
 
+    # Leads have the shape (other methods, measures).
     chosen = np.ix_(queries, measures)
     lead = _total_leads(np.array([row.values[chosen] for row in rows]))
     least = scatter_of(rows).least[measures]
     is_above_scatter = np.abs(lead) / len(labels) > least + SAME
+
+    # Every choice of trainings has to agree.
     is_significant = np.ones(lead.shape, dtype=bool)
     has_one_sign = np.ones(lead.shape, dtype=bool)
     choices = list(product(*(row.trainings for row in rows)))
@@ -322,6 +325,7 @@ def _leads(
         for fold in np.unique(fold_of_query):
             lead_of_fold = _total_leads(values[:, fold_of_query == fold])
             has_one_sign &= np.sign(lead_of_fold) == np.sign(lead)
+
     n_trainings = len(choices) * len(sizes_of_folds) if has_network else 0
     is_decided = is_significant & is_above_scatter & has_one_sign
     return _Leads(lead, is_significant, is_decided, n_trainings)

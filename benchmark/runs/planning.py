@@ -882,12 +882,13 @@ def _seconds_per_shape(
     """
     same_input = [record for record in finished if record.input == side.input]
     similar = [record for record in same_input if record.method == job.method]
-    if not similar:
+    if not similar:  # with other parameters
         similar = [record for record in same_input if record.base_name == job.base_name]
     nearest = [record for record in similar if record.gallery == side.gallery]
     if not nearest:
         nearest = [record for record in similar if record.data.name == side.data.name]
 
+    # The last record of the same data, or the median over all data.
     used = nearest[-1:] or similar
     all_seconds = [record.seconds for record in used]
     median: defaultdict[str, float] = defaultdict(float)

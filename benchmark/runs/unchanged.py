@@ -213,7 +213,7 @@ class _Snapshot:
         self._states = {path: _state_of(path) for path in paths}
         folders = {os.path.dirname(path) for path in paths}  # noqa: PTH120
         self._folders = {folder: _state_of(folder) for folder in folders}
-        #: Digests of files that changed a moment ago: another change may leave their times as they are.
+        #: Digests of files that changed a moment ago: another change may leave their times alone.
         self._contents: dict[str, str] = {}
         for path, state in self._states.items():
             if state and state.is_recent():

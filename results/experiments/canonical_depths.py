@@ -1,4 +1,5 @@
-"""What networks predict of animals and of scans, beside the truth: ``canonical_depths.py [animals|scans]``.
+"""What networks predict of animals and of scans, beside the truth: ``canonical_depths.py
+[animals|scans]``.
 
 Draws results/figures/canonical-animals.png and canonical-scans.png, the counterparts of figures 4
 and 5 of the paper: depth in the canonical pose, of subjects that no network has seen. Animals need
@@ -83,7 +84,7 @@ def chosen(picture: Picture, shapes: ShapeSet) -> list[Entry]:
 
 
 def panels(picture: Picture) -> tuple[list[list[NDArray[np.float64]]], list[str]]:
-    """Return a row of panels for each shape, NaN outside of bodies, and the titles of the columns."""
+    """Return a row of panels for each shape, NaN outside of bodies, and the titles of columns."""
     shapes = open_dataset(picture.dataset, data_folder())
     half_width, canonical = frame_of(shapes), canonical_shapes(shapes)
     networks = {
@@ -110,7 +111,9 @@ def _configuration(model: str) -> str:
 
 
 def window(panels: list[NDArray[np.float64]], ratio: float) -> NDArray[np.float64]:
-    """Return where the bodies of a column lie: left, right, bottom, top as shares of its side, of a ratio of sides."""
+    """Return where the bodies of a column lie: left, right, bottom, top as shares of its side, of a
+    ratio of sides.
+    """
     extents = np.array([extent(panel) for panel in panels])
     low, high = extents[:, :2].min(axis=0), extents[:, 2:].max(axis=0)
     centre, width = (low + high) / 2, max(high[0] - low[0], (high[1] - low[1]) / ratio)
@@ -128,7 +131,9 @@ def extent(panel: NDArray[np.float64]) -> tuple[float, float, float, float]:
 
 
 def drawn(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
-    """Draw a row of panels for each shape, each column cut to its bodies; depth in one scale but for the input."""
+    """Draw a row of panels for each shape, each column cut to its bodies; depth in one scale but
+    for the input.
+    """
     extents = np.array([extent(panel) for panel in [row[1] for row in rows]])
     ratio = (extents[:, 3] - extents[:, 1]).max() / (extents[:, 2] - extents[:, 0]).max()
     side = 0.9 * TEXT_WIDTH / len(titles)

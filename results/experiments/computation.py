@@ -1,4 +1,5 @@
-"""How much computation the networks take, beside what the paper's days on its card could do; prints the table.
+"""How much computation the networks take, beside what the paper's days on its card could do; prints
+the table.
 
     python results/experiments/computation.py
 
@@ -36,7 +37,9 @@ TERA = 1e12
 
 
 def forward_operations(configuration: str, pixels: int) -> float:
-    """Return the floating-point operations of a forward pass of one image; a multiply-add counts two."""
+    """Return the floating-point operations of a forward pass of one image; a multiply-add counts
+    two.
+    """
     with torch.device("meta"):
         network = CONFIGURATIONS[configuration].build()
         image = torch.zeros(1, 1, pixels, pixels)

@@ -129,7 +129,9 @@ def write_status() -> None:
 
 
 def finished_cells() -> list[Cell]:
-    """Return all cells; raise ``SystemExit`` before all of them are trained, so that none is judged alone."""
+    """Return all cells; raise ``SystemExit`` before all of them are trained, so that none is judged
+    alone.
+    """
     missing = [str(cell.folder) for cell in cells() if not (MODELS / cell.folder / CARD).is_file()]
     if missing:
         raise SystemExit(f"no model is evaluated before all are trained; missing: {missing}")
@@ -137,7 +139,9 @@ def finished_cells() -> list[Cell]:
 
 
 def average_body(data: str, results: Path) -> Tensor:
-    """Return the mean depth of the bodies of some training data, as :func:`depth_range.average_body` does."""
+    """Return the mean depth of the bodies of some training data, as
+    :func:`depth_range.average_body` does.
+    """
     if data != SAMPLED_PEOPLE:
         return depth_range.average_body(0)
     bodies = data_of_training(TRAININGS[data], None, say).bodies
@@ -185,7 +189,8 @@ def evaluate(results: Path) -> None:
 
 
 def difference(first: pandas.DataFrame, second: pandas.DataFrame) -> tuple[float, set[float]]:
-    """Return t of the paired differences over bodies, and the signs of their mean for all choices of seeds.
+    """Return t of the paired differences over bodies, and the signs of their mean for all choices
+    of seeds.
 
     Parameters
     ----------
@@ -200,7 +205,9 @@ def difference(first: pandas.DataFrame, second: pandas.DataFrame) -> tuple[float
 
 
 def has_effect(levels: Sequence[tuple[pandas.DataFrame, pandas.DataFrame]]) -> bool:
-    """Return whether a factor has an effect by the rule, from its two cells at each level of the other one."""
+    """Return whether a factor has an effect by the rule, from its two cells at each level of the
+    other one.
+    """
     found = [difference(*level) for level in levels]
     signs = set[float]().union(*(of_level for _, of_level in found))
     return all(abs(t) > LEAST_T for t, _ in found) and len(signs) == 1
@@ -242,7 +249,8 @@ def judge() -> None:
             )
             sees = t > LEAST_T and exceeds and is_below
             print(
-                f"{network} on {of}: t(11) against the average body {t:+.2f}, sees the relief: {sees}"
+                f"{network} on {of}: t(11) against the average body {t:+.2f}, "
+                f"sees the relief: {sees}"
             )
 
 

@@ -65,7 +65,9 @@ class Frame(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """Forms of a frame by method, and the points of its surface in the camera's upright frame in metres."""
+    """Forms of a frame by method, and the points of its surface in the camera's upright frame in
+    metres.
+    """
 
     points: Points
     forms: dict[str, Points]
@@ -83,7 +85,8 @@ def examples() -> Iterator[tuple[str, Frame]]:
 
 
 def generated(seed: int | None, names: Sequence[str] = ()) -> Iterator[tuple[str, Frame]]:
-    """Yield frames of ten bodies in ten poses, or of those named, as a structured-light camera measures them.
+    """Yield frames of ten bodies in ten poses, or of those named, as a structured-light camera
+    measures them.
 
     Without a seed, all pixels have their true depths.
     """
@@ -182,7 +185,9 @@ def said(of_frame: Seen) -> dict[str, object]:
 
 
 def misfit(true: Points, found: Points) -> float:
-    """Return the root mean square distance of two forms after rotation and reflection, over the radius of the first."""
+    """Return the root mean square distance of two forms after rotation and reflection, over the
+    radius of the first.
+    """
     true = true - true.mean(axis=0)
     found = found - found.mean(axis=0)
     left, _, right = np.linalg.svd(found.T @ true)
@@ -191,14 +196,18 @@ def misfit(true: Points, found: Points) -> float:
 
 
 def apart(one: Points, other: Points) -> float:
-    """Return the mean distance of the points of two forms to the nearest of the other; forms have unit area."""
+    """Return the mean distance of the points of two forms to the nearest of the other; forms have
+    unit area.
+    """
     there, _ = cKDTree(other).query(one)
     back, _ = cKDTree(one).query(other)
     return float((there.mean() + back.mean()) / 2)
 
 
 def measure(code: str, folder: Path, names: Sequence[str]) -> None:
-    """Add the errors of frames, or all, under all damages to the table; undamaged forms are kept in a folder."""
+    """Add the errors of frames, or all, under all damages to the table; undamaged forms are kept in
+    a folder.
+    """
     rows = []
     again = dict(generated(1, names))
     true = dict(generated(None, names))

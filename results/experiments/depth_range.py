@@ -67,7 +67,9 @@ FURTHER, FURTHER_SEED, AS_PRINTED = (
 
 @cache
 def judges() -> tuple[list[str], NDArray[np.float32], NDArray[np.float32]]:
-    """Return subject, depth image and true canonical image of each view, in the frame of the training."""
+    """Return subject, depth image and true canonical image of each view, in the frame of the
+    training.
+    """
     shapes, half_width = open_dataset(JUDGES), frame_of(open_dataset(TRAINED))
     entries, canonical = list(shapes.shapes), canonical_shapes(shapes)
     images = np.stack(
@@ -91,7 +93,9 @@ def training_bodies(fold: int, resolution: int) -> Tensor:
 
 
 def average_body(fold: int, resolution: int = RESOLUTION) -> Tensor:
-    """Return the mean depth of the training bodies, shape (r, r): at each pixel, of those that cover it."""
+    """Return the mean depth of the training bodies, shape (r, r): at each pixel, of those that
+    cover it.
+    """
     depth, mask = training_bodies(fold, resolution).unbind(1)
     return spread((depth * mask).sum(0) / mask.sum(0).clamp(min=1), mask.sum(0))
 
@@ -125,7 +129,9 @@ def settings(
 
 
 def error(predicted: Tensor, true: Tensor) -> float:
-    """Return the root mean square error of the depth inside both masks, without the mean of the error."""
+    """Return the root mean square error of the depth inside both masks, without the mean of the
+    error.
+    """
     both = (predicted[1] > COVERED) & (true[1] > COVERED)
     return float((predicted[0] - true[0])[both].std(correction=0)) if both.any() else np.nan
 
@@ -206,7 +212,9 @@ def take_apart(fold: int) -> None:
 
 
 def go_on(results: Path, targets: str) -> None:
-    """Train the network as printed of fold 0 further, on targets of either range, and append its scores."""
+    """Train the network as printed of fold 0 further, on targets of either range, and append its
+    scores.
+    """
     known = pandas.read_csv(SCORES)
     if known["setting"].str.startswith(f"as printed, then {targets}:").any():
         return
@@ -278,7 +286,9 @@ def scored(
 
 
 def lengthen(results: Path, earlier: Path) -> None:
-    """Train fold 0 with seed 0 for :data:`LONG` epochs, and evaluate the weights at each of :data:`AT`."""
+    """Train fold 0 with seed 0 for :data:`LONG` epochs, and evaluate the weights at each of
+    :data:`AT`.
+    """
     folder = results / "models" / "people-fold-0" / "literal-seed0"
     finished = training._State.finished_epoch
 
@@ -340,7 +350,8 @@ def judge() -> None:
         reach = student.ppf(0.975, len(each) - 1) * of_bodies
         exceeds[other] = gain.mean() >= student.ppf(0.975, len(gain) - 1) * unit
         print(
-            f"{NEW} - {other}: FT {gain.mean():+.4f}, {gain.mean() / unit:.2f} standard errors of {len(gain)} pairs, "
+            f"{NEW} - {other}: FT {gain.mean():+.4f}, "
+            f"{gain.mean() / unit:.2f} standard errors of {len(gain)} pairs, "
             f"over bodies {each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}"
         )
     errors = means["error"].groupby("setting").mean()
@@ -365,7 +376,8 @@ def judge() -> None:
         each = further[mine] - further[other]
         reach = student.ppf(0.975, len(each) - 1) * each.sem()
         print(
-            f"{mine} - {other}: FT over bodies {each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}"
+            f"{mine} - {other}: FT over bodies "
+            f"{each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}"
         )
     long = (
         scores[(scores["epochs"] < 0) & (scores["setting"] == NEW)]

@@ -60,7 +60,9 @@ class Line(NamedTuple):
 
 
 def lines(view: TableView) -> list[Line]:
-    """Return the methods from top to bottom: controls, then forms from the paper's best to its last."""
+    """Return the methods from top to bottom: controls, then forms from the paper's best to its
+    last.
+    """
     scored = {row.method: row.scored[COLUMN] for row in view.rows if COLUMN in row.scored}
     of_paper = {name: PRINTED["III"][name][MEASURE] for name in CLASSICAL}
     forms = sorted(CLASSICAL, key=lambda name: -of_paper[name])

@@ -89,7 +89,9 @@ def decimated_by_libigl(mesh: Mesh) -> Mesh:
 
 
 def remeshed_by_trimesh(mesh: Mesh) -> Mesh:
-    """Split all triangles in four by trimesh, and collapse as many by libigl: other vertices on the same surface."""
+    """Split all triangles in four by trimesh, and collapse as many by libigl: other vertices on the
+    same surface.
+    """
     import trimesh
 
     return collapsed(*trimesh.remesh.subdivide(mesh.vertices, mesh.faces.astype(np.int64)), WHOLE)
@@ -138,7 +140,9 @@ def judge(folder: Path) -> None:
 
 
 def lines(scores: pd.DataFrame) -> list[str]:
-    """Return the scatter over meshes beside that over codebooks, and the range, as a table in Markdown."""
+    """Return the scatter over meshes beside that over codebooks, and the range, as a table in
+    Markdown.
+    """
     heads = ["over meshes: NN FT ST DCG", "over codebooks", "least to most DCG"]
     said = [f"| method | {' | '.join(heads)} |", "|---|---|---|---|"]
     for method, group in scores.groupby("method", sort=False):

@@ -31,7 +31,8 @@ from learned.methods import Learned
 POSES = ("sitting", "kicking")  # chosen before any picture was drawn
 N_SHOWN, FOLD = 3, 0
 BEHIND = 0.01
-"""Depth behind what the camera sees, as a share of the frame, from which a point is hidden: 2.6 cm."""
+"""Depth behind what the camera sees, as a share of the frame, from which a point is hidden: 2.6 cm.
+"""
 
 HERE = Path(__file__).parent
 AVERAGE = "average body"
@@ -40,7 +41,8 @@ AVERAGE = "average body"
 def hidden(
     canonical: Mesh, posed: Mesh, camera: Camera, half_width: float, mask: NDArray[np.bool_]
 ) -> Tensor:
-    """Return which pixels of the true canonical mask show a point that is hidden in the input, shape (r, r).
+    """Return which pixels of the true canonical mask show a point that is hidden in the input,
+    shape (r, r).
 
     The point of a pixel is the nearest vertex; both meshes have the same vertices.
     """
@@ -60,7 +62,9 @@ def hidden(
 
 
 def figures(prediction: Tensor, true: Tensor, unseen: Tensor) -> tuple[float, float]:
-    """Return the share of hidden pixels in the predicted mask, and the error of the depth there in units of relief."""
+    """Return the share of hidden pixels in the predicted mask, and the error of the depth there in
+    units of relief.
+    """
     mask = prediction[1] > COVERED
     both, there = mask & (true[1] > COVERED), mask & unseen
     wrong = prediction[0] - true[0]
@@ -128,7 +132,7 @@ def inside(prediction: Tensor) -> NDArray[np.float64]:
 
 
 def picture(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
-    """Draw a row of panels for each view; depth in one scale but for the input, which has its own."""
+    """Draw a row of panels for each view; depth in one scale, but the input in its own."""
     figure = Figure(
         figsize=(TEXT_WIDTH, 1.1 * TEXT_WIDTH * len(rows) / len(titles)), layout="constrained"
     )

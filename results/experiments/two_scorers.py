@@ -1,4 +1,5 @@
-"""Scores of the paper's methods on TOSCA by two scorers: ``python results/experiments/two_scorers.py [RESULTS]``.
+"""Scores of the paper's methods on TOSCA by two scorers: ``python
+results/experiments/two_scorers.py [RESULTS]``.
 
 Writes results/figures/two-scorers.csv, with intervals over classes, from records of ``run -t III -d
 tosca``, with and without ``--scorer spherical-harmonics --plugin examples/spherical_harmonics.py``;

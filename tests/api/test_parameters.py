@@ -1,4 +1,6 @@
-"""Parameters: what is read from text, what is refused and how, and that each way to write a value makes one value."""
+"""Parameters: what is read from text, what is refused and how, and that each way to write a value
+makes one value.
+"""
 
 from __future__ import annotations
 

@@ -76,7 +76,9 @@ def capsule(points: np.ndarray, start, end, radius: float) -> np.ndarray:
 
 
 def moved_to(points: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Points after the proper rigid motion that brings them nearest to the reference (independent of the kernels)."""
+    """Points after the proper rigid motion that brings them nearest to the reference (independent
+    of the kernels).
+    """
     rotation, _ = Rotation.align_vectors(
         reference - reference.mean(axis=0), points - points.mean(axis=0)
     )

@@ -26,7 +26,9 @@ def sphere(n: int = 400) -> Mesh:
 
 
 def limbed(n: int = 400) -> Shape:
-    """Ball with five limbs of different lengths: closed, one piece, no symmetry, geodesics far from Euclidean."""
+    """Ball with five limbs of different lengths: closed, one piece, no symmetry, geodesics far from
+    Euclidean.
+    """
     ball = sphere(n)
     directions = np.array(
         [[1, 0.1, 0], [-0.9, 0.3, 0.2], [0.1, -1, 0.2], [0, 0.4, 1], [0.5, 0.5, -0.8]]

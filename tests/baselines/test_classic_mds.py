@@ -1,4 +1,6 @@
-"""Classic scaling and GPS where their values are known, and the one rule for signs and mirror images."""
+"""Classic scaling and GPS where their values are known, and the one rule for signs and mirror
+images.
+"""
 
 import numpy as np
 import pytest

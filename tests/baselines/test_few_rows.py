@@ -1,4 +1,6 @@
-"""Scaling of a few rows of distances, beside released code, published formulas, and scaling of all pairs."""
+"""Scaling of a few rows of distances, beside released code, published formulas, and scaling of all
+pairs.
+"""
 
 import numpy as np
 import pytest

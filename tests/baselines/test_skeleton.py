@@ -65,7 +65,9 @@ def neighbours_of(pairs, count):
 
 
 def test_surgery_is_that_of_the_released_code_with_summed_quadrics():
-    """Collapses one by one, by the cost of AuConnectivitySurgeryMex.cpp, over all half-edges that border a triangle."""
+    """Collapses one by one, by the cost of AuConnectivitySurgeryMex.cpp, over all half-edges that
+    border a triangle.
+    """
     mesh = limbed(40).mesh
     points, faces = mesh.vertices, {tuple(map(int, face)) for face in mesh.faces}
     around, quadrics = (
@@ -103,7 +105,7 @@ def test_surgery_is_that_of_the_released_code_with_summed_quadrics():
 
 
 def test_joints_are_centred_and_merged_as_in_the_released_code():
-    """AuEmbeddingRefinementMex.cpp, for displacements, and AuMergeJunctionsMex.cpp, loop by loop."""
+    """AuEmbeddingRefinementMex.cpp for displacements, and AuMergeJunctionsMex.cpp, loop by loop."""
     mesh = implicit_surface(
         lambda p: np.min([capsule(p, [0, 0, 0], tip, 0.2) for tip in TIPS], axis=0)
     )

@@ -134,7 +134,9 @@ def test_no_stress_ever_rises(seed):
 
 
 def test_disparities_never_fall_where_distances_rise(monkeypatch):
-    """In each iteration, over all pairs in the order of their distances, whose sum of squares theirs is."""
+    """In each iteration, over all pairs in the order of their distances, whose sum of squares
+    theirs is.
+    """
     shape, used = limbed(200), []
     pairs = np.triu_indices(shape.mesh.n_vertices, 1)
     order = np.argsort(shape.geodesics()[pairs], kind="stable")

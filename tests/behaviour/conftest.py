@@ -53,7 +53,9 @@ def material(tmp_path_factory) -> Path:
 
 @pytest.fixture
 def place(material, tmp_path, monkeypatch) -> Path:
-    """The current folder, empty but for links to all material, and to the results of today where there are some."""
+    """The current folder, empty but for links to all material, and to the results of today where
+    there are some.
+    """
     for path in material.iterdir():
         (tmp_path / path.name).symlink_to(path)
     monkeypatch.chdir(tmp_path)

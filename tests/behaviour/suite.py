@@ -84,7 +84,9 @@ def start(*words: object, cwd: Path, **options: Any) -> subprocess.Popen[str]:
 
 
 def write_frames(folder: Path) -> None:
-    """Write depth images of two classes: an upright ellipsoid before a wall, thin and thick, in two places each."""
+    """Write depth images of two classes: an upright ellipsoid before a wall, thin and thick, in two
+    places each.
+    """
     v, u = np.mgrid[:240, :320].astype(float)
     ray = np.stack([(u - 159.5) / 262.5, (v - 119.5) / 262.5, np.ones_like(u)], -1)
     folder.mkdir(parents=True, exist_ok=True)

@@ -44,7 +44,9 @@ def cases():
 
 
 def plain(text):
-    """Text with single blanks and without marks of bold and italic, and without numbers of notes on departures."""
+    """Text with single blanks and without marks of bold and italic, and without numbers of notes on
+    departures.
+    """
     return " ".join(re.sub(r"\*+(?=[^\s*|])|(?<=[^\s*|])\*+| [⁰¹²³⁴⁵⁶⁷⁸⁹]+", "", text).split())
 
 

@@ -1,4 +1,6 @@
-"""How the program ends: by an exit code that a script can tell, in one line, and with nothing left behind."""
+"""How the program ends: by an exit code that a script can tell, in one line, and with nothing left
+behind.
+"""
 
 import os
 import pty
@@ -70,7 +72,9 @@ def test_a_terminal_gets_the_same_figures(scored):
     ids=str,
 )
 def test_a_terminal_that_lacks_a_character_ends_no_run(tmp_path, settings):
-    """One process for the whole way from an argument to the terminal: there is no such method, which is said."""
+    """One process for the whole way from an argument to the terminal: there is no such method,
+    which is said.
+    """
     command = [
         sys.executable,
         "-m",

@@ -1,4 +1,6 @@
-"""The contract checks: right plugins pass, and each fault is found by the check that is made for it."""
+"""The contract checks: right plugins pass, and each fault is found by the check that is made for
+it.
+"""
 
 from __future__ import annotations
 
@@ -48,7 +50,8 @@ DISTANCES = (
     "        return np.abs(d[:, None] - d[None]).sum(axis=2)"
 )
 POSITIONS = (
-    "\n\n    def distances(self, descriptors):\n        k = np.arange(len(descriptors), dtype=float)\n"
+    "\n\n    def distances(self, descriptors):\n"
+    "        k = np.arange(len(descriptors), dtype=float)\n"
     "        return np.abs(k[:, None] - k)"
 )
 

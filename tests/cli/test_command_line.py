@@ -1,4 +1,6 @@
-"""The command line as a whole: its size, what it imports, what it refuses, and what it never overwrites."""
+"""The command line as a whole: its size, what it imports, what it refuses, and what it never
+overwrites.
+"""
 
 import re
 import subprocess
@@ -134,8 +136,8 @@ def test_rows_of_other_scorers_and_seeds_are_counted_with_the_way_to_them(tmp_pa
         write_record(tmp_path, record("gps", **more))
     found = call("tables", "--results", tmp_path)
     assert (
-        "not shown: 2 jobs of another scorer or seed: pass --scorer bbox --seed 0, or --scorer cm-bof"
-        in found
+        "not shown: 2 jobs of another scorer or seed: "
+        "pass --scorer bbox --seed 0, or --scorer cm-bof" in found
     )
     write_record(tmp_path, record("surface-area", scorer=""))
     assert "2 jobs of" in call("compare", "gps", "--results", tmp_path)

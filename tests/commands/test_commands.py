@@ -139,7 +139,7 @@ def test_a_learner_that_measures_its_fit_apart_is_asked_and_told_what_to_do_inst
 
 @pytest.fixture
 def folders(tmp_path):
-    """A folder that can be used, one of a single class, and one whose settings have an unknown key."""
+    """A folder that can be used, one of a single class, and one with an unknown key in settings."""
     write_rods(tmp_path / "good", bends=(0.0, 1.0))
     write_rods(tmp_path / "one class", radii={"thin": 0.05})
     write_rods(tmp_path / "settings")

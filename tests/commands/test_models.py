@@ -1,4 +1,6 @@
-"""``models fetch``: published models come from a folder or a server, whole and unchanged, or are named."""
+"""``models fetch``: published models come from a folder or a server, whole and unchanged, or are
+named.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""``tables --submissions``: rows of others are scored here, marked as such, and named where something is missing."""
+"""``tables --submissions``: rows of others are scored here, marked as such, and named where
+something is missing.
+"""
 
 from __future__ import annotations
 

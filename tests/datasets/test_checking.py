@@ -87,7 +87,8 @@ def test_flaws_of_a_mesh_are_warnings(rods, vertices, faces, message):
 def test_the_same_geometry_under_two_names_is_named_whatever_the_format(rods):
     write_mesh(rods / "thick7.obj", read_mesh(rods / "thin1.off"))
     assert only(rods) == (
-        "error    thin1.off (thick7.obj)  the same geometry as another of another class; keep one of the two"
+        "error    thin1.off (thick7.obj)  the same geometry as another of another class; "
+        "keep one of the two"
     )
     write_mesh(rods / "thin7.obj", read_mesh(rods / "thin0.off"))
     (rods / "thick7.obj").unlink()
@@ -137,7 +138,8 @@ def test_lists_and_settings_that_are_not_read_are_named(rods):
     for name in ("thin0.mtl", "skin.png", "K.txt", "README.md"):
         (rods / name).write_text("")
     assert only(rods) == (
-        "warning  4 files: Dataset.toml, class.tsv, dataset.toml.txt, thin9.zip  skipped: no shape, labels or "
+        "warning  4 files: Dataset.toml, class.tsv, dataset.toml.txt, thin9.zip  "
+        "skipped: no shape, labels or "
         f"settings; labels.txt and dataset.toml are read, in {rods.name}"
     )
 
@@ -237,7 +239,8 @@ def test_a_mixed_folder_takes_a_line_for_each_kind_of_problem_and_errors_come_fi
         "thick6.off, thick8.off, thick10.off, 3 more",
     )
     assert units == (
-        f"warning  6 files: {metres}  are 1000 times as small as 6 others ({millimetres}), a unit's factor; "
+        f"warning  6 files: {metres}  are 1000 times as small as 6 others ({millimetres}), "
+        "a unit's factor; "
         "state the unit of each in dataset.toml, or ignore surface-area"
     )
 
@@ -278,5 +281,6 @@ def test_tosca_is_whole_but_for_one_open_mesh(data_root):
         in lines
     )
     assert [line for line in lines if line.startswith(("error", "warning"))] == [
-        "warning  victoria10.off  20 boundary edges; close the surface for methods that need it closed"
+        "warning  victoria10.off  20 boundary edges; "
+        "close the surface for methods that need it closed"
     ]

@@ -120,7 +120,8 @@ def test_settings_are_applied(tmp_path):
     (folder / "intrinsics.txt").unlink()
     toml = folder / "dataset.toml"
     toml.write_text(
-        'intrinsics = "262.5,262.5,159.75,119.75"\ndepth_scale = 1000\nup = [0.1, -1, 0]\nhalf_width = 1.5\n'
+        'intrinsics = "262.5,262.5,159.75,119.75"\ndepth_scale = 1000\n'
+        "up = [0.1, -1, 0]\nhalf_width = 1.5\n"
         "[canonical_pose]\none = 0\n"
     )
     dataset = open_dataset(str(folder), None)

@@ -1,4 +1,6 @@
-"""Labels and matrices as other programs give them: each has the figure worked out here, or a refusal that names it."""
+"""Labels and matrices as other programs give them: each has the figure worked out here, or a
+refusal that names it.
+"""
 
 import enum
 import gzip
@@ -33,7 +35,9 @@ NAMES = [f"s{row}" for row in range(12)]
 
 
 def nearest_neighbour(labels):
-    """NN by its definition: whether the nearest other shape is of the class of a query; class -1 has no queries."""
+    """NN by its definition: whether the nearest other shape is of the class of a query; class -1
+    has no queries.
+    """
     counts = Counter(labels)
     queries = [row for row, label in enumerate(labels) if str(label) != "-1" and counts[label] > 1]
     hits = 0

@@ -71,7 +71,7 @@ def test_the_committed_people_are_those_that_the_rule_draws_apart_from_the_other
     assert np.abs(distances - 0.25).min() > 1e-9, "no draw hangs on the last bits of a distance"
 
 
-def test_further_bodies_keep_away_from_tested_subjects_and_a_larger_set_begins_with_the_smaller() -> (
+def test_further_bodies_keep_away_from_tested_ones_and_a_larger_set_begins_with_the_smaller() -> (
     None
 ):
     small, large = open_dataset("people[n=3]"), open_dataset("people[n=200]")
@@ -87,9 +87,7 @@ def test_further_bodies_keep_away_from_tested_subjects_and_a_larger_set_begins_w
     assert str(np.round(bodies[1], 9).tolist()) in large.key(large.shapes[20])
 
 
-def test_a_mirrored_pose_turns_the_bones_of_the_other_side_and_a_jittered_one_stays_within_the_joints() -> (
-    None
-):
+def test_a_mirrored_pose_turns_the_other_bones_and_a_jittered_one_stays_within_the_joints() -> None:
     for pose in POSES.values():
         np.testing.assert_array_equal(mirrored_pose(mirrored_pose(pose)), pose)
     bones, other = (

@@ -1,4 +1,6 @@
-"""A figure before a floor and a wall, as a perspective depth camera with the faults of a real one sees it."""
+"""A figure before a floor and a wall, as a perspective depth camera with the faults of a real one
+sees it.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,9 @@ SMALL_CAMERA = Intrinsics(262.5, 262.5, 159.75, 119.75, (320, 240))
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A body on the floor (z = 0) that a camera looks at; the wall lies at ``wall`` along y, other meshes around it."""
+    """A body on the floor (z = 0) that a camera looks at; the wall lies at ``wall`` along y, other
+    meshes around it.
+    """
 
     position: tuple[float, float, float]
     target: tuple[float, float, float] = (0.0, 0.0, 0.85)
@@ -77,7 +81,9 @@ class Scene:
 
 
 def measured(depths: Depths, seed: int = 0) -> Depths:
-    """Return depths with noise, steps, missing and flying pixels [Khoshelham and Elberink 2012], up to 8 m."""
+    """Return depths with noise, steps, missing and flying pixels [Khoshelham and Elberink 2012], up
+    to 8 m.
+    """
     random = np.random.default_rng(seed)
     padded = np.pad(depths, 1, mode="edge")
     farthest = np.maximum.reduce(
@@ -129,7 +135,9 @@ def figure(height=1.7):
 def frame(
     seed: int = 0, distance: float = 2.5, height: float = 1.2, **given: object
 ) -> tuple[Depths, Mask]:
-    """Return depths in metres as a structured-light camera measures them, and the pixels of the figure with a depth."""
+    """Return depths in metres as a structured-light camera measures them, and the pixels of the
+    figure with a depth.
+    """
     depths, mask = Scene((0.2, -distance, height), **given).drawn()
     found = measured(depths, seed)
     return found, mask & (found > 0)

@@ -87,7 +87,7 @@ DAMAGES: dict[str, Damage] = {
 @pytest.mark.parametrize("name", DAMAGES)
 @pytest.mark.parametrize("has_background", [True, False])
 def test_a_pixel_without_a_reading_is_no_edge(name: str, has_background: bool) -> None:
-    """The area of the whole surface is found in one piece, within that of the pixels at its edge."""
+    """The area of the whole surface is found in one piece, within that of pixels at its edge."""
     depths, mask = DAMAGES[name](BODY if has_background else np.where(OBJECT, BODY, 0), OBJECT)
     observed = observe(depths, CAMERA, mask)
     seen = view(observed)
@@ -109,7 +109,9 @@ def test_a_line_without_readings_does_not_halve_the_object_that_is_found(name: s
 
 
 def legs(gap: int, behind: float) -> tuple[Depths, Mask]:
-    """Return two upright bars 2 m away, the pixels between them at another depth, and the pixels of both bars."""
+    """Return two upright bars 2 m away, the pixels between them at another depth, and the pixels of
+    both bars.
+    """
     depths = np.full((240, 320), 3.5)
     mask = np.zeros(depths.shape, dtype=bool)
     mask[40:200, 130:160] = mask[40:200, 160 + gap : 190 + gap] = True

@@ -428,9 +428,7 @@ def test_any_other_depth_scale_is_refused_unless_the_units_are_passed(tmp_path: 
             ] == pytest.approx(2.1, abs=0.05)
 
 
-def test_without_a_size_the_centre_lies_in_the_middle_and_numbers_on_the_command_line_are_no_file() -> (
-    None
-):
+def test_without_a_size_the_centre_lies_in_the_middle_and_numbers_are_no_file() -> None:
     with pytest.raises(DepthError, match="far from the middle"):
         Intrinsics(1050, 1050, 639.5, 479.5).check_size(*SIZE)
     for width, height in ((480, 640), (720, 1280), (1024, 1280)):  # of frames that were turned

@@ -55,7 +55,9 @@ def relabelled(mesh: Mesh, seed: int = 0) -> tuple[Mesh, np.ndarray]:
 
 
 def exact_distances(mesh: Mesh, sources: np.ndarray) -> np.ndarray:
-    """Distances from some vertices of a manifold to all, by libigl, which gives 0 for those that it does not reach."""
+    """Distances from some vertices of a manifold to all, by libigl, which gives 0 for those that it
+    does not reach.
+    """
     faces, everywhere = mesh.faces.astype(np.int64), np.arange(mesh.n_vertices)
     found = np.stack(
         [igl.exact_geodesic(mesh.vertices, faces, VS=at, VT=everywhere) for at in sources[:, None]]
@@ -65,7 +67,9 @@ def exact_distances(mesh: Mesh, sources: np.ndarray) -> np.ndarray:
 
 
 def capped_cylinder(sides: int) -> Mesh:
-    """Closed cylinder of radius 1 and height 2: both caps are fans of ``sides`` triangles around their centre."""
+    """Closed cylinder of radius 1 and height 2: both caps are fans of ``sides`` triangles around
+    their centre.
+    """
     made = trimesh.creation.cylinder(radius=1, height=2, sections=sides)
     return Mesh(made.vertices, made.faces)
 

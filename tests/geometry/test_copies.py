@@ -15,7 +15,10 @@ from tests.verbs import call, refusal
 
 INPUTS = Path(__file__).parent / "inputs" / "copies"
 AREA = 5.28932
-SAID = "two of its 2 pieces run along each other over .* of their area: a copy.*; export the surface once"
+SAID = (
+    "two of its 2 pieces run along each other over .* of their area: a copy.*; "
+    "export the surface once"
+)
 
 
 def together(*meshes):

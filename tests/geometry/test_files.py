@@ -154,7 +154,9 @@ def polygon_area(polygon: FloatArray) -> float:
 
 
 def fan(polygon: FloatArray, monkeypatch: pytest.MonkeyPatch) -> IntArray:
-    """The triangles of a polygon; fans of a few corners alone may be made, so that the time is linear."""
+    """The triangles of a polygon; fans of a few corners alone may be made, so that the time is
+    linear.
+    """
     looked: list[int] = []
 
     def look(faces: FloatArray, corner: int) -> NDArray[np.bool_]:

@@ -1,4 +1,6 @@
-"""Geodesics, the Laplacian and interpolation beside independent implementations, on surfaces whose values are known."""
+"""Geodesics, the Laplacian and interpolation beside independent implementations, on surfaces whose
+values are known.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,9 @@ def test_shortest_paths_agree_with_scipy(build: Callable[[Mesh], csr_array]) -> 
 
 
 def test_distances_known_by_hand_and_near_the_exact_ones() -> None:
-    """Two unit right triangles folded along their hypotenuse: the geodesic is the diagonal of the unfolded square."""
+    """Two unit right triangles folded along their hypotenuse: the geodesic is the diagonal of the
+    unfolded square.
+    """
     folded = Mesh(
         [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, np.sqrt(0.5)]], [[0, 1, 2], [1, 3, 2]]
     )
@@ -118,7 +122,9 @@ def test_degenerate_triangles_are_harmless() -> None:
 @settings(max_examples=30)
 @given(sides=st.integers(3, 40), budget=st.integers(-1, 60), seed=st.integers(0, 99))
 def test_the_arrays_of_the_windows_hold_every_window(sides: int, budget: int, seed: int) -> None:
-    """Run as Python, where a write outside an array raises; on crumpled surfaces windows split more often."""
+    """Run as Python, where a write outside an array raises; on crumpled surfaces windows split more
+    often.
+    """
     mesh, _ = relabelled(capped_cylinder(sides), seed)
     mesh = mesh.with_vertices(
         mesh.vertices + 0.5 * np.random.default_rng(seed).standard_normal(mesh.vertices.shape)
@@ -132,7 +138,9 @@ def test_the_arrays_of_the_windows_hold_every_window(sides: int, budget: int, se
 @pytest.mark.kernels
 @pytest.mark.parametrize("sides", [WINDOWS - 1, WINDOWS, 3000])
 def test_distances_on_a_finely_capped_cylinder(sides: int) -> None:
-    """From the centre of a cap: 1 to its corners, a little less than 3, through the middle of a side, to the others."""
+    """From the centre of a cap: 1 to its corners, a little less than 3, through the middle of a
+    side, to the others.
+    """
     mesh = capped_cylinder(sides)
     is_top, is_rim = mesh.vertices[:, 2] > 0, np.linalg.norm(mesh.vertices[:, :2], axis=1) > 0.5
     from_top = shortest_paths(geodesic_graph(mesh, WINDOWS), np.flatnonzero(is_top & ~is_rim))[0]

@@ -1,4 +1,6 @@
-"""From the mesh of a file to that of the methods: repaired, in one piece, and dependent on the shape alone."""
+"""From the mesh of a file to that of the methods: repaired, in one piece, and dependent on the
+shape alone.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,9 @@ def moved(mesh: Mesh, *offset: float, scale: float = 1.0) -> Mesh:
 
 
 def renumbered(mesh: Mesh, seed: int) -> Mesh:
-    """The same surface with vertices, triangles and the first corner of each triangle in a random order."""
+    """The same surface with vertices, triangles and the first corner of each triangle in a random
+    order.
+    """
     random = np.random.default_rng(seed)
     mixed, _ = relabelled(mesh, seed)
     faces = mixed.faces[random.permutation(mesh.n_faces)]
@@ -489,7 +493,9 @@ def test_triangles_without_area_leave_no_border(
 
 @given(st.lists(st.integers(1, 99), min_size=1, max_size=8, unique=True), st.integers(0, 10**6))
 def test_any_vertices_on_an_edge_are_joined_to_its_other_side(cuts: list[int], seed: int) -> None:
-    """Above an edge a fan to the vertices on it, below a single triangle, between them flat triangles in any order."""
+    """Above an edge a fan to the vertices on it, below a single triangle, between them flat
+    triangles in any order.
+    """
     random = np.random.default_rng(seed)
     line = [np.array([x / 100, 0, 0]) for x in [0, *sorted(cuts), 100]]
     n, chain, flat = len(line), list(range(len(line))), []

@@ -1,4 +1,6 @@
-"""Mesh files as text: without a last line break they are read and named; what counts or lines contradict is refused."""
+"""Mesh files as text: without a last line break they are read and named; what counts or lines
+contradict is refused.
+"""
 
 import numpy as np
 import pytest
@@ -11,7 +13,8 @@ from tests.verbs import call
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 POINTS = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n"
 PLY = (
-    "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+    "ply\nformat ascii 1.0\nelement vertex 4\n"
+    "property float x\nproperty float y\nproperty float z\n"
     "element face 2\nproperty list uchar int vertex_indices\nend_header\n"
 )
 TEXTS = {
@@ -78,7 +81,10 @@ def rods(tmp_path):
 def test_data_check_and_a_run_name_text_without_a_last_line_break(rods):
     for name in ("thin1.off", "thick2.off"):
         (rods / name).write_bytes((rods / name).read_bytes().rstrip())
-    said = "2 files: thick2.off, thin1.off  text without a last line break: its last number may be cut off"
+    said = (
+        "2 files: thick2.off, thin1.off  text without a last line break: "
+        "its last number may be cut off"
+    )
     checked = call("data", "check", rods)
     assert f"warning  {said}" in checked.replace("thin1.off, thick2.off", "thick2.off, thin1.off")
     assert "0 errors, 2 warnings" in checked
@@ -109,7 +115,10 @@ def test_data_check_says_the_range_of_counts_of_several_files(rods):
     assert "1 to 5 faces the other way round" in lines[0]
 
 
-LINES = "solid a facet normal 0 0 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop endfacet endsolid a\n"
+LINES = (
+    "solid a facet normal 0 0 1 outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 "
+    "endloop endfacet endsolid a\n"
+)
 PACKED = "".join(f"{line} 16711680\n" for line in POINTS.splitlines())
 NORMALS = "".join(f"{line} 0.1 0.2 0.3\n" for line in POINTS.splitlines())
 ROWS = "its rows are not those that its header announces"
@@ -118,7 +127,10 @@ NORMAL = "\nproperty float nx"  # and neither ny nor nz
 HINTS = {
     "one line.stl": (LINES, "its line breaks are missing; write each facet"),
     "binary.off": ("OFF BINARY\n\0\0\0\4", "binary OFF is not read; export it as text"),
-    "dimension.off": (f"nOFF\n3\n4 1 0\n{POINTS}3 0 1 2\n", "n-dimensional OFF is not read; export"),
+    "dimension.off": (
+        f"nOFF\n3\n4 1 0\n{POINTS}3 0 1 2\n",
+        "n-dimensional OFF is not read; export",
+    ),
     "homogeneous.off": ("4OFF\n1 0 0\n0 0 0 1\n", "n-dimensional OFF is not read"),
     "colours.off": (f"COFF\n4 1 0\n{PACKED}3 0 1 2\n", "packed colour; export it without colours"),
     "packed.off": (f"OFF\n4 1 0\n{PACKED}3 0 1 2\n", "packed colour; export it without colours"),

@@ -1,4 +1,6 @@
-"""The depth image of a mesh and the surface behind it, against shapes whose depth is known in closed form."""
+"""The depth image of a mesh and the surface behind it, against shapes whose depth is known in
+closed form.
+"""
 
 from __future__ import annotations
 
@@ -67,7 +69,9 @@ def test_rendering_agrees_with_ray_casting() -> None:
 @settings(max_examples=40)
 @given(seed=st.integers(0, 10_000), snap=st.sampled_from([0.0, 0.5, 1.0]))
 def test_no_cracks_inside_a_triangulated_square(seed: int, snap: float) -> None:
-    """Vertices on pixel centres and corners are the hard case: the centre lies on edges and vertices exactly."""
+    """Vertices on pixel centres and corners are the hard case: the centre lies on edges and
+    vertices exactly.
+    """
     inner = np.random.default_rng(seed).uniform(0, 24, (60, 2))
     inner = np.round(inner / snap) * snap if snap else inner
     flat = np.unique(np.concatenate([inner, [[-1, -1], [25, -1], [25, 25], [-1, 25]]]), axis=0)

@@ -1,4 +1,6 @@
-"""Committed inputs: small shapes, raw meshes, depth images, signatures and distances, and networks by a formula."""
+"""Committed inputs: small shapes, raw meshes, depth images, signatures and distances, and networks
+by a formula.
+"""
 
 from __future__ import annotations
 
@@ -75,7 +77,8 @@ def committed_meshes() -> Any:
 
 
 def write_model(method: Any, folder: Path) -> None:
-    """Write a model of a learner with weights by a formula: NumPy's legacy generator is frozen, so no file is needed.
+    """Write a model of a learner with weights by a formula: NumPy's legacy generator is frozen, so
+    no file is needed.
 
     Matrices get the variances of He et al. 2015, biases small numbers; other parameters move
     slightly from their initial values, which are not random. Depths are around the middle of the

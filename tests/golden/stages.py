@@ -1,4 +1,6 @@
-"""Calls into the suite that golden results need; each function returns named arrays, or raises a refusal."""
+"""Calls into the suite that golden results need; each function returns named arrays, or raises a
+refusal.
+"""
 
 from __future__ import annotations
 
@@ -39,7 +41,7 @@ Arrays = Mapping[str, Any]
 
 
 def form_of(name: str, shape: str) -> Arrays:
-    """Return a form in double precision, before the stage rounds it, with the notes of the stage."""
+    """Return a form in double precision, before the stage rounds it, with notes of the stage."""
     return _form_of(select_one(name).create(), inputs.shape(shape))
 
 
@@ -58,7 +60,7 @@ def _form_of(method: Any, shape: Shape) -> Arrays:
 
 
 def _answer(method: Any, shape: Shape) -> Arrays:
-    """Return a form or a descriptor without its times and machine; raise the reason of a refusal."""
+    """Return a form or a descriptor without times and machine; raise the reason of a refusal."""
     answer = require_result(compute_output(method, shape, SharedResults()))
     return {
         name: array for name, array in answer.items() if not name.startswith((SECONDS, MACHINE))
@@ -67,7 +69,9 @@ def _answer(method: Any, shape: Shape) -> Arrays:
 
 @cache
 def _trained(name: str) -> tuple[Any, Any]:
-    """Return a learner with its model, and the folder of the model, which lasts as long as the process."""
+    """Return a learner with its model, and the folder of the model, which lasts as long as the
+    process.
+    """
     method: Any = select_one(name).create()
     models = tempfile.TemporaryDirectory()
     inputs.write_model(method, Path(models.name) / "model")

@@ -1,4 +1,5 @@
-"""What each component makes of small committed inputs is what it made before; ``make golden`` runs all of them.
+"""What each component makes of small committed inputs is what it made before; ``make golden`` runs
+all of them.
 
 After a change that is meant, ``make golden ARGS="--force-regen -k NAME"`` writes the files again:
 say in the commit by how much each array moved, and why."""

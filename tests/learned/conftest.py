@@ -17,7 +17,9 @@ from tests.learned.toy import OPTIONS, TINY, quiet, toy_data
 
 @contextmanager
 def tiny_on_one_thread() -> Iterator[None]:
-    """Name the tiny network; leave neither threads nor the treatment of denormal numbers to other tests."""
+    """Name the tiny network; leave neither threads nor the treatment of denormal numbers to other
+    tests.
+    """
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     with pytest.MonkeyPatch.context() as patch:

@@ -1,4 +1,6 @@
-"""Models on disk: a card that says what was trained, weights that are those of the card, anything else refused."""
+"""Models on disk: a card that says what was trained, weights that are those of the card, anything
+else refused.
+"""
 
 from __future__ import annotations
 
@@ -247,7 +249,10 @@ def test_a_finished_model_is_left_alone(trained: Path, copied: Path) -> None:
 def test_a_finished_model_of_another_training_is_refused_with_what_differs(
     trained: Path, options: dict[str, Any], changes: dict[str, Any], named: str
 ) -> None:
-    message = f"holds a finished model of another training, with another {named}; delete the folder to train anew"
+    message = (
+        f"holds a finished model of another training, with another {named}; "
+        "delete the folder to train anew"
+    )
     with pytest.raises(ConfigurationError, match=message):
         again(trained, {**OPTIONS, **options}, **changes)
 

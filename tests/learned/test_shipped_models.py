@@ -1,4 +1,6 @@
-"""The models that come with the project: whole, small, and trained on nothing that they are tested on."""
+"""The models that come with the project: whole, small, and trained on nothing that they are tested
+on.
+"""
 
 from __future__ import annotations
 

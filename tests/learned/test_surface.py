@@ -1,4 +1,6 @@
-"""Surfaces behind predicted images: one piece, closed if there are two sides, whatever the images hold."""
+"""Surfaces behind predicted images: one piece, closed if there are two sides, whatever the images
+hold.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The loop: the paper's schedule, losses by hand, and the same weights however often a training is killed."""
+"""The loop: the paper's schedule, losses by hand, and the same weights however often a training is
+killed.
+"""
 
 from __future__ import annotations
 
@@ -99,7 +101,9 @@ def one_weight(
 
 
 def test_the_weight_of_the_depth_grows_after_the_early_epochs(tmp_path: Path) -> None:
-    """Two epochs of each kind, after Adam's rule: the losses are (w + 1)^2 of the depth and (w - 2)^2 of the mask."""
+    """Two epochs of each kind, after Adam's rule: the losses are (w + 1)^2 of the depth and (w -
+    2)^2 of the mask.
+    """
     network, (row, *_) = one_weight(
         tmp_path / "model", replace(PLAN, early_epochs=2), torch.ones(1, 1, 2, 2)
     )

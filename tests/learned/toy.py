@@ -44,7 +44,9 @@ def ellipsoid(
     y: float = 0.0,
     thickness: float = 0.3,
 ) -> Image:
-    """Front of an ellipsoid; lengths are shares of the half width of the frame, depths of the whole depth."""
+    """Front of an ellipsoid; lengths are shares of the half width of the frame, depths of the whole
+    depth.
+    """
     offsets = (np.arange(SIZE) + 0.5) * 2 / SIZE - 1
     squared = ((offsets - x) / width) ** 2 + ((-offsets[:, None] - y) / height) ** 2
     front = 0.5 + thickness * np.sqrt(np.maximum(1 - squared, 0))

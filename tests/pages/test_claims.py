@@ -132,7 +132,7 @@ def standardised(values: Sequence[float]) -> np.ndarray:
 
 
 def orders(printed: pd.DataFrame, ours: pd.DataFrame) -> tuple[pd.Series, pd.DataFrame]:
-    """Return our rank correlations with the paper by measure, and those of all orders of our rows."""
+    """Return our rank correlations with the paper by measure, and those of all orders of rows."""
     every = np.array(list(permutations(range(len(ours)))))
     observed, possible = {}, {}
     for name in PRINTED_MEASURES:

@@ -1,4 +1,6 @@
-"""What README and the pages on reproduction and networks say is what published records and experiments say."""
+"""What README and the pages on reproduction and networks say is what published records and
+experiments say.
+"""
 
 import csv
 import json
@@ -102,7 +104,9 @@ def rows(views):
 
 @pytest.fixture(scope="module")
 def scores(views, rows):
-    """Scores by table and row, also of the random order and the best of the paper's classical forms."""
+    """Scores by table and row, also of the random order and the best of the paper's classical
+    forms.
+    """
     found = {
         f"paper_{t}": {SHORT.get(name, name): Scores(of) for name, of in PRINTED[t].items()}
         for t in PRINTED
@@ -287,7 +291,9 @@ def test_the_paper_ranks_all_shapes_of_tosca_and_perhaps_fifteen_people(judged):
 
 
 def medians_of_damaged_frames():
-    """Return the median errors of forms of frames with missing pixels; that of a refused frame is infinite."""
+    """Return the median errors of forms of frames with missing pixels; that of a refused frame is
+    infinite.
+    """
     errors = pd.read_csv(ROOT / "results/experiments/depth-frames.csv")
     judged = errors["frame"].isin(errors.loc[errors["code"] == "after", "frame"])
     of_methods = errors[judged].fillna({"classic-mds": np.inf, "learned-streamed": np.inf})

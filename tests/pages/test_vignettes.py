@@ -1,4 +1,6 @@
-"""The commands of the pages to start from run as they stand, one after the other, and say what the pages show."""
+"""The commands of the pages to start from run as they stand, one after the other, and say what the
+pages show.
+"""
 
 from __future__ import annotations
 

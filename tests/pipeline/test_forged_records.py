@@ -1,4 +1,6 @@
-"""Forged records with right checksums: each is named or gives its own figures, and none ends a verb."""
+"""Forged records with right checksums: each is named or gives its own figures, and none ends a
+verb.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Merging: which file is written, which of two results stays, and what a merged row says of itself."""
+"""Merging: which file is written, which of two results stays, and what a merged row says."""
 
 from __future__ import annotations
 

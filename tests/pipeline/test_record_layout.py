@@ -1,4 +1,6 @@
-"""Records of other releases, and records that contradict themselves: what is used, kept, named and left alone."""
+"""Records of other releases, and records that contradict themselves: what is used, kept, named and
+left alone.
+"""
 
 from __future__ import annotations
 

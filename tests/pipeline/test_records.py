@@ -139,7 +139,7 @@ def test_published_records_fill_in_for_the_same_shapes_alone(tmp_path):
 
 
 def merged(folder, *records, into=()):
-    """Merge records into those that are here; return the outcome, and the scores and status here."""
+    """Merge records into those that are here; return the outcome, scores and status here."""
     for record in into:
         write_record(folder / "here", record)
     for number, record in enumerate(records):

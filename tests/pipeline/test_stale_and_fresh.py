@@ -36,7 +36,9 @@ def factor():
 
 
 class World:
-    """A plugin with a helper and a table, and a folder of rods; methods are planned as by a new process."""
+    """A plugin with a helper and a table, and a folder of rods; methods are planned as by a new
+    process.
+    """
 
     names = ("stretch", "gps", "identity", "surface-area")
 

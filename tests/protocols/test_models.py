@@ -1,4 +1,6 @@
-"""Which shipped model may be tested on which set: names of subjects, and how near its bodies come to them."""
+"""Which shipped model may be tested on which set: names of subjects, and how near its bodies come
+to them.
+"""
 
 from __future__ import annotations
 

@@ -165,7 +165,8 @@ def test_a_version_is_that_of_the_package_that_python_imports(tmp_path):
         (tmp_path / folder / "known" / "__init__.py").write_text("VALUE = 1\n")
     (tmp_path / "beside").mkdir()
     (tmp_path / "plugin.py").write_text("import known\n")
-    program = f"from benchmark.code_digest import code_of; print(code_of({str(tmp_path / 'plugin.py')!r}))"
+    plugin = str(tmp_path / "plugin.py")
+    program = f"from benchmark.code_digest import code_of; print(code_of({plugin!r}))"
 
     def code(*folders):
         path = os.pathsep.join(str(tmp_path / folder) for folder in folders)
@@ -222,7 +223,10 @@ def test_a_broken_source_is_left_to_its_import(plugin):
 
 
 def test_nothing_is_imported(plugin):
-    program = f"import sys, benchmark.code_digest as c; c.code_of({str(plugin)!r}); print('numpy' in sys.modules)"
+    program = (
+        f"import sys, benchmark.code_digest as c; c.code_of({str(plugin)!r}); "
+        "print('numpy' in sys.modules)"
+    )
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )

@@ -18,7 +18,9 @@ from benchmark.runs.tasks import STAGE_MODULES
 
 
 def modules(names):
-    """Return the paths of modules of the suite, one a line or several, as ``geometry: mesh cleaning``."""
+    """Return the paths of modules of the suite, one a line or several, as ``geometry: mesh
+    cleaning``.
+    """
     found = set()
     for line in names.strip().splitlines():
         package, _, members = line.strip().partition(": ")

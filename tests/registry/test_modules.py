@@ -31,7 +31,8 @@ def _path(monkeypatch):
     [
         (
             "1 / 0",
-            r"smooth.py cannot be imported: smooth.py:8: ZeroDivisionError: division by zero; correct it$",
+            r"smooth.py cannot be imported: smooth.py:8: ZeroDivisionError: division by zero; "
+            r"correct it$",
         ),
         (
             "import missing_here",
@@ -39,7 +40,8 @@ def _path(monkeypatch):
         ),
         (
             "MethodInfo(name='A', title='B')",
-            r"imported: smooth.py:8: .A. does not fit name of MethodInfo; write lower-case words joined by hyphens$",
+            r"imported: smooth.py:8: .A. does not fit name of MethodInfo; "
+            r"write lower-case words joined by hyphens$",
         ),
         ("raise SystemExit(3)", r"smooth.py:8: SystemExit: 3"),
         (
@@ -113,7 +115,10 @@ def test_a_file_without_a_plugin_is_refused(tmp_path):
 
 
 def test_a_data_set_is_no_plugin(tmp_path):
-    made = "from benchmark.datasets.mesh_files import mesh_file_set\nRODS = mesh_file_set(name='rods', shapes=())\n"
+    made = (
+        "from benchmark.datasets.mesh_files import mesh_file_set\n"
+        "RODS = mesh_file_set(name='rods', shapes=())\n"
+    )
     (tmp_path / "rods.py").write_text(made)
     with pytest.raises(
         ConfigurationError, match=r"rods.py .*; write a folder, .*: python bent_ellipsoids.py DIR$"

@@ -1,4 +1,6 @@
-"""An object of a Python program is a method, and known again only if its name says all that its forms depend on."""
+"""An object of a Python program is a method, and known again only if its name says all that its
+forms depend on.
+"""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def test_another_gallery_is_not_that_of_the_copy(of_tosca):
 
 
 def test_a_part_of_the_files_is_that_copy(of_tosca):
-    """The digest of fewer files follows from theirs, so missing ones do not hide which copy it is."""
+    """The digest of fewer files follows from theirs, so missing ones do not hide which copy."""
     assert known_copy(of_tosca["tosca held out", "view"]) is known_copy(of_tosca["tosca", "mesh"])
 
 

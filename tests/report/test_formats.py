@@ -279,7 +279,8 @@ def test_latex_compiles_without_an_overfull_box(tmp_path, name):
         pytest.skip(f"no {name}")
     body = "\n\\clearpage\n".join(latex(view) for view in (*views(), *table_views(WIDE)))
     shapes = [
-        f"\\DeclareFontShape{{OT1}}{{ptm}}{{{a}}}{{{b}}}{{<->ssub*cmr/{'bx' if a != 'm' else 'm'}/{b}}}{{}}"
+        f"\\DeclareFontShape{{OT1}}{{ptm}}{{{a}}}{{{b}}}"
+        f"{{<->ssub*cmr/{'bx' if a != 'm' else 'm'}/{b}}}{{}}"
         for a in ("m", "b", "bx")
         for b in ("n", "it")
     ]

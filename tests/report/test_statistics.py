@@ -114,7 +114,9 @@ def test_the_queries_of_a_class_count_as_one():
 
 @pytest.fixture(scope="module")
 def published_sums():
-    """Sums over the queries of each class of all forms, shape (classes, rows, measures), in published tables."""
+    """Sums over the queries of each class of all forms, shape (classes, rows, measures), in
+    published tables.
+    """
     found = {}
     for view in table_views(read_records(ROOT / "results", local=False), ["I", "II", "III"]):
         title = "5 subjects" if "5 subjects" in view.groups else view.columns[0].title

@@ -1,4 +1,6 @@
-"""Lopsided figures for tests of the scorer: ellipsoids stuck together, none equal to its mirror image."""
+"""Lopsided figures for tests of the scorer: ellipsoids stuck together, none equal to its mirror
+image.
+"""
 
 from __future__ import annotations
 

@@ -181,7 +181,8 @@ def test_a_large_gallery_is_compared_by_the_faster_way(monkeypatch):
 EXTREMES = """
 import numpy as np
 from retrieval.codebook import integers_pay, nearest_words
-rows, words = (np.random.default_rng(seed).choice(np.array([0, 255], np.uint8), (700, 128)) for seed in (0, 1))
+ends = np.array([0, 255], np.uint8)
+rows, words = (np.random.default_rng(seed).choice(ends, (700, 128)) for seed in (0, 1))
 squares = (words.astype(float) ** 2).sum(axis=1)
 nearest = nearest_words(rows, words, by_integers=integers_pay())
 assert (nearest == (2.0 * rows @ words.T.astype(float) - squares).argmax(axis=1)).all()

@@ -58,7 +58,9 @@ def test_the_error_of_a_mean_over_draws_is_their_standard_error():
 
 
 def by_definition(distances, labels, targets, answered):
-    """All measures of each query, means over all orders of what ties, and whether it ties; what has no result does."""
+    """All measures of each query, means over all orders of what ties, and whether it ties; what has
+    no result does.
+    """
     found = []
     for query, label in enumerate(labels):
         row = np.full(len(targets.labels), np.inf)

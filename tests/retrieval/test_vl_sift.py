@@ -1,4 +1,4 @@
-"""Keypoints beside those of vl_sift, by which the original finds them [Vedaldi & Fulkerson 2008]."""
+"""Keypoints beside those of vl_sift, which the original uses [Vedaldi & Fulkerson 2008]."""
 
 from __future__ import annotations
 
@@ -45,7 +45,9 @@ def images() -> Mapping[str, tuple[NDArray[np.float32], float]]:
 
 
 def n_same(first: NDArray[Any], second: NDArray[Any]) -> int:
-    """Number of keypoints that are among others: within .05 of their scale, which is the same to 2 %."""
+    """Number of keypoints that are among others: within .05 of their scale, which is the same to 2
+    %.
+    """
     places = cKDTree(second[:, :2]).query_ball_point(first[:, :2], 0.05 * first[:, 2])
     ratios = [second[near, 2] / scale for near, scale in zip(places, first[:, 2], strict=True)]
     return sum(bool((np.abs(ratio - 1) < 0.02).any()) for ratio in ratios)

@@ -1,4 +1,6 @@
-"""A plugin of methods of which most go wrong; ``FAULTS`` is a folder where they say which processes they are."""
+"""A plugin of methods of which most go wrong; ``FAULTS`` is a folder where they say which processes
+they are.
+"""
 
 import ctypes
 import os

@@ -1,4 +1,6 @@
-"""Lets a function of the suite fail in workers, of the suite and of plugins alike; imported when they start."""
+"""Lets a function of the suite fail in workers, of the suite and of plugins alike; imported when
+they start.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ from tests.runs.faults import NOTES, note
 
 
 def fail(real, how, times):
-    """Let a function that methods share fail in one way, as often as that, and work from then on."""
+    """Let a function that methods share fail in one way, as often as that, and then work."""
 
     def failing(*arguments):
         if (

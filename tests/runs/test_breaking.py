@@ -1,4 +1,6 @@
-"""Whatever is killed, damaged or full, a figure is that of an undisturbed run, or there is a reason in its place."""
+"""Whatever is killed, damaged or full, a figure is that of an undisturbed run, or there is a reason
+in its place.
+"""
 
 from __future__ import annotations
 
@@ -24,12 +26,16 @@ def picky(shape):
     if shape.identifier == "thick0": raise UnsupportedShape("too thick")
     return shape.mesh.vertices ** 3
 def writes(shape): shape.geodesics()[:] = 0
-deep, picky, writes = (canonical_form(name=f.__name__, title=f.__name__)(f) for f in (deep, picky, writes))
+deep, picky, writes = (
+    canonical_form(name=f.__name__, title=f.__name__)(f) for f in (deep, picky, writes)
+)
 """
 
 
 class World:
-    """Rods in a folder whose name is not UTF-8, a mesh that is no mesh, and methods of which most go wrong."""
+    """Rods in a folder whose name is not UTF-8, a mesh that is no mesh, and methods of which most
+    go wrong.
+    """
 
     def __init__(self, folder: Path, seed: int) -> None:
         self.folder, self.results, self.random = folder, folder / "results", Random(seed)

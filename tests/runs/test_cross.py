@@ -1,4 +1,6 @@
-"""Queries that are ranked in another gallery: views against complete surfaces, frames against meshes."""
+"""Queries that are ranked in another gallery: views against complete surfaces, frames against
+meshes.
+"""
 
 import shutil
 from pathlib import Path
@@ -60,7 +62,7 @@ def finished(rods, tmp_path_factory):
     return results
 
 
-def test_a_job_takes_the_forms_of_both_inputs_from_the_cache_and_its_ranking_is_that_of_its_distances(
+def test_a_job_takes_the_forms_of_both_inputs_from_the_cache_and_ranks_by_its_distances(
     rods, finished
 ):
     before, how = forms(finished), {"input": "view", "same_names": True}

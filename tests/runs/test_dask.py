@@ -48,7 +48,10 @@ def test_a_cluster_serves_each_run_anew(rods, tmp_path, cluster):
     for number, factor in enumerate((1, 3)):
         write_plugin(
             plugin,
-            methods=f"def canonicalise(self, shape):\n        return shape.form({factor} * shape.mesh.vertices ** 3)",
+            methods=(
+                "def canonicalise(self, shape):\n"
+                f"        return shape.form({factor} * shape.mesh.vertices ** 3)"
+            ),
         )
         write_off(folder / "thin1.off", rod(0.06, 0.5 + number))
         options = {"plugins": (plugin,), "scorer": "cm-bof"}

@@ -1,4 +1,4 @@
-"""A file that is edited during a run: what is stored is of the planned files, or it is not stored."""
+"""A file that is edited during a run: what is stored is of the planned files, or not stored."""
 
 from __future__ import annotations
 
@@ -190,7 +190,9 @@ def once_at(identifier, act):
 
 
 def arrange(monkeypatch, name, act):
-    """Let the act take place within a step: of the scorer for its files, otherwise of the method at its third shape."""
+    """Let the act take place within a step: of the scorer for its files, otherwise of the method at
+    its third shape.
+    """
     is_of_scorer = name in ("scores.py", "power.txt")
     hook = once_at("" if is_of_scorer else "thin0", act)
     monkeypatch.setattr(
@@ -321,7 +323,9 @@ def test_a_module_that_takes_the_place_of_another_one_is_seen(folder, tmp_path, 
 
 
 def test_a_worker_ends_with_the_code_that_it_holds(folder, clean, tmp_path):
-    """In processes: a helper is edited while the first steps are under way, and put back after the run."""
+    """In processes: a helper is edited while the first steps are under way, and put back after the
+    run.
+    """
     results, path = tmp_path / "results", folder.folder / "below.py"
     jobs, edited = folder.planned(results), []
 

@@ -143,7 +143,7 @@ def test_the_others_are_scored_and_a_refused_shape_counts_as_zero(faulty):
 
 
 @pytest.mark.slow
-def test_a_method_that_refuses_all_shapes_has_no_scores_and_one_that_refuses_most_has_whichever_they_are(
+def test_a_method_that_refuses_all_shapes_has_no_scores_and_one_that_refuses_most_has(
     faulty,
 ):
     assert (faulty[0]["refuses"].status, len(faulty[0]["refuses"].shapes)) == ("unsupported", 4)
@@ -275,7 +275,8 @@ def test_a_method_names_no_shape_in_a_reason_that_is_kept(rods, tmp_path):
 
 
 WRITES = (
-    "def describe(self, shape):\n        return [shape.source_area]\n\n    def distances(self, descriptors):\n"
+    "def describe(self, shape):\n        return [shape.source_area]\n\n"
+    "    def distances(self, descriptors):\n"
     "        descriptors[0][0] = 0"
 )
 
@@ -337,7 +338,9 @@ def pair(rods, tmp_path_factory):
 
 @pytest.fixture
 def failing(pair, tmp_path, monkeypatch):
-    """Return a function that runs two methods while a function raises an error, or ends its process, so many times."""
+    """Return a function that runs two methods while a function raises an error, or ends its
+    process, so many times.
+    """
     monkeypatch.setenv("FAULTS", str(tmp_path))
     (tmp_path / "sitecustomize.py").write_text("import tests.runs.injection\n")
 

@@ -1,4 +1,6 @@
-"""A run returns what was asked: code and shapes of today, under planned keys, whatever ran before or meanwhile."""
+"""A run returns what was asked: code and shapes of today, under planned keys, whatever ran before
+or meanwhile.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +51,9 @@ def distances_of(folder, method, results="results", plugins=(), **options):
 
 @pytest.fixture(scope="module")
 def stretched(rods, tmp_path_factory):
-    """Return a function that returns the distances of rods that are stretched; each is computed once."""
+    """Return a function that returns the distances of rods that are stretched; each is computed
+    once.
+    """
 
     @cache
     def distances(*factors):
@@ -94,7 +98,10 @@ def on_the_path(folder):
 
 
 def named_file(folder):
-    read = "from pathlib import Path; FACTOR = float(Path(__file__).with_name('named.txt').read_text().split()[-1])"
+    read = (
+        "from pathlib import Path; "
+        "FACTOR = float(Path(__file__).with_name('named.txt').read_text().split()[-1])"
+    )
     return folder / "named.txt", read, 'files=("named.txt",)'
 
 
@@ -154,7 +161,10 @@ def test_code_of_the_ranking_that_is_edited_during_a_run_ranks_nothing(own, tmp_
 def test_a_plugin_that_changes_the_current_folder_leaves_results_where_they_belong(
     own, tmp_path, size
 ):
-    moves = "def canonicalise(self, shape):\n        os.chdir('/')\n        return shape.form(shape.mesh.vertices)"
+    moves = (
+        "def canonicalise(self, shape):\n        os.chdir('/')\n"
+        "        return shape.form(shape.mesh.vertices)"
+    )
     write_plugin(tmp_path / "smooth.py", imports="import os; os.chdir('/')", methods=moves)
     call(
         "run",

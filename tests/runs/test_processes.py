@@ -1,4 +1,6 @@
-"""What a plugin changes in its process changes no figure of anybody else, also where it ran first and alone."""
+"""What a plugin changes in its process changes no figure of anybody else, also where it ran first
+and alone.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +28,11 @@ def spoil():
     ctypes.CDLL("libm.so.6").fesetround(0x800)
     np.seterr(all="raise")
     torch.set_default_dtype(torch.float64)
-    np.linalg.eigh = scipy.linalg.eigh = lambda matrix, *_, **__: (np.zeros(len(matrix)), np.eye(len(matrix)))
+
+    def eigh(matrix, *_, **__):
+        return np.zeros(len(matrix)), np.eye(len(matrix))
+
+    np.linalg.eigh = scipy.linalg.eigh = eigh
 
 
 @canonical_form(name="poison", title="Poison")
@@ -56,7 +62,8 @@ def figures(results: Path) -> dict[str, object]:
 
 PROGRAM = """
 import benchmark
-for methods, plugins in (("poison", ["poison.py"]), ([own], []), (["classic-mds", "identity", "surface-area"], [])):
+of_suite = ["classic-mds", "identity", "surface-area"]
+for methods, plugins in (("poison", ["poison.py"]), ([own], []), (of_suite, [])):
     for view in ("mesh", "view"):
         benchmark.run("rods", methods, plugins=plugins, scorer="{}", input=view)
 """

@@ -24,7 +24,7 @@ from tests.toy import PATIENCE, files_of_at_most, wait_for
 
 @pytest.fixture
 def started(rods, tmp_path, monkeypatch):
-    """A run of a method that waits as a program of its own, with its workers, once it is at work."""
+    """A run of a waiting method as a program of its own, with its workers, once it is at work."""
     monkeypatch.setenv("FAULTS", str(tmp_path))
     for name in ("random", "queue"):  # which replace no module of Python
         (tmp_path / f"{name}.py").write_text("1 / 0")

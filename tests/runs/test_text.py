@@ -1,4 +1,6 @@
-"""Text from outside that is no UTF-8, has control characters or megabytes ends no run, and records stay valid."""
+"""Text from outside that is no UTF-8, has control characters or megabytes ends no run, and records
+stay valid.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,9 @@ class Silent(Exception):
 
 @pytest.mark.slow
 def test_text_from_outside_ends_no_run(tmp_path):
-    """A run in a folder whose path is no UTF-8, with a dangling link, and of methods that say odd things."""
+    """A run in a folder whose path is no UTF-8, with a dangling link, and of methods that say odd
+    things.
+    """
     folder = tmp_path / "caf\udce9\x07"
     rods = write_rods(folder / "rods", bends=(0.0, 1.0), rings=12, sides=6)
     (rods / "thin\udcff7.off").symlink_to("nowhere")
@@ -43,7 +47,10 @@ def test_text_from_outside_ends_no_run(tmp_path):
         )
         for name, text in {
             "raises": f"raise ValueError({ODD})",
-            "refuses": f"from benchmark.api import UnsupportedShape\n        raise UnsupportedShape({ODD}, {ODD})",
+            "refuses": (
+                "from benchmark.api import UnsupportedShape\n"
+                f"        raise UnsupportedShape({ODD}, {ODD})"
+            ),
             "prints": f"print({ODD})\n        return shape.form(shape.mesh.vertices)",
             "notes": f"return shape.form(shape.mesh.vertices, **{{{ODD}[:9]: 1.0}})",
         }.items()

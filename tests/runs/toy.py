@@ -50,7 +50,7 @@ class ThisProcess:
 
 @contextmanager
 def without_processes() -> Iterator[None]:
-    """Let runs do everything in this process, whatever starts them: each process takes seconds to start."""
+    """Let runs do everything in this process, whatever starts them: a process takes seconds."""
     with patch("benchmark.runs.runner.start_workers", lambda *_: ThisProcess()):
         yield
 
@@ -65,7 +65,9 @@ def planned(
 
 
 def done(jobs: list[Planned], results: Path, **options: Any) -> dict[str, Record]:
-    """Run jobs and return their records by method; without options, in this process, which is seconds faster."""
+    """Run jobs and return their records by method; without options, in this process, which is
+    seconds faster.
+    """
     options = options or {"workers": ThisProcess()}
     return {record.method: record for record in run_jobs(jobs, results, **options)}
 

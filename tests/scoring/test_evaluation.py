@@ -204,7 +204,10 @@ def test_rows_without_names_have_the_order_that_all_agree_on_or_that_is_named(tm
         "m1",
     ]
     (tmp_path / "c.cla").unlink()
-    said = "row 2: listing: cat10, cat2, dog1; natural: cat2, cat10, dog1; pass --order listing or natural"
+    said = (
+        "row 2: listing: cat10, cat2, dog1; natural: cat2, cat10, dog1; "
+        "pass --order listing or natural"
+    )
     assert said in refusal("score", tmp_path / "m.matrix", "--labels", tmp_path)
     called = call("score", tmp_path / "m.matrix", "--labels", tmp_path, "--order", "listing")
     assert called.startswith("ranked, but no queries: 1 of 4 shapes")

@@ -29,7 +29,9 @@ def _made_lists(monkeypatch):
 
 @pytest.fixture
 def damaged(sets, tmp_path):
-    """Copies a set by links, so replace a file rather than write to it; returns its folder, below a root of its own."""
+    """Copies a set by links, so replace a file rather than write to it; returns its folder, below a
+    root of its own.
+    """
     names = {name: known.folder for name, known in SETS.items()}
     return lambda name: shutil.copytree(
         sets / names[name], tmp_path / names[name], copy_function=os.link

@@ -23,7 +23,9 @@ def test_a_list_has_a_digest_for_each_shape_and_none_twice(name, copy):
 
 @pytest.fixture
 def faust(damaged, tmp_path, monkeypatch):
-    """A set whose files are all those of a known copy without sizes; its folder, and how to open it."""
+    """A set whose files are all those of a known copy without sizes; its folder, and how to open
+    it.
+    """
     folder = damaged("faust")
     files = [entry.path for entry in SETS["faust"].open("faust", folder).shapes]
     lines = [f"{file_digest(path)}  {path.name}" for path in files]

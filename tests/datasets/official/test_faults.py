@@ -1,4 +1,6 @@
-"""Official sets that are not as they were given out: what is wrong is named, and costs no more than it must."""
+"""Official sets that are not as they were given out: what is wrong is named, and costs no more than
+it must.
+"""
 
 import pytest
 
@@ -32,7 +34,8 @@ FAULTS = {
     "a file too many": (
         "shrec07",
         lambda f: write_tetrahedron(f / "401.off", 9),
-        "holds 401 shapes, not the official 400: 401.off is one too many; unpack the official archive",
+        "holds 401 shapes, not the official 400: 401.off is one too many; "
+        "unpack the official archive",
     ),
     "zeros": (
         "shrec14-synthetic",
@@ -57,7 +60,8 @@ FAULTS = {
     "a label moved": (
         "shrec15",
         lambda f: relist(f, lambda text: moved(text, "class4", "class5")),
-        "class '(class4' of .* has 23|class5' of .* has 25) models, not the official 24; fetch the official list",
+        "class '(class4' of .* has 23|class5' of .* has 25) models, not the official 24; "
+        "fetch the official list",
     ),
     "two labels exchanged": (
         "shrec11",

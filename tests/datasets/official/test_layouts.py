@@ -1,4 +1,6 @@
-"""Official sets in their layouts, or absent: shapes, labels, order, cameras, canonical poses, and their table."""
+"""Official sets in their layouts, or absent: shapes, labels, order, cameras, canonical poses, and
+their table.
+"""
 
 from collections import Counter
 
