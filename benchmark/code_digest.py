@@ -272,14 +272,16 @@ def _start_of(target: str, plugin: Path | None) -> tuple[Path, Path]:
     ConfigurationError
         If there is no such module.
     """
+    start: Path | None = None
     if plugin:
-        start: Path | None = plugin.resolve()
-        base: Path | None = plugin.resolve().parent
         name = str(plugin)
+        start = plugin.resolve()
+        base: Path | None = start.parent
     else:
         name = target.partition(":")[0]
         base = _folder_of(name.partition(".")[0])
-        start = _locate(base, tuple(name.split("."))) if base else None
+        if base:
+            start = _locate(base, tuple(name.split(".")))
     if base is None or start is None or not start.is_file():
         problem = f"there is no module {name}"
         raise ConfigurationError(problem, "correct the name, or install its package")

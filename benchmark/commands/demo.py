@@ -28,7 +28,7 @@ METHODS = ("classic-mds", "gps", "mesh-unfolding")
 
 #: The data set of the animal, and its two poses: it stands, and it begs.
 ANIMALS = "animals"
-POSES = ("cat0", "cat4")
+CAT_POSES = ("cat0", "cat4")
 
 #: Most meshes of a page: each takes some ten seconds.
 MOST_MESHES = 40
@@ -37,7 +37,7 @@ MOST_MESHES = 40
 PAGE_TITLE = b"<title>Play with canonical forms</title>"
 _HEAD = 1000
 
-Watched = Callable[[Sequence["DemoForm"]], Iterable["DemoForm"]]
+WatchedForms = Callable[[Sequence["DemoForm"]], Iterable["DemoForm"]]
 """Wrapper that yields forms one at a time, on demand, to show progress."""
 
 
@@ -96,7 +96,7 @@ def demo(
     methods: Sequence[str] = (),
     plugins: Sequence[str | Path] = (),
     seed: int = 0,
-    watched: Watched = iter,
+    watched: WatchedForms = iter,
 ) -> Demo:
     """Write a page on which shapes unfold into their canonical forms by several methods.
 
@@ -214,7 +214,7 @@ def _animal_in_two_poses() -> list[DemoShape]:
     return [
         DemoShape(entry.identifier, entry.subject, dataset.load(entry), dataset.camera(entry))
         for entry in dataset.shapes
-        if entry.identifier in POSES
+        if entry.identifier in CAT_POSES
     ]
 
 
@@ -260,14 +260,16 @@ def _gallery(
         The shapes and forms to draw; a form that could not be computed is missing. The shape itself
         is shown as the form of the first method.
     """
-    shown = []
+    shown_shapes = []
     for shape in shapes:
         body = drawn.bodies[shape.name]
-        forms = [body, *(drawn.forms.get((shape.name, method.name)) for method in methods)]
-        shown.append(PlayShape(name=shape.name, label=shape.label, body=body, forms=forms))
-    itself = PlayMethod(name="identity", title="The shape itself")
-    named = [
+        forms = [drawn.forms.get((shape.name, method.name)) for method in methods]
+        shown_shapes.append(
+            PlayShape(name=shape.name, label=shape.label, body=body, forms=[body, *forms])
+        )
+    shown_methods = [PlayMethod(name="identity", title="The shape itself")]
+    shown_methods += [
         PlayMethod(name=method.name, title=method.title, sentence=method.summary)
         for method in methods
     ]
-    return PlayGallery(title=title, methods=[itself, *named], shapes=shown)
+    return PlayGallery(title=title, methods=shown_methods, shapes=shown_shapes)

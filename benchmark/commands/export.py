@@ -26,7 +26,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.commands.selection import data_folder
 from benchmark.datasets.base import Watched, by_subject
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.export import export as write_meshes
+from benchmark.datasets.export import write_meshes
 from benchmark.datasets.settings import SETTINGS_FILE
 from benchmark.files import chunks_of
 from benchmark.protocols.trainings import SUBJECT_FOLDS

@@ -32,7 +32,7 @@ LONGEST_DOWNLOAD = 600.0
 #: Bytes that are read at once.
 _PIECE = 2**16
 
-Watched = Callable[[Sequence[str]], Iterable[str]]
+WatchedModels = Callable[[Sequence[str]], Iterable[str]]
 """Wrapper that yields the names of models one at a time, on demand, to show progress."""
 
 
@@ -61,7 +61,7 @@ class _NotFetched(Exception):
 
 
 def fetch_models(
-    source: str | Path, names: Sequence[str] = (), *, watched: Watched = iter
+    source: str | Path, names: Sequence[str] = (), *, watched: WatchedModels = iter
 ) -> FetchedModels:
     """Copy published models into the folder where methods look for them.
 

@@ -45,7 +45,7 @@ _IN_WORDS: dict[Input, str] = {"mesh": "complete surfaces", "view": "views"}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Matches:
+class RetrievedShapes:
     """The shapes of a gallery nearest to a query; a notebook shows them as a table.
 
     Parameters
@@ -83,7 +83,7 @@ class Matches:
 
     def __repr__(self) -> str:
         """Return the name of the query, and its class."""
-        return f"Matches({self.name!r}, {self.decision})"
+        return f"RetrievedShapes({self.name!r}, {self.decision})"
 
     @property
     def frame(self) -> DataFrame:
@@ -157,7 +157,7 @@ def retrieve(
     intrinsics: str = "",
     mask: str | Path | None = None,
     depth_scale: float | None = None,
-) -> Matches:
+) -> RetrievedShapes:
     """Return the shapes of a gallery, complete surfaces or views, that are nearest to a query.
 
     Parameters
@@ -237,7 +237,7 @@ def retrieve(
     camera = UPRIGHT
     if of_query == "mesh":
         camera = shapes.camera(known) if known else FRONT
-    return Matches(
+    return RetrievedShapes(
         shape,
         name,
         found,

@@ -21,7 +21,7 @@ from benchmark.geometry.camera import Camera
 Describe = Callable[[Path, Mapping[str, Entry]], Sequence[str]]
 
 
-def export(
+def write_meshes(
     dataset: ShapeSet, folder: Path, *, watched: Watched = iter, describe: Describe | None = None
 ) -> tuple[tuple[str, ...], list[str]]:
     """Write the readable shapes as ``CLASS/POSE.off``; cameras and poses in ``dataset.toml``.

@@ -64,7 +64,7 @@ def storing(results: Path) -> Iterator[None]:
 
 @contextmanager
 def writing(results: Path) -> Iterator[None]:
-    """Hold the lock of a results folder while this process writes to it.
+    """Hold the lock of a results folder while this process writes to it, as a context manager.
 
     There is one writer at a time; readers need no lock. What a former writer left half done is
     removed.

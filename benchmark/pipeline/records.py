@@ -825,14 +825,14 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
         raise StorageError(newer_record, "update the suite, or choose another --results DIR")
     try:
         text = encode_record(record)
-    except UnicodeEncodeError:  # a surrogate, as in names of files that are not UTF-8
+    except UnicodeEncodeError:  # from names of files that are not UTF-8
         text = encode_record(msgspec.convert(_escaped(msgspec.to_builtins(record)), Record))
     text = msgspec.json.format(text, indent=1)
     with storing(results):
         write_atomically(folder / f"{record.key}.json", lambda file: file.write(text), durable=True)
         if replaces not in ("", record.key):
-            for suffix in (".json", ".npz"):
-                (folder / f"{replaces}{suffix}").unlink(missing_ok=True)
+            (folder / f"{replaces}.json").unlink(missing_ok=True)
+            (folder / f"{replaces}.npz").unlink(missing_ok=True)
 
 
 def newer_record_at(results: Path, key: str) -> str:

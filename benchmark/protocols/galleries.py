@@ -447,11 +447,11 @@ def _of_tables(
         If a data set is unfit for a table that was named.
     """
     check_known("table", wanted, [table.identifier for table in TABLES] + ["extended"])
-    for name in wanted:
-        if quick and any(table.identifier == name and table.is_ablation for table in TABLES):
-            raise ConfigurationError(
-                f"table {name} is a mean over all folds, and --quick has one", "drop --quick"
-            )
+    for table in TABLES:
+        if quick and table.is_ablation and table.identifier in wanted:
+            problem = f"table {table.identifier} is a mean over all folds, and --quick has one"
+            raise ConfigurationError(problem, "drop --quick")
+
     tables_with_data = _tables_with_data(wanted, sets, data_root, quick=quick)
     if not tables_with_data:
         problem = "the selected tables have no data"

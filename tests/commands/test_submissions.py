@@ -172,7 +172,7 @@ def test_a_refused_submission_ends_with_code_1_beside_the_other_rows(submit):
 
 @pytest.fixture
 def rods(tmp_path, monkeypatch):
-    """Write a set of rods, with a row, and a submission of its shapes as forms; return its folder."""
+    """Write rods with a row, and a submission of their shapes as forms; return its folder."""
     monkeypatch.chdir(tmp_path)
     write_rods(Path("rods"))
     call("run", "-d", "rods", "--input", "mesh", "-m", "identity", "-j", 0)
@@ -185,7 +185,7 @@ def rods(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_forms_make_a_row_of_the_scorer_of_tables(rods):
-    """The forms are rods, so that each finds its class; they are kept, and belong to no other table."""
+    """The forms are rods, so each finds its class; they are kept, and are in no other table."""
     words = ("tables", "-d", "rods", "--submissions", "submissions")
     text = call(*words)
     rows = {line.split("|")[1]: line.split("|")[2:] for line in text.splitlines() if "|" in line}

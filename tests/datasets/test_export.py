@@ -6,7 +6,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.changes import split_changes, with_change
-from benchmark.datasets.export import export
+from benchmark.datasets.export import write_meshes
 from benchmark.datasets.folder import folder_set
 from benchmark.errors import ConfigurationError, DatasetError
 from benchmark.geometry.camera import FRONT, SIDE
@@ -36,7 +36,7 @@ def test_shapes_cameras_and_canonical_poses_come_back(tmp_path, changes):
     source = beasts(canonical_poses={"cat": "sit"})
     for change, level in split_changes(f"beasts{changes}")[1]:
         source = with_change(source, change, level)
-    written, problems = export(source, tmp_path / "out")
+    written, problems = write_meshes(source, tmp_path / "out")
     back = folder_set(tmp_path / "out")
     names = [str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")]
     assert (sorted(written), problems) == (sorted(names), [])
@@ -58,14 +58,14 @@ def test_depth_noise_is_no_part_of_a_mesh(tmp_path):
     with pytest.raises(
         ConfigurationError, match="meshes have no depth noise; export the set without it"
     ):
-        export(with_change(beasts(), "depth-noise", 5), tmp_path / "out")
+        write_meshes(with_change(beasts(), "depth-noise", 5), tmp_path / "out")
 
 
 def test_a_set_without_a_readable_mesh_leaves_no_folder(tmp_path):
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "cat0.off").write_text("OFF 1")
     with pytest.raises(DatasetError, match="no mesh of 'in' is readable: cat0: "):
-        export(folder_set(tmp_path / "in"), tmp_path / "out")
+        write_meshes(folder_set(tmp_path / "in"), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -73,10 +73,10 @@ def test_a_folder_with_files_is_left_alone(tmp_path):
     write_rods(tmp_path / "in")
     before = {path.name: path.read_bytes() for path in (tmp_path / "in").iterdir()}
     with pytest.raises(ConfigurationError, match="in is not an empty folder; choose a new one"):
-        export(open_dataset(f"{tmp_path}/in[noise=5]"), tmp_path / "in")
+        write_meshes(open_dataset(f"{tmp_path}/in[noise=5]"), tmp_path / "in")
     assert before == {path.name: path.read_bytes() for path in (tmp_path / "in").iterdir()}
     (tmp_path / "out").mkdir()
-    export(beasts(), tmp_path / "out")
+    write_meshes(beasts(), tmp_path / "out")
     assert len(folder_set(tmp_path / "out").shapes) == 9
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "out"]
 
@@ -91,4 +91,4 @@ def test_a_folder_with_files_is_left_alone(tmp_path):
 def test_names_that_files_cannot_carry_are_named(tmp_path, subject, pose, message):
     entries = (Entry("x", subject, pose), Entry("y", subject, "1"))
     with pytest.raises(ConfigurationError, match=message):
-        export(beasts(shapes=entries), tmp_path / "out")
+        write_meshes(beasts(shapes=entries), tmp_path / "out")
