@@ -31,16 +31,16 @@ from benchmark.cli.main import cli
 from benchmark.code_digest import digest, digest_of_bytes
 from benchmark.errors import BenchmarkError
 from benchmark.files import write_text
-from benchmark.pipeline import records as records_module
-from benchmark.pipeline.record_layout import RecordError
-from benchmark.pipeline.records import (
-    Record,
+from benchmark.pipeline import record_files
+from benchmark.pipeline.record_files import (
     encode_record,
     local_files,
     parse_record,
     scan_files,
     write_record,
 )
+from benchmark.pipeline.record_layout import RecordError
+from benchmark.pipeline.records import Record
 from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.report.record_facts import row_of
 from tests.report.records import record
@@ -468,7 +468,7 @@ class Workshop:
     @staticmethod
     def _fault_of(*words: Any) -> Iterator[str]:
         """Yield the error that ended a verb, if it has no hint; and files that it did not name."""
-        records_module._say_skipped.cache_clear()
+        record_files._say_skipped.cache_clear()
         done = CliRunner().invoke(cli, [*map(str, words)])
         has_hint = isinstance(done.exception, BenchmarkError | SystemExit)
         if done.exception is not None and not has_hint:
@@ -482,7 +482,7 @@ class Workshop:
         """
         skipped = scan_files(local_files(results)).skipped
         named = {skip.where for skip in skipped}
-        records_module._say_skipped.cache_clear()
+        record_files._say_skipped.cache_clear()
         try:
             with redirect_stderr(io.StringIO()) as said:
                 opened = open_results(results)
@@ -571,7 +571,7 @@ def examine(workshop: Workshop, seed: int, start: int, count: int) -> Findings:
             why = "FAULT"
             faults[number] = [kinds, traceback.format_exc()]
         said[re.sub(r"['‘].*?['’]|[0-9][0-9.,]*|`.*?`", "*", why)[:110]] += 1
-    with patch.object(records_module, "parse_record", remembering(parse_record)):
+    with patch.object(record_files, "parse_record", remembering(parse_record)):
         faults |= guilty(workshop, texts)
     return Findings({**said}, faults)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.record_files import read_records
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"

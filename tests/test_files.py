@@ -20,7 +20,7 @@ from benchmark.depth.intrinsics import Intrinsics, read_intrinsics
 from benchmark.depth.reading import read_mask, read_values
 from benchmark.errors import BenchmarkError
 from benchmark.files import file_digest, read_file, sweep, write_atomically, write_text
-from benchmark.pipeline.records import read_files
+from benchmark.pipeline.record_files import read_files
 
 
 def device(path):

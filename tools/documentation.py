@@ -17,7 +17,7 @@ from griffe import Extension
 from latex2mathml.converter import convert
 from mkdocs.structure.files import File, Files
 
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.record_files import read_records
 from benchmark.report.data_titles import official_set
 from benchmark.report.forms import StoredForms
 from benchmark.report.page_builder import data_label, heading_of_table

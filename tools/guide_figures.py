@@ -23,7 +23,8 @@ from benchmark.api.contracts import Mesh, Shape
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.preparation import prepare
-from benchmark.pipeline.records import Record, read_records
+from benchmark.pipeline.record_files import read_records
+from benchmark.pipeline.records import Record
 from benchmark.report.drawing import shaded
 from benchmark.report.figures import figure_of_records
 from benchmark.report.forms import StoredForms

@@ -20,7 +20,9 @@ import pandas as pd
 
 from benchmark.commands.score import score
 from benchmark.defaults import DEFAULT_SCORER
-from benchmark.pipeline.records import Record, read_distances, read_records
+from benchmark.pipeline.record_arrays import read_distances
+from benchmark.pipeline.record_files import read_records
+from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import TITLES
 from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.registry import select_one

@@ -21,15 +21,9 @@ from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.files import write_atomically
 from benchmark.pipeline.cache import storing
 from benchmark.pipeline.environment import has_edits
-from benchmark.pipeline.records import (
-    Record,
-    encode_record,
-    published_distances,
-    read_distances,
-    read_records,
-    say_skipped,
-    scan_files,
-)
+from benchmark.pipeline.record_arrays import published_distances, read_distances
+from benchmark.pipeline.record_files import encode_record, read_records, say_skipped, scan_files
+from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import PARTS
 from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.registry import BUILT_IN, SCORERS

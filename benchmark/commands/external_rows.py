@@ -23,7 +23,8 @@ from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
 from benchmark.pipeline.cache import Cache, writing
 from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.environment import commit, packages
-from benchmark.pipeline.records import EXTERNAL, Record, read_records, record_of, write_record
+from benchmark.pipeline.record_files import read_records, write_record
+from benchmark.pipeline.records import EXTERNAL, Record, record_of
 from benchmark.registry import Component
 from benchmark.report.record_facts import fold_of
 from benchmark.runs.tasks import STAGE_MODULES

@@ -10,7 +10,8 @@ from benchmark.commands.selection import RESULTS, as_list, is_of_methods
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import storing, writing
 from benchmark.pipeline.data_names import label_data_sets, records_of
-from benchmark.pipeline.records import Record, local_files, read_records, unneeded
+from benchmark.pipeline.record_files import local_files, read_records, unneeded
+from benchmark.pipeline.records import Record
 from benchmark.registry import are_named
 
 

@@ -26,7 +26,8 @@ from benchmark.datasets.checking import unfinished_files, unread_files, unreadab
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.data_names import label_data_sets
-from benchmark.pipeline.records import Record, read_records
+from benchmark.pipeline.record_files import read_records
+from benchmark.pipeline.records import Record
 from benchmark.registry import Component, are_named
 from benchmark.runs.lacking import LackingModel, lacking_models
 from benchmark.runs.planning import Estimate, Planned, estimate, plan_selection

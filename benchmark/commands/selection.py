@@ -13,7 +13,8 @@ from benchmark.datasets.catalogue import is_known, is_path, split_changes
 from benchmark.defaults import DATA_VARIABLE, DEFAULT_SCORER, RESULTS
 from benchmark.errors import ConfigurationError, check_known
 from benchmark.pipeline.data_names import label_data_sets, records_of
-from benchmark.pipeline.records import Record, read_records
+from benchmark.pipeline.record_files import read_records
+from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import TABLES, TITLES
 from benchmark.registry import are_named
 from benchmark.registry.names import base_name

@@ -13,14 +13,9 @@ import msgspec
 from benchmark.code_digest import FIRST_PARTY
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import RUNS, Cache, StorageError, storing
-from benchmark.pipeline.records import (
-    Origin,
-    RankedShapes,
-    Record,
-    RowId,
+from benchmark.pipeline.record_files import (
     age_of,
     facts_of_shapes,
-    key_at,
     last_of_rows,
     local_files,
     read_files,
@@ -29,6 +24,7 @@ from benchmark.pipeline.records import (
     scan_files,
     write_record,
 )
+from benchmark.pipeline.records import Origin, RankedShapes, Record, RowId, key_at
 from benchmark.text import printable
 
 RankedSide = TypeVar("RankedSide", bound=RankedShapes)

@@ -25,7 +25,8 @@ from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import ConfigurationError, check_known
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.mesh import Points
-from benchmark.pipeline.records import Record, read_distances
+from benchmark.pipeline.record_arrays import read_distances
+from benchmark.pipeline.records import Record
 from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.forms import Drawn, StoredForms
 from benchmark.report.grids import DPI, TEXT_WIDTH, TITLE_SIZE, grid

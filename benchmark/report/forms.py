@@ -17,13 +17,9 @@ from benchmark.depth.frame import UPRIGHT
 from benchmark.errors import BenchmarkError
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh, Points
-from benchmark.pipeline.records import (
-    RankedShapes,
-    Record,
-    published_folder,
-    read_form,
-    read_prepared,
-)
+from benchmark.pipeline.record_arrays import read_form, read_prepared
+from benchmark.pipeline.record_files import published_folder
+from benchmark.pipeline.records import RankedShapes, Record
 from benchmark.registry.names import base_name
 from benchmark.report.drawing import outwardness
 from benchmark.report.notation import file_name

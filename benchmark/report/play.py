@@ -24,7 +24,8 @@ from benchmark.errors import ConfigurationError
 from benchmark.files import write_text
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import decimate
-from benchmark.pipeline.records import Record, read_distances
+from benchmark.pipeline.record_arrays import read_distances
+from benchmark.pipeline.records import Record
 from benchmark.registry import select_one
 from benchmark.report.data_titles import short_data_title
 from benchmark.report.drawing import PALETTE

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmark.pipeline.records import RankedShapes, Record, read_distances
+from benchmark.pipeline.record_arrays import read_distances
+from benchmark.pipeline.records import RankedShapes, Record
 from benchmark.report.figures import MEASURE, first_records
 from benchmark.report.notation import file_name
 from benchmark.report.page_builder import Pages

@@ -21,15 +21,9 @@ from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import ConfigurationError, check_known
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.data_names import label_data_sets
-from benchmark.pipeline.records import (
-    RankedShapes,
-    Record,
-    published_folder,
-    read_distances,
-    read_form,
-    read_records,
-    read_vertex_map,
-)
+from benchmark.pipeline.record_arrays import read_distances, read_form, read_vertex_map
+from benchmark.pipeline.record_files import published_folder, read_records
+from benchmark.pipeline.records import RankedShapes, Record
 from benchmark.report.columns import JOBS, data_frame, scores_frame
 from benchmark.report.record_facts import fold_of
 

@@ -8,7 +8,7 @@ from functools import cache
 from typing import NamedTuple
 
 from benchmark.defaults import DEFAULT_SCORER
-from benchmark.pipeline.records import SUITE_RESULTS
+from benchmark.pipeline.record_files import SUITE_RESULTS
 from benchmark.reference.paper import PRINTED_MEASURES
 
 #: Name of the second scorer in the published scores.

@@ -23,17 +23,8 @@ from benchmark.pipeline.data_names import path_of
 from benchmark.pipeline.gallery_digest import digest_of_both, digest_of_shapes
 from benchmark.pipeline.prepared import PreparedShapes
 from benchmark.pipeline.ranking import STAGES
-from benchmark.pipeline.records import (
-    SUITE_RESULTS,
-    RankedShapes,
-    Record,
-    RowId,
-    ShapeView,
-    key_at,
-    newer_record_at,
-    read_records,
-    record_of,
-)
+from benchmark.pipeline.record_files import SUITE_RESULTS, newer_record_at, read_records
+from benchmark.pipeline.records import RankedShapes, Record, RowId, ShapeView, key_at, record_of
 from benchmark.protocols.galleries import Gallery, galleries
 from benchmark.protocols.models import MissingModel, Model, TooNear
 from benchmark.protocols.trainings import NoFolds

@@ -17,7 +17,8 @@ from benchmark.machine import memory_per_process
 from benchmark.pipeline.cache import Cache, CachedFile, writing
 from benchmark.pipeline.code_store import keep_definitions
 from benchmark.pipeline.environment import commit, packages
-from benchmark.pipeline.records import Record, record_of, write_record
+from benchmark.pipeline.record_files import write_record
+from benchmark.pipeline.records import Record, record_of
 from benchmark.runs.open_jobs import OpenJobs
 from benchmark.runs.planning import Planned
 from benchmark.runs.tasks import Outcome, Queue, Step, Task

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.record_files import read_records
 from benchmark.protocols.tables import TITLES
 from benchmark.reference.paper import CLASSICAL, PRINTED
 from benchmark.report.grids import TEXT_WIDTH, write_figure

@@ -22,7 +22,7 @@ import pandas as pd
 from benchmark.api.contracts import Mesh
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import write_mesh
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.record_files import read_records
 from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.report.notation import hundredths
 

@@ -19,7 +19,8 @@ import numpy as np
 import pandas as pd
 
 from benchmark.api.parameters import format_value
-from benchmark.pipeline.records import Record, read_records
+from benchmark.pipeline.record_files import read_records
+from benchmark.pipeline.records import Record
 from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.registry import select_one
 from benchmark.report.rivals import DRAW_ERRORS, SAME

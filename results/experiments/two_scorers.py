@@ -13,7 +13,8 @@ from pathlib import Path
 import numpy as np
 import pandas
 
-from benchmark.pipeline.records import Record, read_records
+from benchmark.pipeline.record_files import read_records
+from benchmark.pipeline.records import Record
 from benchmark.reference.paper import CLASSICAL, PRINTED_MEASURES
 from benchmark.report.statistics import class_intervals
 

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from benchmark.cli.main import cli
 from benchmark.commands.selection import shadowed_folders
-from benchmark.pipeline.records import write_record
+from benchmark.pipeline.record_files import write_record
 from benchmark.text import say
 from tests.report.records import record
 from tests.toy import PATIENCE, write_rods

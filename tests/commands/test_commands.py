@@ -11,7 +11,7 @@ from benchmark.api import CanonicalForm, MethodInfo
 from benchmark.commands.forget import forget
 from benchmark.commands.forms import form_with_notes
 from benchmark.errors import BenchmarkError, ConfigurationError
-from benchmark.pipeline.records import write_record
+from benchmark.pipeline.record_files import write_record
 from tests.report.records import failed, record
 from tests.toy import rod, write_rods
 from tests.verbs import call, refusal

@@ -14,7 +14,7 @@ from pandas import DataFrame
 import benchmark
 from benchmark.commands.submissions import REQUIRED, submitted_rows
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.records import read_files
+from benchmark.pipeline.record_files import read_files
 from tests.toy import write_rods
 from tests.verbs import call, refusal
 

@@ -18,7 +18,7 @@ import pandas as pd
 import pytest
 from scipy.stats import kendalltau, rankdata
 
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.record_files import read_records
 from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PAPERS_NETWORKS, PRINTED_MEASURES
 from benchmark.report.notation import hundredths
 from benchmark.report.rivals import compare_rivals

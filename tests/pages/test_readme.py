@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from benchmark.check import check
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.record_files import read_records
 from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PRINTED, PRINTED_MEASURES
 from benchmark.registry import components_named
 from benchmark.report.formats import markdown

@@ -9,7 +9,7 @@ import pytest
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import Cache
 from benchmark.pipeline.merging import merge_records
-from benchmark.pipeline.records import read_records, write_record
+from benchmark.pipeline.record_files import read_records, write_record
 from tests.pipeline.test_record_layout import content_of, put
 from tests.pipeline.test_records import failed, made
 from tests.verbs import call, refusal

@@ -14,15 +14,10 @@ import pytest
 
 from benchmark.code_digest import digest_of_bytes
 from benchmark.errors import ConfigurationError
+from benchmark.pipeline.cache import StorageError
+from benchmark.pipeline.record_checks import MOST_SHAPES
+from benchmark.pipeline.record_files import encode_record, read_records, unneeded, write_record
 from benchmark.pipeline.record_layout import LAYOUT, convert_older
-from benchmark.pipeline.records import (
-    MOST_SHAPES,
-    StorageError,
-    encode_record,
-    read_records,
-    unneeded,
-    write_record,
-)
 from tests.pipeline.test_records import made, publishing
 from tests.runs.toy import without_processes
 from tests.verbs import call, refusal

@@ -14,14 +14,9 @@ from benchmark.errors import ConfigurationError
 from benchmark.pipeline import environment
 from benchmark.pipeline.cache import Cache, StorageError
 from benchmark.pipeline.merging import merge_records
-from benchmark.pipeline.records import (
-    Record,
-    published_distances,
-    read_distances,
-    read_records,
-    unneeded,
-    write_record,
-)
+from benchmark.pipeline.record_arrays import published_distances, read_distances
+from benchmark.pipeline.record_files import read_records, unneeded, write_record
+from benchmark.pipeline.records import Record
 from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.runs.planning import describe_change
 from tests.runs.toy import planned, run_toy

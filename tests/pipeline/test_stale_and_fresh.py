@@ -10,13 +10,9 @@ from pathlib import Path
 import pytest
 
 from benchmark import code_digest
-from benchmark.pipeline.records import (
-    read_distances,
-    read_form,
-    read_records,
-    record_of,
-    write_record,
-)
+from benchmark.pipeline.record_arrays import read_distances, read_form
+from benchmark.pipeline.record_files import read_records, write_record
+from benchmark.pipeline.records import record_of
 from benchmark.runs import tasks
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import done, planned, run_toy

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from benchmark.datasets.copies import KnownCopy
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.record_files import read_records
 from benchmark.report.data_titles import data_title, known_copy
 from benchmark.report.tables import table_views
 from tests.report.records import record

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.records import read_records, write_record
+from benchmark.pipeline.record_files import read_records, write_record
 from benchmark.report.output import WRITTEN_LIST, write_files
 from benchmark.report.results import Results
 from retrieval.cmbof import CMBOF

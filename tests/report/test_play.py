@@ -11,7 +11,7 @@ import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.records import read_distances
+from benchmark.pipeline.record_arrays import read_distances
 from benchmark.report import play
 from benchmark.report.forms import Drawn, StoredForms, centred
 from benchmark.report.play import (

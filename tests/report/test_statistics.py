@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import special, stats
 
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.record_files import read_records
 from benchmark.report.statistics import ALPHA, class_intervals, class_sums, permutation_test
 from benchmark.report.tables import table_views
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.pipeline.records import write_record
+from benchmark.pipeline.record_files import write_record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PRINTED
 from benchmark.report.columns import PRINTED_QUANTITIES

@@ -15,7 +15,8 @@ from unittest.mock import patch
 import psutil
 import pytest
 
-from benchmark.pipeline.records import Record, read_records
+from benchmark.pipeline.record_files import read_records
+from benchmark.pipeline.records import Record
 from tests.behaviour.suite import start
 from tests.toy import SMALL_SCORER, wait_for, write_rods
 

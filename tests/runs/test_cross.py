@@ -15,7 +15,7 @@ from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
 from benchmark.geometry.camera import Camera
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.prepared import frame_of
-from benchmark.pipeline.records import read_distances
+from benchmark.pipeline.record_arrays import read_distances
 from benchmark.pipeline.views import prepare_view
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.tables import ROUND

@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.records import read_distances
+from benchmark.pipeline.record_arrays import read_distances
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 from tests.toy import rod, write_off

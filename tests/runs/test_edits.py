@@ -13,7 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.pipeline.records import read_distances, read_records
+from benchmark.pipeline.record_arrays import read_distances
+from benchmark.pipeline.record_files import read_records
 from benchmark.runs import unchanged
 from benchmark.runs.runner import run_jobs
 from benchmark.runs.unchanged import CodeChanged, PlannedFiles, plan_code

@@ -18,7 +18,8 @@ import psutil
 import pytest
 
 from benchmark.errors import BenchmarkError
-from benchmark.pipeline.records import read_distances, read_records
+from benchmark.pipeline.record_arrays import read_distances
+from benchmark.pipeline.record_files import read_records
 from benchmark.registry.modules import load_module
 from benchmark.runs.runner import run_jobs
 from benchmark.runs.workers import Worker

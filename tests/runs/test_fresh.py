@@ -17,7 +17,8 @@ import benchmark
 from benchmark.datasets import mesh_files
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.data_names import label_data_sets
-from benchmark.pipeline.records import read_distances, read_records
+from benchmark.pipeline.record_arrays import read_distances
+from benchmark.pipeline.record_files import read_records
 from benchmark.runs.planning import plan_selection
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, LIGHT, LIGHT_SCORER, done, planned, run_toy

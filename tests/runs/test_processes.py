@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.record_files import read_records
 from tests.toy import SMALL_SCORER, write_rods
 
 POISON = """

@@ -13,7 +13,7 @@ import pytest
 from benchmark.errors import BenchmarkError
 from benchmark.machine import describe_machine
 from benchmark.pipeline.cache import StorageError, writing
-from benchmark.pipeline.records import read_records
+from benchmark.pipeline.record_files import read_records
 from benchmark.registry.modules import import_plugins_anew
 from benchmark.runs.planning import estimate
 from benchmark.runs.runner import run_jobs

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from benchmark.pipeline.records import read_distances
+from benchmark.pipeline.record_arrays import read_distances
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import done, planned, run_toy
 

@@ -16,7 +16,8 @@ from benchmark.api import MethodInfo
 from benchmark.api.datasets import Entry
 from benchmark.datasets.mesh_files import mesh_file_set
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
-from benchmark.pipeline.records import Record, read_records, record_of
+from benchmark.pipeline.record_files import read_records
+from benchmark.pipeline.records import Record, record_of
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import LIGHT, run_toy
 from tests.toy import write_rods

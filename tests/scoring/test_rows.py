@@ -12,7 +12,8 @@ from msgspec.structs import replace
 from benchmark.commands.external_rows import forms_of, keep_distances, method_name
 from benchmark.commands.score import score
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.records import read_distances, read_records, write_record
+from benchmark.pipeline.record_arrays import read_distances
+from benchmark.pipeline.record_files import read_records, write_record
 from benchmark.report.record_facts import seconds_of
 from retrieval.measures import score_draws
 from tests.report.records import record as made_up_record

@@ -1,0 +1,126 @@
+"""Arrays that belong to a record: distances, prepared shapes and forms, as far as they are here."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmark.code_digest import digest_of_bytes
+from benchmark.files import read_file
+from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.cache import Cache, Stage
+from benchmark.pipeline.record_files import _say_skipped, published_folder
+from benchmark.pipeline.records import RankedShapes, Record
+
+#: Arrays of prepared shapes and forms that pages and figures read.
+_READ = ("vertices", "faces", "vertex_map", "note:vertices_before")
+
+
+def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
+    """Return the distances that a record was scored by, of queries and shapes with a result.
+
+    They are means over the draws of the scorer, shape (queries, shapes of the gallery). Published
+    ones have single precision.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    record
+        The record.
+
+    Returns
+    -------
+    numpy.ndarray or None
+        None if they are not here, or their file is damaged, which is said on stderr.
+    """
+    shape = len(record.answered), len(record.sides[-1].answered)
+    arrays = Cache(results).read("records", record.key) or {}
+    distances = arrays.get("distances")
+    if distances is not None and distances.shape == shape:
+        return distances
+    if not record.distances:
+        return None
+    path = published_distances(results, record.distances)
+    try:
+        distances = _read_published(path, record.distances)
+    except (OSError, ValueError) as error:
+        _say_skipped(f"{path}: {getattr(error, 'strerror', error)}")
+        return None
+    return distances if distances.shape == shape else None
+
+
+def _read_published(path: Path, digest: str) -> NDArray[np.float64]:
+    """Return the matrix of published distances; raise ``ValueError`` if they were changed."""
+    from scipy.spatial.distance import squareform  # lazy: tables need no distances
+
+    content = read_file(path)
+    above_diagonal = np.frombuffer(content, "<f4")
+    if digest_of_bytes(content) != digest or not np.isfinite(above_diagonal).all():
+        raise ValueError("it was changed after it was published")
+    return np.asarray(squareform(above_diagonal.astype(np.float64)))
+
+
+def published_distances(results: Path, digest: str) -> Path:
+    """Return the file of published distances.
+
+    It holds those above the diagonal, by row, as numbers of four bytes.
+    """
+    return published_folder(results) / "records" / "distances" / f"{digest}.f4"
+
+
+def read_prepared(results: Path, record: RankedShapes, shape: str) -> Mesh | None:
+    """Return the prepared surface of a shape of a record.
+
+    None means that it is not kept here, or could not be prepared.
+    """
+    arrays = _read_arrays(results, record, "prepared", shape)
+    return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in arrays else None
+
+
+def read_form(results: Path, record: RankedShapes, shape: str) -> Mesh | None:
+    """Return the canonical form of a shape of a record; None if it is not kept here, or none is."""
+    form = _read_arrays(results, record, "forms", shape)
+    # A form that keeps the faces of its shape is stored without them.
+    faces = form.get("faces")
+    if faces is None:
+        faces = _read_arrays(results, record, "prepared", shape).get("faces")
+    if "vertices" not in form or faces is None:
+        return None
+    return Mesh(form["vertices"], faces)
+
+
+def read_vertex_map(
+    results: Path, record: Record, shape: str
+) -> tuple[NDArray[np.int64], bool] | None:
+    """Return which vertices of its file a form has.
+
+    Returns
+    -------
+    numpy.ndarray
+        Index of the nearest vertex of the file at each vertex of the form.
+    bool
+        Whether the form has each vertex of the file once.
+
+    None means that the form has vertices of its own, as those of views have, or is not kept here.
+    """
+    form = _read_arrays(results, record, "forms", shape)
+    prepared = _read_arrays(results, record, "prepared", shape)
+    if "vertex_map" not in prepared or "vertices" not in form or "faces" in form:
+        return None
+    indices = prepared["vertex_map"].astype(np.int64)
+    n_vertices = int(prepared["note:vertices_before"])
+    has_all = np.array_equal(np.sort(indices), np.arange(n_vertices))
+    return indices, has_all
+
+
+def _read_arrays(
+    results: Path, record: RankedShapes, stage: Stage, shape: str
+) -> dict[str, NDArray[Any]]:
+    """Return arrays of the first view of a shape; none if they are not kept here."""
+    keys_of_first_views = record.files.get(stage, [])[:: record.views]
+    key_of_shape = dict(zip(record.shapes, keys_of_first_views, strict=False))
+    return Cache(results).read(stage, key_of_shape.get(shape, ""), only=_READ) or {}
