@@ -116,8 +116,8 @@ def _collapse(
         owner[i] = j
         cost[i] = np.inf
         quadrics[j] += quadrics[i]
-        # Vertex j takes over the triangles and the connections of i. Triangles with both vanish, and
-        # connections that only they made become plain edges.
+        # Vertex j takes over the triangles and the connections of i. Triangles with both vanish,
+        # and connections that only they made become plain edges.
         around = np.flatnonzero((faces[:, 0] == i) | (faces[:, 1] == i) | (faces[:, 2] == i))
         _count(faces, around, links, -1)
         for k in np.flatnonzero(links[i]):

@@ -260,8 +260,8 @@ def _boundary(solid: NDArray[np.bool_]) -> Mesh:
     is_mixed = functools.reduce(
         np.logical_or, (at_corner != at_corners[0] for at_corner in at_corners)
     )
-    # Marching cubes takes numbered voxels, and the numbers of those at the corners of each cube. Only
-    # voxels of the cubes above are numbered, which saves most of the memory.
+    # Marching cubes takes numbered voxels, and the numbers of those at the corners of each cube.
+    # Only voxels of the cubes above are numbered, which saves most of the memory.
     corners = np.argwhere(is_mixed)[:, np.newaxis, :] + _CORNERS
     voxels = np.ravel_multi_index(tuple(np.moveaxis(corners, 2, 0)), density.shape)
     used_voxels, cubes = np.unique(voxels, return_inverse=True)

@@ -209,8 +209,8 @@ class Intrinsics:
                 f" are implausible for {width} x {height} pixels"
             )
             raise DepthError(problem, "pass them in pixels of this image")
-        # Intrinsics that state their size may be those of a part of an image, whose middle is not on
-        # the optical axis.
+        # Intrinsics that state their size may be those of a part of an image, whose middle is not
+        # on the optical axis.
         low, high = (0.0, 1.0) if self.size else CENTRAL
         is_within_width = low * width <= self.cx + 0.5 <= high * width
         is_within_height = low * height <= self.cy + 0.5 <= high * height
