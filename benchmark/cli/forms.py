@@ -86,6 +86,17 @@ def _write_form_of_mesh(source: Path, method: str, options: Selection, output: P
 
     A picture is drawn if it is asked for. A text file beside the form says which vertex of the mesh
     is nearest to each of its own.
+
+    Parameters
+    ----------
+    source
+        The mesh.
+    method
+        Name of the method.
+    options
+        Seed, plugins, and file of the picture.
+    output
+        File of the form; its extension says the format.
     """
     _check_targets(output, options.picture)
     if output.exists() and output.samefile(source):

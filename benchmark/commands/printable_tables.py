@@ -76,9 +76,7 @@ class Tables:
     def write(
         self, folder: str | Path, formats: Sequence[str] = TABLE_FORMATS, *, force: bool = False
     ) -> list[str]:
-        """Write them as files, and return their names.
-
-        See :func:`benchmark.report.output.write_files`.
+        """Write the tables as files, and return the names of these.
 
         Parameters
         ----------

@@ -258,7 +258,20 @@ def score_submission(submission: Submission, results: Path) -> Record:
 
 
 def _score_forms(submission: Submission, results: Path) -> Record:
-    """Return the record of the forms of a submission, which are ranked by the scorer of tables."""
+    """Score the forms of a submission, as a run scores those of a method, and return the record.
+
+    Parameters
+    ----------
+    submission
+        The submission, with a folder of forms.
+    results
+        The results folder, in which a folder keeps what is computed.
+
+    Raises
+    ------
+    ConfigurationError
+        If the forms cannot be scored.
+    """
     planned = plan(
         [submission.facts["data"]],
         forms={submission.title: submission.scored},

@@ -425,9 +425,15 @@ def thinned_surface(
 
 
 def _gallery_content(gallery: PlayGallery, surfaces: Surfaces) -> dict[str, Any]:
-    """Return what the script of the page reads of one gallery.
+    """Return what the script of the page reads of one gallery: its methods and shapes.
 
-    Its surfaces are added to those of the page, and are referred to by number.
+    Parameters
+    ----------
+    gallery
+        Methods, shapes and forms.
+    surfaces
+        The surfaces of the page, to which those of the gallery are added; shapes refer to them by
+        number.
     """
     return {
         "title": gallery.title,
