@@ -33,16 +33,16 @@ NEARER = 0.9
 _POINTS = 600
 _COARSE_POINTS = 100
 
-#: Steps of iterative closest points in either part, and coarse results that are refined.
+#: Steps of iterative closest points in either part, and coarse results that are refined, at most.
 _STEPS = 10
 _COARSE_STEPS = 6
 _REFINED = 4
 
 #: A coarse result is not refined if it is farther than the best by this factor.
-_FAR = 2.0
+_FAR = 1.5
 
-#: Decimals of rotations to which two coarse results are the same.
-_SAME_ROTATION = 9
+#: Two coarse results whose rotations differ by no more lead to the same.
+_SAME_ROTATION = 0.02
 
 #: Factors of positions and value by which a point is mirrored.
 _MIRROR = np.array([-1, -1, -1, 1])
@@ -278,11 +278,19 @@ def alignments(points: Points, target: Points) -> tuple[NDArray[np.float64], Poi
     distances, rotations = _iterate_closest_points(
         points[coarse], target[coarse], starts, _COARSE_STEPS
     )
-    best = np.argsort(distances, kind="stable")[:_REFINED]
-    promising = best[distances[best] <= _FAR * distances[best[0]]]
-    _, first = np.unique(rotations[promising].round(_SAME_ROTATION), axis=0, return_index=True)
-    distinct = promising[np.sort(first)]
-    return _iterate_closest_points(points, target, rotations[distinct], _STEPS)
+    distinct = rotations[_distinct(distances, rotations)]
+    return _iterate_closest_points(points, target, distinct, _STEPS)
+
+
+def _distinct(distances: NDArray[np.float64], rotations: Points) -> list[int]:
+    """Return the numbers of the coarse results that are worth refining, the nearest first."""
+    chosen: list[int] = []
+    for number in np.argsort(distances, kind="stable")[:_REFINED].tolist():
+        is_far = distances[number] > _FAR * distances.min()
+        apart = np.abs(rotations[chosen] - rotations[number]).max(axis=(1, 2))
+        if not is_far and (apart > _SAME_ROTATION).all():
+            chosen.append(number)
+    return chosen
 
 
 def _principal_axes(points: Points) -> Points:
