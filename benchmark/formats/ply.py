@@ -164,7 +164,7 @@ def _elements(lines: Sequence[str]) -> tuple[list[_Element], bool]:
         If a line is not understood.
     """
     elements: list[_Element] = []
-    order: str | None = None
+    order: str | None = None  # byte order of the numbers, "" for text; None before its line
     for line in lines:
         match line.split():
             case [] | ["comment" | "obj_info", *_]:
