@@ -166,6 +166,7 @@ class PaperNetwork(nn.Module):
     def __init__(
         self, width: int = 16, short_range: bool = True, long_range: bool = True, seed: int = 0
     ) -> None:
+        """Make the parts with random weights; their names stand in files of weights."""
         super().__init__()
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(seed)

@@ -497,7 +497,8 @@ def changes_of(prepared: Prepared) -> list[tuple[str, str]]:
     Returns
     -------
     list of (str, str)
-        What it is, such as "3 duplicate triangles", and what becomes of it.
+        What it is, such as "3 duplicate faces", and what becomes of it, "preparation keeps one of
+        each".
     """
     report = prepared.report
     changes = []

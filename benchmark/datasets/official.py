@@ -402,7 +402,7 @@ def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
     folder
         The folder; its sub-folders may hold the meshes.
     forms
-        Names without their numbers.
+        Names in lower case with ``#`` for each number, such as ``"cat#"``.
 
     Raises
     ------
