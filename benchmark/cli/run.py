@@ -262,11 +262,14 @@ def _say_lacking(models: Sequence[LackingModel]) -> None:
         return
     counts = Counter(base_name(model.method) for model in models)
     names = ", ".join(f"{count} of {name}" for name, count in counts.items())
+
+    # Of some models, nobody has measured the training.
     known_seconds = [model.seconds for model in models if model.seconds is not None]
     duration = f"about {_roughly(sum(known_seconds))} of processor time"
     n_unknown = len(models) - len(known_seconds)
     if n_unknown:
         duration += f", {n_unknown} of them unknown"
+
     verb = "is" if len(models) == 1 else "are"
     number = counted(len(models), "model")
     say(f"{number} {verb} missing ({names}); 'run --train' trains first: {duration}")

@@ -156,8 +156,9 @@ class RecordSelection:
         stored = read_records(self.results, local=not self.published)
         all_records = label_data_sets([*stored, *self.submitted])
         names = {table.identifier for table in TABLES}
-        names.update(record.data.name for record in all_records)
+        names.update(record.data.name for record in all_records)  # each has a table of its own
         check_known("table", self.tables, names | {"extended"})
+
         of_data = records_of(all_records, self.data) if self.data else all_records
         of_input = [record for record in of_data if self.input in (None, record.input)]
         # A quick run, with some of the poses alone, is shown if asked for, or if there is no other.
@@ -166,6 +167,7 @@ class RecordSelection:
         records = quick
         if full and not self.quick:
             records = full
+
         notes = [*self._of_other_scorers(of_input), *self._of_quick_runs(full, quick)]
         if not records:
             raise self._no_records(notes)

@@ -187,6 +187,7 @@ def read_submission(path: Path) -> Submission:
     if missing:
         said = "; ".join(f"{key}: {REQUIRED[key]}" for key in missing)
         raise ConfigurationError(f"it does not say {listed(missing)}", f"write {said}")
+
     input_ = facts.get("input", "mesh")
     check_known("input", [input_], ("mesh", "view"))
 

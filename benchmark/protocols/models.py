@@ -200,12 +200,14 @@ def find_models(
     learner: Any = spec.create()
     if not isinstance(learner, Learner):
         return {}
+
     training_of_shape = trainings_by_shape(learner, dataset, entries, data_root)
     names = {training.name for training in training_of_shape.values()}
     folders = {name: _finished(learner, name, trained_here) for name in sorted(names)}
     missing = [name for name, folder in folders.items() if folder is None]
     if missing:
         raise _missing(spec, learner, missing)
+
     models = {name: _model(name, folder) for name, folder in folders.items() if folder}
     for model in models.values():
         model.check(dataset.name, data_root)

@@ -129,7 +129,7 @@ def _frames(view: TableView, column: str, first: str, second: str) -> Iterator[D
     """
     rows = {row.method: row for row in view.rows if column in row.scored}
     if first not in rows:
-        return
+        return  # another column has its scores
     others = [name for name in rows if name != first]
     if second:
         others = [name for name in rows if name == second]

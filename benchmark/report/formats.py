@@ -562,11 +562,13 @@ def robustness_markdown(records: Iterable[Record]) -> str:
     """
     known = [record for record in records if _is_of_robustness(record)]
     scores = _scores_by_change(known)
+    # A set that has no changed one beside it, as TOSCA alone, is not shown.
     changed_sets = [change.base for change in sorted(scores) if change.kind]
     changes = [change for change in sorted(scores) if change.base in changed_sets]
     if not changes:
         return ""
 
+    # One column for each method that has scores.
     columns = [
         Column[DataChange]("change", lambda change: change.kind or "unchanged", "Change"),
         Column[DataChange]("strength", lambda change: change.strength, "strength"),
@@ -579,6 +581,7 @@ def robustness_markdown(records: Iterable[Record]) -> str:
     head = [column.title for column in columns]
     table = markdown_table(head, [cells(columns, change) for change in changes])
 
+    # The caption names the data.
     data_titles = {name: name for name in changed_sets}
     for record in known:
         if record.data.name in data_titles:

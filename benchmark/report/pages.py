@@ -111,13 +111,15 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
         Titles of the added pages by address.
     """
     say(f"table {label_of_table(view)}", err=True)
-    facets = [replace(view, columns=(column,)) for column in view.columns]  # one for each column
+    # Pages have a section for each column: a facet is the table with this column alone.
+    facets = [replace(view, columns=(column,)) for column in view.columns]
     forms = _without_empty(forms_of_column(pages, facet) for facet in facets)
     queries = _without_empty(queries_of_column(pages, facet) for facet in facets)
     scores = _content_of_scores(view, forms, queries)
     scores["classes"] = [(facet.columns[0].title, class_means(facet)) for facet in facets]
     scores["maps"] = _add_maps(pages, facets)
     _add_published_pictures(pages, view, scores["pictures"])
+    # The page of the main table leads to those of the same data seen by other cameras.
     scores["matrix"] = {}
     of_other_cameras = [other for other in pages.views if pages.main(other) is view]
     if len(of_other_cameras) > 1:

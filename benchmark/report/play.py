@@ -355,14 +355,14 @@ def _ranked(record: Record, folder: Path, names: Sequence[str]) -> list[list[int
         return []
     # Rows and columns of the matrix are the shapes with a form, in the order of the record.
     with_form = [record.shapes[number] for number in record.answered]
-    places = {name: place for place, name in enumerate(with_form)}
-    shown = [number for number, name in enumerate(names) if name in places]
-    columns = [places[names[number]] for number in shown]
+    column_of = {name: column for column, name in enumerate(with_form)}
+    shown = [number for number, name in enumerate(names) if name in column_of]
+    columns = [column_of[names[number]] for number in shown]
     ranked: list[list[int]] = [[] for _ in names]
     for query in shown:
-        distances = matrix[places[names[query]], columns]
-        nearest_first = [shown[i] for i in np.argsort(distances, kind="stable").tolist()]
-        ranked[query] = [number for number in nearest_first if number != query]
+        distances = matrix[column_of[names[query]], columns]
+        order = np.argsort(distances, kind="stable")
+        ranked[query] = [shown[i] for i in order if shown[i] != query]
     return ranked
 
 

@@ -138,6 +138,7 @@ def queries_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
         """Return what queries are sorted by: the worst outcome, then the sum of scores."""
         return worst[number], sum(outcome.score for outcome in outcomes[number])
 
+    # The hardest come first. Forms are drawn for some of those that a row misses.
     order = sorted(queries, key=hardness)
     missed = [number for number in order if worst[number] < _HIT][:_HARDEST]
     of_rows = [(row.title, row.nearest, _pictures_of_missed(pages, row, missed)) for row in rows]

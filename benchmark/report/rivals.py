@@ -122,6 +122,7 @@ def scatter_of(rows: Sequence[RowScores]) -> Scatter:
     """
     records_of_rows = [row.all_records for row in rows]
     squared_errors = [_squared_error(records) for records in records_of_rows]
+    # The variance of a difference is the sum of two variances.
     of_codebooks = np.asarray(2 * np.sqrt(2 * np.mean(squared_errors, axis=0)))
     are_networks = all(block_of(records[0]) == "network" for records in records_of_rows)
     if not are_networks:

@@ -190,6 +190,7 @@ def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
     if not rows:
         return AssessedClaim(claim, "not comparable", view.title)
 
+    # All rows rank the same shapes.
     labels = rows[0].labels
     seen_classes = frozenset[str]().union(*(row.seen_classes for row in rows))
     unseen = [index for index, label in enumerate(labels) if label not in seen_classes]
