@@ -86,7 +86,8 @@ def chosen(picture: Picture, shapes: ShapeSet) -> list[Entry]:
 def panels(picture: Picture) -> tuple[list[list[NDArray[np.float64]]], list[str]]:
     """Return a row of panels for each shape, NaN outside of bodies, and the titles of columns."""
     shapes = open_dataset(picture.dataset, data_folder())
-    half_width, canonical = frame_of(shapes), canonical_shapes(shapes)
+    half_width = frame_of(shapes)
+    canonical = canonical_shapes(shapes)
     networks = {
         title: kind(configuration=_configuration(model)).load(Learned.shipped_models / model)
         for title, (kind, model) in picture.networks.items()
@@ -115,8 +116,10 @@ def window(panels: list[NDArray[np.float64]], ratio: float) -> NDArray[np.float6
     ratio of sides.
     """
     extents = np.array([extent(panel) for panel in panels])
-    low, high = extents[:, :2].min(axis=0), extents[:, 2:].max(axis=0)
-    centre, width = (low + high) / 2, max(high[0] - low[0], (high[1] - low[1]) / ratio)
+    low = extents[:, :2].min(axis=0)
+    high = extents[:, 2:].max(axis=0)
+    centre = (low + high) / 2
+    width = max(high[0] - low[0], (high[1] - low[1]) / ratio)
     half = (0.5 + MARGIN) * width * np.array([1, ratio])
     return np.array(
         [*(centre[0] + half[0] * np.array([-1, 1])), *(centre[1] + half[1] * np.array([1, -1]))]
@@ -134,7 +137,7 @@ def drawn(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
     """Draw a row of panels for each shape, each column cut to its bodies; depth in one scale but
     for the input.
     """
-    extents = np.array([extent(panel) for panel in [row[1] for row in rows]])
+    extents = np.array([extent(row[1]) for row in rows])
     ratio = (extents[:, 3] - extents[:, 1]).max() / (extents[:, 2] - extents[:, 0]).max()
     side = 0.9 * TEXT_WIDTH / len(titles)
     figure = Figure((TEXT_WIDTH, 0.35 + 1.02 * ratio * side * len(rows)), layout="constrained")

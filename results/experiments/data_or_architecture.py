@@ -35,7 +35,8 @@ PAGE = HERE / "data-or-architecture.md"
 SCORES = HERE / "data-or-architecture.csv"
 MODELS = HERE / "models" / "data-or-architecture"
 
-PREDICTED, L2 = "as predicted", "as predicted, L2"
+PREDICTED = "as predicted"
+L2 = "as predicted, L2"
 
 LEAST_T = 3.11
 """Least t of a difference over twelve bodies, with 11 degrees of freedom."""
@@ -198,9 +199,10 @@ def difference(first: pandas.DataFrame, second: pandas.DataFrame) -> tuple[float
         FT of each body (rows) and seed (columns).
     """
     gains = first.mean(axis=1) - second.mean(axis=1)
-    signs = {
-        float(np.sign((first[one] - second[other]).mean())) for one in first for other in second
-    }
+    signs = set()
+    for one in first:
+        for other in second:
+            signs.add(float(np.sign((first[one] - second[other]).mean())))
     return float(gains.mean() / gains.sem()), signs
 
 
@@ -227,7 +229,8 @@ def judge() -> None:
         ]
         return rows.pivot(index="body", columns="seed", values="FT")
 
-    (small, large), (code, paper) = DATA, NETWORKS
+    (small, large) = DATA
+    (code, paper) = NETWORKS
     data = [(ft(large, network), ft(small, network)) for network in NETWORKS]
     architecture = [(ft(of, code), ft(of, paper)) for of in DATA]
     for name, levels in (("data", data), ("architecture", architecture)):
@@ -239,7 +242,8 @@ def judge() -> None:
     errors = scores.groupby([*facts, "seed"])["error"].mean()
     for of in DATA:
         for network in NETWORKS:
-            mine, average = ft(of, network), ft(of, network, depth_range.AVERAGE)
+            mine = ft(of, network)
+            average = ft(of, network, depth_range.AVERAGE)
             t, _ = difference(mine, average)
             exceeds = all((mine[seed] - average[seed]).mean() > 0 for seed in SEEDS)
             is_below = all(

@@ -39,7 +39,8 @@ N_POINTS = 1000
 EVERY = 20
 """Distance in pixels between lines without a reading; every third one is two pixels wide."""
 
-LOST_AT_RANDOM, LOST_BEFORE_RESIZING = 0.3, 0.05
+LOST_AT_RANDOM = 0.3
+LOST_BEFORE_RESIZING = 0.05
 """Shares of pixels without a reading."""
 
 FILTERS = {
@@ -52,7 +53,8 @@ WRONG = 2.0
 """Largest error, as a multiple of that of another measurement of the same frame."""
 
 AGAINST_TRUTH = "none, against the true depths"
-BEFORE, AFTER = "before", "after"
+BEFORE = "before"
+AFTER = "after"
 CLASSICAL, NETWORK = METHODS = ("classic-mds", "learned-streamed")
 
 

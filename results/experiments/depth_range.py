@@ -44,25 +44,25 @@ from learned.surface import open_surface
 from retrieval.cmbof import CMBOF
 from retrieval.measures import score_draws
 
-JUDGES, TRAINED = "people[n=12]", "people[draw=0]"
-RESOLUTION, EPOCHS, EARLY = 128, 60, 12
+JUDGES = "people[n=12]"
+TRAINED = "people[draw=0]"
+RESOLUTION = 128
+EPOCHS = 60
+EARLY = 12
 SCORES = Path(__file__).with_name("depth-range.csv")
 MEASURES = ("NN", "FT", "ST", "DCG")
-LONG, AT = 250, (60, 120, 180, 250)
-EARLIER, DIVIDED, NEW, AVERAGE, FLAT, TRUE = (
-    "earlier",
-    "earlier depth / f",
-    "stretched",
-    "average body",
-    "flat",
-    "true depth",
-)
+LONG = 250
+AT = (60, 120, 180, 250)
+EARLIER = "earlier"
+DIVIDED = "earlier depth / f"
+NEW = "stretched"
+AVERAGE = "average body"
+FLAT = "flat"
+TRUE = "true depth"
 CONTROLS = (DIVIDED, AVERAGE)
-FURTHER, FURTHER_SEED, AS_PRINTED = (
-    50,
-    1,
-    Learned.shipped_models / "people-fold-0" / "as_printed-seed0",
-)
+FURTHER = 50
+FURTHER_SEED = 1
+AS_PRINTED = Learned.shipped_models / "people-fold-0" / "as_printed-seed0"
 
 
 @cache
@@ -70,8 +70,10 @@ def judges() -> tuple[list[str], NDArray[np.float32], NDArray[np.float32]]:
     """Return subject, depth image and true canonical image of each view, in the frame of the
     training.
     """
-    shapes, half_width = open_dataset(JUDGES), frame_of(open_dataset(TRAINED))
-    entries, canonical = list(shapes.shapes), canonical_shapes(shapes)
+    shapes = open_dataset(JUDGES)
+    half_width = frame_of(open_dataset(TRAINED))
+    entries = list(shapes.shapes)
+    canonical = canonical_shapes(shapes)
     images = np.stack(
         [
             prepare_view(shapes.load(each), shapes.camera(each), half_width)["depth"]
@@ -138,7 +140,8 @@ def error(predicted: Tensor, true: Tensor) -> float:
 
 def ranked(predictions: Sequence[Tensor]) -> dict[str, NDArray[np.float64]]:
     """Return the measures of each query."""
-    scorer, signatures = CMBOF(), []
+    scorer = CMBOF()
+    signatures = []
     for prediction in predictions:
         signatures.append(scorer.signature(open_surface(enlarged(prediction))[0]))
     matrices = (scorer.compare(signatures, draw) for draw in range(scorer.info.draws))
@@ -174,8 +177,10 @@ def evaluate(fold: int, seed: int, folder: Path, earlier: Path, epochs: int) -> 
     card = json.loads((folder / CARD).read_text())
     truth = true_images(RESOLUTION)
     before = earlier / f"people-fold-{fold}" / f"literal-seed{seed}"
-    of_earlier, new = predictions(Learned().load(before)), predictions(Learned().load(folder))
-    facts, found = {"fold": fold, "seed": seed, "epochs": epochs}, []
+    of_earlier = predictions(Learned().load(before))
+    new = predictions(Learned().load(folder))
+    facts = {"fold": fold, "seed": seed, "epochs": epochs}
+    found = []
     for setting, given in settings(of_earlier, new, truth, fold, card["depth_scale"]["factor"]):
         found.append(scored({**facts, "setting": setting}, ranked(given), given, truth))
     for setting, given in ((EARLIER, of_earlier), (NEW, new)):
@@ -187,10 +192,8 @@ def take_apart(fold: int) -> None:
     """Append the scores of the network as printed with a part of its prediction replaced."""
     method = Learned(configuration="as_printed")
     method = method.load(method.shipped_models / f"people-fold-{fold}" / "as_printed-seed0")
-    truth, given = (
-        [each.float() for each in true_images(500)],
-        [each.float() for each in predictions(method)],
-    )
+    truth = [each.float() for each in true_images(500)]
+    given = [each.float() for each in predictions(method)]
     average = average_body(fold, 500).float()
     changes: dict[str, Callable[[Tensor, Tensor], Tensor]] = {
         "as predicted": lambda predicted, true: predicted,
@@ -200,7 +203,8 @@ def take_apart(fold: int) -> None:
         FLAT: lambda predicted, true: torch.stack([torch.full_like(average, 0.5), predicted[1]]),
         "true": lambda predicted, true: true,
     }
-    facts, found = {"fold": fold, "seed": 0, "epochs": 500}, []
+    facts = {"fold": fold, "seed": 0, "epochs": 500}
+    found = []
     for setting, change in changes.items():
         images = [change(*each) for each in zip(given, truth, strict=True)]
         found.append(
@@ -218,8 +222,10 @@ def go_on(results: Path, targets: str) -> None:
     known = pandas.read_csv(SCORES)
     if known["setting"].str.startswith(f"as printed, then {targets}:").any():
         return
-    name, data = "as_printed", data_of_training(TRAININGS["people-fold-0"], None, print)
-    configuration, device = CONFIGURATIONS[name], torch.device("cpu")
+    name = "as_printed"
+    data = data_of_training(TRAININGS["people-fold-0"], None, print)
+    configuration = CONFIGURATIONS[name]
+    device = torch.device("cpu")
     schedule = training.resolved(training.Schedule(epochs=FURTHER, early_epochs=0), device)
     pairs = gather(data.pairs(), data.n_pairs, schedule.resolution, configuration.crop)
     stretched = DepthScale.of(pairs.targets)

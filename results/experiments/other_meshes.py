@@ -118,7 +118,9 @@ def make(data_root: Path, folder: Path) -> None:
 
 def run(folder: Path) -> None:
     """Score all meshes by all methods."""
-    chosen = [word for name in METHODS for word in ("-m", name)]
+    chosen: list[str] = []
+    for name in METHODS:
+        chosen += ["-m", name]
     for name in MESHES:
         words = ["-d", str(folder / name), "--input", "mesh", "--results", str(folder / "results")]
         command = [sys.executable, "-m", "benchmark", "run", *words, *chosen]
@@ -127,13 +129,19 @@ def run(folder: Path) -> None:
 
 def judge(folder: Path) -> None:
     """Write the scores, and print their scatter over meshes beside that over codebooks."""
-    rows = [
-        {"mesh": of.data.name, "method": of.method, "measure": measure, "value": value}
-        | {"codebooks": np.sqrt(DRAWS) * of.draw_errors.get(measure, np.nan)}
-        for of in read_records(folder / "results", published=False)
-        for measure, value in of.scores.items()
-        if measure in PRINTED_MEASURES
-    ]
+    rows = []
+    for record in read_records(folder / "results", published=False):
+        for measure in PRINTED_MEASURES:
+            if measure in record.scores:
+                rows.append(
+                    {
+                        "mesh": record.data.name,
+                        "method": record.method,
+                        "measure": measure,
+                        "value": record.scores[measure],
+                        "codebooks": np.sqrt(DRAWS) * record.draw_errors.get(measure, np.nan),
+                    }
+                )
     scores = pd.DataFrame(rows).sort_values(["method", "measure", "mesh"])
     scores.to_csv(TABLE, index=False, float_format="%.6f", lineterminator="\n")
     print("\n".join(lines(scores)))

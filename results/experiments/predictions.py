@@ -29,7 +29,8 @@ from learned.images import COVERED, resampled
 from learned.methods import Learned
 
 POSES = ("sitting", "kicking")  # chosen before any picture was drawn
-N_SHOWN, FOLD = 3, 0
+N_SHOWN = 3
+FOLD = 0
 BEHIND = 0.01
 """Depth behind what the camera sees, as a share of the frame, from which a point is hidden: 2.6 cm.
 """
@@ -66,7 +67,8 @@ def figures(prediction: Tensor, true: Tensor, unseen: Tensor) -> tuple[float, fl
     units of relief.
     """
     mask = prediction[1] > COVERED
-    both, there = mask & (true[1] > COVERED), mask & unseen
+    both = mask & (true[1] > COVERED)
+    there = mask & unseen
     wrong = prediction[0] - true[0]
     wrong = wrong - wrong[both].mean()
     relief = true[0][true[1] > COVERED].std(correction=0)
@@ -81,11 +83,17 @@ def main() -> None:
         "128 px": (Learned().load(models / "literal-seed0"), 128),
         "as printed": (Learned(configuration="as_printed").load(models / "as_printed-seed0"), 500),
     }
-    shapes, half_width = open_dataset(JUDGES), frame_of(open_dataset(TRAINED))
+    shapes = open_dataset(JUDGES)
+    half_width = frame_of(open_dataset(TRAINED))
     canonical = canonical_shapes(shapes)
-    rows, drawn = [], []
-    for entry in (each for pose in POSES for each in shapes.shapes if each.pose == pose):
-        posed, standing = shapes.load(entry), shapes.load(canonical[entry.subject])
+    rows = []
+    drawn = []
+    chosen = []
+    for pose in POSES:
+        chosen += [entry for entry in shapes.shapes if entry.pose == pose]
+    for entry in chosen:
+        posed = shapes.load(entry)
+        standing = shapes.load(canonical[entry.subject])
         camera = shapes.camera(entry)
         image, true_image = (render_depth(mesh, camera, half_width) for mesh in (posed, standing))
         panels = [np.where(image > 0, image, np.nan)]
@@ -127,7 +135,8 @@ def main() -> None:
 
 def inside(prediction: Tensor) -> NDArray[np.float64]:
     """Return the depth inside the mask about its mean, NaN outside."""
-    depth, mask = prediction[0].numpy().astype(np.float64), prediction[1].numpy() > COVERED
+    depth = prediction[0].numpy().astype(np.float64)
+    mask = prediction[1].numpy() > COVERED
     return np.where(mask, depth - depth[mask].mean(), np.nan)
 
 
