@@ -126,9 +126,8 @@ class Folder:
         plugins = (self.folder / "edited.py", self.folder / "scores.py")
         return planned(self.rods, results, "edited", plugins=plugins, scorer="scores", **options)
 
-    def run(self, results, size=0):
-        options = {"size": size} if size else {}
-        (record,) = done(self.planned(results), results, **options).values()
+    def run(self, results):
+        (record,) = done(self.planned(results), results).values()
         return record
 
 
@@ -342,7 +341,7 @@ def test_a_worker_ends_with_the_code_that_it_holds(folder, clean, tmp_path):
     assert record.status == "incomplete"
     assert record.reason.startswith("below.py changed during the run")
     path.write_text(FILES["below.py"])
-    again = folder.run(results, size=1)
+    again = folder.run(results)
     assert again.status == "ok", again.reason
     assert is_same(read_distances(results, again), clean())
 

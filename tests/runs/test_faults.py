@@ -307,11 +307,13 @@ def test_no_key_of_a_method_is_that_of_a_solver_and_no_fault_of_a_method_takes_a
 
 
 def test_a_method_changes_nothing_of_another_one_of_its_file(rods, tmp_path):
-    (tmp_path / "own.py").write_text(SHARING)
-    for name, methods in (("alone", ["second"]), ("both", ["first", "second"])):
-        records = run_toy(rods, tmp_path / name, *methods, plugins=(tmp_path / "own.py",), size=1)
-    distances = [read_distances(tmp_path / name, records["second"]) for name in ("alone", "both")]
-    np.testing.assert_array_equal(*distances)
+    plugins = (tmp_path / "own.py",)
+    plugins[0].write_text(SHARING)
+    alone = run_toy(rods, tmp_path / "alone", "second", plugins=plugins)["second"]
+    both = run_toy(rods, tmp_path / "both", "first", "second", plugins=plugins, size=1)["second"]
+    np.testing.assert_array_equal(
+        read_distances(tmp_path / "alone", alone), read_distances(tmp_path / "both", both)
+    )
 
 
 def test_arrays_of_a_scorer_may_have_any_name(rods, tmp_path):

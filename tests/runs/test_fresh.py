@@ -253,7 +253,7 @@ def test_an_edit_of_a_plugin_during_a_run_leaves_its_job_incomplete_alone_and_it
     plugin.write_text(FAULTS.read_text() + "CONSTANT = 0\n")
     jobs = planned(rods, results, "fine", "identity", plugins=(plugin,))
     plugin.write_text(FAULTS.read_text() + "CONSTANT = 1\n")
-    records = done(jobs, results, size=size)
+    records = done(jobs, results, size=size) if size else done(jobs, results)
     assert [record for record in read_records(results) if record.method == "fine"] == scored
     assert {name: record.status for name, record in records.items()} == {
         "fine": "incomplete",

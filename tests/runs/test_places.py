@@ -1,15 +1,11 @@
-"""A plugin sees no place of the user, so that nothing it left there in an earlier run determines a
-result.
-"""
+"""A plugin sees no place of the user, so that nothing it left there in an earlier run determines a result."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
 
-import pytest
-
-from benchmark.pipeline.record_arrays import read_distances
+from benchmark.pipeline.records import read_distances
 from benchmark.places import no_places_of_the_user
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import planned, run_toy
@@ -53,8 +49,12 @@ def test_what_a_method_kept_in_an_earlier_run_is_gone(rods, tmp_path, monkeypatc
     assert first.status == "ok", first.reason
     plugin.write_text(plugin.read_text().replace("[1, 1, 1.0]", "[1, 1, 7.0]"))
     (second,) = run_toy(rods, results, "smooth", plugins=(plugin,), size=1).values()
-    (clean,) = run_toy(rods, tmp_path / "clean", "smooth", plugins=(plugin,), size=1).values()
     assert second.status == "ok", second.reason
+
+    def method(shape):
+        return shape.mesh.vertices**3 * [1, 1, 7.0]
+
+    (clean,) = run_toy(rods, tmp_path / "clean", method).values()
     found = read_distances(results, second)
     assert (found == read_distances(tmp_path / "clean", clean)).all(axis=None)
     assert not (found == read_distances(results, first)).all(axis=None)
@@ -65,20 +65,34 @@ def test_what_a_method_kept_in_an_earlier_run_is_gone(rods, tmp_path, monkeypatc
     )
 
 
-@pytest.mark.parametrize("place", [".cache/mymethod", ".config/mymethod"])
-def test_a_file_of_the_user_by_its_path_is_refused(rods, tmp_path, monkeypatch, place):
-    monkeypatch.setenv("HOME", str(tmp_path / "home"))
-    file = tmp_path / "home" / place
-    file.parent.mkdir(parents=True)
-    file.write_text("1")
-    reads = (
-        f"def canonicalise(self, shape):\n        open({str(file)!r}).close()\n"
-        "        return shape.form(shape.mesh.vertices)"
-    )
-    plugin = write_plugin(tmp_path / "smooth.py", methods=reads)
-    (record,) = run_toy(rods, tmp_path / "results", "smooth", plugins=(plugin,), size=1).values()
-    assert (record.status, "declare it in info" in record.reason) == ("failed", True)
-    assert planned(rods, tmp_path / "results", "smooth", plugins=(plugin,))
+READS = """
+from benchmark.api import canonical_form
+
+@canonical_form(name="cached", title="Reads what is cached")
+def cached(shape):
+    open({cache!r}).close()
+    return shape.mesh.vertices
+
+@canonical_form(name="configured", title="Reads a setting")
+def configured(shape):
+    open({config!r}).close()
+    return shape.mesh.vertices
+"""
+
+
+def test_a_file_of_the_user_by_its_path_is_refused(rods, tmp_path, monkeypatch):
+    home, plugin, methods = tmp_path / "home", tmp_path / "own.py", ("cached", "configured")
+    monkeypatch.setenv("HOME", str(home))
+    files = {"cache": home / ".cache" / "mymethod", "config": home / ".config" / "mymethod"}
+    for file in files.values():
+        file.parent.mkdir(parents=True)
+        file.write_text("1")
+    plugin.write_text(READS.format(**{name: str(file) for name, file in files.items()}))
+    records = run_toy(rods, tmp_path / "results", *methods, plugins=(plugin,), size=1)
+    for method in methods:
+        assert records[method].status == "failed"
+        assert "declare it in info" in records[method].reason
+    assert planned(rods, tmp_path / "results", *methods, plugins=(plugin,))
 
 
 def test_variables_are_as_before_and_what_else_changed_stays(monkeypatch):

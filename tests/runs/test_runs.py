@@ -145,12 +145,12 @@ def test_a_debugger_works_in_this_process_and_its_end_is_nobodys_fault(rods, tmp
 
 def test_workers_and_this_process_make_the_same_record(rods, tmp_path):
     made, seen = [], []
-    for size in (0, 1):
-        results = tmp_path / str(size)
+    for place, options in (("here", {"workers": ThisProcess()}), ("worker", {"size": 1})):
+        results = tmp_path / place
         jobs = planned(rods, results, "classic-mds", "shape-dna") + planned(
             rods, results, "gps", input="view"
         )
-        records = done(jobs, results, size=size, watch=seen.append)
+        records = done(jobs, results, watch=seen.append, **options)
         made.append({name: (r.key, r.scores, r.per_query) for name, r in records.items()})
         assert {tuple(record.machines) for record in records.values()} == {(describe_machine(),)}
     assert made[0].keys() == {"classic-mds", "shape-dna", "gps"}
