@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter, defaultdict
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, get_args
 
@@ -38,6 +38,9 @@ SUITE_RESULTS = _INSTALLED_RESULTS if _INSTALLED_RESULTS.is_dir() else ROOT / "r
 
 #: Largest size of a file of records, in bytes.
 LARGEST_RECORDS_FILE = 2**28
+
+#: Number of records that a process keeps once it has read them: more than are published.
+_KEPT_RECORDS = 2048
 
 
 def published_folder(results: Path) -> Path:
@@ -201,8 +204,11 @@ def _parse_named(text: bytes, key: str) -> Record:
     return record
 
 
+@lru_cache(maxsize=_KEPT_RECORDS)
 def parse_record(text: bytes) -> Record:
     """Return the record that a JSON text holds, after all checks.
+
+    A session reads the same texts again and again. Nothing may be changed in a record.
 
     Raises
     ------

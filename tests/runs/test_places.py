@@ -1,4 +1,4 @@
-"""A plugin sees no place of the user, so that nothing it left there in an earlier run determines a result."""
+"""A plugin sees no place of the user: nothing that it left there before determines a result."""
 
 from __future__ import annotations
 
