@@ -28,6 +28,9 @@ _NUMERALS = b"0123456789.,;+-eEinfaN \t\r\n"
 #: Smallest distance of a file in the right order of bytes.
 _SMALLEST = 1e-30
 
+#: Largest whole number up to which floats tell all whole numbers apart.
+_LARGEST_WHOLE = 2**53
+
 #: First bytes of files of HDF5.
 _HDF5 = (b"\x89HDF", b"MATLAB 7.3")
 
@@ -111,6 +114,9 @@ def _check_is_matrix(matrix: NDArray[Any], what: str, content: Any, *, is_square
     """
     has_shape = matrix.ndim == 2 and (not is_square or matrix.shape[0] == matrix.shape[1])
     if has_shape and matrix.size and matrix.dtype.kind in "iufb":
+        if matrix.dtype.kind in "iu" and matrix.max() > _LARGEST_WHOLE:
+            problem = f"{what}: whole numbers up to {matrix.max()} are rounded as floats"
+            raise ConfigurationError(problem, "divide them by their unit")
         return
     needed = "N x N" if is_square else "M x N"
     given = f"an array of shape {matrix.shape}, {matrix.dtype},"
@@ -275,11 +281,25 @@ def _matrix_of(variables: Mapping[str, Any], n_rows: int, n_columns: int) -> Any
     matrix = arrays[_only(fitting)]
     if n_columns:
         return matrix
+    _check_row_numbers(arrays, len(matrix))
     for names in _lists_of_names(arrays):
         are_unique = len(set(names)) == len(names)
         if are_unique and len(names) == len(matrix):
             return DataFrame(matrix, names, names)
     return matrix
+
+
+def _check_row_numbers(arrays: Mapping[str, NDArray[Any]], n_rows: int) -> None:
+    """Raise ``ConfigurationError`` if an array beside a matrix numbers its rows out of order."""
+    for name, array in arrays.items():
+        if array.dtype.kind not in "iu" or array.size != n_rows:
+            continue
+        numbers = [str(number) for number in array.ravel().tolist()]
+        in_order = sorted(numbers, key=int)
+        if are_row_numbers(in_order) and numbers != in_order:
+            problem = f"'{name}' numbers the rows in another order than the labels may have"
+            hint = f"put rows and columns into the order of the labels, and leave out '{name}'"
+            raise ConfigurationError(problem, hint)
 
 
 def _lists_of_names(arrays: Mapping[str, NDArray[Any]]) -> Iterator[list[str]]:

@@ -44,8 +44,9 @@ Scalar = bool | int | float | str | None
 #: First float whose neighbour is more than 1 away: it may stand for several whole numbers.
 _FIRST_INEXACT = 2.0**53
 
-#: Characters that no screen shows, by which labels would differ unseen.
-_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+#: Characters that no screen shows, by which labels would differ unseen. Joiners are none: they
+#: change how words of some languages look.
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\xad\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
 _ONE_AXIS = "pass one axis of plain values: text, whole numbers, or both"
 _ON_EACH_LINE = "write 'label' or 'name label' on each line"
@@ -333,14 +334,17 @@ def _classes(labels: Sequence[Scalar], names: Sequence[str]) -> list[str]:
 
 
 def _check_spellings(classes: Iterable[str]) -> None:
-    """Raise ``ConfigurationError`` if two classes are one number, such as 7.5 and 7.50."""
+    """Raise ``ConfigurationError`` if two classes are one number, such as 7.5 and 7.50, or 01."""
     spellings = dict[float, str]()
     for name in dict.fromkeys(classes):
-        if _FLOAT.fullmatch(name):
-            other = spellings.setdefault(float(name), name)
-            if other != name:
-                problem = f"'{other}' and '{name}' may be one class or two"
-                raise ConfigurationError(problem, "write one number in one way")
+        try:
+            number = float(name.replace("_", "?"))  # Python takes 1_0 as a number
+        except ValueError:
+            continue
+        other = spellings.setdefault(number, name)
+        if other != name:
+            problem = f"'{other}' and '{name}' may be one class or two"
+            raise ConfigurationError(problem, "write one number in one way")
 
 
 def _says_none(label: bool | int | float | str) -> bool:

@@ -22,6 +22,7 @@ from benchmark.pipeline.records import Record, record_of
 from benchmark.runs.open_jobs import OpenJobs
 from benchmark.runs.planning import Planned
 from benchmark.runs.tasks import Outcome, Queue, Step, Task
+from benchmark.runs.unchanged import CodeChanged, SuiteFiles
 from benchmark.runs.workers import Pool, Workers
 from benchmark.text import say
 
@@ -170,6 +171,7 @@ class _Run:
         self._results = results
         self._open_jobs = OpenJobs(jobs)
         self._queue = Queue(self._open_jobs.is_wanted)
+        self._suite = SuiteFiles()
         #: Tasks that wait for a file.
         self._blocked: defaultdict[CachedFile, list[Task]] = defaultdict(list)
         #: Files whose step is tried for the second time.
@@ -248,6 +250,8 @@ class _Run:
         """
         if outcome.status == "stopped":  # nothing can run, as on a full disk
             raise BenchmarkError(outcome.reason)
+        if outcome.status in ("failed", "crashed", "incomplete"):
+            outcome = self._without_blame(outcome)
         if outcome.status in ("incomplete", "crashed") and step.file not in self._retried:
             yield from self._retry(step)
         elif outcome.status == "incomplete":
@@ -262,6 +266,17 @@ class _Run:
             if step.stage == "prepared":
                 self._announce(step, outcome.reason)
             yield from self._release(step.file, self._open_jobs.mark_lost(step.file))
+
+    def _without_blame(self, outcome: Outcome) -> Outcome:
+        """Return a failure; one that leaves its jobs incomplete if the suite was edited meanwhile.
+
+        A process that started later then holds other code than this one.
+        """
+        try:
+            self._suite.check()
+        except CodeChanged as error:
+            return outcome._replace(status="incomplete", reason=str(error), traceback="")
+        return outcome
 
     def _retry(self, step: Step) -> Iterator[Record]:
         """Try a step for the second time, with those whose damaged files were removed."""

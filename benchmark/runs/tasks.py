@@ -45,7 +45,13 @@ from benchmark.pipeline.records import Record, RowId
 from benchmark.pipeline.stages import REFUSED, Arrays, Incomplete
 from benchmark.reads import watch_this_process
 from benchmark.registry.components import THIS_PROCESS, Component, watching_component
-from benchmark.runs.unchanged import CodeChanged, PlannedCode, PlannedFiles, plan_code
+from benchmark.runs.unchanged import (
+    CodeChanged,
+    PlannedCode,
+    PlannedFiles,
+    plan_code,
+    state_of_suite,
+)
 from benchmark.text import Printed, clean_lines
 
 #: Modules with the code of the suite that makes files of a stage, beside that of preparation and of
@@ -574,7 +580,7 @@ def _failure(step: Step, error: BaseException) -> Outcome:
 # ---------------------------------------------------------------------------------------------
 
 
-def serve(descriptor: int, memory: int, parent: int) -> None:
+def serve(descriptor: int, memory: int, parent: int, suite: int) -> None:
     """Run tasks in this process until the program that started it ends.
 
     A task comes from a connection; the outcome of each of its steps is sent back. Before and after
@@ -589,6 +595,9 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
         Most bytes of memory that this process may take.
     parent
         Identifier of the process that started it.
+    suite
+        State of the source files of the suite when this process was started. If it is another one
+        now, the modules of this process may be some of before and some of after an edit.
     """
     _exit_when_ended(parent)
     watch_this_process()
@@ -596,6 +605,12 @@ def serve(descriptor: int, memory: int, parent: int) -> None:
     connection = Connection(descriptor)
     _announce_compiling(connection)
     connection.send(UNCHARGED_WORK_ENDS)  # the start of this process was the first such work
+    if state_of_suite() != suite:
+        reason = str(CodeChanged("the suite"))
+        with suppress(EOFError, OSError):
+            connection.recv()
+            connection.send(Outcome("incomplete", reason, ends_process=True))
+        return
     context = RunContext(partial(_uncharged, connection))
     printed = Printed()
     # Methods may print; what they print is named after the step. The other end may close.

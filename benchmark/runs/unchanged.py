@@ -17,9 +17,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmark.api.learning import CARD, WEIGHTS, read_card
-from benchmark.code_digest import code_of, code_of_modules, sources_of
+from benchmark.code_digest import code_of, code_of_modules, digest, sources_of
 from benchmark.errors import BenchmarkError
-from benchmark.files import file_digest
+from benchmark.files import chunks_of, file_digest
+from benchmark.kernel_cache import suite_sources
 from benchmark.text import listed
 
 #: Seconds between two changes of a file that some file systems do not tell apart.
@@ -249,9 +250,30 @@ def _state_of(path: str) -> _FileState | None:
 
 
 def _content_of(path: str) -> str:
-    """Return the digest of a file; "" if it cannot be read."""
+    """Return the digest of a file; "" if it cannot be read, or is none that ends."""
+    content = hashlib.sha256()
     try:
-        with open(path, "rb") as stream:  # noqa: PTH123  # of each step
-            return hashlib.file_digest(stream, "sha256").hexdigest()
+        for chunk in chunks_of(Path(path)):
+            content.update(chunk)
     except OSError:
         return ""
+    return content.hexdigest()
+
+
+class SuiteFiles:
+    """The source files of the suite since a moment, of which a process may hold others."""
+
+    def __init__(self) -> None:
+        self._snapshot = _Snapshot(suite_sources())
+
+    def check(self) -> None:
+        """Raise ``CodeChanged`` if a file changed since."""
+        changed = self._snapshot.changes()
+        if changed:
+            raise CodeChanged(listed(changed))
+
+
+def state_of_suite() -> int:
+    """Return a number that any change of a source file of the suite changes."""
+    states = [(str(path), _state_of(str(path))) for path in suite_sources()]
+    return int(digest(states), 16)

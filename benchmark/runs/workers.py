@@ -34,6 +34,7 @@ from benchmark.runs.tasks import (
     Task,
     Work,
 )
+from benchmark.runs.unchanged import state_of_suite
 
 #: Seconds between looks at the workers.
 POLL_SECONDS = 0.2
@@ -210,7 +211,7 @@ class Worker:
         try:
             self.connection, theirs = Pipe()
             with theirs:
-                arguments = theirs.fileno(), self._memory, os.getpid()
+                arguments = theirs.fileno(), self._memory, os.getpid(), state_of_suite()
                 variables = environment()
                 if process:  # of a plugin
                     self._folder = tempfile.mkdtemp(prefix=PREFIX)

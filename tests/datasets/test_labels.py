@@ -163,6 +163,9 @@ NO_OBJECTS = {
     "large floats": ([2.0**53 + n for n in NUMBERS], "label 2 is .*, a float that may stand for"),
     "control characters": ([*WORDS[:11], "cat\x07"], r"label 12 holds a control character"),
     "a NUL within": ([*WORDS[:11], "c\0t"], r"label 12 holds a control character"),
+    "a blank without width": ([*WORDS[:11], "cat\u200b"], r"label 12 holds a control character"),
+    "a mark of direction": (["\u200ecat", *WORDS[1:]], r"label 1 holds a control character"),
+    "a mark of the order of bytes": (["\ufeffcat", *WORDS[1:]], r"label 1 holds a control"),
     "decimals": ([Decimal(1)] * 12, "label 1 is of type Decimal"),
     "objects": ([object()] * 12, "label 1 is of type object"),
     "functions": ([print] * 12, "label 1 is of type builtin_function"),
@@ -182,6 +185,8 @@ NO_OBJECTS = {
     "no name": (pd.Series(["a", "b"], ["s0", None]), "name 2 is missing"),
     "lists by name": ({"s0": ["a", "b"], "s1": ["a", "b"]}, r"array of shape \(2, 2\)"),
     "a number in two spellings": ([7.5, "7.50", *WORDS[2:]], "'7.5' and '7.50' may be one class"),
+    "a leading zero": (["1", "01", *WORDS[2:]], "'1' and '01' may be one class"),
+    "an exponent": (["100", "1e2", *WORDS[2:]], "'100' and '1e2' may be one class"),
 }
 
 
@@ -416,6 +421,7 @@ NO_MATRICES = {
     "text": (D.astype(str), "is no N x N"),
     "times": (D.astype("m8[s]"), "is no N x N"),
     "records": (np.zeros((12, 12), dtype=[("a", float)]), "is no N x N"),
+    "large whole numbers": (D.astype("u8") + 2**60, "whole numbers up to .*; divide them"),
     "ragged": ([[0, 1], [1]], "not a matrix of numbers"),
     "tensor with gradients": (torch.tensor(D, requires_grad=True), "not a matrix.*detach"),
     "masked": (np.ma.masked_array(D, np.isclose(D, D[0, 1])), "NaN or infinite"),
@@ -440,6 +446,16 @@ def test_what_is_no_matrix_says_what_to_do(given, problem, tmp_path):
     with pytest.raises(ConfigurationError, match=problem) as caught:
         score(given, NUMBERS)
     assert caught.value.hint
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_an_archive_that_numbers_its_rows_in_another_order_is_refused(tmp_path, first):
+    numbers = np.arange(first, first + 12)
+    np.savez(tmp_path / "d.npz", distances=D, ids=numbers)
+    assert score(tmp_path / "d.npz", NUMBERS).scores.loc["NN", "score"] == RIGHT[0]
+    np.savez(tmp_path / "d.npz", distances=D, ids=np.roll(numbers, 1))
+    with pytest.raises(ConfigurationError, match="'ids' numbers the rows in another order"):
+        score(tmp_path / "d.npz", NUMBERS)
 
 
 def test_names_of_a_frame_are_read_like_those_of_labels():

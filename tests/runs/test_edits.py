@@ -15,7 +15,7 @@ import pytest
 
 from benchmark.pipeline.record_arrays import read_distances
 from benchmark.pipeline.record_files import read_records
-from benchmark.runs import unchanged
+from benchmark.runs import unchanged, workers
 from benchmark.runs.runner import run_jobs
 from benchmark.runs.unchanged import CodeChanged, PlannedFiles, plan_code
 from tests.runs.toy import ThisProcess, done, planned
@@ -320,6 +320,82 @@ def test_a_module_that_takes_the_place_of_another_one_is_seen(folder, tmp_path, 
     (record,) = done(folder.planned(results), results).values()
     assert record.status == "incomplete"
     assert "below" in record.reason or "__init__.py" in record.reason
+
+
+def link_to_an_endless_device(path):
+    path.symlink_to("/dev/zero")
+
+
+def link_to_an_endless_file(path):
+    path.symlink_to("/proc/self/pagemap")
+
+
+@pytest.mark.parametrize("kind", [os.mkfifo, link_to_an_endless_device, link_to_an_endless_file])
+@pytest.mark.parametrize("name", ["declared.txt", "below.py"])
+def test_a_file_in_whose_place_comes_what_has_no_end_is_named(folder, name, kind):
+    path = folder.folder / name
+    files = PlannedFiles(plan_code(str(folder.folder / "edited.py"), [], ["declared.txt"]))
+
+    def replace():
+        path.unlink()
+        kind(path)
+
+    for _ in range(2):  # within a step, and then before one
+        with pytest.raises(CodeChanged, match=path.stem), files.unchanged():
+            replace()
+
+
+# The suite
+# ------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def suite(tmp_path, monkeypatch):
+    """A source file that stands for those of the suite."""
+    source = tmp_path / "tasks.py"
+    source.write_text("")
+    monkeypatch.setattr(unchanged, "suite_sources", lambda: [source])
+    return source
+
+
+@pytest.mark.parametrize("is_edited", [True, False])
+def test_a_failure_after_an_edit_of_the_suite_is_no_fault_of_the_method(
+    folder, suite, tmp_path, monkeypatch, is_edited
+):
+    def fail(_):
+        if is_edited:
+            suite.write_text("edited = True")
+        raise TypeError("a field is missing")
+
+    monkeypatch.setattr(builtins, "edit", fail, raising=False)
+    (record,) = done(folder.planned(tmp_path / "results"), tmp_path / "results").values()
+    expected = ("incomplete", "tasks.py changed during the run") if is_edited else ("failed", "")
+    assert record.status == expected[0]
+    assert record.reason.startswith(expected[1])
+    monkeypatch.setattr(builtins, "edit", lambda _: None)
+    suite.touch()
+    if is_edited:
+        assert folder.run(tmp_path / "results").status == "ok"
+
+
+@pytest.mark.parametrize("n_edits", [1, 9])
+def test_a_process_that_starts_during_an_edit_of_the_suite_makes_nothing(
+    folder, clean, tmp_path, monkeypatch, n_edits
+):
+    left = [*range(n_edits)]
+
+    def state_before():
+        return left.pop() if left else unchanged.state_of_suite()
+
+    monkeypatch.setattr(workers, "state_of_suite", state_before)
+    record = folder.run(tmp_path / "results", size=1)
+    if n_edits == 1:  # the next process has one state of the suite
+        assert (record.status, record.reason) == ("ok", "")
+        assert is_same(read_distances(tmp_path / "results", record), clean())
+    else:
+        assert record.status == "incomplete"
+        assert record.reason.startswith("the suite changed during the run")
+        assert not any((tmp_path / "results" / "runs" / "forms").glob("*.npz"))
 
 
 def test_a_worker_ends_with_the_code_that_it_holds(folder, clean, tmp_path):

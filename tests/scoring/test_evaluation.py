@@ -292,7 +292,7 @@ def test_one_class_is_refused_and_numbers_are_one_class_however_they_are_written
         ):
             score(D, ["a"] * 12, gallery=gallery)
     mixed = score(
-        HERE / "D.txt", [1, 1.0, "1", 20, "20.0", "2.000e+01", 3, 3, np.float64(3), 7, 7.5, "07"]
+        HERE / "D.txt", [1, 1.0, "1", 20, "20.0", "2.000e+01", 3, 3, np.float64(3), 7, 7.5, "08"]
     )
     assert (mixed.scores.loc["NN", "score"], mixed.queries["NN"].notna().sum()) == (1, 9)
 
