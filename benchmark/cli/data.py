@@ -22,13 +22,13 @@ def print_check_of_data(name: str, data_root: Path | None) -> bool:
     return report.usable
 
 
-def write_data(name: str, data_root: Path | None, output: Path) -> bool:
-    """Write a data set as files; return whether all shapes could be written."""
+def write_data(name: str, data_root: Path | None, output: Path, *, views: bool) -> bool:
+    """Write a data set as files; return whether all shapes, and views, could be written."""
     from benchmark.commands.export import export
 
     root = _root_with_notes(name, data_root)
     watched = partial(counting, f"writing {name}")
-    written, problems = export(name, output, data_root=root, watched=watched)
+    written, problems = export(name, output, views=views, data_root=root, watched=watched)
     for problem in problems:
         say(f"not written: {problem}", err=True)
     say(f"wrote {len(written)} files to {output}; use them with -d {output}")

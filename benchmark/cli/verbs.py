@@ -406,6 +406,9 @@ def export_verb(
     selection: Selection,
     name: shared.SetArgument,
     output: Annotated[Path, Option("-o", "--output", metavar="DIR", help="New or empty folder.")],
+    views: Annotated[
+        bool, Option("--views", help="Also depth images, and a table of their cameras.")
+    ] = False,
 ) -> bool:
     """Write a data set as files.
 
@@ -414,7 +417,7 @@ def export_verb(
     """
     from benchmark.cli.data import write_data
 
-    return write_data(name, selection.data_root, output)
+    return write_data(name, selection.data_root, output, views=views)
 
 
 @models.command(name="fetch", cls=shared.Verb)

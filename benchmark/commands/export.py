@@ -4,6 +4,7 @@ Beside its meshes and cameras, the folder of a generated set has
 
 - ``README.md``, a data sheet: what the shapes are, how they are made, what they are not for;
 - ``shapes.csv``: file, class, pose and fold of each shape;
+- ``views`` and ``views.csv``, if they are wanted: depth images and their cameras;
 - ``LICENSE.txt`` and ``CITATION.cff``;
 - ``croissant.json``: the same facts for machines [Akhtar et al. 2024];
 - ``SHA256SUMS``, which ``sha256sum --check`` reads.
@@ -23,6 +24,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.api.datasets import Entry, ShapeSet
+from benchmark.commands.exported_views import CAMERAS, NEAREST, VIEWS, write_views
+from benchmark.commands.exported_views import COLUMNS as CAMERA_COLUMNS
 from benchmark.commands.selection import data_folder
 from benchmark.datasets.base import Watched, by_subject
 from benchmark.datasets.catalogue import open_dataset
@@ -103,6 +106,7 @@ def export(
     name: str,
     folder: str | Path,
     *,
+    views: bool = False,
     data_root: str | Path | None = None,
     watched: Watched = iter,
 ) -> tuple[tuple[str, ...], list[str]]:
@@ -114,6 +118,8 @@ def export(
         Name or folder of the data set. A generated set is described, too.
     folder
         Target folder, new or empty.
+    views
+        Whether to write the depth image of each shape, too; a run needs none.
     data_root
         Folder of the official data sets.
     watched
@@ -122,7 +128,7 @@ def export(
     Returns
     -------
     tuple of str, list of str
-        Names of the files; and a line for each shape that cannot be read and is left out.
+        Names of the files; and a line for each shape that cannot be read, or seen, and is left out.
 
     Raises
     ------
@@ -133,18 +139,28 @@ def export(
     """
     dataset = open_dataset(name, data_folder(data_root))
 
-    def describe(target: Path, written: Mapping[str, Entry]) -> Sequence[str]:
-        """Write the files about a set beside its shapes."""
-        return _describe(dataset, name, target, written)
+    unseen: list[str] = []
 
-    is_generated = dataset.folder is None
-    return write_meshes(
-        dataset, Path(folder), watched=watched, describe=describe if is_generated else None
-    )
+    def describe(target: Path, written: Mapping[str, Entry]) -> Sequence[str]:
+        """Write views and the files about a set beside its shapes."""
+        further: list[str] = []
+        if views:
+            further, problems = write_views(target, watched)
+            unseen.extend(problems)
+        if dataset.folder is None:  # it is generated
+            further += _describe(dataset, name, target, written, further)
+        return further
+
+    written, problems = write_meshes(dataset, Path(folder), watched=watched, describe=describe)
+    return written, [*problems, *unseen]
 
 
 def _describe(
-    dataset: ShapeSet, name: str, target: Path, written: Mapping[str, Entry]
+    dataset: ShapeSet,
+    name: str,
+    target: Path,
+    written: Mapping[str, Entry],
+    views: Sequence[str],
 ) -> list[str]:
     """Write the files that describe a generated data set beside its shapes.
 
@@ -161,6 +177,8 @@ def _describe(
         Folder of the files.
     written
         The shapes by the name of their file.
+    views
+        Names of the files of the views, if they are wanted.
 
     Returns
     -------
@@ -168,7 +186,7 @@ def _describe(
         Names of the written files.
     """
     texts = {
-        SHEET: _data_sheet(dataset, name, written),
+        SHEET: _data_sheet(dataset, name, written, has_views=bool(views)),
         SHAPES: _shapes_csv(dataset, written),
         LICENCE: _licence(),
         CITATION: _citation(dataset),
@@ -176,7 +194,8 @@ def _describe(
     for file, text in texts.items():
         (target / file).write_bytes(text.encode("utf-8"))
     # Each of these files holds the digests of those before it.
-    digests = {file: _digest(target / file) for file in [*written, SETTINGS_FILE, *texts]}
+    files = [*written, SETTINGS_FILE, *views, *texts]
+    digests = {file: _digest(target / file) for file in files}
     croissant = json.dumps(_croissant(dataset, digests), indent=1, ensure_ascii=False) + "\n"
     (target / CROISSANT).write_bytes(croissant.encode("utf-8"))
     digests[CROISSANT] = _digest(target / CROISSANT)
@@ -226,7 +245,9 @@ def _description(dataset: ShapeSet) -> str:
     )
 
 
-def _data_sheet(dataset: ShapeSet, name: str, written: Mapping[str, Entry]) -> str:
+def _data_sheet(
+    dataset: ShapeSet, name: str, written: Mapping[str, Entry], *, has_views: bool
+) -> str:
     """Return the data sheet, after Gebru et al. (2021)."""
     members = by_subject(list(written.values()))
     numbers = sorted({len(shapes) for shapes in members.values()})
@@ -240,6 +261,17 @@ def _data_sheet(dataset: ShapeSet, name: str, written: Mapping[str, Entry]) -> s
     frame = "the frame is fitted to the largest shape"
     if dataset.half_width is not None:
         frame = f"the frame is {2 * dataset.half_width:g} units wide"
+    views = ""
+    option = ""
+    if has_views:
+        option = " --views"
+        views = f"""
+- `{VIEWS}/CLASS/POSE.png`: the depth image of each shape, with 16 bits. 0 is background; a value v
+  lies z = (2 v / {NEAREST} - 1) half_width towards the camera, from the centre of the bounding box
+  in the frame of the camera. The pixel in row r and column c lies at x = (c + 1/2) step -
+  half_width and y = half_width - (r + 1/2) step, with step = 2 half_width / 500. Methods get the
+  same images unrounded.
+- `{CAMERAS}`: the camera of each image."""
     folds = "There are no splits: every shape is a query, and all others are its gallery."
     if _folds(dataset):
         folds = (
@@ -251,7 +283,7 @@ def _data_sheet(dataset: ShapeSet, name: str, written: Mapping[str, Entry]) -> s
 
 {_description(dataset)}
 Version {version(_PROJECT)} of the canonical forms benchmark wrote it:
-`python -m benchmark data export '{name}'`.
+`python -m benchmark data export '{name}'{option}`.
 {stands_in}
 ## Composition
 
@@ -259,7 +291,7 @@ Version {version(_PROJECT)} of the canonical forms benchmark wrote it:
   meshes are alike.
 - `dataset.toml`: the depth camera of each shape. Views are orthographic depth images of 500 x 500
   pixels along its `direction`, with `up` upwards; {frame}.
-- `shapes.csv`: file, name, class, pose and fold of each shape.
+- `shapes.csv`: file, name, class, pose and fold of each shape.{views}
 - `croissant.json`: the same for machines. `SHA256SUMS`: the digests, for `sha256sum --check`.
 
 ## Splits
@@ -351,6 +383,10 @@ def _croissant(dataset: ShapeSet, digests: Mapping[str, str]) -> dict[str, Any]:
     """
     holder = metadata(_PROJECT)["Author"]
     cited = f"{holder}, {_cited_title(dataset)}, version {version(_PROJECT)}, {RELEASED[:4]}"
+    record_sets = [_record_set("shapes", "One record for each shape.", SHAPES, "file", _COLUMNS)]
+    if CAMERAS in digests:
+        says = "One record for each depth image."
+        record_sets.append(_record_set("views", says, CAMERAS, "view", CAMERA_COLUMNS))
     return {
         "@context": _CONTEXT,
         "@type": "sc:Dataset",
@@ -364,16 +400,19 @@ def _croissant(dataset: ShapeSet, digests: Mapping[str, str]) -> dict[str, Any]:
         "datePublished": RELEASED,
         "creator": {"@type": "sc:Organization", "name": holder},
         "distribution": [_file_object(file, digest) for file, digest in digests.items()],
-        "recordSet": [
-            {
-                "@type": "cr:RecordSet",
-                "@id": "shapes",
-                "name": "shapes",
-                "description": "One record for each shape.",
-                "key": {"@id": "shapes/file"},
-                "field": [_field(column, says) for column, says in _COLUMNS.items()],
-            }
-        ],
+        "recordSet": record_sets,
+    }
+
+
+def _record_set(name: str, says: str, table: str, key: str, columns: Mapping[str, str]) -> Any:
+    """Return the description of a table whose rows are records."""
+    return {
+        "@type": "cr:RecordSet",
+        "@id": name,
+        "name": name,
+        "description": says,
+        "key": {"@id": f"{name}/{key}"},
+        "field": [_field(name, table, column, meaning) for column, meaning in columns.items()],
     }
 
 
@@ -382,6 +421,7 @@ def _file_object(file: str, digest: str) -> dict[str, Any]:
     formats = {
         ".off": "model/vnd.off",
         ".csv": "text/csv",
+        ".png": "image/png",
         ".md": "text/markdown",
         ".toml": "application/toml",
         ".cff": "application/yaml",
@@ -396,13 +436,13 @@ def _file_object(file: str, digest: str) -> dict[str, Any]:
     }
 
 
-def _field(column: str, says: str) -> dict[str, Any]:
-    """Return the description of a column of the table of shapes."""
+def _field(record_set: str, table: str, column: str, says: str) -> dict[str, Any]:
+    """Return the description of a column of a table."""
     return {
         "@type": "cr:Field",
-        "@id": f"shapes/{column}",
+        "@id": f"{record_set}/{column}",
         "name": column,
         "description": says,
         "dataType": "sc:Text",
-        "source": {"fileObject": {"@id": SHAPES}, "extract": {"column": column}},
+        "source": {"fileObject": {"@id": table}, "extract": {"column": column}},
     }
