@@ -72,7 +72,7 @@ def table_notes(view: TableView) -> list[str]:
         ),
         "Ranks by spherical harmonics: {}.": _moved_ranks(view),
         "Published with the suite, not run here: {}.": _published(rows),
-        "Merged from other results folders: {}.": listed(_merged(rows), "; "),
+        "Brought from other folders: {}.": listed(_merged(rows), "; "),
         "Trained with one seed, so no spread over seeds: {}.": listed(_trained_once(rows), "; "),
     }
     notes = [sentence.format(fact) for sentence, fact in facts.items() if fact]

@@ -178,7 +178,7 @@ def test_a_note_says_where_a_row_came_from_and_the_digest_of_its_plugin(tmp_path
     parent = tmp_path.name
     stretch = f"Stretch ({parent}/theirs: stretch.py 12345678abcdef00)"
     other = f"Other ({parent}/theirs)"
-    assert f"Merged from other results folders: {other}; {stretch}." in " ".join(
+    assert f"Brought from other folders: {other}; {stretch}." in " ".join(
         said.replace("\\", "").split()
     )
     (content,) = [
