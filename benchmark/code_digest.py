@@ -319,31 +319,43 @@ def _files_around(folder: Path, parts: tuple[str, ...]) -> list[Path]:
 
 
 def _suite_files(parts: tuple[str, ...]) -> list[Path]:
-    """Return the files of the suite that an import needs: one module, or none that computes.
-
-    A name may be imported from a package that only passes it on; it then stands for the module that
-    defines it. The packages around a module compute nothing, see ``tests/registry/test_keys.py``.
+    """Return the file of the suite that defines what is imported; none if it computes nothing.
 
     Parameters
     ----------
     parts
-        The import, such as ``("benchmark", "api", "Shape")``.
+        The import: ``("benchmark", "api", "Shape")`` for ``from benchmark.api import Shape``.
+
+    Returns
+    -------
+    list of Path
+        The file of the module; empty for modules that are in no key. Packages around a module
+        compute nothing, see ``tests/registry/test_keys.py``.
     """
-    if ".".join(parts[:2]) in IN_NO_KEY or ".".join(parts[:3]) in IN_NO_KEY:
+    if _is_in_no_key(parts):
         return []
     module = _locate(ROOT, parts)
-    if module:
+    if module:  # benchmark.text
         return [module]
-    around = _locate(ROOT, parts[:-1])
-    if around is None:  # a name of a class
+    parent = _locate(ROOT, parts[:-1])
+    if parent is None:  # an attribute of a name: benchmark.geometry.mesh.Mesh.area
         return []
-    if around.name != "__init__.py":
-        return [around]
-    passed_on = _parsed(around).passed_on.get(parts[-1])
-    if passed_on is None:
-        return [around]
-    names = _imported((passed_on,), _relative(around, ROOT))
-    return [*chain.from_iterable(map(_suite_files, names))]
+    if parent.name != "__init__.py":  # a name of a module: benchmark.geometry.mesh.Mesh
+        return [parent]
+    origin = _parsed(parent).passed_on.get(parts[-1])
+    if origin is None:  # a name that a package defines itself: benchmark.check.check
+        return [parent]
+    # A name that a package imports to pass it on: benchmark.api.Shape. No package passes on a name
+    # in a circle, which Python could not import.
+    files: list[Path] = []
+    for imported in _imported((origin,), _relative(parent, ROOT)):
+        files += _suite_files(imported)
+    return files
+
+
+def _is_in_no_key(parts: tuple[str, ...]) -> bool:
+    """Return whether an import is of a module of :data:`IN_NO_KEY`, or of a name in it."""
+    return ".".join(parts[:2]) in IN_NO_KEY or ".".join(parts[:3]) in IN_NO_KEY
 
 
 def _is_beside(base: Path, top: str) -> bool:

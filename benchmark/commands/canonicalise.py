@@ -271,4 +271,10 @@ def forms_of_frames(
             )
         except ShapeError as error:
             refused = error
-        yield FormOfFrame(frame, observed, form, refused, time.perf_counter() - start)
+        yield FormOfFrame(
+            frame=frame,
+            observed=observed,
+            form=form,
+            error=refused,
+            seconds=time.perf_counter() - start,
+        )

@@ -148,21 +148,21 @@ def export(
             further, problems = write_views(target, watched)
             unseen.extend(problems)
         if dataset.folder is None:  # it is generated
-            further += _describe(dataset, name, target, written, further)
+            further += _write_descriptions(dataset, name, target, written, further)
         return further
 
     written, problems = write_meshes(dataset, Path(folder), watched=watched, describe=describe)
     return written, [*problems, *unseen]
 
 
-def _describe(
+def _write_descriptions(
     dataset: ShapeSet,
     name: str,
-    target: Path,
+    folder: Path,
     written: Mapping[str, Entry],
     views: Sequence[str],
 ) -> list[str]:
-    """Write the files that describe a generated data set beside its shapes.
+    """Write the files that describe a generated data set into the folder of its meshes.
 
     They are a data sheet, a list of the shapes, licence and citation, a Croissant description for
     machines, and the SHA-256 of every file.
@@ -173,8 +173,8 @@ def _describe(
         The set.
     name
         Its name, with which the suite generates it again.
-    target
-        Folder of the files.
+    folder
+        The folder, in which the meshes, the settings of the cameras and any views are already.
     written
         The shapes by the name of their file.
     views
@@ -192,15 +192,17 @@ def _describe(
         CITATION: _citation(dataset),
     }
     for file, text in texts.items():
-        (target / file).write_bytes(text.encode("utf-8"))
-    # Each of these files holds the digests of those before it.
+        (folder / file).write_bytes(text.encode("utf-8"))
+
+    # The Croissant description names the digests of all files before it.
     files = [*written, SETTINGS_FILE, *views, *texts]
-    digests = {file: _digest(target / file) for file in files}
+    digests = {file: _digest(folder / file) for file in files}
     croissant = json.dumps(_croissant(dataset, digests), indent=1, ensure_ascii=False) + "\n"
-    (target / CROISSANT).write_bytes(croissant.encode("utf-8"))
-    digests[CROISSANT] = _digest(target / CROISSANT)
+    (folder / CROISSANT).write_bytes(croissant.encode("utf-8"))
+
+    digests[CROISSANT] = _digest(folder / CROISSANT)
     sums = "".join(f"{digest}  {file}\n" for file, digest in sorted(digests.items()))
-    (target / SUMS).write_bytes(sums.encode("utf-8"))
+    (folder / SUMS).write_bytes(sums.encode("utf-8"))
     return [*texts, CROISSANT, SUMS]
 
 

@@ -114,7 +114,7 @@ class Plan:
 
     @property
     def frame(self) -> DataFrame:
-        """A line a job: ``data``, ``input``, ``method``, ``state``, ``reason`` and ``runs``."""
+        """One row per job: ``data``, ``input``, ``method``, ``state``, ``reason`` and ``runs``."""
         from pandas import DataFrame
 
         return DataFrame(

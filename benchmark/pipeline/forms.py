@@ -145,6 +145,10 @@ def output_arrays(
     scorers. The scored form is therefore the same whether it was just computed or read from the
     cache.
 
+    Seconds are pairs: by the clock on the wall, and of the processor. Geodesics are charged to no
+    method. A form of another method, from which this one begins, is charged to this one, whoever
+    computed it.
+
     Parameters
     ----------
     compute
@@ -152,17 +156,21 @@ def output_arrays(
     shape
         The shape.
     shared
-        Results that methods share, which keep account of the time that they took.
+        Results that methods share. Its accounts of time are set to 0 before the computation, and
+        read after it.
 
     Returns
     -------
     dict
         ``vertices``, shape (n, 3), float32, and ``faces`` if they differ from those of the shape;
-        or ``descriptor``, shape (k,); ``note:...`` for each note of the method; seconds of the
-        method, and of the distances that it shares with others. For a refused shape, the reason.
+        or ``descriptor``, shape (k,). ``note:...`` for each note of the method. If the method
+        refuses the shape, the reason and hint instead, as :func:`~benchmark.pipeline.stages.timed`
+        returns them. In any case the seconds of the method, those of geodesics that it used, and a
+        description of the machine.
     """
 
     def arrays_of() -> Arrays:
+        """Compute the output, and return it as arrays."""
         output = compute()
         if not isinstance(output, CanonicalForm):
             return {"descriptor": np.asarray(output, dtype=np.float64)}
@@ -178,6 +186,8 @@ def output_arrays(
     arrays = {**timed(arrays_of)}
     if shared.seconds_of_geodesics.any():
         arrays[SECONDS + GEODESICS] = shared.seconds_of_geodesics
+    # What passed meanwhile but is not the method's: geodesics that were computed just now, less the
+    # forms of others that were known.
     arrays[SECONDS] = arrays[SECONDS] - shared.seconds_of_others
     arrays[MACHINE] = np.asarray(describe_machine())
     return arrays

@@ -109,11 +109,11 @@ def merge_records(
     merging.check_rows()
     merging.write()
     return Merged(
-        [*merging.added.values()],
-        merging.n_known,
-        merging.conflicts,
-        merging.refused,
-        merging.n_skipped,
+        added=list(merging.added.values()),
+        known=merging.n_known,
+        conflicts=merging.conflicts,
+        refused=merging.refused,
+        n_skipped=merging.n_skipped,
     )
 
 

@@ -124,23 +124,37 @@ def check_needs(info: MethodInfo, shape: Shape) -> None:
 def compute_form(method: Method, shape: Shape) -> CanonicalForm:
     """Compute the canonical form of a shape, and check what the method returns.
 
+    The method may be a user's plugin, so that nothing it returns is taken for granted.
+
+    Parameters
+    ----------
+    method
+        The method.
+    shape
+        The prepared shape.
+
+    Returns
+    -------
+    CanonicalForm
+        The form with vertices and faces of the standard types, and the notes of the method.
+
     Raises
     ------
     ShapeError
-        If the method refuses the shape.
+        If the shape is not what the method needs, or the method refuses it.
     InvalidForm
-        If it returns anything other than a form of the shape.
+        If the method returns anything other than a form of the shape.
     """
     check_needs(method.info, shape)
-    # The method may be a user's plugin: nothing that it returns is taken for granted.
+    who = f"{_name(method)} returned no canonical form"
     try:
         form: object = method.canonicalise(shape)
-        if not isinstance(form, CanonicalForm):
-            raise InvalidMesh(f"it is of type {type(form).__name__}, not CanonicalForm")
-        mesh = form.mesh
+        mesh = form.mesh if isinstance(form, CanonicalForm) else None
     except InvalidMesh as error:  # the shape is valid, so the method made it invalid
-        problem = f"{_name(method)} returned no canonical form: {error.problem}"
-        raise InvalidForm(problem, _FORM_HINT) from error
+        raise InvalidForm(f"{who}: {error.problem}", _FORM_HINT) from error
+    if not isinstance(form, CanonicalForm) or mesh is None:
+        problem = f"{who}: it is of type {type(form).__name__}, not CanonicalForm"
+        raise InvalidForm(problem, _FORM_HINT)
     _check_surface(method, mesh)
     for name, value in form.notes.items():
         _check_note(method, name, value)

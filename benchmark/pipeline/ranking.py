@@ -295,6 +295,10 @@ def distances_of_draw(
 ) -> NDArray[np.float64]:
     """Return the dissimilarities of shapes to those of a gallery, for one draw of the scorer.
 
+    A scorer or descriptor may have a method ``compare_to(queries, gallery, draw)``. Without it,
+    each query is compared as one more shape of the gallery, which costs a matrix of (N + 1) x (N +
+    1) dissimilarities for each.
+
     Parameters
     ----------
     comparing
@@ -304,14 +308,14 @@ def distances_of_draw(
     outputs
         Signatures, or vectors, of the N shapes of the gallery.
     draw
-        Number of the draw.
+        Number of the draw, which a descriptor does not have.
     queries
-        Those of M queries; None for the gallery itself.
+        Those of M queries, at least one; None for the gallery itself.
 
     Returns
     -------
     numpy.ndarray
-        Shape (M, N). A row depends on no other query.
+        Shape (M, N), or (N, N) without queries. A row depends on no other query.
     """
     of_gallery = _copies(outputs)
     shape = len(of_gallery), len(of_gallery)
@@ -323,8 +327,9 @@ def distances_of_draw(
     if compare_to:
         matrix = compare_to(_copies(queries), of_gallery, draw)
         return check(matrix, (len(queries), len(of_gallery)))
+    # The last row, without its last entry, holds the distances of the query to the gallery.
     rows = []
-    for query in queries:  # as one more shape of the gallery
+    for query in queries:
         matrix = distances_of_draw(comparing, check, [*outputs, query], draw)
         rows.append(matrix[-1, :-1].copy())  # a view would keep its matrix
     return np.stack(rows)

@@ -32,11 +32,11 @@ from benchmark.protocols.models import (
 from benchmark.protocols.tables import (
     AGAINST,
     CAMERAS,
-    INPUTS,
     PARTS,
     TABLES,
     GalleryGroup,
     Table,
+    are_queries_of_another,
     gallery_name,
     own_table,
 )
@@ -582,39 +582,64 @@ def _galleries_of_set(
     is_first
         Whether it is the first data set of the column: networks see no other.
     quick
-        Whether there are fewer poses, and only the first part.
+        Whether to take three poses of each subject at most, and the first fold alone.
+
+    Raises
+    ------
+    DatasetError
+        If the data set is missing, or unfit for retrieval.
     """
     dataset = open_dataset(source, data_root)
     check_ranked(dataset)
-    # Such a column shows networks on views beside all others on complete surfaces.
-    is_split = column.input == "as printed"
-    wanted: tuple[str, ...] = (column.input,)
-    if is_split:
-        wanted = INPUTS if is_first else INPUTS[:1]
-    inputs = tuple(input_ for input_ in dataset.inputs if input_ in wanted)
+    inputs = _inputs_of_column(column, dataset, is_first=is_first)
     parts = column.parts[:1] if quick else column.parts
     for part in parts:
-        entries = Part(PARTS.get(part, ())).of(dataset)
-        against = None
-        if part.startswith(AGAINST):
-            against = _gallery_of_queries(table, source, part, data_root, quick=quick)
-        else:
-            check_retrievable(dataset, entries if part else None)
-        n_all = len(entries)
-        if quick:
-            entries = thinned(entries, QUICK_POSES)
+        shapes = _shapes_of_part(dataset, part)
+        other_gallery = None
+        if are_queries_of_another(part):
+            other_gallery = _gallery_of_queries(table, source, part, data_root, quick=quick)
+        ranked = thinned(shapes, QUICK_POSES) if quick else shapes
         yield Gallery(
-            table,
-            source,
-            dataset,
-            entries,
-            len(entries) < n_all,
-            part,
-            data_root,
-            inputs,
-            is_split,
-            against,
+            table=table,
+            source=source,
+            dataset=dataset,
+            entries=ranked,
+            quick=len(ranked) < len(shapes),
+            part=part,
+            data_root=data_root,
+            inputs=inputs,
+            is_split=column.has_mixed_inputs,
+            gallery_of_queries=other_gallery,
         )
+
+
+def _inputs_of_column(
+    column: GalleryGroup, dataset: ShapeSet, *, is_first: bool
+) -> tuple[Input, ...]:
+    """Return the inputs of a column that a data set has: surfaces, depth views or both.
+
+    A column of mixed inputs needs views for networks, which see only its first data set.
+    """
+    wanted: tuple[str, ...] = (column.input,)
+    if column.has_mixed_inputs:
+        wanted = ("mesh", "view") if is_first else ("mesh",)
+    return tuple(input_ for input_ in dataset.inputs if input_ in wanted)
+
+
+def _shapes_of_part(dataset: ShapeSet, part: str) -> tuple[Entry, ...]:
+    """Return the shapes of a part of a data set, such as a fold; all of them for "".
+
+    Raises
+    ------
+    DatasetError
+        If they rank each other, and none has another of its class to find.
+    """
+    shapes = Part(PARTS.get(part, ())).of(dataset)
+    if not part:
+        check_retrievable(dataset)
+    elif not are_queries_of_another(part):
+        check_retrievable(dataset, shapes)
+    return shapes
 
 
 def _gallery_of_queries(
@@ -646,7 +671,14 @@ def _gallery_of_queries(
     cameras = CAMERAS.get(part, table.cameras)
     inputs = ("view",) if cameras else dataset.inputs[:1]
     return Gallery(
-        table, name, dataset, entries, quick, data_root=data_root, inputs=inputs, cameras=cameras
+        table=table,
+        source=name,
+        dataset=dataset,
+        entries=entries,
+        quick=quick,
+        data_root=data_root,
+        inputs=inputs,
+        cameras=cameras,
     )
 
 

@@ -144,6 +144,16 @@ class GalleryGroup:
     input: Literal["mesh", "view", "as printed"] = "as printed"
     over_draws: bool = False
 
+    @property
+    def has_mixed_inputs(self) -> bool:
+        """Whether networks see depth views, and all other methods complete surfaces."""
+        return self.input == "as printed"
+
+
+def are_queries_of_another(part: str) -> bool:
+    """Return whether the shapes of a part are queries of another gallery: "against 12 cameras"."""
+    return part.startswith(AGAINST)
+
 
 BOTH_INPUTS = (GalleryGroup("mesh", input="mesh"), GalleryGroup("view", input="view"))
 
@@ -229,7 +239,7 @@ class Table:
     @property
     def is_cross(self) -> bool:
         """Whether some of its galleries are others than their queries."""
-        return any(part.startswith(AGAINST) for part in self.parts)
+        return any(are_queries_of_another(part) for part in self.parts)
 
     def shows(self, dataset: str) -> bool:
         """Return whether it can be made for a data set.
@@ -380,7 +390,7 @@ def own_table(dataset: str, part: str = "") -> Table:
     It shows complete surfaces and views, side by side. With a part that begins with
     :data:`AGAINST`, its shapes are queries of another gallery.
     """
-    if part.startswith(AGAINST):
+    if are_queries_of_another(part):
         columns = tuple(replace(column, parts=(part,)) for column in BOTH_INPUTS)
         name = f"{dataset} {part}"
         return Table(name, f"Retrieval on {name}", dataset, columns=columns, all_unseen=False)

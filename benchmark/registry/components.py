@@ -353,7 +353,13 @@ def component_of(value: Any) -> Component:
         return Component(kind, str(info.name), target, chosen)  # its name says all
     # An object of the user depends on whatever the program may change, so it is never known again.
     return Component(
-        kind, str(info.name), target, chosen, value, secrets.token_hex(8), is_unknown=True
+        kind,
+        str(info.name),
+        target,
+        chosen,
+        given=value,
+        state=secrets.token_hex(8),
+        is_unknown=True,
     )
 
 

@@ -339,15 +339,15 @@ def _scores_of_record(table: str, record: Record) -> Iterator[Score]:
     """
     for measure, value in record.scores.items():
         yield Score(
-            table,
-            record.data.name,
-            row_of(record),
-            record.input,
-            record.scorer,
-            record.seed,
-            fold_of(record),
-            measure,
-            value,
+            table=table,
+            dataset=record.data.name,
+            method=row_of(record),
+            input=record.input,
+            scorer=record.scorer,
+            seed=record.seed,
+            fold=fold_of(record),
+            measure=measure,
+            value=value,
         )
 
 

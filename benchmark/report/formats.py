@@ -161,7 +161,7 @@ def blocks(view: TableView) -> Iterator[tuple[str, list[Line]]]:
 
     The last block is the row of a random order, without a heading.
     """
-    has_mixed_inputs = {column.input for column in view.columns} == {"as printed"}
+    has_mixed_inputs = all(column.has_mixed_inputs for column in view.columns)
     groups = score_groups(view)
     for block, heading in BLOCKS.items():
         rows = [row for row in view.printed_rows if row.kind == block]

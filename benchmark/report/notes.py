@@ -212,7 +212,7 @@ def _remarks_on_table(view: TableView) -> Iterator[str]:
     """Yield sentences on what a table shows, as far as its caption does not say it."""
     if view.table.remark:
         yield view.table.remark
-    if any(column.input == "as printed" for column in view.columns):
+    if any(column.has_mixed_inputs for column in view.columns):
         yield "Complete surfaces; networks see one depth view unless named otherwise."
     if view.table.is_cross:
         yield (

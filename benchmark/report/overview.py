@@ -154,13 +154,12 @@ def _cells_of_column(
         Whether there is a column for views of the same data.
     """
     title = column.column.title
-    has_mixed_inputs = column.column.input == "as printed"
     cells = {}
     for row in column.view.printed_rows:
         if row.kind != block or title not in row.scored:
             continue
         scores = row.scored[title]
-        is_view = has_mixed_inputs and scores.all_records[0].input == "view"
+        is_view = column.column.has_mixed_inputs and scores.all_records[0].input == "view"
         if is_view and has_own_views:
             continue
         cells[row.title] = _Cell(row, scores, is_view)

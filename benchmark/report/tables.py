@@ -279,18 +279,18 @@ def _view(
     samples = {column: records.samples_of(column) for column in table.columns}
     columns_with_records = [column for column in table.columns if samples[column]]
     return TableView(
-        table,
-        records.dataset,
-        data_title(records.sample),
-        records.quick,
-        _columns(columns_with_records, rows, records.sample.input),
-        {column.title: samples[column] for column in columns_with_records},
-        tuple(rows),
-        printed,
-        methods,
-        records.left_out,
-        by,
-        prints_unrun,
+        table=table,
+        dataset=records.dataset,
+        title=data_title(records.sample),
+        quick=records.quick,
+        columns=_columns(columns_with_records, rows, records.sample.input),
+        samples={column.title: samples[column] for column in columns_with_records},
+        rows=tuple(rows),
+        paper=printed,
+        methods=methods,
+        left_out=records.left_out,
+        scored_by=by,
+        prints_unrun=prints_unrun,
     )
 
 
@@ -366,8 +366,15 @@ def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> T
         for name, value in first.parameters.items()
         if f"{name}=" not in AVERAGED_PARAMETERS
     }
-    title = _title(method, brief(first.title), scored.values())
-    return TableRow(method, title, block, scored, failed, chosen, first.defaults)
+    return TableRow(
+        method=method,
+        title=_title(method, brief(first.title), scored.values()),
+        kind=block,
+        scored=scored,
+        failed=failed,
+        parameters=chosen,
+        defaults=first.defaults,
+    )
 
 
 def _title(method: str, own: str, scores: Iterable[RowScores]) -> str:
@@ -411,7 +418,7 @@ def _input(column: GalleryGroup, block: Block, available: set[Input]) -> str:
     Where surfaces and views stand in one column, networks see views and all others surfaces. A
     network, or forms of another program, that exist only of the other input are shown with that.
     """
-    if column.input != "as printed":
+    if not column.has_mixed_inputs:
         return column.input
     preferred: Input = "view" if block == "network" else "mesh"
     other: Input = "mesh" if block == "network" else "view"

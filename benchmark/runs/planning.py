@@ -389,21 +389,23 @@ class _Planning:
             content |= self._keys(row, fields_of_shapes, sides, models, method, scorer)
             state, reason = self._state(before, content["key"], content["parts"])
 
-        job = Job(content["key"], row, method, self.scorer, self.results)
+        job = Job(
+            key=content["key"], row=row, method=method, scorer=self.scorer, results=self.results
+        )
         planned_sides = []
         for side, models_of_side in zip(sides, models, strict=True):
             planned_sides.append(
                 PlannedSide(side.gallery, side.source, side.shapes.frame_key, tuple(models_of_side))
             )
         return Planned(
-            job,
-            tuple(planned_sides),
-            codes,
-            (gallery,),
-            record_of(content),
-            state,
-            reason,
-            before,
+            job=job,
+            sides=tuple(planned_sides),
+            codes=codes,
+            galleries=(gallery,),
+            record=record_of(content),
+            state=state,
+            reason=reason,
+            before=before,
             is_pending=state in _PENDING or state in self.rerun,
         )
 
