@@ -337,15 +337,18 @@ def _fit(annotation: Any, value: Any) -> Any:
     if isinstance(given, str):
         if not given.isprintable():  # it becomes part of names
             raise msgspec.ValidationError("printable text")
-        if NoneType in typing.get_args(annotation) and given.strip().lower() == "none":
+        may_be_none = NoneType in typing.get_args(annotation)
+        if may_be_none and given.strip().lower() == "none":
             return None
         if typing.get_origin(annotation) is tuple:
             given = _parts(given)
+
     try:
         fitted = _convert(annotation, given)
     except msgspec.ValidationError:  # the same in numbers, as 1e3 for an integer
         numbers = [_number(part) for part in given] if isinstance(given, list) else _number(given)
         fitted = _convert(annotation, numbers)
+
     parts = fitted if isinstance(fitted, tuple) else (fitted,)
     for part in parts:
         if isinstance(part, float) and not math.isfinite(part):

@@ -77,8 +77,7 @@ def forget(
         If nothing or too much is selected, or nothing fits.
     """
     folder = Path(results)
-    names = as_list(methods)
-    has_selection = bool(names or data)
+    has_selection = bool(as_list(methods) or data)
     n_ways = [has_selection, bool(records), unused].count(True)
     if n_ways != 1:
         raise ConfigurationError(
@@ -86,22 +85,14 @@ def forget(
             "name methods with -m or data sets with -d, name records with --record, or pass "
             "--unused",
         )
-
     all_records = read_records(folder, published=False)
     _check_known(folder, all_records, records)
-    of_data = label_data_sets(all_records)
-    datasets = [str(name) for name in as_list(data)]
-    if datasets:
-        of_data = records_of(of_data, datasets)
-    keys_of_data = {record.key for record in of_data}
-
-    def is_unwanted(record: Record) -> bool:
-        """Return whether a record is one of the methods and data sets that go."""
-        is_of_method = is_of_methods(record, names) or not are_named(names)
-        return has_selection and record.key in keys_of_data and is_of_method
+    selected_keys: set[str] = set()
+    if has_selection:
+        selected_keys = _keys_of_selection(all_records, as_list(methods), as_list(data))
 
     with writing(folder):  # no run may add files meanwhile
-        unwanted, files = unneeded(folder, is_unwanted, records)
+        unwanted, files = unneeded(folder, lambda record: record.key in selected_keys, records)
         if has_selection and not unwanted:
             problem = f"no record under {folder} fits the selection"
             known = sorted({record.method for record in all_records})
@@ -112,6 +103,28 @@ def forget(
                 for path in files:
                     path.unlink(missing_ok=True)
     return Forgotten(tuple(unwanted), tuple(files), size)
+
+
+def _keys_of_selection(
+    records: Sequence[Record], methods: Sequence[str], data: Sequence[str | Path]
+) -> set[str]:
+    """Return the keys of the records of some methods on some data sets; of all where none is named.
+
+    Parameters
+    ----------
+    records
+        All records.
+    methods
+        Names of methods.
+    data
+        Names or folders of data sets.
+    """
+    selected = label_data_sets(records)
+    if data:
+        selected = records_of(selected, [str(name) for name in data])
+    if are_named(methods):
+        selected = [record for record in selected if is_of_methods(record, methods)]
+    return {record.key for record in selected}
 
 
 def _check_known(folder: Path, every: Sequence[Record], named: Sequence[str]) -> None:

@@ -160,6 +160,7 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
     values = values[is_query]
     query_classes = list(compress(rows.classes, is_query))
 
+    # Measures in which so few results cannot differ are left out.
     ends = class_intervals(values, query_classes)
     columns = {
         "score": scores.means,
@@ -170,11 +171,6 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
     table = DataFrame(columns, index=list(scores.means))
     table = table.loc[[name for name in table.index if MEASURES[name].says_something(n_results)]]
 
-    # Of few classes, too: this interval only raises a question.
-    low, high = class_intervals(values[:, :1], query_classes, fewest=2)[0]
-    chance = table.loc["NN", "chance"]
-    if targets is None and not low > chance:
-        _check_diagonal(diagonal, matrix)
     if targets is None:
         notes = _notes_on_shapes(len(matrix), scores.lone_queries)
     else:
@@ -183,6 +179,12 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
     if n_classes < FEWEST_CLASSES:
         few = f"no intervals: the queries are of {n_classes} classes, fewer than {FEWEST_CLASSES}"
         notes.append(few)
+
+    # Scores at or below chance raise doubts; so does an interval of few classes.
+    low, high = class_intervals(values[:, :1], query_classes, fewest=2)[0]
+    chance = table.loc["NN", "chance"]
+    if targets is None and not low > chance:
+        _check_diagonal(diagonal, matrix)
     if high < chance - _ROUNDING:
         warnings.warn(_REVERSED, stacklevel=3)
         notes.append(_REVERSED)

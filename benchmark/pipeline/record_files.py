@@ -333,10 +333,9 @@ def unneeded(
         that is not used as a record; such files are kept otherwise, with all files whose keys they
         hold.
     """
-    runs = results / RUNS
     paths = local_files(results)
     records = sorted(read_files(paths), key=age_of)
-    unwanted = []
+    unwanted: list[Record] = []
     needed_files: set[str] = set()
     for record in records:
         if is_unwanted(record) or record.key in named or str(record.row) in named:
@@ -345,28 +344,41 @@ def unneeded(
             needed_files.update(_files_of(record))
 
     # Files that are not used as records are kept, unless they are named.
-    files = [runs / "records" / f"{record.key}.json" for record in unwanted]
-    kept_keys: set[str] = set()
     keys_of_records = {record.key for record in records}
-    for path in paths:
-        if path.stem in keys_of_records:
-            continue
-        if path.stem in named:
-            files.append(path)
-        else:
+    others = [path for path in paths if path.stem not in keys_of_records]
+    kept_keys: set[str] = set()
+    for path in others:
+        if path.stem not in named:
             kept_keys |= _keys_in(path)
 
-    # Arrays go that no record that stays, and no unread file, names.
-    for stage in get_args(Stage):
-        for path in sorted((runs / stage).glob("*.npz")):
-            is_needed = f"{stage}/{path.name}" in needed_files or path.stem in kept_keys
-            if not is_needed:
-                files.append(path)
-
+    files = [results / RUNS / "records" / f"{record.key}.json" for record in unwanted]
+    files += [path for path in others if path.stem in named]
+    files += _unneeded_arrays(results, needed_files, kept_keys)
     is_all_unwanted = len(unwanted) == len(records) and not kept_keys
     if is_all_unwanted and definitions_file(results).is_file():
         files.append(definitions_file(results))
     return unwanted, files
+
+
+def _unneeded_arrays(
+    results: Path, needed_files: Collection[str], kept_keys: Collection[str]
+) -> Iterator[Path]:
+    """Yield the files of arrays that nothing names.
+
+    Parameters
+    ----------
+    results
+        The results folder.
+    needed_files
+        Files that records name, as ``"forms/KEY.npz"``.
+    kept_keys
+        Keys in files that cannot be read as records.
+    """
+    for stage in get_args(Stage):
+        for path in sorted((results / RUNS / stage).glob("*.npz")):
+            is_named = f"{stage}/{path.name}" in needed_files
+            if not is_named and path.stem not in kept_keys:
+                yield path
 
 
 def _keys_in(path: Path) -> set[str]:

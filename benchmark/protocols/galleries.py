@@ -178,18 +178,17 @@ class Gallery:
             Whether the user named it: it is then tested in every table that is not about other
             networks.
         """
-        is_network = method.learns and "view" in method.info.inputs
-        # Some columns show networks on views beside all others on complete surfaces.
-        if self.is_split and is_network != (input_ == "view") and method.info.family != "external":
+        if self.is_split and not _is_seen_in_mixed_column(method, input_):
             return False
         if is_wanted:
             return method.learns or not self.table.is_ablation
         name = method.base_name
         if not self.table.includes(name) or name in self.table.omits:
             return False
-        if self._is_change_of_table() and not (name in QUICK_ROWS or method.learns):
+        is_quick_row = name in QUICK_ROWS
+        if self._is_change_of_table() and not (is_quick_row or method.learns):
             return False
-        return not self.quick or name in QUICK_ROWS
+        return is_quick_row or not self.quick
 
     def _is_change_of_table(self) -> bool:
         """Return whether its data are changed ones of a table that has few methods on these."""
@@ -302,6 +301,18 @@ class Gallery:
     def models(self, method: Component, trained_here: Path | None) -> dict[str, Model]:
         """Return the model for each shape; see :func:`benchmark.protocols.models.find_models`."""
         return find_models(method, self.dataset, self.entries, self.data_root, trained_here)
+
+
+def _is_seen_in_mixed_column(method: Component, input_: Input) -> bool:
+    """Return whether a method has scores of an input in a column of mixed inputs.
+
+    Networks have scores of depth views, and all others of complete surfaces; forms of other
+    programs may be of either.
+    """
+    if method.info.family == "external":
+        return True
+    is_network = method.learns and "view" in method.info.inputs
+    return is_network == (input_ == "view")
 
 
 def galleries(

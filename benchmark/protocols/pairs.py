@@ -89,15 +89,7 @@ def data_of_training(training: Training, data_root: Path | None, say: Say) -> Tr
     tested = training.tested.of(dataset)
     subjects = _subjects(trained)
     tested_subjects = _subjects(tested)
-    if not subjects:
-        raise ConfigurationError(
-            f"training '{training.name}' has no pairs", "check the data set with 'data check'"
-        )
-    in_both = sorted(set(subjects) & set(tested_subjects))
-    if in_both:
-        some = ", ".join(in_both[:5])
-        problem = f"training '{training.name}' would include test subjects of its models: {some}"
-        raise ConfigurationError(problem, "keep the subjects of the data set apart")
+    _check_subjects(training.name, subjects, tested_subjects)
     canonical = canonical_shapes(dataset)
     canonical_of_subjects = [canonical[subject] for subject in subjects]
     seen = dict.fromkeys([*trained, *canonical_of_subjects])
@@ -133,6 +125,33 @@ def _validation() -> tuple[ShapeSet, Sequence[Entry]]:
     judges = {entry.subject for entry in open_dataset(JUDGES).shapes}
     others = [entry for entry in new.shapes if entry.subject not in judges]
     return new, others[::_EVERY]
+
+
+def _check_subjects(name: str, trained: Iterable[str], tested: Iterable[str]) -> None:
+    """Check that a training has subjects, and none of those on which its models are tested.
+
+    Parameters
+    ----------
+    name
+        Name of the training.
+    trained, tested
+        The subjects.
+
+    Raises
+    ------
+    ConfigurationError
+        If not; the error names some of the subjects.
+    """
+    trained = set(trained)
+    if not trained:
+        raise ConfigurationError(
+            f"training '{name}' has no pairs", "check the data set with 'data check'"
+        )
+    in_both = sorted(trained & set(tested))
+    if in_both:
+        some = ", ".join(in_both[:5])
+        problem = f"training '{name}' would include test subjects of its models: {some}"
+        raise ConfigurationError(problem, "keep the subjects of the data set apart")
 
 
 def _sampled(frame: ShapeSet, say: Say) -> TrainingData:

@@ -329,18 +329,9 @@ def component_of(value: Any) -> Component:
     if isinstance(value, Component):
         return value
     value = _object_of(value)
-    info = getattr(value, "info", None)
+    kind = _kind_of_object(value)
+    info = value.info
     cls = type(value)
-    kind: Kind = "scorer" if isinstance(info, ScorerInfo) else "method"
-    contract = _CONTRACTS[kind]
-    if not (isinstance(value, contract.protocols) and isinstance(info, contract.info_type)):
-        problem = (
-            f"an object of type {cls.__name__} is no method or scorer: "
-            f"it has {contract.lacking}, or no info"
-        )
-        hint = "pass a function with a name or a dataclass: see docs/reference/plugins.md"
-        raise ConfigurationError(problem, hint)
-
     parameters = parameter_values(value)
     attributes = getattr(value, "__dict__", None)
     chosen = non_default_values(cls, parameters)
@@ -361,6 +352,27 @@ def component_of(value: Any) -> Component:
         state=secrets.token_hex(8),
         is_unknown=True,
     )
+
+
+def _kind_of_object(value: Any) -> Kind:
+    """Return whether an object is a method or a scorer.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is neither.
+    """
+    info = getattr(value, "info", None)
+    kind: Kind = "scorer" if isinstance(info, ScorerInfo) else "method"
+    contract = _CONTRACTS[kind]
+    if isinstance(value, contract.protocols) and isinstance(info, contract.info_type):
+        return kind
+    problem = (
+        f"an object of type {type(value).__name__} is no method or scorer: "
+        f"it has {contract.lacking}, or no info"
+    )
+    hint = "pass a function with a name or a dataclass: see docs/reference/plugins.md"
+    raise ConfigurationError(problem, hint)
 
 
 def _object_of(value: Any) -> Any:

@@ -312,19 +312,20 @@ def figure_of_records(
     check_known("shape", names, labels)
     subjects = list(dict.fromkeys(labels[name] for name in names))
 
-    # A form that is not stored is None.
+    # A shape or form that is not stored is None; a column without any is left out.
     columns: list[_Column] = []
-    has_forms = False
+    columns_of_forms: list[_Column] = []
     for subject in subjects:
         poses = [name for name in names if labels[name] == subject]
         heading = clean_text(subject) if len(subjects) > 1 else "Shape"
-        columns.append(_Column(heading, [forms.shape(first, name) for name in poses]))
-        for title, record in records.items():
-            forms_of_poses = [forms.form(record, name) for name in poses]
-            columns.append(_Column(title, forms_of_poses))
-            if any(forms_of_poses):
-                has_forms = True
-    if not has_forms:
+        shapes_of_subject = _Column(heading, [forms.shape(first, name) for name in poses])
+        forms_of_subject = [
+            _Column(title, [forms.form(record, name) for name in poses])
+            for title, record in records.items()
+        ]
+        columns += [shapes_of_subject, *forms_of_subject]
+        columns_of_forms += forms_of_subject
+    if not any(any(column.drawn) for column in columns_of_forms):
         raise ConfigurationError(
             "no forms of these shapes are stored here", "run the methods here, then draw again"
         )

@@ -212,12 +212,8 @@ def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]
     A method has one record in a group, of complete surfaces rather than views. The shapes
     themselves come first, records of views last.
     """
-    groups: dict[str, dict[str, Record]] = {}
-    for record in records:
-        has_forms = record.status == "ok" and record.scorer and any(record.files.values())
-        ranks_itself = len(record.sides) == 1  # its queries are its gallery
-        if not has_forms or not ranks_itself:
-            continue
+    groups: dict[str, dict[str, Record]] = {}  # by gallery and method
+    for record in filter(_has_forms, records):
         group = groups.setdefault(record.gallery, {})
         present = group.get(record.method)
         if present is None or (record.input == "mesh" and present.input == "view"):
@@ -233,6 +229,13 @@ def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]
         if any(forms.shape(record, record.shapes[0]) for record in in_order):
             stored.append(in_order)
     return stored
+
+
+def _has_forms(record: Record) -> bool:
+    """Return whether a record ranks the forms of its shapes among each other."""
+    ranks_itself = len(record.sides) == 1
+    has_forms = bool(record.scorer) and any(record.files.values())
+    return record.status == "ok" and ranks_itself and has_forms
 
 
 def _gallery(records: Sequence[Record], forms: StoredForms, most_surfaces: int) -> PlayGallery:

@@ -242,35 +242,45 @@ class Worker:
 
         If the process died, or took too long, the first step without an outcome is to blame.
         """
-        if self._process is None:
+        process = self._process
+        if process is None:
             return
         try:
-            while self.waiting and self.connection.poll():
-                content = self.connection.recv_bytes(_LONGEST_MESSAGE)
-                message = pickle.loads(content)  # noqa: S301  # of a process of the same user
-                if isinstance(message, Outcome):
-                    yield self.waiting.popleft(), message
-                    if message.ends_process:
-                        self.close()
-                        return
-                elif message is UNCHARGED_WORK_ENDS:
-                    self._uncharged.pop()
-                else:
-                    self._uncharged.append(message)
-                self._restart_countdown()
+            yield from self._received()
         except Exception:  # it has ended, or what it runs wrote into the connection
             with suppress(subprocess.TimeoutExpired):
-                self._process.wait(1)
-            self._process.kill()
-            self._process.wait()
+                process.wait(1)
+            process.kill()
+            process.wait()
+        if self._process is not process:  # closed, because it no longer holds the planned code
+            return
 
         self._countdown.look()
         if self.waiting and not self.is_alive:
-            yield self._ended(self._process.returncode)
+            yield self._ended(process.returncode)
         elif self.waiting and self._countdown.is_over:
             self.close()
             reason = f"stopped after {self._countdown.limit:g} s; pass a longer --timeout"
             yield self._blame("timeout", reason)
+
+    def _received(self) -> Iterator[tuple[Step, Outcome]]:
+        """Read the messages that have come, and yield steps with the outcomes among them.
+
+        Any other message says that work begins or ends which counts against no time limit.
+        """
+        while self.waiting and self.connection.poll():
+            content = self.connection.recv_bytes(_LONGEST_MESSAGE)
+            message = pickle.loads(content)  # noqa: S301  # of a process of the same user
+            if isinstance(message, Outcome):
+                yield self.waiting.popleft(), message
+                if message.ends_process:
+                    self.close()
+                    return
+            elif message is UNCHARGED_WORK_ENDS:
+                self._uncharged.pop()
+            else:
+                self._uncharged.append(message)
+            self._restart_countdown()
 
     def _ended(self, code: int) -> tuple[Step, Outcome]:
         """Return the step during which the process ended, with the outcome.
