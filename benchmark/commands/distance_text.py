@@ -47,8 +47,6 @@ def read_text_matrix(content: bytes, n_rows: int, n_columns: int, hint: str) -> 
     ConfigurationError
         If the rows differ in length, or numbers have commas for points.
     """
-    from pandas import DataFrame
-
     lines = lines_of(content)
     matrix = _plain_numbers(lines)  # nearly every file, and much faster
     if matrix is not None:
@@ -64,6 +62,28 @@ def read_text_matrix(content: bytes, n_rows: int, n_columns: int, hint: str) -> 
         has_head, has_names = _names_of_rectangle(rows, n_rows, n_columns)
     else:
         has_head, has_names = _names_of_square(rows, n_rows)
+
+    return _numbers_and_names(rows, has_head=has_head, has_names=has_names)
+
+
+def _numbers_and_names(rows: TextRows, *, has_head: bool, has_names: bool) -> Any:
+    """Return rows of text as an array of numbers, or as a data frame if they have names.
+
+    Parameters
+    ----------
+    rows
+        The cells of each row.
+    has_head
+        Whether the first row names the columns.
+    has_names
+        Whether the first column names the rows.
+
+    Raises
+    ------
+    ConfigurationError
+        If numbers have commas for points.
+    """
+    from pandas import DataFrame
 
     column_names = None
     if has_head:

@@ -26,6 +26,7 @@ from benchmark.protocols.tables import TABLES, own_table
 from benchmark.report.record_facts import change_of, chosen_records, fold_of
 from benchmark.report.results import Results
 from benchmark.report.tables import table_views
+from benchmark.runs.planning import Planned
 from benchmark.runs.runner import result_of, run_jobs, with_results
 from benchmark.text import say
 
@@ -191,17 +192,7 @@ def tables_of_run(
     all_records = labelled[: len(records)]
     of_run = labelled[len(records) :]
 
-    # Tables and data sets that the jobs of the run belong to.
-    identifiers = set[str]()
-    datasets = set[str]()
-    for job, record in zip(plan.jobs, of_run, strict=True):
-        for gallery in job.galleries:
-            table = gallery.table
-            if not table.is_robustness:
-                datasets.add(record.data.name)
-            if table not in TABLES:
-                table = own_table(record.data.name, fold_of(record))
-            identifiers.add(table.identifier)
+    identifiers, datasets = _places_of_jobs(plan.jobs, of_run)
 
     # All records of the same galleries, also from earlier runs.
     galleries = {(record.gallery, record.input) for record in of_run}
@@ -214,6 +205,31 @@ def tables_of_run(
         tuple(chosen),
         has_robustness=any(change_of(record.data.name) for record in of_run),
     )
+
+
+def _places_of_jobs(
+    jobs: Sequence[Planned], records: Sequence[Record]
+) -> tuple[set[str], set[str]]:
+    """Return identifiers of the tables in which jobs have rows, and names of their data sets.
+
+    Parameters
+    ----------
+    jobs
+        The jobs.
+    records
+        Their records, whose data have unique names.
+    """
+    identifiers = set[str]()
+    datasets = set[str]()
+    for job, record in zip(jobs, records, strict=True):
+        for gallery in job.galleries:
+            table = gallery.table
+            if not table.is_robustness:
+                datasets.add(record.data.name)
+            if table not in TABLES:
+                table = own_table(record.data.name, fold_of(record))
+            identifiers.add(table.identifier)
+    return identifiers, datasets
 
 
 def _lines_of_progress() -> Callable[[Any], None]:

@@ -290,17 +290,23 @@ class Gallery:
                 can_be_trained = training.dataset and not training.is_frozen
                 if not can_be_trained:
                     continue
-                components = [variant]
-                if not is_fixed and isinstance(learner, HasRecipe):
-                    seeds = [seed for seed in learner.seeds(training.name) if seed]
-                    components += [variant.with_parameters({"training_seed": k}) for k in seeds]
-                for component in components:
-                    if not has_model(component.create(), training.name, trained_here):
-                        yield component, training
+                rows = [variant] if is_fixed else _with_seeds(variant, learner, training.name)
+                for row in rows:
+                    if not has_model(row.create(), training.name, trained_here):
+                        yield row, training
 
     def models(self, method: Component, trained_here: Path | None) -> dict[str, Model]:
         """Return the model for each shape; see :func:`benchmark.protocols.models.find_models`."""
         return find_models(method, self.dataset, self.entries, self.data_root, trained_here)
+
+
+def _with_seeds(network: Component, learner: Learner, training: str) -> list[Component]:
+    """Return a network, and the same with each further seed of its recipe for a training."""
+    rows = [network]
+    if isinstance(learner, HasRecipe):
+        further_seeds = [seed for seed in learner.seeds(training) if seed != 0]
+        rows += [network.with_parameters({"training_seed": seed}) for seed in further_seeds]
+    return rows
 
 
 def _is_seen_in_mixed_column(method: Component, input_: Input) -> bool:

@@ -581,17 +581,29 @@ def robustness_markdown(records: Iterable[Record]) -> str:
     head = [column.title for column in columns]
     table = markdown_table(head, [cells(columns, change) for change in changes])
 
-    # The caption names the data.
-    data_titles = {name: name for name in changed_sets}
-    for record in known:
-        if record.data.name in data_titles:
-            data_titles[record.data.name] = data_title(record)
-    sets = ", ".join(map(markdown_text, data_titles.values()))
-    caption = (
+    return "\n".join([_robustness_caption(known, changed_sets), "", *table]) + "\n"
+
+
+def _robustness_caption(records: Iterable[Record], datasets: Iterable[str]) -> str:
+    """Return the caption of the table of robustness.
+
+    Parameters
+    ----------
+    records
+        The records that it shows.
+    datasets
+        Names of the data sets that were changed; a record of one gives its title.
+    """
+    records = list(records)
+    titles = {name: name for name in datasets}
+    for record in records:
+        if record.data.name in titles:
+            titles[record.data.name] = data_title(record)
+    sets = ", ".join(map(markdown_text, titles.values()))
+    return (
         f"**Robustness.** {_ROBUSTNESS_MEASURE} of complete surfaces of {sets}; "
-        f"a destroyed shape counts 0. {scored_by(known).note}"
+        f"a destroyed shape counts 0. {scored_by(records).note}"
     )
-    return "\n".join([caption, "", *table]) + "\n"
 
 
 def _scores_by_change(records: Iterable[Record]) -> dict[DataChange, dict[str, float]]:

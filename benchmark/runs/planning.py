@@ -831,7 +831,6 @@ def estimate(
     known = read_records(published, local=False)
     known += [record for record in records if not record.published]
     finished = [record for record in known if record.seconds and not record.gallery_of_queries]
-
     unknown: set[str] = set()
     seconds_of_file: defaultdict[str, float] = defaultdict(float)  # several jobs may need a file
     seconds_of_ranking: dict[tuple[str, str], float] = {}
@@ -840,17 +839,34 @@ def estimate(
             seconds = _seconds_per_shape(job, side, finished)
             if not seconds:
                 unknown.add(job.key)
-            for stage, keys in side.files.items():
-                seconds_of_stage = seconds[STAGES[stage]]
-                if stage == "prepared":  # geodesics are computed once for all methods
-                    seconds_of_stage += seconds["geodesics"]
-                for key in filter(None, keys):
-                    seconds_of_file[key] = max(seconds_of_file[key], seconds_of_stage)
+            for key, seconds_of_making in _seconds_of_files(side, seconds):
+                seconds_of_file[key] = max(seconds_of_file[key], seconds_of_making)
             n_views = len(side.shapes) * side.views
             seconds_of_ranking[job.key, side.gallery] = seconds[STAGES["records"]] * n_views
 
     total = sum(seconds_of_file.values()) + sum(seconds_of_ranking.values())
     return Estimate(total, len(unknown))
+
+
+def _seconds_of_files(
+    side: RankedShapes, seconds: Mapping[str, float]
+) -> Iterator[tuple[str, float]]:
+    """Yield the key of each file of some shapes, with the seconds that it takes to make it.
+
+    Parameters
+    ----------
+    side
+        The shapes, with the keys of their files by stage.
+    seconds
+        Seconds of each stage per shape. Geodesics, which are computed once for all methods, count
+        for the prepared shape.
+    """
+    for stage, keys in side.files.items():
+        seconds_of_stage = seconds[STAGES[stage]]
+        if stage == "prepared":
+            seconds_of_stage += seconds["geodesics"]
+        for key in filter(None, keys):
+            yield key, seconds_of_stage
 
 
 def _seconds_per_shape(
