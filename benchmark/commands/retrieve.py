@@ -392,7 +392,9 @@ def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> An
         If a new query is compared with forms of several models, as those of folds are.
     """
     model_of_shape = dict(zip(job.record.shapes, job.models, strict=True))
-    models = {model_of_shape[name] for name in itself} or set(model_of_shape.values())
+    models = {model_of_shape[name] for name in itself}
+    if not models:  # a new query
+        models = set(model_of_shape.values())
     if len(models) > 1:
         problem = (
             f"the forms of {job.record.gallery} are of {len(models)} models, and a query is in no "

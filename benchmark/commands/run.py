@@ -91,8 +91,8 @@ def run(
     Returns
     -------
     pandas.DataFrame
-        One line a job, as in :attr:`benchmark.report.results.Results.jobs`: a job that failed has a
-        ``status`` and a ``reason``.
+        One row per job, as in :attr:`benchmark.report.results.Results.jobs`: a job that failed has
+        a ``status`` and a ``reason``.
 
     Raises
     ------
@@ -119,7 +119,8 @@ def run(
     )
     for name, error in planned.refused.items():
         warnings.warn(f"{name} is refused: {error}", stacklevel=2)
-    return jobs_of(planned, [*run_plan(planned, watch=watch)]).jobs
+    ended = list(run_plan(planned, watch=watch))
+    return jobs_of(planned, ended).jobs
 
 
 def run_plan(

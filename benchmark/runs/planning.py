@@ -372,15 +372,18 @@ class _Planning:
         scorer = self.scorer if needs_scorer else None
         row = self._row(fields_of_shapes["input"], sides, method, scorer)
 
+        # Trained models, which may be missing; a method that does not learn has none.
         trained = [_find_models(side, method, self.results / "models") for side in sides]
         models = [side.models for side in trained]
         seen = _seen_shapes(gallery, models[0])
 
+        # What its record will say, but for the outcome.
         content = fields_of_shapes | self._describe(method, scorer)
         content["key"] = digest(["unavailable", row])
         content["seen"] = seen
         content["models"] = [model.summary() for model in _different_models(models)]
 
+        # Only a job that can run has keys of code and data; they tell whether it has run.
         before = self._records.get(row)
         codes: dict[Stage, PlannedCode | None] = {}
         state, reason = _obstacle(gallery, trained, seen)
