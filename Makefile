@@ -145,6 +145,7 @@ figures: setup
 	$(BIN)/python -m benchmark run -d animals --quick --input mesh --subjects cat,michael,horse \
 	    -m identity $(call methods,$(CLASSICAL) $(FURTHER))
 	$(BIN)/python -m tools.guide_figures results
+	$(BIN)/python -m tools.failures
 	$(BIN)/python -m tools.page_parts
 	mkdir -p build
 	$(BIN)/python -m benchmark canonicalise examples/depth/man-1/kneeling.png -m learned-streamed \

@@ -14,12 +14,12 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from math import log
 from pathlib import Path
+from textwrap import wrap
 
 import numpy as np
 import pandas as pd
 
 from benchmark.commands.score import score
-from benchmark.defaults import DEFAULT_SCORER
 from benchmark.pipeline.record_arrays import read_distances
 from benchmark.pipeline.record_files import read_records
 from benchmark.pipeline.records import Record
@@ -33,12 +33,16 @@ from benchmark.report.rows import RowScores
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import claims
 from benchmark.text import say
+from tools.failures import failure_of, means_of_classes, published_forms
 from tools.form_costs import COSTS, METHODS, SIZES
 
 ROOT = Path(__file__).parents[1]
 GUIDE = ROOT / "docs" / "guide"
 RESULTS = ROOT / "results"
 EXPERIMENTS = RESULTS / "experiments"
+
+#: Characters in a line of a page.
+PAGE_WIDTH = 120
 
 PART = re.compile(
     r"(<!-- part: ([\w-]+) -->\n)((?!<!-- part: ).*\n)*?(<!-- end of part -->)", re.MULTILINE
@@ -76,29 +80,16 @@ def form_costs() -> str:
 
 def worst_classes() -> str:
     """Return a table of the two classes of TOSCA on which each form has the lowest scores."""
-    records = {
-        record.method: record
-        for record in read_records(RESULTS, local=False)
-        if record.gallery == "tosca" and record.input == "mesh" and record.scorer == DEFAULT_SCORER
-    }
+    records = published_forms()
     head = ["Form", "Worst class", f"its {MEASURE}", "taken for", "Second", f"its {MEASURE}"]
     body = []
     for method in METHODS:
         record = records[method]
-        means = _means_of_classes(record)
+        means = means_of_classes(record)
         worst, second = sorted(means, key=lambda label: means[label])[:2]
         cells = [worst, hundredths(means[worst]), _taken_for(record, worst)]
         body.append([f"`{method}`", *cells, second, hundredths(means[second])])
     return "\n".join(markdown_table(head, body))
-
-
-def _means_of_classes(record: Record) -> dict[str, float]:
-    """Return the mean score of the queries of each class."""
-    values: dict[str, list[float]] = {}
-    for label, value in zip(record.labels, record.per_query[MEASURE], strict=True):
-        if value is not None:
-            values.setdefault(label, []).append(value)
-    return {label: float(np.mean(of_class)) for label, of_class in values.items()}
 
 
 def _taken_for(record: Record, label: str) -> str:
@@ -128,6 +119,23 @@ def five_shapes() -> str:
     means = [hundredths(evaluation.scores.loc[name, "score"]) for name in PRINTED_MEASURES]
     body.append(["**mean**", "", "", "", "", *means])
     return "\n".join(markdown_table(["Query", "1st", "2nd", "3rd", "4th", *PRINTED_MEASURES], body))
+
+
+def fails(method: str) -> str:
+    """Return the picture of a query that a form does not find, and what was found instead."""
+    record = published_forms()[method]
+    failure = failure_of(record)
+    title = select_one(method).info.title
+    picture = (
+        f"![A query of the worst class of {title}, what was found instead, and the right match]"
+        f"(../../results/figures/fails-{method}.png)"
+    )
+    words = (
+        f"*Its worst class of TOSCA is `{failure.label}` ({MEASURE} {hundredths(failure.score)}). "
+        f"The form that is most like that of `{failure.query}` is of `{failure.found}`; the right "
+        f"match, `{failure.right}`, comes at rank {failure.rank}.*"
+    )
+    return "\n".join([picture, "", *wrap(words, PAGE_WIDTH)])
 
 
 def departs(method: str) -> str:
@@ -218,6 +226,7 @@ PARTS: Mapping[str, Callable[[], str]] = {
     "five-shapes": five_shapes,
     "claims-of-the-paper": claims_of_paper,
     "networks": networks,
+    **{f"fails-{method}": partial(fails, method) for method in METHODS},
     **{f"departs-{method}": partial(departs, method) for method in METHODS},
 }
 

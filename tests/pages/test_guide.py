@@ -8,6 +8,7 @@ from benchmark.commands.score import score
 from benchmark.reference.paper import CLASSICAL, PRINTED_MEASURES
 from tests.pages.test_readme import ROOT, every_view, rows, scores, views  # noqa: F401
 from tools import page_parts
+from tools.failures import failure_of, means_of_classes, published_forms
 from tools.form_costs import COSTS, METHODS, SIZES
 from tools.page_parts import PARTS, pages_with_parts, with_parts
 
@@ -28,6 +29,7 @@ def test_each_part_stands_on_a_page():
 def test_each_form_has_a_picture_a_source_and_a_cost():
     for method in METHODS:
         assert FORMS.count(f"(../../results/figures/guide-{method}.png)") == 1, method
+        assert FORMS.count(f"(../../results/figures/fails-{method}.png)") == 1, method
         assert FORMS.count(f"|`{method}`|") == 2, method
     n_lines = len(COSTS.read_text(encoding="utf-8").splitlines())
     assert n_lines == 1 + len(METHODS) * len(SIZES)
@@ -60,3 +62,17 @@ def test_the_five_shapes_are_those_of_the_page_and_chance_is_high():
     made = page_parts.five_shapes()
     assert "|cat0|cat1 ✓|dog0 ✗|cat2 ✓|dog1 ✗|1.00|.50|1.00|" in made
     assert "|dog0|cat0 ✗|cat2 ✗|dog1 ✓|cat1 ✗|.00|.00|.00|.63|" in made
+
+
+def test_the_failure_of_a_form_is_a_query_of_its_worst_class_with_a_wrong_match():
+    for method, record in published_forms().items():
+        if method not in METHODS:
+            continue
+        failure = failure_of(record)
+        label_of = dict(zip(record.shapes, record.labels, strict=True))
+        means = means_of_classes(record)
+        assert failure.label == min(means, key=lambda label: means[label])
+        assert failure.score == means[failure.label]
+        assert label_of[failure.query] == label_of[failure.right] == failure.label
+        assert label_of[failure.found] != failure.label
+        assert failure.rank > 1

@@ -79,7 +79,7 @@ function matches({ sides, rows }, query) {
     ...(nearest[query] ?? []).map(([number, rank, ratio]) => {
       const shape = ranked[number], isHit = shape[1] === asked[1];
       return picture(shape, sides.length === 1 && forms[number], (isHit ? "hit" : "miss") + (rank > 5 ? " later" : ""), isHit ? "✓ " : "✗ ",
-        `rank ${rank}`, ...(ratio === null ? [] : [`× ${ratio.toFixed(3)}`]));
+        `rank ${rank}`, ...(ratio === null ? [] : [`${ratio.toFixed(3)} × as far`]));
     })));
   return [picture(asked, "", "query", ""), make("div", {}, ...lines)];
 }
