@@ -28,6 +28,9 @@ PROGRAM = "python -m benchmark"
 #: Exit code of misuse.
 USAGE = 2
 
+#: Most letters of the path in a message.
+_LONGEST_PLACE = 200
+
 #: Exit code of an interruption.
 INTERRUPTED = 130
 
@@ -70,7 +73,7 @@ def program() -> None:
     except BenchmarkError as error:
         _end(f"error: {error}", USAGE)
     except OSError as error:
-        where = str(error.filename or "writing the output")[:200]
+        where = str(error.filename or "writing the output")[:_LONGEST_PLACE]
         _end(f"error: {where}: {error.strerror}; choose another place", USAGE)
     if code == INTERRUPTED:
         _end(

@@ -19,6 +19,9 @@ from benchmark.text import clean_text, say
 #: Seconds between lines of progress without a terminal.
 SECONDS_BETWEEN_LINES = 15.0
 
+#: Letters that a bar takes.
+_BAR_WIDTH = 16
+
 _Item = TypeVar("_Item")
 
 
@@ -56,7 +59,7 @@ class Bar:
         console = console or Console(file=sys.stderr)
         rest = Column(ratio=1, no_wrap=True, overflow="ellipsis")
         self._bar = Progress(
-            BarColumn(16),
+            BarColumn(_BAR_WIDTH),
             TextColumn("{task.fields[counts]}", table_column=Column(no_wrap=True), markup=False),
             TextColumn("{task.description}", table_column=rest, markup=False),
             console=console,
@@ -143,7 +146,7 @@ def counting(
     console = Console(file=sys.stderr)
     columns = (
         TextColumn("{task.description}", markup=False),
-        BarColumn(16),
+        BarColumn(_BAR_WIDTH),
         TimeRemainingColumn(),
     )
     last_line = -SECONDS_BETWEEN_LINES

@@ -54,10 +54,14 @@ def as_mesh(given: Any, faces: Any = None) -> Mesh:
 
 
 def _vertices_and_triangles(given: Any) -> tuple[Any, Any]:
-    """Return the vertices and the triangles that an object of another library holds.
+    """Return the arrays that an object of another library holds, a mesh or a cloud of points.
 
-    Objects are told by their attributes, so that no library has to be imported. Either is None if
-    the object lacks it.
+    Objects are told by their attributes, so that no library has to be imported.
+
+    Returns
+    -------
+    vertices, triangles : array or None
+        Coordinates, and vertex indices of the corners; None for what the object lacks.
     """
     if hasattr(given, "to_legacy"):  # tensors of Open3D
         given = given.to_legacy()

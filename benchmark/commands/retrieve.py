@@ -428,6 +428,11 @@ def _inputs(
     is_view
         Whether the query is given as a view.
 
+    Returns
+    -------
+    of_query, of_gallery : str
+        ``"mesh"`` or ``"view"``.
+
     Raises
     ------
     ConfigurationError

@@ -211,7 +211,7 @@ def tables_of_run(
 def _places_of_jobs(
     jobs: Sequence[Planned], records: Sequence[Record]
 ) -> tuple[set[str], set[str]]:
-    """Return identifiers of the tables in which jobs have rows, and names of their data sets.
+    """Return where jobs have rows.
 
     Parameters
     ----------
@@ -219,6 +219,13 @@ def _places_of_jobs(
         The jobs.
     records
         Their records, whose data have unique names.
+
+    Returns
+    -------
+    identifiers : set of str
+        Identifiers of the tables.
+    datasets : set of str
+        Names of the data sets of tables other than that of robustness.
     """
     identifiers = set[str]()
     datasets = set[str]()

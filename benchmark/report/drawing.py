@@ -43,6 +43,12 @@ ENDINGS = (".png", ".pdf", ".svg")
 #: Pixels that are drawn for one of a picture, along each side.
 _FINER = 2
 
+#: Least half of the side of a frame, so that a single point has one.
+_LEAST_HALF = 1e-12
+
+#: Least distance between a pixel and a vertex, which bounds the weight of the vertex.
+_LEAST_DISTANCE = 1e-6
+
 #: Share of the side of a picture that a surface takes.
 _FILLED = 0.94
 
@@ -106,7 +112,7 @@ def shaded(
     turned = framed @ camera.rotation.T
     low = turned.min(axis=0)
     high = turned.max(axis=0)
-    half = max(float((high - low)[:2].max()) / 2, 1e-12) / _FILLED
+    half = max(float((high - low)[:2].max()) / 2, _LEAST_HALF) / _FILLED
     scaled = (mesh.vertices @ camera.rotation.T - (low + high) / 2) / half
 
     # Draw it larger than asked; the picture is reduced at the end, which smooths its edges.
@@ -169,7 +175,7 @@ def _surface_colours(
     )
     n_nearest = min(3, len(scaled))
     away, nearest = cKDTree(scaled).query(points[first], k=range(1, n_nearest + 1))
-    weights = 1 / np.maximum(away, 1e-6)
+    weights = 1 / np.maximum(away, _LEAST_DISTANCE)
     return _ramp(np.average(values[nearest], axis=1, weights=weights)[block])
 
 

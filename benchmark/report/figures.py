@@ -44,6 +44,17 @@ _LARGEST_SIDE = 0.85
 _MAPS_ACROSS = 3
 _LARGEST_MAP = 4.0
 
+#: Room for the title of a map in inches, and letters on each of its lines.
+_TITLE_ROOM = 0.2
+_TITLE_LETTERS = 30
+
+#: Height and width of a letter on a map, as shares of the extents of its points.
+_LETTER_HEIGHT = 0.055
+_LETTER_WIDTH = 0.03
+
+#: Letters of the title of a picture to the inch.
+_LETTERS_PER_INCH = 18
+
 #: Classes whose names stand in a map, at most: those with the most wrong matches.
 _NAMED_CLASSES = 15
 
@@ -137,13 +148,14 @@ def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
     n_columns = min(len(maps), _MAPS_ACROSS)
     n_rows = math.ceil(len(maps) / n_columns)
     side = min(TEXT_WIDTH / n_columns, _LARGEST_MAP)
-    figure = Figure((n_columns * side, n_rows * (side + 0.2)), layout="constrained")
+    size = n_columns * side, n_rows * (side + _TITLE_ROOM)
+    figure = Figure(size, layout="constrained")
     for place in figure.subplots(n_rows, n_columns, squeeze=False).flat:
         place.axis("off")
         place.set_aspect("equal", "datalim")
     for place, (row, record, matrix) in zip(figure.axes, maps, strict=False):
         _draw_map(place, record, matrix, page)
-        place.set_title(fill(row.title, 30), fontsize=TITLE_SIZE, parse_math=False)
+        place.set_title(fill(row.title, _TITLE_LETTERS), fontsize=TITLE_SIZE, parse_math=False)
     return figure
 
 
@@ -218,16 +230,16 @@ def _write_names(place: Axes, names: Iterable[_ClassName], points: Points) -> No
     points
         All points of the map, shape (n, 2): the size of letters is estimated from their extent.
     """
-    height = 0.055 * np.ptp(points[:, 1])
-    width = 0.03 * np.ptp(points[:, 0])  # of a letter
+    height = _LETTER_HEIGHT * np.ptp(points[:, 1])
+    letter_width = _LETTER_WIDTH * np.ptp(points[:, 0])
     taken: list[tuple[float, float, float]] = []  # middle, height and half width of each name
     for name in sorted(names, key=lambda name: name.top):
-        half = len(name.text) * width / 2
+        half_width = len(name.text) * letter_width / 2
         x = name.middle
-        y = name.top + 0.6 * height
-        while any(_overlaps(x, y, half, height, other) for other in taken):
+        y = name.top + 0.6 * height  # just above the highest point of the class
+        while any(_overlaps(x, y, half_width, height, other) for other in taken):
             y += height / 4
-        taken.append((x, y, half))
+        taken.append((x, y, half_width))
         place.annotate(
             name.text,
             (x, y),
@@ -356,7 +368,7 @@ def _pictures(columns: Sequence[_Column], camera: Camera) -> Figure:
         frame = np.concatenate([surface.mesh.vertices for surface in column.drawn if surface])
         n_pixels = round(side * DPI)
         pictures = [_picture(surface, camera, n_pixels, frame) for surface in column.drawn]
-        title = fill(column.title, round(18 * side))  # 18 letters to the inch
+        title = fill(column.title, round(_LETTERS_PER_INCH * side))
         panels.append((title, pictures))
     figure = grid(panels, side)
     for number, column in enumerate(columns):

@@ -20,6 +20,14 @@ from benchmark.report.grids import DPI, grid
 #: Colour of the object in a depth image.
 _OBJECT = np.array([0.95, 0.55, 0.2])
 
+#: How much of the grey of a pixel is left behind the colour of the object, and in the rest of the
+#: image, which fades to white.
+_GREY_OF_OBJECT = 0.35
+_GREY_OF_REST = 0.65
+
+#: The brightest grey of a depth image.
+_BRIGHTEST = 0.9
+
 
 def frame_picture(depths: Depths, mask: Mask, surface: Mesh, form: Mesh) -> Figure:
     """Draw what became of a frame of a depth camera, as four pictures side by side.
@@ -40,8 +48,9 @@ def frame_picture(depths: Depths, mask: Mask, surface: Mesh, form: Mesh) -> Figu
     """
     grey = _grey(depths)
     # The object is tinted; the rest of the image fades towards white.
-    is_object = mask[..., None]
-    marked = np.where(is_object, 0.35 * grey + 0.65 * _OBJECT * grey / 0.9, 0.35 + 0.65 * grey)
+    tinted = _GREY_OF_OBJECT * grey + (1 - _GREY_OF_OBJECT) * _OBJECT * grey / _BRIGHTEST
+    faded = (1 - _GREY_OF_REST) + _GREY_OF_REST * grey
+    marked = np.where(mask[..., None], tinted, faded)
     canonical = render_depth(form, UPRIGHT, fit_half_width(form, UPRIGHT), DPI)
     drawn = drawn_form(form, drawn_from(surface, UPRIGHT))
     pictures = {

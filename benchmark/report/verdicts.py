@@ -44,13 +44,17 @@ TOLERANCE = 0.05
 def classical_figures(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame] | None:
     """Return the figures of classical methods that the paper prints for TOSCA, and ours.
 
-    Both are frames of the same methods (rows) and measures (columns), for complete surfaces (Table
-    III of the paper). Ours are NaN where a result is missing.
-
     Parameters
     ----------
     views
-        Tables of ours; without one of TOSCA, the result is None.
+        Tables of ours.
+
+    Returns
+    -------
+    printed, ours : pandas.DataFrame
+        The same methods (rows) and measures (columns), for complete surfaces: Table III of the
+        paper. Ours are NaN where a result is missing. None in place of both, if no table is of
+        TOSCA.
     """
     view = table_of_tosca(views)
     if view is None:

@@ -487,15 +487,23 @@ class _Planning:
     def _state(
         self, record: Record | None, key: str, parts: Mapping[str, str]
     ) -> tuple[State, str]:
-        """Return the state of a job that can run, and the reason.
+        """Return the state of a job that can run, from the last record of its row.
 
         Parameters
         ----------
         record
-            The last record of its row; None if it never ran.
+            The last record; None if the row never ran.
         key, parts
             Key that a record of it would have now, and what this is computed from. If the key is
-            another one, the job is stale, and the reason names what changed.
+            another one, the job is stale.
+
+        Returns
+        -------
+        state : str
+            ``"finished"``, ``"failed"``, ``"incomplete"``, ``"stale"``, ``"missing"``, or
+            ``"unavailable"`` if the record was written by a newer version.
+        reason : str
+            Why, in words; of a stale job, what changed.
         """
         if record is not None and record.key == key:
             if record.status == "incomplete":

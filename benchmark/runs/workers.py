@@ -296,7 +296,8 @@ class Worker:
     def _blame(self, status: str, reason: str) -> tuple[Step, Outcome]:
         """Return the step at work with an outcome that blames its method.
 
-        No method is blamed for what the suite does, nor if the process was ended from outside.
+        No method is blamed for what the suite does, nor if the process was ended from outside: the
+        outcome is then ``"incomplete"``.
 
         Parameters
         ----------
@@ -305,6 +306,13 @@ class Worker:
             outside.
         reason
             The same in words.
+
+        Returns
+        -------
+        step : Step
+            The step, which no longer waits.
+        outcome : Outcome
+            How it ended.
         """
         step = self.waiting.popleft()
         in_geodesics = "geodesics" in self._uncharged
