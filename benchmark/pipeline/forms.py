@@ -65,10 +65,11 @@ class SharedResults:
         self.seconds_of_others = np.zeros(2)
 
     def get_or_compute(self, key: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return a result that several methods need of a shape; compute it if no other has.
+        """Return a result that several methods need of a shape; compute it if it is missing.
 
-        Such results are the geodesic distances, and forms from which other methods begin. The time
-        of a result counts for each method that needs it, whoever computes it.
+        Such results are the geodesic distances, which are charged to no method, and forms from
+        which other methods begin, which are charged to each method that uses them. The accounts of
+        this object are brought up to date.
 
         Parameters
         ----------
@@ -76,6 +77,11 @@ class SharedResults:
             Identifies the result.
         compute
             Computes it.
+
+        Returns
+        -------
+        object
+            The result, whose arrays cannot be changed.
 
         Raises
         ------
@@ -89,7 +95,7 @@ class SharedResults:
         if not is_known:
             result = self._compute_geodesics(compute) if is_geodesics else compute()
             self._results[identity] = _read_only(result), clock() - start
-        result, seconds = self._results[identity]
+        result, seconds = self._results[identity]  # by the clock on the wall, and of the processor
         if is_geodesics:
             self.seconds_of_geodesics = seconds
             if not is_known:

@@ -182,7 +182,7 @@ def _gather_in_field(value: Any, kind: Any) -> Any:
     """
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return gather_unknown(value, kind)
-    part = _part_in(kind)
+    part = _part_in(kind)  # of list[Part], dict[str, Part] or Part | None
     if part is None:
         return value
     if get_origin(kind) is list and isinstance(value, list):

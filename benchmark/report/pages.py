@@ -47,7 +47,7 @@ _SHORT_SCALE = 0.7
 def report_files(
     results: Path, views: Sequence[TableView], data_root: Path | None = None
 ) -> dict[str, str | bytes]:
-    """Return the files of a report by name.
+    """Return the files of a report by name: pages, pictures, surfaces to turn, and scripts.
 
     Parameters
     ----------

@@ -87,10 +87,7 @@ def table_views(
 def _records_by_table(
     records: Iterable[Record], wanted: frozenset[str], names: frozenset[str]
 ) -> dict[tuple[Table, str], list[Record]]:
-    """Return records by the table that they fill, and the data set that the table is printed for.
-
-    The data set is the first one of several stand-ins, such as random draws, whose scores a table
-    averages.
+    """Sort records by the table that they fill, and the data set that the table is printed for.
 
     Parameters
     ----------
@@ -101,6 +98,12 @@ def _records_by_table(
     names
         Names of data sets; empty for all that are not changed: changed ones stand in the table of
         robustness.
+
+    Returns
+    -------
+    dict
+        Records by table and name of the data set. Of several stand-ins, such as random draws, whose
+        scores a table averages, it is the first.
     """
     by_table: dict[tuple[Table, str], list[Record]] = {}
     for record in records:
