@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from benchmark.pipeline.records import read_distances
+from benchmark.pipeline.record_arrays import read_distances
 from benchmark.places import no_places_of_the_user
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import planned, run_toy
