@@ -180,6 +180,7 @@ def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
         yield declared
         return
     watch = _Watch(target, declared)
+    # A spawned process would not be watched.
     get_preparation_data = spawn.get_preparation_data
     spawn.get_preparation_data = _refuse_spawn
     _take = watch.take

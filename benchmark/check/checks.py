@@ -200,12 +200,20 @@ def _require_comparable(case: Case) -> None:
 # ------------------------------------------------------------------------------------------------
 
 
-def _training(case: Case) -> str:
-    """Check that a learner trains a model, keeps a finished one, and can load it."""
+def _learner_to_train(case: Case) -> Learner:
+    """Return the learner of a case, whose model has a valid folder name and a known split.
+
+    Raises
+    ------
+    SkippedCheck
+        If it has a model already.
+    FailedCheck
+        If it is no such learner.
+    """
     learner = case.component.create()
-    named = getattr(learner, "model_folder", None)
-    if isinstance(named, Path):
-        raise SkippedCheck(f"is checked with its model, {named.name}")
+    trained_model = getattr(learner, "model_folder", None)
+    if isinstance(trained_model, Path):
+        raise SkippedCheck(f"is checked with its model, {trained_model.name}")
     if not isinstance(learner, Learner):
         problem = "has 'train' but is not a learner"
         raise FailedCheck(f"{problem}; see 'A learner' in docs/reference/plugins.md")
@@ -213,6 +221,12 @@ def _training(case: Case) -> str:
         raise FailedCheck(f"model_name is {learner.model_name!r}; return a valid folder name")
     if learner.split not in get_args(Split):
         raise FailedCheck(f"split is {learner.split!r}; choose one of {', '.join(get_args(Split))}")
+    return learner
+
+
+def _training(case: Case) -> str:
+    """Check that a learner trains a model, keeps a finished one, and can load it."""
+    learner = _learner_to_train(case)
     model = case.folder / TRAINING / learner.model_name
     data = training_on_figure()
     card = _card_after_training(learner, data, model)

@@ -89,8 +89,7 @@ def fetch_models(
         written.
     """
     read = _reader(source)
-    named = os.environ.get(MODELS_VARIABLE)
-    folder = Path(named) if named else SHIPPED
+    folder = Path(os.environ.get(MODELS_VARIABLE) or SHIPPED)
     fetched: list[str] = []
     present: list[str] = []
     problems: dict[str, str] = {}
@@ -109,7 +108,9 @@ def fetch_models(
                 fetched.append(model)
             else:
                 present.append(model)
-    return FetchedModels(folder, tuple(fetched), tuple(present), problems)
+    return FetchedModels(
+        folder=folder, fetched=tuple(fetched), present=tuple(present), problems=problems
+    )
 
 
 def _chosen_models(names: Sequence[str]) -> list[str]:

@@ -134,11 +134,12 @@ def in_file(path: Path) -> list[Component]:
             problem = f"{path} makes a data set, which is a folder of meshes and no plugin"
             example = "examples/bent_ellipsoids.py does: python bent_ellipsoids.py DIR"
             raise ConfigurationError(problem, f"write a folder, as {example}")
+        is_own_class = isinstance(value, type) and value.__module__ == module.__name__
         info = getattr(value, "info", None)
-        is_own = isinstance(value, type) and value.__module__ == module.__name__
-        if is_own and isinstance(info, MethodInfo | ScorerInfo):
-            kind: Kind = "method" if isinstance(info, MethodInfo) else "scorer"
-            components.append(Component(kind, info.name, f"{target}:{attribute}"))
+        if is_own_class and isinstance(info, MethodInfo):
+            components.append(Component("method", info.name, f"{target}:{attribute}"))
+        elif is_own_class and isinstance(info, ScorerInfo):
+            components.append(Component("scorer", info.name, f"{target}:{attribute}"))
     if not components:
         hint = "write a class with an 'info' (MethodInfo or ScorerInfo), or use @canonical_form"
         raise ConfigurationError(f"{path} defines no method and no scorer", hint)

@@ -107,14 +107,8 @@ def shaded(
     frame
         Points that the picture has room for, shape (n, 3); by default those of the mesh.
     """
-    # Scale the surface so that the frame fills most of [-1, 1] in the plane of the image.
     framed = mesh.vertices if frame is None else frame
-    turned = framed @ camera.rotation.T
-    low = turned.min(axis=0)
-    high = turned.max(axis=0)
-    half = max(float((high - low)[:2].max()) / 2, _LEAST_HALF) / _FILLED
-    scaled = (mesh.vertices @ camera.rotation.T - (low + high) / 2) / half
-
+    scaled = _in_picture(mesh.vertices, framed, camera)
     # Draw it larger than asked; the picture is reduced at the end, which smooths its edges.
     fine = size * _FINER
     pixels = np.column_stack(
@@ -139,6 +133,25 @@ def _reduced(picture: NDArray[np.float64]) -> NDArray[np.float64]:
     blocks = np.mean([picture[down::_FINER, right::_FINER] for down, right in offsets], axis=0)
     blocks[..., :3] /= np.maximum(blocks[..., 3:], 1e-9)
     return np.asarray(blocks)
+
+
+def _in_picture(points: Points, frame: Points, camera: Camera) -> Points:
+    """Return points as a camera sees them, shape (n, 3); the picture is [-1, 1] x [-1, 1].
+
+    Parameters
+    ----------
+    points
+        The points.
+    frame
+        Points that fill most of the picture, which is centred on them.
+    camera
+        The camera, which is orthographic.
+    """
+    turned = frame @ camera.rotation.T
+    low = turned.min(axis=0)
+    high = turned.max(axis=0)
+    half = max(float((high - low)[:2].max()) / 2, _LEAST_HALF) / _FILLED
+    return np.asarray((points @ camera.rotation.T - (low + high) / 2) / half)
 
 
 def _surface_colours(

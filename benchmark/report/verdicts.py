@@ -95,12 +95,16 @@ def _reproduced_by_chance(printed: DataFrame, ours: DataFrame) -> str:
     if ours.isna().any(axis=None):
         return ""
     values = printed.to_numpy()
-    near = is_near(values[:, None], ours.to_numpy()).sum(axis=2)  # by printed row and by our row
-    exchanges = np.array([*permutations(range(len(ours)))])
+    # How many measures of each printed row are reproduced by each of our rows, in all exchanges.
+    near = is_near(values[:, None], ours.to_numpy()).sum(axis=2)
+    exchanges = np.array(list(permutations(range(len(ours)))))
     counts = near[range(len(ours)), exchanges].sum(axis=1)
     n_ours = near.trace()
+
+    # The constant that reproduces most lies just above one of the figures, by the tolerance.
     n_by_mean = is_near(values, ours.mean().to_numpy()).sum()
     n_by_constants = is_near(values[:, None], values + TOLERANCE).sum(axis=0).max(axis=0).sum()
+
     correlations = printed.rank().corrwith(ours.rank())
     order = ", ".join(f"{measure} {rho:.2f}" for measure, rho in correlations.items())
     return (

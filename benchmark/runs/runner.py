@@ -247,6 +247,18 @@ class _Run:
         """Note the outcome of a step, and yield the records of the jobs that have ended by it.
 
         A step that crashed, or whose result is uncertain, is tried once more.
+
+        Parameters
+        ----------
+        step
+            A step that has ended.
+        outcome
+            How it ended.
+
+        Raises
+        ------
+        BenchmarkError
+            If nothing more can run.
         """
         if outcome.status == "stopped":  # nothing can run, as on a full disk
             raise BenchmarkError(outcome.reason)
