@@ -65,6 +65,10 @@ def program() -> None:
     watch_this_process()
     _open_streams()
     try:
+        Path.cwd()
+    except FileNotFoundError:
+        _end("error: the working folder was removed; go to one that exists", USAGE)
+    try:
         code = cli(standalone_mode=False)  # which turns KeyboardInterrupt into a code
     except BdbQuit:  # a debugger was left
         code = INTERRUPTED

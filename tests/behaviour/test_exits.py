@@ -48,6 +48,22 @@ def test_no_standard_streams_at_all(scored, tmp_path):
     assert (tmp_path / "tables.json").is_file()
 
 
+def test_a_working_folder_that_was_removed(scored, tmp_path):
+    tables = f"{sys.executable} -m benchmark tables --results {scored / 'results'} -d rods"
+    words = f"mkdir gone && cd gone && rmdir ../gone && {tables}"
+    done = subprocess.run(
+        ["sh", "-c", words],
+        cwd=tmp_path,
+        env=environment(),
+        timeout=PATIENCE,
+        check=False,
+        capture_output=True,
+        text=True,
+    )
+    problem = "error: the working folder was removed; go to one that exists\n"
+    assert (done.returncode, done.stderr) == (2, problem)
+
+
 def test_a_terminal_gets_the_same_figures(scored):
     main, other = pty.openpty()
     process = start("tables", "-d", "rods", "--input", "mesh", cwd=scored, stdout=other)
