@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -86,4 +86,9 @@ def _in_16_bits(depth: NDArray[np.float32]) -> NDArray[np.uint16]:
 
 def _in_words(camera: Camera) -> Sequence[str]:
     """Return the direction of a camera, and what is up in its image, as three numbers each."""
-    return [" ".join(repr(float(x)) for x in vector) for vector in (camera.direction, camera.up)]
+    return [_numbers(camera.direction), _numbers(camera.up)]
+
+
+def _numbers(vector: Iterable[float]) -> str:
+    """Return numbers as text, with all of their digits and blanks between them."""
+    return " ".join(repr(float(x)) for x in vector)

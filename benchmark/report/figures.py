@@ -331,10 +331,10 @@ def figure_of_records(
         poses = [name for name in names if labels[name] == subject]
         heading = clean_text(subject) if len(subjects) > 1 else "Shape"
         shapes_of_subject = _Column(heading, [forms.shape(first, name) for name in poses])
-        forms_of_subject = [
-            _Column(title, [forms.form(record, name) for name in poses])
-            for title, record in records.items()
-        ]
+        forms_of_subject = []
+        for title, record in records.items():
+            drawn = [forms.form(record, name) for name in poses]
+            forms_of_subject.append(_Column(title, drawn))
         columns += [shapes_of_subject, *forms_of_subject]
         columns_of_forms += forms_of_subject
     if not any(any(column.drawn) for column in columns_of_forms):

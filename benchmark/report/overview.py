@@ -132,8 +132,10 @@ def _rows_of_block(
         has_own_views = _Place(_OF_VIEWS, place.label) in columns
         cells = _cells_of_column(block, columns[place], has_own_views=has_own_views)
         cells_of_columns.append(cells)
-    titles = dict.fromkeys(chain.from_iterable(cells_of_columns))
-    return {title: [cells.get(title) for cells in cells_of_columns] for title in titles}
+    rows: dict[str, list[_Cell | None]] = {}
+    for title in chain.from_iterable(cells_of_columns):
+        rows[title] = [cells.get(title) for cells in cells_of_columns]
+    return rows
 
 
 def _cells_of_column(
