@@ -478,7 +478,8 @@ def _of_tables(
     chosen: list[Gallery] = []
     for table, dataset in tables_with_data:
         try:
-            chosen += _galleries(table, dataset, data_root, quick=quick)
+            # A list: of a table that fails halfway, no gallery is added.
+            chosen += list(_galleries(table, dataset, data_root, quick=quick))
         except DatasetError:
             # A table that accompanies another one may do without its data.
             if not table.part_of or table.identifier in wanted:
