@@ -33,7 +33,7 @@ from benchmark.report.grids import DPI, TEXT_WIDTH, TITLE_SIZE, grid
 from benchmark.report.notation import file_name
 from benchmark.report.rows import RowScores, TableRow
 from benchmark.report.table_view import TableView
-from benchmark.text import clean_text
+from benchmark.text import brief, clean_text
 
 _Value = TypeVar("_Value")
 
@@ -47,6 +47,9 @@ _LARGEST_MAP = 4.0
 #: Room for the title of a map in inches, and letters on each of its lines.
 _TITLE_ROOM = 0.2
 _TITLE_LETTERS = 30
+
+#: Letters of the name of a class in a map.
+_NAME_LETTERS = 20
 
 #: Height and width of a letter on a map, as shares of the extents of its points.
 _LETTER_HEIGHT = 0.055
@@ -190,7 +193,8 @@ def _draw_map(place: Axes, record: Record, matrix: NDArray[np.float64], page: st
         place.add_collection(LineCollection([*lines], colors=GREY, lw=0.5, zorder=0))
         if number < _NAMED_CLASSES:
             colour = str(class_colours[np.searchsorted(classes, label)])
-            names.append(_ClassName(clean_text(label), centre[0], of_class[:, 1].max(), colour))
+            name = brief(label, _NAME_LETTERS)
+            names.append(_ClassName(name, centre[0], of_class[:, 1].max(), colour))
     _write_names(place, names, points)
 
     place.plot(*points[is_missed].T, "o", ms=5.5, mfc="none", mew=0.8, color=MISSED)

@@ -29,7 +29,7 @@ from benchmark.report.figures import (
     some_shapes,
 )
 from benchmark.report.forms import StoredForms
-from benchmark.report.grids import write_figure
+from benchmark.report.grids import figure_bytes, write_figure
 from benchmark.report.output import write_files
 from benchmark.report.pages import report_files
 from benchmark.report.query_pages import Match, kept_pose, nearest_matches
@@ -577,6 +577,17 @@ def test_a_map_has_shapes_apart_as_their_distances_say_and_a_ring_at_those_whose
     assert rings.tolist() == points[[3]].tolist()
     between = np.linalg.norm(points[:, None] - points, axis=-1)
     assert between[0, 2] < between[2, 3] < between[0, 3] < between[3, 1] < between[0, 1]
+
+
+def test_a_map_of_classes_with_long_names_has_room_for_its_points(monkeypatch):
+    apart = np.abs(np.subtract.outer([0.0, 9.0, 1.0, 2.4], [0.0, 9.0, 1.0, 2.4]))
+    monkeypatch.setattr("benchmark.report.figures.read_distances", lambda folder, record: apart)
+    labels = [letter * 250 for letter in "abab"]
+    figure = map_figure(table_views([record(labels=labels)])[0], StoredForms(None))
+    assert figure_bytes(figure, ".svg")  # a warning of matplotlib is an error
+    (place,) = figure.axes
+    width = place.get_window_extent().width / figure.dpi
+    assert width > 0.8 * figure.get_size_inches()[0]
 
 
 def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_path):
