@@ -126,8 +126,8 @@ class Folder:
         plugins = (self.folder / "edited.py", self.folder / "scores.py")
         return planned(self.rods, results, "edited", plugins=plugins, scorer="scores", **options)
 
-    def run(self, results):
-        (record,) = done(self.planned(results), results).values()
+    def run(self, results, **options):
+        (record,) = done(self.planned(results), results, **options).values()
         return record
 
 
