@@ -174,9 +174,8 @@ def _scalar(value: Any, row: int, what: str) -> Scalar:
         # An enumeration has its own text. Text of fixed width ends in NULs, as in numpy.
         text = str.__str__(value).strip().rstrip("\0").strip()
         if _CONTROL.search(text):
-            raise ConfigurationError(
-                f"{what} {row} holds a control character: {text!r:.40}", _ONE_AXIS
-            )
+            problem = f"{what} {row} holds a control character: {text!r:.40}"
+            raise ConfigurationError(problem, "remove the character, which no screen shows")
         return text
     raise ConfigurationError(f"{what} {row} is of type {_type_name(value)}", _ONE_AXIS)
 
