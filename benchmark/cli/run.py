@@ -102,7 +102,7 @@ def run_selection(
     forms: Sequence[str],
     train: bool = False,
 ) -> bool:
-    """Run the selected jobs and print tables; return whether all jobs are ok.
+    """Run the selected jobs, and print how each ended, and the tables.
 
     Parameters
     ----------
@@ -110,14 +110,26 @@ def run_selection(
         What to run.
     size
         Number of processes; 0 runs in this one, None on all cores.
-    dask, timeout
-        Address of the scheduler of a dask cluster; limit in seconds.
+    dask
+        Address of the scheduler of a dask cluster; "" for none.
+    timeout
+        Seconds that a method may take for a shape.
     rerun
         States of jobs that run again.
     forms
         Words ``NAME=DIR`` for forms of other programs, which are scored instead of methods.
     train
         Whether models that the networks of the selection lack are trained first.
+
+    Returns
+    -------
+    bool
+        Whether all jobs could run, and are ok.
+
+    Raises
+    ------
+    ConfigurationError
+        If nothing is selected.
     """
     if not selection.is_something:
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
@@ -138,14 +150,28 @@ def run_selection(
     ended = _run(planned, size, dask, timeout)
     if any(record.traceback for record in ended):
         say("'plan --traceback', with the same selection, prints errors in full", err=True)
-    records = records_after(planned, ended)
+    _print_results(planned, records_after(planned, ended), selection)
+    is_complete = not (planned.missed or planned.refused)
+    return is_complete and all(record.status == "ok" for record in ended)
+
+
+def _print_results(planned: Plan, records: Sequence[Record], selection: Selection) -> None:
+    """Print the tables of a run; of a run of some subjects alone, the outcome of each job.
+
+    Parameters
+    ----------
+    planned
+        The plan of the run.
+    records
+        All records after it.
+    selection
+        What was selected.
+    """
     if selection.subjects:  # tables show whole galleries
         for record in planned.known_records(records):
             say(f"{planned.names[record.key]}  {outcome(record)}")
     else:
         _print_tables(planned, records, selection)
-    is_complete = not (planned.missed or planned.refused)
-    return is_complete and all(record.status == "ok" for record in ended)
 
 
 def _announce(planned: Plan) -> None:

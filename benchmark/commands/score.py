@@ -160,17 +160,10 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
     values = values[is_query]
     query_classes = list(compress(rows.classes, is_query))
 
-    # Measures in which so few results cannot differ are left out.
     ends = class_intervals(values, query_classes)
-    columns = {
-        "score": scores.means,
-        "low": ends[:, 0],
-        "high": ends[:, 1],
-        "chance": chance_levels(rows.classes, targets),
-    }
-    table = DataFrame(columns, index=list(scores.means))
-    table = table.loc[[name for name in table.index if MEASURES[name].says_something(n_results)]]
-
+    table = _table_of_measures(
+        scores.means, ends, chance_levels(rows.classes, targets), n_results=n_results
+    )
     if targets is None:
         notes = _notes_on_shapes(len(matrix), scores.lone_queries)
     else:
@@ -191,6 +184,31 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
     content = {"class": rows.classes, **scores.per_query}
     queries = DataFrame(content, index=list(rows.names) or None).rename_axis("shape")
     return Evaluation(table, queries, matrix, tuple(notes))
+
+
+def _table_of_measures(
+    means: Mapping[str, float],
+    ends: NDArray[np.float64],
+    chance: Mapping[str, float],
+    *,
+    n_results: int,
+) -> DataFrame:
+    """Return a frame with a row for each measure: ``score``, ``low``, ``high`` and ``chance``.
+
+    Parameters
+    ----------
+    means, chance
+        Score, and that of a random order, by measure.
+    ends
+        Ends of the interval of each score, shape (measures, 2).
+    n_results
+        Number of results of each query. Measures in which so few cannot differ are left out.
+    """
+    from pandas import DataFrame
+
+    columns = {"score": means, "low": ends[:, 0], "high": ends[:, 1], "chance": chance}
+    table = DataFrame(columns, index=list(means))
+    return table.loc[[name for name in means if MEASURES[name].says_something(n_results)]]
 
 
 def _notes_on_shapes(n_shapes: int, n_lone: int) -> list[str]:
