@@ -89,6 +89,8 @@ def _fits(mark: str, lines: Sequence[str], *, has_short_first: bool) -> bool:
         counts = [len(re.findall(" +", line.strip())) for line in lines]
     else:
         counts = [line.count(mark) for line in lines]
+
+    # All lines but the first must agree; a text of one line agrees with itself.
     first = counts[0]
     others = counts[1:] or counts
     usual = others[-1]

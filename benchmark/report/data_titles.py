@@ -28,6 +28,11 @@ def data_title(record: Record) -> str:
 
     Generated data that stand in for an official set say so, and so do files that only have the
     names of an official set, but not its content.
+
+    Parameters
+    ----------
+    record
+        A record, which knows the digests of its data.
     """
     data = record.data
     if data.stand_in_for:

@@ -111,9 +111,9 @@ def shaded(
     scaled = _in_picture(mesh.vertices, framed, camera)
     # Draw it larger than asked; the picture is reduced at the end, which smooths its edges.
     fine = size * _FINER
-    pixels = np.column_stack(
-        [(1 + scaled[:, 0]) * fine / 2, (1 - scaled[:, 1]) * fine / 2, -scaled[:, 2]]
-    )
+    columns = (1 + scaled[:, 0]) * fine / 2
+    rows = (1 - scaled[:, 1]) * fine / 2
+    pixels = np.column_stack([columns, rows, -scaled[:, 2]])
     depth = depth_buffer(pixels, mesh.faces, fine, np.inf).astype(np.float64)
     is_surface = np.isfinite(depth)
     picture = np.zeros((fine, fine, 4))  # red, green, blue and opacity from 0 to 1

@@ -454,6 +454,7 @@ class _Planning:
             ``key`` of the record and of its ``files``, and ``parts``: digests of code, data, models
             and parameters by name, which tell later why a key changed.
         """
+        # Keys of the cached files, by side; and for each view, those of all its stages.
         files_of_sides = []
         keys_of_views: list[tuple[str, ...]] = []
         for side, models_of_side in zip(sides, models, strict=True):
@@ -461,6 +462,7 @@ class _Planning:
             files_of_sides.append(files)
             keys_of_views += zip(*files.values(), strict=True)
 
+        # Whatever the record says is in its key, titles too; its place on the disk is not.
         titles = [method.title, scorer.title if scorer else ""]
         result_key = digest(
             [
