@@ -64,14 +64,12 @@ def place(material, tmp_path, monkeypatch) -> Path:
 
 @pytest.fixture(scope="session")
 def ran(material) -> Path:
-    """The same folder once its data was run."""
-    with pytest.MonkeyPatch.context() as patch:
+    """The same folder once its data was run, as in processes but in this one."""
+    with pytest.MonkeyPatch.context() as patch, without_processes():
         patch.chdir(material)
-        serial = ("-j", "0", "--results", "results")
         for name in ("rods", "frames"):
-            with without_processes():
-                done = call("run", "-d", name, "-m", "gps", "-m", "surface-area", *serial)
-            assert done.code == 0
+            suite = ("-m", "gps", "-m", "surface-area", "--results", "results", "-j", 0)
+            assert call("run", "-d", name, *suite).code == 0
         own = ("-m", "flat", "-m", "picky", "-m", "bug", "--plugin", "own.py", "--input", "mesh")
         assert call("run", "-d", "rods", *own, "--results", "results", "-j", 2).code == 1
     return material
