@@ -81,6 +81,11 @@ def test_the_saved_frame_of_a_realsense_gives_the_form_of_the_example(tmp_path, 
     assert vertices[0] == pytest.approx(vertices[1], abs=1e-4)
 
 
+def test_the_page_on_cameras_shows_the_script_of_the_tutorial():
+    script = files_of(TUTORIALS / "realsense.md")["0"]
+    assert f"```python\n{script}```" in TEXTS[ROOT / "docs" / "how-to" / "depth-camera.md"]
+
+
 def test_a_folder_of_mixed_formats_has_no_problem(tmp_path):
     names = re.findall(
         r"^(chairs-and-lamps/\S+)$", TEXTS[TUTORIALS / "paper-table.md"], re.MULTILINE
