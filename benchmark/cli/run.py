@@ -266,7 +266,7 @@ def _print_tables(planned: Plan, records: Sequence[Record], selection: Selection
             "- The best of several values is tuned on these shapes; choose it on others: "
             "--subjects A,B."
         )
-    say(f"next: {_report_of(selection)}, for classes, failed queries, and forms to turn", err=True)
+    say(f"next: {_report_of(selection)}, for classes, failed queries, and forms in 3D", err=True)
 
 
 def _report_of(selection: Selection) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -28,12 +29,20 @@ PLAY_PAGE = "play.html"
 FORM_PIXELS = 240
 
 
+#: The blank between the thousands of a number, at which no line may break.
+_THOUSANDS = re.compile(r"(?<=\d) (?=\d{3}\b)")
+_NO_BREAK = "\xa0"
+
+
 def _shown(value: Any) -> Any:
-    """Return a value as a template shows it: None as nothing, texts without control characters."""
+    """Return a value as a template shows it.
+
+    None is nothing. Texts have no control characters, and no line breaks within their numbers.
+    """
     if value is None:
         return ""
     if type(value) is str:  # and no markup, which is a kind of str
-        return clean_text(value)
+        return _THOUSANDS.sub(_NO_BREAK, clean_text(value))
     return value
 
 

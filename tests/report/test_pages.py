@@ -257,7 +257,7 @@ def test_stored_forms_and_distances_are_shown_and_rows_lead_to_them(results, tmp
     assert len(said) == 3 * len(shapes)
     assert f"Form of {shapes[0]} by GPS" in said
     assert (
-        len(re.findall(r"</button>(?:mirrored)? \.\d\d</td>", forms)) == 2 * 2
+        len(re.findall(r"</button>(?:mirrored, )?\.\d\d apart</td>", forms)) == 2 * 2
     )  # of two classes by two methods
     sizes = Counter(Image.open(tmp_path / name).size for name in files if name.endswith(".webp"))
     assert sizes == {(240, 240): 3 * len(shapes), (96, 96): len(shapes)}
