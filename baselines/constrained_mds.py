@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from benchmark.api.contracts import (
     MethodInfo,
     Shape,
 )
+
+if TYPE_CHECKING:
+    from baselines._kernels.arap import AsRigidAsPossible
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,11 +123,10 @@ class ConstrainedMDS(CheckedParameters):
                 for _ in range(self.iterations):
                     rotations = surface.rotations(both_deformed[k])
                     both_deformed[k] = solve(surface.load(rotations) + pull[:, None] * aims)
-        energies = []
-        for vertices, aims in zip(both_deformed, both_targets, strict=True):
-            elastic = surface.energy(vertices, surface.rotations(vertices))
-            attraction = float(pull @ ((vertices - aims) ** 2).sum(axis=1))
-            energies.append(elastic + attraction)
+        energies = [
+            _energy(surface, vertices, aims, pull)
+            for vertices, aims in zip(both_deformed, both_targets, strict=True)
+        ]
         is_mirrored = energies[1] < energies[0]
         chosen = int(is_mirrored)
         vertices = both_deformed[chosen]
@@ -135,3 +137,22 @@ class ConstrainedMDS(CheckedParameters):
             rejected_energy=energies[1 - chosen],
             mirrored="yes" if is_mirrored else "no",
         )
+
+
+def _energy(
+    surface: AsRigidAsPossible, vertices: FloatArray, targets: FloatArray, pull: FloatArray
+) -> float:
+    """Return the elastic energy of a deformed surface, and that of the pull of its targets.
+
+    Parameters
+    ----------
+    surface
+        The surface at rest.
+    vertices, targets
+        Vertices of the deformed surface and their targets, shape (n, 3).
+    pull
+        Weight of the squared distance of each vertex from its target, shape (n,).
+    """
+    elastic: float = surface.energy(vertices, surface.rotations(vertices))
+    attraction = float(pull @ ((vertices - targets) ** 2).sum(axis=1))
+    return elastic + attraction

@@ -244,6 +244,15 @@ def close_gaps(
               + \sum_{ij} w_{ij} \| R_c p_i + t_c - R_d p_j - t_d - \tfrac12 (R_c + R_d)(p_i - p_j)
               \|^2 .
 
+    With the middles :math:`m_{ij} = \tfrac12 (p_i + p_j)` of these edges, the second norm is that
+    of :math:`t_c - t_d - g_{ij}`, :math:`g_{ij} = (R_d - R_c) m_{ij}`, and the translations solve
+    the linear system, one equation for each part c,
+
+    .. math:: \alpha_c t_c + \sum_{ij} w_{ij} (t_c - t_d)
+              = \alpha_c t^0_c + \sum_{ij} w_{ij} g_{ij} ,
+
+    where i runs over the vertices of c and j over their neighbours in other parts d.
+
     Parameters
     ----------
     surface
@@ -269,10 +278,8 @@ def close_gaps(
     weights = graph.data[is_seam]
     first = parts[start]
     second = parts[end]
-    # The parts meet at the middle m of an edge if t_c - t_d = (R_d - R_c) m.
     middles = (surface.rest[start] + surface.rest[end]) / 2
     gaps = np.einsum("eab,eb->ea", rotations[second] - rotations[first], middles)
-    # The normal equations: a linear system in the translations of all parts.
     system = np.diag(np.bincount(parts, masses) / masses.sum())
     right_side = system @ translations
     np.add.at(system, (first, first), weights)

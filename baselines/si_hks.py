@@ -11,6 +11,13 @@ import numpy as np
 from baselines._kernels.spectrum import spectrum
 from benchmark.api.contracts import CheckedParameters, FloatArray, Interval, MethodInfo, Shape
 
+TIMES = 2.0 ** np.arange(-19, 5 + 1 / 16, 1 / 16)
+"""Diffusion times on a surface of unit area: 24 octaves in steps of 1/16, as in the source.
+
+By Weyl's law the eigenvalues at area 1 are about 4 pi k; the range is centred at the geometric mean
+of 1 / (4 pi) and 1 / (400 pi), about 2^-7.
+"""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ScaleInvariantHKS(CheckedParameters):
@@ -82,16 +89,12 @@ class ScaleInvariantHKS(CheckedParameters):
         values, functions = spectrum(shape, self.eigenpairs)
         mass = shape.laplacian().mass
         area = mass.sum()
-        # 24 octaves in steps of 1/16, as in the source. By Weyl's law the eigenvalues at area 1 are
-        # about 4 pi k; the range is centred at the geometric mean of 1 / (4 pi) and 1 / (400 pi),
-        # about 2^-7.
-        times = 2.0 ** np.arange(-19, 5 + 1 / 16, 1 / 16)
-        decays = np.exp(-np.outer(values * area, times))
+        decays = np.exp(-np.outer(values * area, TIMES))
         # The heat kernel signature of each vertex at each time; the constant function keeps 1.
         heat = 1 + area * functions**2 @ decays
         # Its derivative by time, and with it that of its logarithm by the binary logarithm of time.
         cooling = area * functions**2 @ ((values * area)[:, None] * decays)
-        slope = -np.log(2) * times * cooling / heat
+        slope = -np.log(2) * TIMES * cooling / heat
         # A change of scale shifts the slopes along time, which moduli of frequencies do not see.
         # Here and below, digits that depend on the processor are rounded off.
         moduli = np.abs(np.fft.rfft(slope, axis=1))[:, : self.frequencies].round(6)
@@ -136,19 +139,33 @@ class ScaleInvariantHKS(CheckedParameters):
         width = 2 * np.median(distances_to_words)
         sigma = max(width, 1e-9 * np.ptp(vertices)) or 1.0  # not 0, even if all vertices are alike
 
-        def bag(descriptor: FloatArray) -> FloatArray:
-            """Return the share of each word in the area of a shape, shape (words,)."""
-            shape = self._vertices(descriptor)
-            areas = shape[:, 0]
-            squares = cdist(shape[:, 1:], words, "sqeuclidean")
-            nearest = squares.min(axis=1, keepdims=True)  # without it, all may underflow
-            closeness = np.exp((nearest - squares) / (2 * sigma**2))
-            shares = closeness / closeness.sum(axis=1, keepdims=True)
-            return np.asarray(areas @ shares).round(9)
-
-        columns = [bag(descriptor) for descriptor in gallery]
-        rows = columns if queries is gallery else [bag(descriptor) for descriptor in queries]
+        columns = [self._bag(descriptor, words, sigma) for descriptor in gallery]
+        rows = columns
+        if queries is not gallery:
+            rows = [self._bag(descriptor, words, sigma) for descriptor in queries]
         return np.asarray(cdist(rows, columns, "cityblock"))
+
+    def _bag(self, descriptor: FloatArray, words: FloatArray, sigma: float) -> FloatArray:
+        """Return the share of each word in the area of a shape, shape (words,).
+
+        Parameters
+        ----------
+        descriptor
+            Result of :meth:`describe`.
+        words
+            Frequencies of each word, shape (words, frequencies).
+        sigma
+            Distance over which the closeness of a vertex to a word falls off.
+        """
+        from scipy.spatial.distance import cdist
+
+        vertices = self._vertices(descriptor)
+        areas = vertices[:, 0]
+        squares = cdist(vertices[:, 1:], words, "sqeuclidean")
+        nearest = squares.min(axis=1, keepdims=True)  # without it, all may underflow
+        closeness = np.exp((nearest - squares) / (2 * sigma**2))
+        shares = closeness / closeness.sum(axis=1, keepdims=True)
+        return np.asarray(areas @ shares).round(9)
 
     def _vertices(self, descriptor: FloatArray) -> FloatArray:
         """Return the area and frequencies of each vertex, shape (n, 1 + frequencies)."""

@@ -214,13 +214,27 @@ def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> IntArray:
     nearest_joint = joints_of_corners[faces, nearest_corner]
     offset = offsets[faces, nearest_corner]
     for joint in np.unique(nearest_joint[~is_across]):
-        bones_at_joint = np.flatnonzero((bones == joint).any(axis=1))
-        far_ends = bones[bones_at_joint].sum(axis=1) - joint
-        directions = _unit(skeleton.joints[far_ends] - skeleton.joints[joint])
         triangles = np.flatnonzero(~is_across & (nearest_joint == joint))
-        best = (offset[triangles] @ directions.T).argmax(axis=1)
-        chosen[triangles] = bones_at_joint[best]
+        chosen[triangles] = _bones_along(skeleton, int(joint), offset[triangles])
     return chosen
+
+
+def _bones_along(skeleton: CurveSkeleton, joint: int, offsets: FloatArray) -> IntArray:
+    """Return the bone at a joint whose direction is nearest to each of some vectors, shape (k,).
+
+    Parameters
+    ----------
+    skeleton
+        The skeleton.
+    joint
+        Number of the joint.
+    offsets
+        Vectors from the joint, shape (k, 3).
+    """
+    bones = np.flatnonzero((skeleton.bones == joint).any(axis=1))
+    far_ends = skeleton.bones[bones].sum(axis=1) - joint
+    directions = _unit(skeleton.joints[far_ends] - skeleton.joints[joint])
+    return np.asarray(bones[(offsets @ directions.T).argmax(axis=1)])
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
@@ -232,14 +246,20 @@ def _unit(vectors: FloatArray) -> FloatArray:
 def follow_rotations(mesh: Mesh, laplacian: Laplacian, rotations: FloatArray) -> FloatArray:
     r"""Return the positions whose triangles best follow the prescribed rotations.
 
-    A fourth vertex off its plane turns each triangle into a simplex (Sumner & Popović 2004; Yan et
-    al. 2008), and the positions minimise :math:`\sum_f A_f \|F_f - R_f\|_F^2` over the deformation
-    gradients :math:`F_f`. The fourth vertex belongs to one simplex only, where it matches the
-    prescribed normal exactly; eliminating it leaves the tangential part of the gradient, and with
-    it the Poisson system of the cotangent Laplacian
+    With the area :math:`A_f` and the prescribed rotation :math:`R_f` of each triangle f, and the
+    gradient :math:`F_f` of its deformation, they minimise
+
+    .. math:: \sum_f A_f \|F_f - R_f\|_F^2 .
+
+    A fourth vertex off its plane turns each triangle into a simplex, which has such a gradient
+    (Sumner & Popović 2004; Yan et al. 2008). The fourth vertex belongs to one simplex only, where
+    it matches the prescribed normal exactly; eliminating it leaves the tangential part of the
+    gradient, and with it the Poisson system of the cotangent Laplacian
 
     .. math:: L x = b, \qquad
-              b_i = \tfrac12 \sum_{f \ni i} \sum_{j \in f} \cot\alpha_{ij}^f \, R_f (p_i - p_j).
+              b_i = \tfrac12 \sum_{f \ni i} \sum_{j \in f} \cot\alpha_{ij}^f \, R_f (p_i - p_j),
+
+    where :math:`\alpha_{ij}^f` is the angle of triangle f opposite its side from i to j.
 
     Parameters
     ----------

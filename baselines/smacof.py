@@ -115,11 +115,7 @@ class LeastSquaresMDS(CheckedParameters):
             start = _classic_start(shape, order, targets)
             axes = np.eye(3)
         else:
-            # In its principal axes, the start is rounded alike however the shape was turned.
-            vertices = shape.mesh.vertices[order]
-            centred = vertices - vertices.mean(axis=0)
-            _, axes = np.linalg.eigh(np.cov(centred, rowvar=False))
-            start = _rounded(centred @ axes)
+            start, axes = _input_start(shape.mesh.vertices[order])
         transform = partial(guttman_transform, targets=targets)
         points, stresses = majorise(
             transform, start, relaxed=True, max_iterations=self.max_iterations, rtol=self.rtol
@@ -204,6 +200,17 @@ def _classic_start(shape: Shape, order: IntArray, distances: NDArray[np.float32]
     """Return classic MDS in a given order of the vertices, rounded."""
     points, _ = classic_scaling(distances.astype(np.float64))
     return _rounded(oriented(points, shape.mesh.vertex_areas[order]))
+
+
+def _input_start(vertices: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return the vertices of a surface in the frame of its principal axes, rounded, and the axes.
+
+    In this frame, they are rounded alike however the shape was turned. The axes are the columns of
+    a matrix, shape (3, 3).
+    """
+    centred = vertices - vertices.mean(axis=0)
+    _, axes = np.linalg.eigh(np.cov(centred, rowvar=False))
+    return _rounded(centred @ axes), axes
 
 
 def _rounded(points: FloatArray) -> FloatArray:

@@ -56,8 +56,10 @@ def form_of(
     vertices : numpy.ndarray
         Vertices of the form, of unit area, shape (n, 3).
     notes : dict
-        ``edge_strain``, the mean relative change of the lengths of edges, and ``mean_correction``,
-        the mean distance from the prediction.
+        ``edge_strain``, the changes of the lengths of all edges over their total length, and
+        ``mean_correction``, the mean distance of the returned vertices from the positions that the
+        network predicted. Both surfaces have unit area where they are compared, the predicted one
+        as nearly as the network learned it.
 
     Raises
     ------
@@ -70,20 +72,31 @@ def form_of(
         raise UnsupportedShape(problem, f"keep at most {MOST_VERTICES}")
     framed = in_frame(mesh)
     positions, rotations = predicted(network, _outward(framed))
-    vertices = with_detail(framed.vertices, shape.laplacian(), positions, rotations, reach, rounds)
+    detailed = with_detail(framed.vertices, shape.laplacian(), positions, rotations, reach, rounds)
+    form = _of_unit_area(mesh, detailed)
+    change_of_lengths = np.abs(form.edge_lengths - framed.edge_lengths)
+    corrections = np.linalg.norm(form.vertices - positions, axis=1)
+    notes: dict[str, float | str] = {
+        "edge_strain": float(change_of_lengths.sum() / framed.edge_lengths.sum()),
+        "mean_correction": float(corrections.mean()),
+    }
+    return form.vertices, notes
+
+
+def _of_unit_area(mesh: Mesh, vertices: Points) -> Mesh:
+    """Return a mesh with other vertices, which are scaled until its area is one.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the vertices are not finite or leave no area, because the network failed.
+    """
     is_finite = bool(np.isfinite(vertices).all())
     area = mesh.with_vertices(vertices).area if is_finite else 0.0
     if not area > 0:
         problem = "the network leaves no surface of this shape"
         raise UnsupportedShape(problem, "pass one like those it was trained on")
-    vertices = np.asarray(vertices / area**0.5)
-    before = framed.edge_lengths
-    after = mesh.with_vertices(vertices).edge_lengths
-    notes: dict[str, float | str] = {
-        "edge_strain": float(np.abs(after - before).sum() / before.sum()),
-        "mean_correction": float(np.linalg.norm(vertices - positions, axis=1).mean()),
-    }
-    return vertices, notes
+    return mesh.with_vertices(vertices / area**0.5)
 
 
 @torch.inference_mode()
@@ -173,7 +186,20 @@ def in_frame(mesh: Mesh) -> Mesh:
     a, b, c = _corners(mesh)
     origin = shares @ (a + b + c) / 3
     unit = total**0.5
-    corners = [(corner - origin) / unit for corner in (a, b, c)]
+    axes = _principal_axes([(corner - origin) / unit for corner in (a, b, c)], shares)
+    return mesh.with_vertices((mesh.vertices - origin) @ axes.T / unit)
+
+
+def _principal_axes(corners: list[Points], shares: FloatArray) -> FloatArray:
+    """Return the principal axes of triangles as rows of a rotation matrix, longest first.
+
+    Parameters
+    ----------
+    corners
+        First, second and third corners, with the centroid at 0, each of shape (m, 3).
+    shares
+        Shares of the triangles of the area, shape (m,).
+    """
     # The second moment of a triangle is a twelfth of those of its corners and of their sum.
     moments = [(shares[:, None] * points).T @ points for points in (*corners, sum(corners))]
     covariance = sum(moments) / 12
@@ -185,7 +211,7 @@ def in_frame(mesh: Mesh) -> Mesh:
     axes[skewness < 0] *= -1
     if np.linalg.det(axes) < 0:
         axes[np.abs(skewness).argmin()] *= -1
-    return mesh.with_vertices((mesh.vertices - origin) @ axes.T / unit)
+    return axes
 
 
 def _skewness(corners: list[Points], shares: FloatArray) -> FloatArray:
@@ -249,11 +275,35 @@ def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
         Points and the unit normals of their triangles, shape (m, 3); the first few are spread as
         evenly as all.
     """
+    candidates, face_of_candidate = _candidates(mesh, PER_POINT * count)
+    chosen = _farthest_points(candidates, candidates @ _TIE_BREAKER, count)
+    normals = mesh.face_normals[face_of_candidate[chosen]]
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True).clip(min=1e-300)
+    return candidates[chosen], normals / lengths
+
+
+def _candidates(mesh: Mesh, count: int) -> tuple[Points, NDArray[np.int64]]:
+    """Spread points over a surface: the centres of equal parts of its triangles.
+
+    Parameters
+    ----------
+    mesh
+        A surface with area.
+    count
+        About the number of points; more if many triangles are small.
+
+    Returns
+    -------
+    points : numpy.ndarray
+        Shape (c, 3).
+    faces : numpy.ndarray
+        The triangle on which each of them lies, shape (c,).
+    """
     areas = mesh.face_areas
     # Each triangle is divided into k^2 small ones, about as many as its share of all candidates.
     # The margin gives triangles of equal area the same k.
-    n_candidates = areas / areas.sum() * PER_POINT * count
-    k_of_face = np.ceil(np.sqrt(n_candidates) * (1 - TIE)).astype(np.int64)
+    n_parts = areas / areas.sum() * count
+    k_of_face = np.ceil(np.sqrt(n_parts) * (1 - TIE)).astype(np.int64)
     k_of_face = np.where(areas > 0, np.clip(k_of_face, 1, MOST_PER_TRIANGLE), 0)
     points = []
     faces = []
@@ -263,12 +313,7 @@ def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
         centres = np.einsum("wc,mcx->mwx", weights, mesh.vertices[mesh.faces[divided]])
         points.append(centres.reshape(-1, 3))
         faces.append(np.repeat(divided, len(weights)))
-    candidates = np.concatenate(points)
-    face_of_candidate = np.concatenate(faces)
-    chosen = _farthest_points(candidates, candidates @ _TIE_BREAKER, count)
-    normals = mesh.face_normals[face_of_candidate[chosen]]
-    lengths = np.linalg.norm(normals, axis=1, keepdims=True).clip(min=1e-300)
-    return candidates[chosen], normals / lengths
+    return np.concatenate(points), np.concatenate(faces)
 
 
 def _centres(k: int) -> FloatArray:
@@ -331,7 +376,7 @@ def with_detail(
     reach: float,
     rounds: int,
 ) -> Points:
-    r"""Return positions near the predicted ones, with the edges of the input, rotated.
+    r"""Deform a surface towards predicted positions, and keep its details.
 
     Minimise
 
@@ -343,6 +388,12 @@ def with_detail(
     rotations and positions: as-rigid-as-possible deformation [Sorkine & Alexa 2007, equations 3 and
     8] with a term that attracts it to the predicted positions :math:`y`. Details smaller than
     :math:`\rho` come from the input :math:`p`, the positions of larger parts from the prediction.
+    With the weights w of edges (i, j) and the shares m of vertices in the area, the best positions
+    for given rotations solve, for each vertex i,
+
+    .. math::
+        \sum_j w_{ij} (x_i - x_j) + \rho^{-2} m_i x_i
+        = \sum_j w_{ij} \tfrac12 (R_i + R_j) (p_i - p_j) + \rho^{-2} m_i y_i .
 
     Parameters
     ----------

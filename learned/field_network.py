@@ -38,6 +38,12 @@ DECODER_LAYERS = 2
 FREQUENCIES = 5
 """Octaves of the positional encoding [Mildenhall et al. 2020, equation 4]."""
 
+#: Numbers of a neighbour: its offset, its normal, and the normal at the centre.
+_N_OF_NEIGHBOUR = 3 + 3 + 3
+
+#: Numbers of an answer: a position, and two columns of a rotation.
+_N_OF_ANSWER = 3 + 6
+
 _RADIUS = 0.15
 """Unit of relative positions in a neighbourhood, in units of sqrt(area).
 
@@ -64,30 +70,38 @@ class FieldNetwork(nn.Module):
     """Encoder of points and decoder of positions."""
 
     def __init__(self) -> None:
-        """Make the layers; their names stand in files of weights, and their order decides draws."""
+        """Make the layers of the encoder and of the decoder, with weights drawn by torch.
+
+        Names of layers stand in files of weights; the order of layers decides which draws they get.
+        """
         super().__init__()
-        # A position, its sines and cosines at each frequency, and a normal.
-        n_inputs = 3 * (2 + 2 * FREQUENCIES)
-        # Encoder: neighbourhoods to features, these and their positions to tokens, and attention
-        # among the tokens. ``whole`` is the token that stands for the whole shape.
+        # What positional encoding gives: a position, a normal, and a sine and a cosine of each
+        # coordinate at each frequency.
+        n_encoded = 3 * (2 + 2 * FREQUENCIES)
+        # Encoder. A perceptron turns each neighbour of a token into features; their maximum over
+        # the neighbourhood passes ``gathered``, and the encoded position of the token ``placed``.
+        # The sum of both is the token.
         self.neighbourhood = nn.Sequential(
-            nn.Linear(9, TOKEN_WIDTH // 3),
+            nn.Linear(_N_OF_NEIGHBOUR, TOKEN_WIDTH // 3),
             nn.ReLU(),
             nn.Linear(TOKEN_WIDTH // 3, TOKEN_WIDTH),
             nn.ReLU(),
         )
         self.gathered = nn.Linear(TOKEN_WIDTH, TOKEN_WIDTH)
-        self.placed = nn.Linear(n_inputs, TOKEN_WIDTH)
+        self.placed = nn.Linear(n_encoded, TOKEN_WIDTH)
+        # One more token stands for the whole shape. Tokens attend to each other; ``asked_norms``
+        # normalise their keys and values in each layer, ``code_norm`` the finished tokens.
         self.whole = nn.Parameter(torch.zeros(1, 1, TOKEN_WIDTH))
         self.encoder = nn.ModuleList(Attention() for _ in range(ENCODER_LAYERS))
         self.asked_norms = nn.ModuleList(nn.LayerNorm(TOKEN_WIDTH) for _ in range(ENCODER_LAYERS))
         self.code_norm = nn.LayerNorm(TOKEN_WIDTH)
-        # Decoder: positions that ask the tokens, and the answer, a position and a rotation.
+        # Decoder. An encoded position becomes a query (``asking``), which attends to the tokens;
+        # the head turns it into a canonical position and a rotation.
         self.asking = nn.Sequential(
-            nn.Linear(n_inputs, TOKEN_WIDTH), nn.GELU(), nn.Linear(TOKEN_WIDTH, TOKEN_WIDTH)
+            nn.Linear(n_encoded, TOKEN_WIDTH), nn.GELU(), nn.Linear(TOKEN_WIDTH, TOKEN_WIDTH)
         )
         self.decoder = nn.ModuleList(Attention() for _ in range(DECODER_LAYERS))
-        self.head = nn.Sequential(nn.LayerNorm(TOKEN_WIDTH), nn.Linear(TOKEN_WIDTH, 9))
+        self.head = nn.Sequential(nn.LayerNorm(TOKEN_WIDTH), nn.Linear(TOKEN_WIDTH, _N_OF_ANSWER))
 
     def encoded(self, points: Tensor, normals: Tensor) -> Tokens:
         """Encode shapes to tokens.

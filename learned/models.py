@@ -289,14 +289,7 @@ def save_model(
     """
     import pandas  # lazy: predicting does not need it
 
-    with torch.no_grad():
-        for parameter in network.parameters():
-            parameter.copy_(parameter.half().float())
-    halves = {
-        name: tensor.detach().cpu().half().contiguous()
-        for name, tensor in network.state_dict().items()
-    }
-    content: bytes = bytes_of(halves)
+    content = _in_half_precision(network)
     card = {
         "digest": hashlib.sha256(content).hexdigest(),
         "configuration": msgspec.to_builtins(configuration),
@@ -318,10 +311,27 @@ def save_model(
     _write(folder / WEIGHTS, content)
     losses = pandas.DataFrame(history).to_csv(index=False, float_format="%.6g", lineterminator="\n")
     _write(folder / HISTORY, losses.encode())
-    # A line an entry keeps long lists of shapes on one line.
-    lines = [f" {json.dumps(name)}: {json.dumps(value)}" for name, value in card.items()]
+    _write(folder / CARD, _json_with_an_entry_a_line(card).encode())
+
+
+def _in_half_precision(network: nn.Module) -> bytes:
+    """Round the weights of a network to half precision, in place, and return those of its file."""
+    with torch.no_grad():
+        for parameter in network.parameters():
+            parameter.copy_(parameter.half().float())
+    halves = {
+        name: tensor.detach().cpu().half().contiguous()
+        for name, tensor in network.state_dict().items()
+    }
+    content: bytes = bytes_of(halves)
+    return content
+
+
+def _json_with_an_entry_a_line(entries: Mapping[str, Any]) -> str:
+    """Return entries as JSON, which keeps each long list of shapes on one line."""
+    lines = [f" {json.dumps(name)}: {json.dumps(value)}" for name, value in entries.items()]
     text = ",\n".join(lines)
-    _write(folder / CARD, f"{{\n{text}\n}}\n".encode())
+    return f"{{\n{text}\n}}\n"
 
 
 def _write(path: Path, content: bytes) -> None:

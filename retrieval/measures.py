@@ -477,22 +477,37 @@ def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[
     """
     order = np.argsort(distances, kind="stable")
     hits = relevant[order].astype(np.float64)
-    n_results = len(order)
     # Groups of equal distances: the first rank, the number of ranks, and the hits of each group.
     starts = np.flatnonzero(np.diff(distances[order], prepend=-np.inf) > 0)
-    sizes = np.diff(starts, append=n_results)
+    sizes = np.diff(starts, append=len(order))
     group_hits = np.add.reduceat(hits, starts)
-    # The same for each rank; a rank of a group with 1 hit in 4 ranks holds 1/4 of a hit.
-    size = np.repeat(sizes, sizes)
-    hits_of_group = np.repeat(group_hits, sizes)
-    expected_hits = hits_of_group / size
-    # Expected hits up to and at a rank, given one there: those of the groups before, that one, and
-    # (h - 1) / (t - 1) at each earlier rank of its group of t ranks and h hits.
-    ranks_before = np.arange(n_results) - np.repeat(starts, sizes)
-    hits_before_group = np.repeat(np.cumsum(group_hits) - group_hits, sizes)
-    hits_of_others = ranks_before * (hits_of_group - 1) / np.maximum(size - 1, 1)
-    hits_up_to = hits_before_group + 1 + hits_of_others
-    results = RankedList(expected_hits, hits_up_to, int(hits.sum()))
+    results = _expected_ranking(starts, sizes, group_hits)
     values = [measure.of_query(results) for measure in MEASURES.values()]
     is_mixed = (group_hits > 0) & (group_hits < sizes)
     return values, bool(is_mixed.any())
+
+
+def _expected_ranking(
+    starts: NDArray[np.int64], sizes: NDArray[np.int64], hits: FloatArray
+) -> RankedList:
+    """Return the mean ranking over all orders of the shapes at equal distances.
+
+    Parameters
+    ----------
+    starts, sizes
+        First rank, from 0, and number of ranks of each group of shapes at an equal distance, in the
+        order of the ranks, shape (groups,).
+    hits
+        Number of hits in each group, shape (groups,).
+    """
+    # For each rank, what is true of its group; a rank of 1 hit in 4 ranks holds 1/4 of a hit.
+    size = np.repeat(sizes, sizes)
+    hits_of_group = np.repeat(hits, sizes)
+    expected_hits = hits_of_group / size
+    # Expected hits up to and at a rank, given one there: those of the groups before, that one, and
+    # (h - 1) / (t - 1) at each earlier rank of its group of t ranks and h hits.
+    ranks_before = np.arange(len(size)) - np.repeat(starts, sizes)
+    hits_before_group = np.repeat(np.cumsum(hits) - hits, sizes)
+    hits_of_others = ranks_before * (hits_of_group - 1) / np.maximum(size - 1, 1)
+    hits_up_to = hits_before_group + 1 + hits_of_others
+    return RankedList(expected_hits, hits_up_to, int(hits.sum()))

@@ -123,18 +123,22 @@ def _blur(
     Parameters
     ----------
     image
-        The image with a border of ``MARGIN`` pixels, whose upper and lower rows are filled in
-        place, shape (height, width).
+        The image with a border of ``MARGIN`` pixels around it, shape (height, width), contiguous.
+        The upper and the lower border are filled in place; the border on the left and on the right
+        is not read.
     blurred
-        Overwritten with the result, same shape.
+        Overwritten with the convolved image, same shape, contiguous; its border then holds no
+        meaning.
     difference
-        Overwritten with the result less the image, same shape.
+        Overwritten with the convolved image less the image, like ``blurred``.
     half
-        Memory for a block that is blurred along columns alone.
+        Memory for a block that is blurred along columns alone, with a margin at either end, flat;
+        that of :func:`octave_buffers` is large enough.
     level
         Number of the Gaussian in :data:`KERNELS`.
     """
     height, stride = image.shape
+    # Flat views of the same memory: neighbours in a column are a row apart.
     source = image.ravel()
     target = blurred.ravel()
     result = difference.ravel()
@@ -145,9 +149,10 @@ def _blur(
     for top in range(MARGIN, height - MARGIN, n_rows):
         first = top * stride
         count = min(n_rows, height - MARGIN - top) * stride
-        _convolve(source, first, stride, half, MARGIN, count, level)  # along columns
+        # Along columns, into the half-blurred block, and from there along rows.
+        _convolve(source, first, half, MARGIN, count, stride, level)
         _repeat_ends(half, count, stride)
-        _convolve(half, MARGIN, 1, target, first, count, level)  # along rows
+        _convolve(half, MARGIN, target, first, count, 1, level)
         before = source[first:]
         after = target[first:]
         out = result[first:]
@@ -178,10 +183,10 @@ def _repeat_ends(rows: SingleArray, count: int, stride: int) -> None:
 def _convolve(
     source: SingleArray,
     start: int,
-    step: int,
     target: SingleArray,
     begin: int,
     count: int,
+    step: int,
     level: int,
 ) -> None:
     """Convolve pixels along rows or columns with a symmetric kernel.
@@ -191,16 +196,14 @@ def _convolve(
 
     Parameters
     ----------
-    source
-        Pixels in a flat array.
-    start
-        Index of the first pixel to convolve.
-    step
-        Distance of neighbours in the flat array: 1 along rows, the length of a row along columns.
+    source, start
+        Pixels in a flat array, and the index of the first to convolve.
     target, begin
         Flat array for the results, and the index of the first.
     count
         Number of pixels to convolve.
+    step
+        Distance of neighbours in ``source``: 1 along rows, the length of a row along columns.
     level
         Number of the kernel in :data:`KERNELS`, which holds one half of it.
     """

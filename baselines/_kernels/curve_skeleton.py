@@ -46,6 +46,12 @@ MAX_ITERATIONS = 20
 AREA_RATIO = 0.01
 """Share of the area at which the contraction ends."""
 
+LARGEST_SHARE_LEFT = 10 * AREA_RATIO
+"""Share of the area above which a surface has not contracted to a skeleton."""
+
+LARGEST_COORDINATE = 10 * RADIUS
+"""Coordinate beyond which the contraction has diverged."""
+
 
 @dataclass(frozen=True, eq=False)
 class CurveSkeleton:
@@ -151,7 +157,7 @@ def contract(mesh: Mesh) -> FloatArray:
             positions = _contraction_step(current, contraction, attraction)
         except RuntimeError:  # the system lost its definiteness to rounding
             break
-        if not np.isfinite(positions).all() or np.abs(positions).max() > 10 * RADIUS:
+        if not np.isfinite(positions).all() or np.abs(positions).max() > LARGEST_COORDINATE:
             break
         candidate = current.with_vertices(positions)
         areas = candidate.vertex_areas
@@ -163,7 +169,7 @@ def contract(mesh: Mesh) -> FloatArray:
         contraction = min(CONTRACTION_GROWTH * contraction, LARGEST_CONTRACTION)
         attraction = np.minimum(np.sqrt(first_areas / areas), LARGEST_ATTRACTION)
     share_left = current.area / first_areas.sum()
-    if share_left > 10 * AREA_RATIO:
+    if share_left > LARGEST_SHARE_LEFT:
         raise ContractionFailed(f"{share_left:.0%} of the area is left")
     return np.asarray(current.vertices * unit + centre)
 
@@ -348,18 +354,10 @@ def _absorb_pockets(
     joints, owners
         Those that are left, in the same form.
     """
-    corners = mesh.vertices[mesh.faces]
-    middles = corners.mean(axis=1)
-    # The sign of the volume: 1 if the normals point outwards, -1 if inwards.
-    outwards = np.sign(np.einsum("fi,fi->", mesh.face_normals, corners[:, 0]))
     while True:
-        # The joint that owns most corners of each triangle, the middle one of three different ones.
-        joint_of_face = np.sort(owners[mesh.faces], axis=1)[:, 1]
-        from_joints = middles - joints[joint_of_face]
-        flux_of_face = outwards * np.einsum("fi,fi->f", mesh.face_normals, from_joints)
-        flux = np.bincount(joint_of_face, weights=flux_of_face, minlength=len(joints))
         bones = _bones(mesh, owners)
         n_bones = np.bincount(bones.ravel(), minlength=len(joints))
+        flux = _flux_from_joints(mesh, joints, owners)
         pockets = np.flatnonzero((n_bones == 1) & (flux < 0))
         if not len(pockets):
             return joints, owners
@@ -368,6 +366,32 @@ def _absorb_pockets(
         mouth = int(only_bone.sum()) - pocket  # the other end of the bone
         joints = np.delete(joints, pocket, axis=0)
         owners = _absorb(owners, pocket, mouth)
+
+
+def _flux_from_joints(mesh: Mesh, joints: FloatArray, owners: IntArray) -> FloatArray:
+    """Return the flux of the vectors from each joint through the surface of its part, shape (k,).
+
+    It is positive if the surface faces away from the joint, as around a limb.
+
+    Parameters
+    ----------
+    mesh
+        Closed surface.
+    joints
+        Positions, shape (k, 3).
+    owners
+        Joint of each vertex, shape (n,).
+    """
+    corners = mesh.vertices[mesh.faces]
+    middles = corners.mean(axis=1)
+    # The sign of the volume: 1 if the normals point outwards, -1 if inwards.
+    outwards = np.sign(np.einsum("fi,fi->", mesh.face_normals, corners[:, 0]))
+    # The joint that owns most corners of each triangle, the middle one of three different ones.
+    joint_of_face = np.sort(owners[mesh.faces], axis=1)[:, 1]
+    from_joints = middles - joints[joint_of_face]
+    flux_of_face = outwards * np.einsum("fi,fi->f", mesh.face_normals, from_joints)
+    flux = np.bincount(joint_of_face, flux_of_face, len(joints))
+    return np.asarray(flux, dtype=np.float64)
 
 
 def _absorb(owners: IntArray, part: int, into: int) -> IntArray:

@@ -10,6 +10,7 @@ from baselines._kernels.arap import factorise_definite
 from baselines._kernels.spectrum import spectrum
 from benchmark.api.contracts import FloatArray, Shape
 from benchmark.geometry.embedding import oriented
+from benchmark.geometry.laplacian import Laplacian
 
 
 def farthest_points(shape: Shape, count: int) -> list[int]:
@@ -41,10 +42,17 @@ def smooth_interpolation(
 ) -> FloatArray:
     r"""Return the matrix that extends values at sampled vertices smoothly to all vertices.
 
-    Column j minimises :math:`x^\top L W^{-1} L x + \mu \| x_s - e_j \|^2` with diagonal W. Every
-    minimiser is a combination of a constant and the Green's functions :math:`L^+ W L^+ e_s` of the
-    samples, so one sparse factorisation of L and one dense system, as large as the number of
-    samples, give all columns.
+    With the Laplacian L, a diagonal W and the samples s, column j is the x that minimises
+
+    .. math:: x^\top L W^{-1} L x + \mu \| x_s - e_j \|^2 .
+
+    Every minimiser is a combination of a constant and the Green's functions
+    :math:`G = L^+ W L^+ E_s` of the samples, where :math:`E_s` holds their columns of the identity.
+    So the matrix is :math:`G A + 1 c^\top`, where A and c solve a dense system as large as the
+    number of samples:
+
+    .. math:: \begin{bmatrix} G_s + \mu^{-1} I & 1 \\ 1^\top & 0 \end{bmatrix}
+              \begin{bmatrix} A \\ c^\top \end{bmatrix} = \begin{bmatrix} I \\ 0 \end{bmatrix} .
 
     Parameters
     ----------
@@ -69,9 +77,35 @@ def smooth_interpolation(
     UnsupportedShape
         If the second eigenvalue of the Laplacian is zero.
     """
-    spectrum(shape, 1)
+    spectrum(shape, 1)  # refuses a surface in several pieces, on which L has no such inverse
     laplacian = shape.laplacian()
     weights = laplacian.mass if weights is None else weights
+    p = len(samples)
+    green = _green_functions(laplacian, weights, samples)
+    scale = np.abs(green[samples]).max()
+    green /= scale
+    # The fit at the samples; the last row and column are the constant and its side condition.
+    inner = green[samples] + np.eye(p) / (fidelity * scale)
+    border = np.ones((p, 1))
+    system = np.block([[inner, border], [border.T, np.zeros((1, 1))]])
+    coefficients = np.linalg.solve(system, np.vstack([np.eye(p), np.zeros((1, p))]))
+    of_green = coefficients[:-1]
+    constants = coefficients[-1]
+    return np.asarray(green @ of_green + constants)
+
+
+def _green_functions(laplacian: Laplacian, weights: FloatArray, samples: list[int]) -> FloatArray:
+    r"""Return the Green's functions :math:`L^+ W L^+ e_s` of sampled vertices, shape (n, p).
+
+    Parameters
+    ----------
+    laplacian
+        Laplacian L of a connected surface.
+    weights
+        Diagonal of W, shape (n,).
+    samples
+        Vertex indices, p of them.
+    """
     n = len(weights)
     p = len(samples)
     shares = weights / weights.sum()
@@ -87,17 +121,7 @@ def smooth_interpolation(
 
     units = np.zeros((n, p))
     units[samples, np.arange(p)] = 1.0
-    green = solve(weights[:, None] * solve(units))
-    scale = np.abs(green[samples]).max()
-    green /= scale
-    # The fit at the samples; the last row and column are the constant and its side condition.
-    inner = green[samples] + np.eye(p) / (fidelity * scale)
-    border = np.ones((p, 1))
-    system = np.block([[inner, border], [border.T, np.zeros((1, 1))]])
-    coefficients = np.linalg.solve(system, np.vstack([np.eye(p), np.zeros((1, p))]))
-    of_green = coefficients[:-1]
-    constants = coefficients[-1]
-    return np.asarray(green @ of_green + constants)
+    return solve(weights[:, None] * solve(units))
 
 
 def low_rank_scaling(shape: Shape, columns: FloatArray, coupling: FloatArray) -> FloatArray:

@@ -414,19 +414,35 @@ def canonical_form(**info: Any) -> Callable[[Callable[[Shape], Any]], type]:
     """
 
     def decorate(function: Callable[[Shape], Any]) -> type:
-        """Return a method class whose ``canonicalise`` calls the function."""
-
-        def canonicalise(self: object, shape: Shape) -> CanonicalForm:
-            result = function(shape)
-            return result if isinstance(result, CanonicalForm) else shape.form(result)
-
-        namespace = {
-            "info": MethodInfo(**info),
-            "canonicalise": canonicalise,
-            "__doc__": function.__doc__,
-            "__module__": function.__module__,
-            "__qualname__": function.__qualname__,
-        }
-        return dataclass(frozen=True, kw_only=True)(type(function.__name__, (), namespace))
+        return _method_of(function, MethodInfo(**info))
 
     return decorate
+
+
+def _method_of(function: Callable[[Shape], Any], info: MethodInfo) -> type:
+    """Make the class of a method without parameters, which calls a function.
+
+    The class takes name, docstring and module of the function.
+
+    Parameters
+    ----------
+    function
+        Maps a shape to a :class:`CanonicalForm`, or to vertex positions of shape (n, 3).
+    info
+        What the benchmark is to know of the method.
+    """
+
+    def canonicalise(self: object, shape: Shape) -> CanonicalForm:
+        """Return what the function returns, as a canonical form."""
+        result = function(shape)
+        return result if isinstance(result, CanonicalForm) else shape.form(result)
+
+    members = {
+        "info": info,
+        "canonicalise": canonicalise,
+        "__doc__": function.__doc__,
+        "__module__": function.__module__,
+        "__qualname__": function.__qualname__,
+    }
+    method = type(function.__name__, (), members)
+    return dataclass(frozen=True, kw_only=True)(method)

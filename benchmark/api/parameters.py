@@ -348,14 +348,18 @@ def _fit(annotation: Any, value: Any) -> Any:
     except msgspec.ValidationError:  # the same in numbers, as 1e3 for an integer
         numbers = [_number(part) for part in given] if isinstance(given, list) else _number(given)
         fitted = _convert(annotation, numbers)
-
-    parts = fitted if isinstance(fitted, tuple) else (fitted,)
-    for part in parts:
-        if isinstance(part, float) and not math.isfinite(part):
-            raise msgspec.ValidationError("a finite number")
+    _check_finite(fitted)
     if isinstance(fitted, float):
         return fitted + 0.0  # so that -0.0 is 0.0
     return fitted
+
+
+def _check_finite(value: Any) -> None:
+    """Raise ``msgspec.ValidationError`` if a value, or an item of a tuple, is infinite or NaN."""
+    items = value if isinstance(value, tuple) else (value,)
+    for item in items:
+        if isinstance(item, float) and not math.isfinite(item):
+            raise msgspec.ValidationError("a finite number")
 
 
 def _parts(text: str) -> list[str]:

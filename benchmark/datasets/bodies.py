@@ -355,18 +355,29 @@ def _template() -> _Template:
         package = (error.name or "anny").partition(".")[0]
         problem = f"generated people need the package '{package}'"
         raise DatasetError(problem, f"run `pip install {package}`") from error
+    is_skin, faces = _skin(model)
+    return _Template(model, is_skin, faces, _strongest_bones(model, np.flatnonzero(is_skin)))
+
+
+def _skin(model: Any) -> tuple[NDArray[np.bool_], Faces]:
+    """Return which vertices of a model are its skin, and the triangles between them, renumbered.
+
+    Eyes and tongue are left out: they are smaller components inside the head.
+    """
     faces = model.get_triangular_faces().numpy().astype(np.int32)
-    labels = connected_components(Mesh(model.template_vertices.numpy(), faces))
-    # Only the skin is kept: eyes and tongue are separate components inside the head.
-    is_kept = labels == np.bincount(labels).argmax()
-    new_numbers = np.cumsum(is_kept, dtype=np.int32) - 1
-    kept_faces = faces[is_kept[faces[:, 0]]]
-    # The bone that moves each vertex most.
-    vertices = np.flatnonzero(is_kept)
+    components = connected_components(Mesh(model.template_vertices.numpy(), faces))
+    largest = np.bincount(components).argmax()
+    is_skin = components == largest
+    new_numbers = np.cumsum(is_skin, dtype=np.int32) - 1
+    faces_of_skin = faces[is_skin[faces[:, 0]]]
+    return is_skin, new_numbers[faces_of_skin]
+
+
+def _strongest_bones(model: Any, vertices: IntArray) -> tuple[str, ...]:
+    """Return the name of the bone that moves each of some vertices of a model most."""
     strongest = model.vertex_bone_weights.numpy()[vertices].argmax(axis=1)
     bones = model.vertex_bone_indices.numpy()[vertices, strongest]
-    names = tuple(model.bone_labels[bone] for bone in bones)
-    return _Template(model, is_kept, new_numbers[kept_faces], names)
+    return tuple(model.bone_labels[bone] for bone in bones)
 
 
 def _model() -> Any:
@@ -392,20 +403,46 @@ def _model() -> Any:
             bone_transforms
                 Shape (bodies, bones, 4, 4).
             """
-            bones = self.vertex_bone_indices.numpy()
-            weights = self.vertex_bone_weights.numpy()
-            rest = rest_vertices.numpy()
-            transforms = bone_transforms.numpy()
-            posed = np.zeros(rest_vertices.shape)
-            x = rest[..., 0, None]
-            y = rest[..., 1, None]
-            z = rest[..., 2, None]
-            for slot in range(bones.shape[1]):  # a vertex follows a few bones
-                affine = transforms[:, bones[:, slot], :3]
-                moved = (
-                    affine[..., 0] * x + affine[..., 1] * y + affine[..., 2] * z + affine[..., 3]
-                )
-                posed += weights[:, slot, None] * moved
+            posed = _skinned(
+                rest_vertices.numpy(),
+                bone_transforms.numpy(),
+                self.vertex_bone_indices.numpy(),
+                self.vertex_bone_weights.numpy(),
+            )
             return torch.from_numpy(posed)
 
     return Body(skinning_method="lbs", pose_parameterization="local-ref")
+
+
+def _skinned(
+    rest: FloatArray, transforms: FloatArray, bones: IntArray, weights: FloatArray
+) -> FloatArray:
+    """Pose vertices by linear blend skinning: the mean of where their bones move them, by weight.
+
+    Sums are taken in one order, so that results are the same on all machines.
+
+    Parameters
+    ----------
+    rest
+        Vertices of the bodies at rest, shape (bodies, n, 3).
+    transforms
+        Affine transform of each bone, shape (bodies, bones, 4, 4).
+    bones
+        The few bones that each vertex follows, shape (n, slots).
+    weights
+        Weight of each of them, shape (n, slots).
+
+    Returns
+    -------
+    numpy.ndarray
+        The posed vertices, shape (bodies, n, 3).
+    """
+    posed = np.zeros(rest.shape)
+    x = rest[..., 0, None]
+    y = rest[..., 1, None]
+    z = rest[..., 2, None]
+    for slot in range(bones.shape[1]):
+        affine = transforms[:, bones[:, slot], :3]
+        moved = affine[..., 0] * x + affine[..., 1] * y + affine[..., 2] * z + affine[..., 3]
+        posed += weights[:, slot, None] * moved
+    return posed

@@ -317,11 +317,7 @@ def check_dataset(dataset: ShapeSet, watched: Watched = iter) -> Report:
 
 
 def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
-    """Yield what is wrong with the classes of a data set.
-
-    That is what hinders retrieval, shapes that are alone in their class and so no queries, and
-    classes of another size than the official one.
-    """
+    """Yield what is wrong with the classes of a data set: what hinders retrieval, and odd sizes."""
     try:
         check_ranked(dataset)
     except DatasetError as error:
@@ -340,10 +336,23 @@ def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
         )
         hint = "add a shape to their classes if they should count"
         yield Anomaly("warning", (dataset.name,), what, hint)
-    if dataset.name not in SETS:
+    yield from _unofficial_sizes(dataset, sizes)
+
+
+def _unofficial_sizes(dataset: ShapeSet, sizes: Mapping[str, int]) -> Iterator[Anomaly]:
+    """Yield the classes of an official set whose number of shapes is not the official one.
+
+    Parameters
+    ----------
+    dataset
+        The data set; nothing is known of one that is not official.
+    sizes
+        Number of shapes by class; 0 for a class without shapes.
+    """
+    official = SETS.get(dataset.name)
+    if official is None:
         return
-    # Official sizes, where a set has some.
-    for subject, size in SETS[dataset.name].sizes.items():
+    for subject, size in official.sizes.items():
         if sizes[subject] != size:
             what = f"class '{subject}' has {sizes[subject]} shapes, officially {size}"
             hint = (
@@ -683,9 +692,7 @@ def _problems_of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Itera
         hint = f"set half_width = {extents[widest] / FILL:.6g} in {SETTINGS_FILE}, or remove it"
         yield Anomaly("error", (widest,), what, hint)
     fitted = common_half_width(list(extents.values())) / FILL
-    half_width = declared or fitted
     for file, extent in extents.items():
-        width_in_pixels = extent / half_width * SIZE
         if declared is None and extent >= fitted:
             what = (
                 f"extends to {extent:.6g}, out of scale with the others, "
@@ -696,11 +703,24 @@ def _problems_of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Itera
                 f"{extent / FILL:.6g} in {SETTINGS_FILE}; the view input leaves it out"
             )
             yield Anomaly("warning", (file,), what, hint)
-        elif width_in_pixels**2 < FEWEST_PIXELS:
+        elif _is_too_small(extent, declared or fitted):
             what = (
-                f"extends to {extent:.6g}, almost nothing in a frame of half width {half_width:.6g}"
+                f"extends to {extent:.6g}, almost nothing in a frame of half width "
+                f"{declared or fitted:.6g}"
             )
             yield Anomaly("warning", (file,), what, "check its unit; the view input leaves it out")
+
+
+def _is_too_small(extent: float, half_width: float) -> bool:
+    """Return whether a shape covers too few pixels of an image, even if it fills its bounding box.
+
+    Parameters
+    ----------
+    extent, half_width
+        Half the sides of the bounding box of the shape and of the frame, in the same unit.
+    """
+    width_in_pixels = extent / half_width * SIZE
+    return width_in_pixels**2 < FEWEST_PIXELS
 
 
 def _file_of(dataset: ShapeSet, entry: Entry) -> str:

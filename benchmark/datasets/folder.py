@@ -316,29 +316,48 @@ def read_cla(path: Path) -> dict[int, str]:
             raise DatasetError("it does not start with 'PSB 1'", hint)
         n_classes = _whole(words[2])
         n_models = _whole(words[3])
-        position = 4
-        while position < len(words):
-            name = words[position]
-            count = _whole(words[position + 2])
+        for name, numbers in _listed_classes(words[4:]):
             if name in names:
                 problem = f"class '{name}' stands there twice"
                 raise DatasetError(problem, "give each class a name of its own")
-            numbers = [_whole(word) for word in words[position + 3 : position + 3 + count]]
-            if len(numbers) != count:
-                problem = f"class '{name}' announces {count} models but lists {len(numbers)}"
-                raise DatasetError(problem, "complete the file")
+            names.add(name)
             for number in numbers:
                 if number in subjects:
                     problem = f"model {number} stands in two classes"
                     raise DatasetError(problem, "list each model once")
                 subjects[number] = class_name(name, number)
-            names.add(name)
-            position += 3 + count
         if (len(names), len(subjects)) != (n_classes, n_models):
             announced = f"it announces {n_classes} classes and {n_models} models"
             problem = f"{announced} but lists {len(names)} and {len(subjects)}"
             raise DatasetError(problem, "correct the second line or complete the lists")
     return subjects
+
+
+def _listed_classes(words: Sequence[str]) -> Iterator[tuple[str, list[int]]]:
+    """Yield the name of each class of a classification, and the numbers of its models.
+
+    Parameters
+    ----------
+    words
+        Words behind the header: for each class its name, its parent, the number of its models, and
+        these.
+
+    Raises
+    ------
+    DatasetError
+        If the words end within a class.
+    """
+    position = 0
+    while position < len(words):
+        name = words[position]
+        count = _whole(words[position + 2])
+        start = position + 3
+        position = start + count
+        numbers = [_whole(word) for word in words[start:position]]
+        if len(numbers) != count:
+            problem = f"class '{name}' announces {count} models but lists {len(numbers)}"
+            raise DatasetError(problem, "complete the file")
+        yield name, numbers
 
 
 def _whole(word: str) -> int:

@@ -58,14 +58,15 @@ _QUOTES = "put labels that hold a separator in quotes"
 
 
 def scalars_of(values: Any, what: str) -> list[Scalar]:
-    """Return the plain values of one axis: of a list, an array, a tensor, a column, or pandas.
+    """Convert labels of any library to a list of plain Python values.
 
     Parameters
     ----------
     values
-        Anything that numpy reads as one axis of values, besides axes of length one, or an iterator.
+        A list, an iterator, a column of a table, or anything that numpy reads as an array of shape
+        (n,), (n, 1) or (1, n).
     what
-        What an error calls the values: ``"label"``.
+        What an error calls a value, which takes an "s" in the plural: ``"label"``.
 
     Returns
     -------
@@ -77,6 +78,28 @@ def scalars_of(values: Any, what: str) -> list[Scalar]:
     ------
     ConfigurationError
         If they are no single axis, or one of them is no plain value.
+    """
+    axis = _one_axis(values, what)
+    scalars = [_scalar(value, row, what) for row, value in enumerate(axis.tolist(), 1)]
+    are_truth_values = [isinstance(value, bool) for value in scalars if value is not None]
+    if any(are_truth_values) and not all(are_truth_values):
+        problem = f"truth values stand beside other {what}s"
+        raise ConfigurationError(problem, "write all as text or as whole numbers")
+    return scalars
+
+
+def _one_axis(values: Any, what: str) -> Any:
+    """Return values of any kind as a numpy array of shape (n,).
+
+    Parameters
+    ----------
+    values, what
+        See :func:`scalars_of`.
+
+    Raises
+    ------
+    ConfigurationError
+        If they have several fields, no axis or several, or are times.
     """
     array = _as_array(values, what)
     if array.dtype.names is not None:
@@ -92,12 +115,7 @@ def scalars_of(values: Any, what: str) -> list[Scalar]:
         raise ConfigurationError(problem, _ONE_AXIS)
     if array.dtype.kind in "mM":
         raise ConfigurationError(f"the {what}s are times ({array.dtype})", _ONE_AXIS)
-    scalars = [_scalar(value, row, what) for row, value in enumerate(array.tolist(), 1)]
-    are_truth_values = [isinstance(value, bool) for value in scalars if value is not None]
-    if any(are_truth_values) and not all(are_truth_values):
-        problem = f"truth values stand beside other {what}s"
-        raise ConfigurationError(problem, "write all as text or as whole numbers")
-    return scalars
+    return array
 
 
 def _as_array(values: Any, what: str) -> Any:
@@ -162,22 +180,52 @@ def _scalar(value: Any, row: int, what: str) -> Scalar:
     if isinstance(value, int):
         return int(value)
     if isinstance(value, float):
-        if not np.isfinite(value):
-            raise ConfigurationError(f"{what} {row} is infinite", _ONE_AXIS)
-        if abs(value) >= _FIRST_INEXACT:
-            problem = (
-                f"{what} {row} is {value:.17g}, a float that may stand for several whole numbers"
-            )
-            raise ConfigurationError(problem, "pass whole numbers or text")
-        return float(value)
+        return _exact_float(value, f"{what} {row}")
     if isinstance(value, str):
-        # An enumeration has its own text. Text of fixed width ends in NULs, as in numpy.
-        text = str.__str__(value).strip().rstrip("\0").strip()
-        if _CONTROL.search(text):
-            problem = f"{what} {row} holds a control character: {text!r:.40}"
-            raise ConfigurationError(problem, "remove the character, which no screen shows")
-        return text
+        return _bare_text(value, f"{what} {row}")
     raise ConfigurationError(f"{what} {row} is of type {_type_name(value)}", _ONE_AXIS)
+
+
+def _exact_float(value: float, name: str) -> float:
+    """Return a float of Python; raise ``ConfigurationError`` if it is infinite or too large.
+
+    From 2^53 on, a float may stand for several whole numbers.
+
+    Parameters
+    ----------
+    value
+        A float, also of numpy; not NaN.
+    name
+        What an error calls it: ``"label 3"``.
+    """
+    if not np.isfinite(value):
+        raise ConfigurationError(f"{name} is infinite", _ONE_AXIS)
+    if abs(value) >= _FIRST_INEXACT:
+        problem = f"{name} is {value:.17g}, a float that may stand for several whole numbers"
+        raise ConfigurationError(problem, "pass whole numbers or text")
+    return float(value)
+
+
+def _bare_text(value: str, name: str) -> str:
+    """Return text without the blanks around it, if it holds no control character.
+
+    Parameters
+    ----------
+    value
+        Text, also of an enumeration, or of fixed width, which ends in NULs.
+    name
+        What an error calls it: ``"label 3"``.
+
+    Raises
+    ------
+    ConfigurationError
+        If it holds one.
+    """
+    text = str.__str__(value).strip().rstrip("\0").strip()
+    if _CONTROL.search(text):
+        problem = f"{name} holds a control character: {text!r:.40}"
+        raise ConfigurationError(problem, "remove the character, which no screen shows")
+    return text
 
 
 def _only_item(value: Any, row: int, what: str) -> Any:

@@ -41,16 +41,17 @@ _UNEVEN = 0.01
 class _Ends(NamedTuple):
     """The known pixels at both ends of the gap around each pixel, along one axis.
 
-    All arrays have shape (h, w).
+    Each field is a pair: the end before the pixel (left or above) and the end after it (right or
+    below). All arrays have shape (h, w).
 
     Parameters
     ----------
     depths
-        Their depths; 0 beyond the image.
+        Depths of the two ends; 0 beyond the image.
     on_object
-        Whether they are pixels of the object.
+        Whether the ends are pixels of the object; false beyond the image.
     distances
-        Pixels from here to there.
+        Numbers of pixels from here to the ends; an end beyond the image is just outside of it.
     """
 
     depths: tuple[Depths, Depths]
@@ -224,6 +225,9 @@ def _are_on_one_surface(ends: _Ends) -> Mask:
 def _ends(known: Depths, on_object: Mask, is_end: Mask) -> _Ends:
     """Find the ends of the gap around each pixel, to its left and to its right in its row.
 
+    A pixel that is itself an end has itself at both ends. Where the gap reaches the border of the
+    image, its end is the column just outside of it.
+
     Parameters
     ----------
     known
@@ -235,23 +239,32 @@ def _ends(known: Depths, on_object: Mask, is_end: Mask) -> _Ends:
     """
     columns = np.arange(is_end.shape[1])
     before, after = _columns_of_ends(is_end)
-
-    def at(values: NDArray[Any], columns_of_ends: IntArray) -> NDArray[Any]:
-        """Return the values in some columns of each row; 0 outside of the image."""
-        bordered = np.pad(values, ((0, 0), (1, 1)))
-        return np.take_along_axis(bordered, columns_of_ends + 1, axis=1)
-
     return _Ends(
-        depths=(at(known, before), at(known, after)),
-        on_object=(at(on_object, before), at(on_object, after)),
+        depths=(_in_columns(known, before), _in_columns(known, after)),
+        on_object=(_in_columns(on_object, before), _in_columns(on_object, after)),
         distances=(columns - before, after - columns),
     )
 
 
-def _columns_of_ends(is_end: Mask) -> tuple[IntArray, IntArray]:
-    """Return the columns of the ends of the gap around each pixel in its row.
+def _in_columns(values: NDArray[Any], columns: IntArray) -> NDArray[Any]:
+    """Return, for each pixel, the value in another column of its row.
 
-    Outside the image, these are -1 and the width.
+    Parameters
+    ----------
+    values
+        An image, shape (h, w).
+    columns
+        The other column for each pixel, shape (h, w); -1 and w, the columns beside the image, give
+        0.
+    """
+    bordered = np.pad(values, ((0, 0), (1, 1)))
+    return np.take_along_axis(bordered, columns + 1, axis=1)
+
+
+def _columns_of_ends(is_end: Mask) -> tuple[IntArray, IntArray]:
+    """Return the columns of the ends of the gap around each pixel in its row, each of shape (h, w).
+
+    Where the gap reaches the border of the image, these are -1 on the left and w on the right.
     """
     width = is_end.shape[1]
     columns = np.arange(width)

@@ -532,19 +532,32 @@ def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, Faces]:
     rays_of_corners = _rays_of_corners(rays)
     xy = np.concatenate([rays_of_corners[is_whole], rays_of_corners[row, column]]) * z[:, None]
 
+    return np.column_stack([xy, z]), _halves_of_pixels(numbers, mask)
+
+
+def _halves_of_pixels(numbers: Faces, mask: Mask) -> Faces:
+    """Return two triangles for each pixel of an object, shape (m, 3), which face the camera.
+
+    Parameters
+    ----------
+    numbers
+        For each corner of the grid of pixels, the vertex that each of the four pixels around it has
+        there, in the order of :func:`_around_corners`, shape (4, h + 1, w + 1).
+    mask
+        Pixels of the object, shape (h, w).
+    """
     # The upper left corner of a pixel has that pixel at its lower right, and so on.
     below_right, below_left, above_right, above_left = numbers[::-1]
     top_left = below_right[:-1, :-1][mask]
     bottom_left = above_right[1:, :-1][mask]
     bottom_right = above_left[1:, 1:][mask]
     top_right = below_left[:-1, 1:][mask]
-    faces = np.concatenate(
+    return np.concatenate(
         [
             np.stack([top_left, bottom_left, bottom_right], axis=1),
             np.stack([top_left, bottom_right, top_right], axis=1),
         ]
     )
-    return np.column_stack([xy, z]), faces
 
 
 def _around_corners(image: NDArray[Any]) -> NDArray[Any]:

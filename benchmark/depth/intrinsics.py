@@ -209,8 +209,14 @@ class Intrinsics:
                 f" are implausible for {width} x {height} pixels"
             )
             raise DepthError(problem, "pass them in pixels of this image")
-        # Intrinsics that state their size may be those of a part of an image, whose middle is not
-        # on the optical axis.
+        self._check_principal_point(width, height)
+
+    def _check_principal_point(self, width: int, height: int) -> None:
+        """Raise ``DepthError`` if the principal point is implausible for an image of this size.
+
+        It must lie within the image, and near its middle unless the intrinsics state their size:
+        then they may be those of a part of an image, whose middle is not on the optical axis.
+        """
         low, high = (0.0, 1.0) if self.size else CENTRAL
         is_within_width = low * width <= self.cx + 0.5 <= high * width
         is_within_height = low * height <= self.cy + 0.5 <= high * height
@@ -453,10 +459,26 @@ def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
         shown = _in_one_line(numbers)
         raise DepthError(f"expected 4, 9 or 16 numbers, found {len(numbers)}: '{shown:.60}'", _HINT)
     matrix = np.array(numbers).reshape(math.isqrt(len(numbers)), -1)
-    fx, fy = float(matrix[0, 0]), float(matrix[1, 1])
-    cx, cy = float(matrix[0, 2]), float(matrix[1, 2])
+    _check_matrix(matrix)
+    fx = float(matrix[0, 0])
+    fy = float(matrix[1, 1])
+    cx = float(matrix[0, 2])
+    cy = float(matrix[1, 2])
+    return Intrinsics(fx, fy, cx, cy, *facts)
+
+
+def _check_matrix(matrix: NDArray[np.float64]) -> None:
+    """Raise ``DepthError`` unless a matrix holds nothing but focal lengths and a principal point.
+
+    Parameters
+    ----------
+    matrix
+        Shape (3, 3): fx 0 cx / 0 fy cy / 0 0 1; or (4, 4), with zeros and any last number.
+    """
     expected = np.eye(len(matrix))
-    expected[:2, :3] = ((fx, 0, cx), (0, fy, cy))
+    for row in (0, 1):
+        expected[row, row] = matrix[row, row]
+        expected[row, 2] = matrix[row, 2]
     expected[3:, 3:] = matrix[3:, 3:]
     if not np.allclose(matrix, expected, rtol=0, atol=_LARGEST_SKEW):
         rows = " / ".join(map(_in_one_line, matrix))
@@ -466,7 +488,6 @@ def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
             f"{rows} is not a camera matrix without skew",
             f"it is transposed: {hint}" if is_transposed else hint,
         )
-    return Intrinsics(fx, fy, cx, cy, *facts)
 
 
 def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:

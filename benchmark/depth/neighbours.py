@@ -212,6 +212,7 @@ def without_flying_pixels(depths: Depths, mask: Mask) -> Mask:
     is_link &= is_supported[first] & is_supported[second]
     labels = component_labels(first[is_link], second[is_link], depth.size)
     n_pixels = np.bincount(labels, weights=is_supported)
+    # A piece is solid if the neighbours of its pixels have, on average, mostly their depth.
     shares = np.divide(n_alike, n_around, out=np.zeros(depth.size), where=n_around > 0)
     solidity = np.bincount(labels, weights=shares * is_supported) / np.maximum(n_pixels, 1)
     is_kept = (n_pixels >= SMALLEST_PIECE * n_pixels.sum()) & (solidity >= SOLID)

@@ -108,6 +108,9 @@ _MASK = re.compile("(?<![A-Za-z])(mask|MASK)(s|S)?(?![A-Za-z])|Masks?(?![a-z])")
 #: Extension of what may be a mask.
 _PICTURE = r"\.(png|jpe?g|tiff?|bmp|gif|webp|pbm|pgm|npy|npz)"
 
+#: Bytes at the beginning of a portable grey map within which its header ends.
+_ROOM_OF_HEADER = 1000
+
 #: Maximum value of a portable grey map, which Pillow stretches to 16 bits.
 _MAXIMUM = re.compile(
     rb"P[25](?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d{1,5})\s"
@@ -166,7 +169,7 @@ def usual_scale(values: NDArray[Any]) -> float:
 
 
 def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
-    """Return depths in metres, with 0 for missing depth.
+    """Convert the values of a depth image to metres.
 
     Parameters
     ----------
@@ -174,7 +177,13 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
         Shape (h, w) or (h, w, 1), integers or floats; see :func:`readings` for values that mark
         missing depth.
     scale
-        Units per metre; None for 1000 (integers) or 1 (floats).
+        Units per metre; ``--depth-scale`` on the command line. None for 1000 (integers) or 1
+        (floats), if the values look like depths in that unit.
+
+    Returns
+    -------
+    numpy.ndarray
+        Depths in metres, shape (h, w); 0 where there is no reading, or one beyond :data:`FARTHEST`.
 
     Raises
     ------
@@ -188,6 +197,22 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
         )
     depth = readings(values)
     units = scale or usual_scale(values)
+    _check_plausible(depth, units)
+    if scale is None:
+        _check_looks(depth, units)
+    return np.asarray(np.where(depth > FARTHEST * units, 0, depth / units))
+
+
+def _check_plausible(depth: Depths, units: float) -> None:
+    """Raise ``DepthError`` unless an image has enough readings, at several plausible depths.
+
+    Parameters
+    ----------
+    depth
+        Values of the image, shape (h, w); 0 for missing depth.
+    units
+        Units per metre.
+    """
     seen = _nearer_than_a_far_plane(depth, FARTHEST * units)
     if len(seen) < FEWEST_SEEN:
         raise DepthError(
@@ -205,15 +230,25 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
         raise DepthError(
             f"all {len(seen)} pixels lie at {median:g} m", "pass a depth image, not a mask"
         )
-    looks = ""
-    if scale is None:
-        looks = _looks_like_confidence(depth, units) or _looks_unlike_depths(seen, units)
+
+
+def _check_looks(depth: Depths, units: float) -> None:
+    """Raise ``DepthError`` if the values of an image look raw or scaled to the range of their type.
+
+    Parameters
+    ----------
+    depth
+        Values of the image, shape (h, w); 0 for missing depth.
+    units
+        Supposed units per metre.
+    """
+    seen = _nearer_than_a_far_plane(depth, FARTHEST * units)
+    looks = _looks_like_confidence(depth, units) or _looks_unlike_depths(seen, units)
     if looks:
         raise DepthError(
             f"the values {looks}",
             f"export depths in millimetres or metres, or pass --depth-scale {units:g} if they are",
         )
-    return np.asarray(np.where(depth > FARTHEST * units, 0, depth / units))
 
 
 def _nearer_than_a_far_plane(depth: Depths, far: float) -> Depths:
@@ -317,11 +352,24 @@ def readings(values: NDArray[Any]) -> Depths:
     with np.errstate(invalid="ignore"):
         is_reading = (raw > 0) & (raw < _NO_READING) & (values != largest)
     raw[~is_reading] = 0
+    _remove_backgrounds(raw, is_float=is_float)
+    return raw
+
+
+def _remove_backgrounds(raw: Depths, *, is_float: bool) -> None:
+    """Set to 0, in place, the largest value of an image for as long as it marks a background.
+
+    Parameters
+    ----------
+    raw
+        Values of the image, shape (h, w); 0 for missing depth.
+    is_float
+        Whether the file holds floats, in which such values may be given in metres.
+    """
     farthest = raw.max(initial=0)
     while _is_background(farthest, is_float=is_float):
         raw[raw == farthest] = 0
         farthest = raw.max(initial=0)
-    return raw
 
 
 def _is_background(farthest: float, *, is_float: bool) -> bool:
@@ -365,12 +413,24 @@ def _pixels(content: bytes) -> NDArray[Any]:
             )
         values = np.array(image)
         has_16_bits_in_32 = image.mode == "I" and image.format in ("PNG", "PPM")
-        if not has_16_bits_in_32:
-            return values
-        # Pillow stretches the values of a PGM from its stated maximum to 65535.
-        maximum = _MAXIMUM.match(content[:1000])
-        unstretch = int(maximum[1]) / 65535 if maximum else 1
-        return np.asarray(np.round(values * unstretch).astype(np.uint16))
+        return _unstretched(values, content) if has_16_bits_in_32 else values
+
+
+def _unstretched(values: NDArray[Any], content: bytes) -> NDArray[np.uint16]:
+    """Return the values of 16 bits in an image file from those that Pillow makes of them.
+
+    Pillow stretches a PGM from its stated maximum to 65535. Other files are not stretched.
+
+    Parameters
+    ----------
+    values
+        Pixels as Pillow returns them, shape (h, w), 32 bits.
+    content
+        Bytes of the file.
+    """
+    maximum = _MAXIMUM.match(content[:_ROOM_OF_HEADER])
+    factor = int(maximum[1]) / 65535 if maximum else 1
+    return np.asarray(np.round(values * factor).astype(np.uint16))
 
 
 def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
@@ -430,7 +490,7 @@ def _opened(content: bytes) -> ImageFile.ImageFile:
             _check_end(image, content)
         if image.format == "PNG" and _END_OF_PNG not in content:
             raise DepthError("the file is truncated", "export the image again")
-    image = Image.open(io.BytesIO(content))
+    image = Image.open(io.BytesIO(content))  # again, as Pillow cannot read what it verified
     n_images = getattr(image, "n_frames", 1)
     if n_images != 1:
         raise DepthError(f"it holds {n_images} images", "write one image per file")

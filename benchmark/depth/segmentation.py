@@ -282,11 +282,36 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     labels[free] = np.arange(np.count_nonzero(free))
     labels[free] = _joined(labels, depths, jump(depths))
 
-    # Area and mean depth of each piece: at twice the depth, a pixel covers four times the area.
-    areas = np.bincount(labels[free], weights=depths[free] ** 2)
-    n_pixels = np.bincount(labels[free])
-    distances = np.bincount(labels[free], weights=depths[free]) / n_pixels
-    is_large = (areas >= LARGE * areas.max()) & (n_pixels >= FEWEST * seen.size)
+    # A part before another one, such as an arm before the chest, is a piece of its own: pieces that
+    # touch in the image at similar depths make up the object.
+    nearest = _nearest_large_piece(depths[free], labels[free], seen.size)
+    group_of_piece = _joined(labels, depths, np.full_like(depths, JOINED))
+    is_of_object = group_of_piece == group_of_piece[nearest]
+    return np.asarray(free & is_of_object[labels])
+
+
+def _nearest_large_piece(depths: FloatArray, labels: IntArray, n_pixels_of_image: int) -> int:
+    """Return the label of the large piece of a scene with the least mean depth.
+
+    Parameters
+    ----------
+    depths
+        Depth of each pixel of a piece, shape (k,), metres.
+    labels
+        Piece of each of these pixels, from 0, shape (k,).
+    n_pixels_of_image
+        Number of all pixels of the image.
+
+    Raises
+    ------
+    DepthError
+        If no piece has a sufficient share of the image.
+    """
+    # At twice the depth, a pixel covers four times the area.
+    areas = np.bincount(labels, weights=depths**2)
+    n_pixels = np.bincount(labels)
+    mean_depths = np.bincount(labels, weights=depths) / n_pixels
+    is_large = (areas >= LARGE * areas.max()) & (n_pixels >= FEWEST * n_pixels_of_image)
     if not is_large.any():
         problem = (
             f"no piece left of the scene holds {FEWEST:.1%} of the image,"
@@ -294,13 +319,7 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
         )
         raise DepthError(problem, _HINT)
     large = np.flatnonzero(is_large)
-    nearest = large[distances[large].argmin()]
-
-    # A part before another one, such as an arm before the chest, is a piece of its own: pieces that
-    # touch in the image at similar depths make up the object.
-    group_of_piece = _joined(labels, depths, np.full_like(depths, JOINED))
-    is_of_object = group_of_piece == group_of_piece[nearest]
-    return np.asarray(free & is_of_object[labels])
+    return int(large[mean_depths[large].argmin()])
 
 
 def _joined(labels: IntArray, depths: Depths, limits: Depths) -> IntArray:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import base64
 import struct
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -90,17 +90,40 @@ def read(data: bytes, path: Path) -> Surface:
     tree = parse_json(text)
     if not isinstance(tree, dict) or not _version_of(tree).startswith("2."):
         raise ValueError("it is not a glTF of version 2")
+    _check_extensions(tree, text)
+    return _joined(_File(tree, binary, path).surfaces())
+
+
+def _check_extensions(tree: Mapping[str, Any], text: bytes) -> None:
+    """Raise ``UnreadableMesh`` if a file needs or uses an extension without which it has no shape.
+
+    Parameters
+    ----------
+    tree
+        Description of the file.
+    text
+        The same as JSON, in which an extension may be named anywhere.
+    """
     required = tree.get("extensionsRequired", [])
     unread = [name for name in required if not name.startswith(_HARMLESS)]
     unread += [name for name in _UNREAD if f'"{name}"'.encode() in text]
     if unread:
         problem = f"it needs the extension {unread[0]}, which is not read"
         raise UnreadableMesh(problem, "export it without")
-    file = _File(tree, binary, path)
+
+
+def _joined(surfaces: Iterable[Surface]) -> Surface:
+    """Return several surfaces as one, whose vertices are numbered one after the other.
+
+    Raises
+    ------
+    UnreadableMesh
+        If they have more than :data:`_MOST_VERTICES` vertices together.
+    """
     vertices = [np.empty((0, 3))]
     faces = [np.empty((0, 3), dtype=np.int64)]
     n_vertices = 0
-    for points, corners in file.surfaces():
+    for points, corners in surfaces:
         vertices.append(points)
         faces.append(corners + n_vertices)
         n_vertices += len(points)
@@ -180,21 +203,25 @@ def _matrix(node: Node) -> FloatArray:
     ValueError
         If it holds both, or the matrix is not affine.
     """
+    if "matrix" not in node:
+        return _composed(node)
+    matrix: FloatArray = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
+    is_affine = np.allclose(matrix[3], (0, 0, 0, 1))
+    if not is_affine or not node.keys().isdisjoint(("rotation", "scale", "translation")):
+        problem = "a node has a matrix that is not affine, or another transform beside it"
+        raise ValueError(problem)
+    return matrix
+
+
+def _composed(node: Node) -> FloatArray:
+    """Return the matrix that scales, then rotates, then translates as a node says, shape (4, 4)."""
     from scipy.spatial.transform import Rotation
 
-    parts = ("rotation", "scale", "translation")
-    if "matrix" in node:
-        matrix: FloatArray = np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
-        is_affine = np.allclose(matrix[3], (0, 0, 0, 1))
-        if not is_affine or not node.keys().isdisjoint(parts):
-            problem = "a node has a matrix that is not affine, or another transform beside it"
-            raise ValueError(problem)
-        return matrix
     rotation = Rotation.from_quat(node.get("rotation", [0, 0, 0, 1])).as_matrix()
-    result = np.eye(4)
-    result[:3, :3] = rotation * node.get("scale", [1, 1, 1])
-    result[:3, 3] = node.get("translation", [0, 0, 0])
-    return result
+    matrix = np.eye(4)
+    matrix[:3, :3] = rotation * node.get("scale", [1, 1, 1])
+    matrix[:3, 3] = node.get("translation", [0, 0, 0])
+    return matrix
 
 
 def _placed(nodes: list[Node], roots: Iterable[int]) -> dict[int, FloatArray]:

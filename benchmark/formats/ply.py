@@ -22,7 +22,7 @@ from benchmark.formats.ascii import (
     whole_numbers,
 )
 from benchmark.formats.base import Format, MeshArrays
-from benchmark.geometry.mesh import Mesh
+from benchmark.geometry.mesh import IntArray, Mesh
 
 #: Sign of the byte order of each format of a header; numbers of text are parsed as doubles.
 _ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
@@ -120,12 +120,24 @@ def read(data: bytes, _: Path) -> MeshArrays:
     is_point_cloud = "face" not in names
     if is_point_cloud:
         return vertices, np.empty(0, dtype=np.int64)
-    fields = runs["face"][0].dtype.names or ()
+    corners, sizes = _polygons(runs["face"])
+    return vertices, corners, sizes
+
+
+def _polygons(faces: Sequence[Run]) -> tuple[IntArray, IntArray]:
+    """Return the corners of all polygons one after the other, and how many each polygon has.
+
+    Parameters
+    ----------
+    faces
+        Rows of the faces, in runs of polygons with equal numbers of corners.
+    """
+    fields = faces[0].dtype.names or ()
     name_of_corners = "vertex_index" if "vertex_index" in fields else "vertex_indices"
-    corners_of_runs = [run[name_of_corners] for run in runs["face"]]
+    corners_of_runs = [run[name_of_corners] for run in faces]
     sizes = np.concatenate([np.full(len(run), run.shape[1]) for run in corners_of_runs])
     corners = np.concatenate([run.ravel() for run in corners_of_runs])
-    return vertices, whole_numbers(corners), sizes
+    return whole_numbers(corners), sizes
 
 
 def _coordinates(run: Run) -> NDArray[Any]:

@@ -96,6 +96,21 @@ def split_polygons(vertices: Points, corners: IntArray, sizes: IntArray) -> IntA
             "without a corner that sees all others"
         )
         raise InvalidMesh(problem, "triangulate the polygons before exporting them")
+    return _fans(corners, starts, sizes, centres)
+
+
+def _fans(corners: IntArray, starts: IntArray, sizes: IntArray, centres: IntArray) -> IntArray:
+    """Return the triangles of fans, each around one corner of a polygon, shape (m, 3).
+
+    Parameters
+    ----------
+    corners
+        Vertices of all polygons one after the other, shape (k,).
+    starts, sizes
+        Where each polygon begins among them, and its number of corners, at least 3, shape (p,).
+    centres
+        Place of the corner in its polygon around which the fan lies, from 0, shape (p,).
+    """
     # The polygon of each triangle, and the triangle's place in the fan: a polygon of k corners has
     # k - 2 triangles.
     numbers = np.arange(len(sizes))

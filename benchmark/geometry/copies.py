@@ -16,13 +16,13 @@ from benchmark.geometry.cleaning import component_labels, merge_duplicates
 from benchmark.geometry.mesh import FloatArray, IntArray, Mesh, Points, sides_of
 
 #: Share of the area of each of two pieces that runs along the other, above which they are copies.
-MOST = 0.5
+LARGEST_SHARE_ALONG = 0.5
 
 #: Distance within which surfaces run along each other, in units of the root of the smaller area.
 NEAR = 0.03
 
 #: Least share of the whole area of a piece that can be a copy: bridges join smaller ones.
-_LEAST = 0.05
+_SMALLEST_SHARE_OF_AREA = 0.05
 
 #: Most pieces among which copies are looked for, largest first.
 _MOST_PIECES = 12
@@ -59,10 +59,10 @@ def _piece_of_face(faces: IntArray) -> IntArray:
 
 
 def _check_pieces(mesh: Mesh, piece_of_face: IntArray) -> None:
-    """Raise ``InvalidMesh`` if two large pieces run along each other.
+    """Raise ``InvalidMesh`` if two large pieces of a mesh run along each other, as copies do.
 
-    Two pieces do if, of points spread over each of them, more than the share :data:`MOST` lies near
-    the other.
+    Points are spread over each piece. Two pieces run along each other if more than half of the
+    points of each lie near the other.
 
     Parameters
     ----------
@@ -73,15 +73,16 @@ def _check_pieces(mesh: Mesh, piece_of_face: IntArray) -> None:
     """
     areas = np.bincount(piece_of_face, mesh.face_areas)
     largest = np.argsort(-areas, kind="stable")[:_MOST_PIECES]
-    large = [int(piece) for piece in largest if areas[piece] > _LEAST * areas.sum()]
+    smallest_area = _SMALLEST_SHARE_OF_AREA * areas.sum()
+    large = [int(piece) for piece in largest if areas[piece] > smallest_area]
     points = {piece: _points_on(mesh, np.flatnonzero(piece_of_face == piece)) for piece in large}
     for first, second in combinations(large, 2):
-        near = NEAR * np.sqrt(min(areas[first], areas[second]))
+        distance = NEAR * np.sqrt(min(areas[first], areas[second]))
         share = min(
-            _share_along(points[first], points[second], near),
-            _share_along(points[second], points[first], near),
+            _share_along(points[first], points[second], distance),
+            _share_along(points[second], points[first], distance),
         )
-        if share > MOST:
+        if share > LARGEST_SHARE_ALONG:
             problem = (
                 f"two of its {len(areas)} pieces run along each other over {share:.0%} of their "
                 "area: a copy, such as a level of detail, a collider or a variant"
@@ -100,7 +101,7 @@ def _points_on(mesh: Mesh, faces: IntArray) -> Points:
     return np.asarray(np.einsum("nk,nkd->nd", weights, mesh.vertices[mesh.faces[chosen]]))
 
 
-def _share_along(points: Points, others: Points, near: float) -> float:
-    """Return the share of points within a distance of others."""
-    distances: FloatArray = cKDTree(others).query(points, distance_upper_bound=near)[0]
+def _share_along(points: Points, others: Points, distance: float) -> float:
+    """Return the share of points within a distance of the nearest of some others."""
+    distances: FloatArray = cKDTree(others).query(points, distance_upper_bound=distance)[0]
     return float(np.isfinite(distances).mean())

@@ -21,7 +21,7 @@ from benchmark.errors import DatasetError, InvalidMesh, UnsupportedShape
 from benchmark.geometry.bridging import bridge_components
 from benchmark.geometry.camera import Camera, DepthSensor
 from benchmark.geometry.cleaning import compact, connected_components, make_manifold
-from benchmark.geometry.mesh import Faces, Mesh, Points
+from benchmark.geometry.mesh import Faces, FloatArray, Mesh, Points
 from benchmark.geometry.rasterise import DepthImage, depth_buffer
 
 SIZE = 500
@@ -245,23 +245,10 @@ def back_project(
     UnsupportedShape
         If the image is empty, or has too few samples for a surface.
     """
-    is_square = depth.ndim == 2 and depth.shape[0] == depth.shape[1]
-    if not is_square or not ((depth >= 0) & (depth <= 1)).all():
-        problem = (
-            f"a depth image of shape {depth.shape} is not square, or holds values outside [0, 1]"
-        )
-        raise InvalidMesh(problem, "normalise it as `render_depth` does, with 0 outside")
-    foreground = int(np.count_nonzero(depth))
-    if foreground == 0:
-        problem = "the depth image is empty"
-        raise UnsupportedShape(problem, "check the camera and the half width of the data set")
+    foreground = _count_foreground(depth)
     if stride is None:
         stride = max(1, round(math.sqrt(foreground / SAMPLES)))
-    # Positions of the samples in the frame [-1, 1]^3: centres of their pixels, and their depths.
-    samples = depth[stride // 2 :: stride, stride // 2 :: stride].astype(np.float64)
-    centres = (np.arange(len(samples)) * stride + stride // 2 + 0.5) * (2 / depth.shape[0]) - 1
-    x, y = np.meshgrid(centres, -centres)
-    points = np.stack([x, y, 2 * samples - 1], axis=-1).reshape(-1, 3)
+    samples, points = _sampled(depth, stride)
     mesh, pieces, specks = _without_specks(points, _triangulate(samples, jump / 2))
     if mesh.n_faces == 0:
         problem = f"{foreground} pixels of foreground hold no piece of {SPECK} samples"
@@ -280,6 +267,55 @@ def back_project(
         "lost_samples": lost,
         "lost_area": round(lost / sampled, 6),
     }
+
+
+def _count_foreground(depth: DepthImage) -> int:
+    """Return the number of pixels of a depth image that show the shape.
+
+    Raises
+    ------
+    InvalidMesh
+        If the image is not square, or a pixel is not a number in [0, 1].
+    UnsupportedShape
+        If there are none.
+    """
+    is_square = depth.ndim == 2 and depth.shape[0] == depth.shape[1]
+    if not is_square or not ((depth >= 0) & (depth <= 1)).all():
+        problem = (
+            f"a depth image of shape {depth.shape} is not square, or holds values outside [0, 1]"
+        )
+        raise InvalidMesh(problem, "normalise it as `render_depth` does, with 0 outside")
+    foreground = int(np.count_nonzero(depth))
+    if foreground == 0:
+        problem = "the depth image is empty"
+        raise UnsupportedShape(problem, "check the camera and the half width of the data set")
+    return foreground
+
+
+def _sampled(depth: DepthImage, stride: int) -> tuple[FloatArray, Points]:
+    """Sample every few pixels of a square depth image.
+
+    Parameters
+    ----------
+    depth
+        Depth image, shape (size, size), in [0, 1] with 0 as background.
+    stride
+        Pixels between samples, the first at ``stride // 2``.
+
+    Returns
+    -------
+    samples : numpy.ndarray
+        Values of the sampled pixels, shape (rows, columns).
+    points : numpy.ndarray
+        Their positions in the frame [-1, 1]^3, row by row, shape (rows * columns, 3): the centres
+        of the pixels, and their depths.
+    """
+    first = stride // 2
+    samples = depth[first::stride, first::stride].astype(np.float64)
+    centres = (np.arange(len(samples)) * stride + first + 0.5) * (2 / depth.shape[0]) - 1
+    x, y = np.meshgrid(centres, -centres)
+    points = np.stack([x, y, 2 * samples - 1], axis=-1).reshape(-1, 3)
+    return samples, points
 
 
 def depth_surface(

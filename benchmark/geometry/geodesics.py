@@ -201,12 +201,14 @@ def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore
     since
         Only neighbours that changed after this time count.
     """
-    # Arcs to neighbours that changed, filled up to a multiple of four with copies of the first.
+    # Arcs to neighbours that changed: each arc is written, and kept if the count then advances.
     arcs = np.empty(starts[vertex + 1] - starts[vertex] + 3, np.int64)
     n_arcs = 0
     for arc in range(starts[vertex], starts[vertex + 1]):
         arcs[n_arcs] = arc
         n_arcs += changed[heads[arc]] > since
+    # Filled up to a multiple of four with copies of the first. If no neighbour changed, that is no
+    # arc, but then none is used.
     arcs[n_arcs : n_arcs + 3] = arcs[0]
     own = rows[vertex]
     improved = False
@@ -224,7 +226,7 @@ def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore
         length_2 = lengths[arc_2]
         length_3 = lengths[arc_3]
         length_4 = lengths[arc_4]
-        n_shorter = 0
+        any_shorter = 0  # 1 as soon as a distance becomes shorter
         for source in range(own.size):
             by_1 = row_1[source] + length_1
             by_2 = row_2[source] + length_2
@@ -233,7 +235,7 @@ def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore
             by_1_or_2 = by_1 if by_1 < by_2 else by_2
             by_3_or_4 = by_3 if by_3 < by_4 else by_4
             shortest = by_1_or_2 if by_1_or_2 < by_3_or_4 else by_3_or_4
-            n_shorter |= shortest < own[source]
+            any_shorter |= shortest < own[source]
             own[source] = shortest if shortest < own[source] else own[source]
-        improved |= n_shorter > 0
+        improved |= any_shorter > 0
     return improved

@@ -23,6 +23,9 @@ _SMALLEST_SHARE_OF_MEAN_MASS = 1e-6
 #: Below so many vertices, a dense solver finds the eigenpairs.
 _DENSE = 64
 
+#: Distance of the shift below the least eigenvalue, which is 0.
+_SHIFT_IN_INVERSE_AREAS = 1e-2
+
 
 @dataclass(frozen=True, eq=False)
 class Laplacian:
@@ -157,9 +160,9 @@ def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
     if k > count // 2 or count < _DENSE:
         values, vectors = np.linalg.eigh(symmetric.toarray())
     else:
-        # Eigenvalues are multiples of 1 / area. A shift slightly below 0, the least of them, makes
-        # the factorised matrix definite.
-        shift = -1e-2 / laplacian.mass.sum()
+        # A shift slightly below 0, the least eigenvalue, makes the factorised matrix definite.
+        # Eigenvalues have the unit of 1 / area, and so has the shift.
+        shift = -_SHIFT_IN_INVERSE_AREAS / laplacian.mass.sum()
         start = np.random.default_rng(0).standard_normal(count)
         values, vectors = eigsh(symmetric, k=k, sigma=shift, which="LM", v0=start, tol=0.0)
     order = np.argsort(values, kind="stable")[:k]

@@ -46,8 +46,10 @@ class Mesh:
 
     def __post_init__(self) -> None:
         """Check both arrays, and replace them by read-only ones of the types of a mesh."""
-        object.__setattr__(self, "vertices", _checked(self.vertices, np.float64, "vertices", "fiu"))
-        object.__setattr__(self, "faces", _checked(self.faces, np.int32, "faces", "iu"))
+        vertices = _triples(self.vertices, "vertices", np.float64)
+        faces = _triples(self.faces, "faces", np.int32)
+        object.__setattr__(self, "vertices", vertices)
+        object.__setattr__(self, "faces", faces)
         is_finite = np.isfinite(self.vertices).all(axis=1)
         if not is_finite.all():
             problem = f"{int((~is_finite).sum())} of {self.n_vertices} vertices are NaN or infinite"
@@ -150,24 +152,23 @@ def _is_of_bytes(array: NDArray[Any]) -> bool:
     return isinstance(base, bytes)
 
 
-def _checked(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[Any]:
-    """Return an array of triples, shape (count, 3), that nobody can write to.
+def _triples(array: ArrayLike, what: str, dtype: type[np.number]) -> NDArray[Any]:
+    """Check coordinates or vertex indices; return them as a read-only array of shape (count, 3).
 
     Parameters
     ----------
     array
-        What a caller passes: coordinates or vertex indices.
-    dtype
-        Type of the result.
+        What a caller passes.
     what
         What an error calls the array: ``"vertices"``.
-    kinds
-        Accepted kinds of numbers, as in ``numpy.dtype.kind``; without ``"f"``, they are indices.
+    dtype
+        Type of the result: an integer type for indices, which are never made from floats.
 
     Raises
     ------
     InvalidMesh
-        If it is no array of this shape and kind, or an index is negative or too large for the type.
+        If it is no array of this shape, its numbers are of another kind, or an index is negative or
+        too large for the type.
     """
     try:
         values = np.ma.filled(array, np.nan)  # of masked numbers
@@ -179,14 +180,15 @@ def _checked(array: ArrayLike, dtype: type, what: str, kinds: str) -> NDArray[An
     if values.ndim != 2 or values.shape[1] != 3:
         problem = f"{what} have shape {values.shape}, not (count, 3)"
         raise InvalidMesh(problem, "pass triangles in three dimensions")
-    is_index = "f" not in kinds
-    if values.dtype.kind not in kinds:
-        expected = "integers" if is_index else "real numbers"
+    are_indices = issubclass(dtype, np.integer)
+    expected = "integers" if are_indices else "real numbers"
+    accepted_kinds = "iu" if are_indices else "fiu"
+    if values.dtype.kind not in accepted_kinds:
         raise InvalidMesh(f"{what} are of type {values.dtype}, not {expected}", f"pass {expected}")
-    if is_index and values.size:
+    if are_indices and values.size:
         low = values.min()
         high = values.max()
-        if not 0 <= low <= high <= np.iinfo(dtype).max:
+        if not 0 <= low <= high <= np.iinfo(np.dtype(dtype)).max:
             problem = f"{what} name vertices {low} to {high}"
             raise InvalidMesh(problem, "count the vertices from 0")
     return read_only(np.asarray(values, dtype=dtype, order="C"))
