@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,44 +124,67 @@ class FeaturePreserved(CheckedParameters):
         nearest_seed = shape.geodesics()[seeds].argmin(axis=0)
         _, first_parts = np.unique(nearest_seed, return_inverse=True)
         mirror = np.array([-1.0, 1.0, 1.0])
-        fits = []
+        both_parts = []
+        both_motions = []
         misses = []
         for aims in (targets, targets * mirror):
             parts = refit_parts(surface, aims, masses, first_parts, self.rounds)
-            rotations, translations = rigid_motions(surface, aims, masses, parts)
-            fits.append((parts, rotations, translations))
-            moved = _moved(surface, parts, rotations, translations)
+            motions = rigid_motions(surface, aims, masses, parts)
+            both_parts.append(parts)
+            both_motions.append(motions)
+            moved = _moved(surface, parts, motions)
             misses.append(masses @ ((moved - aims) ** 2).sum(axis=1))
         is_mirrored = misses[1] < (1 - MIRROR_MARGIN) * misses[0]
-        parts, rotations, translations = fits[int(is_mirrored)]
-        translations = close_gaps(surface, masses, parts, rotations, translations)
-        vertices = smooth_seams(surface, masses, parts, rotations, translations, self.seam)
+        chosen = int(is_mirrored)
+        parts = both_parts[chosen]
+        motions = close_gaps(surface, masses, parts, both_motions[chosen])
+        vertices = smooth_seams(surface, masses, parts, motions, width=self.seam)
         notes = surface.strains(vertices)
         mirrored = "yes" if is_mirrored else "no"
-        return shape.form(vertices, parts=len(rotations), **notes, mirrored=mirrored)
+        return shape.form(vertices, parts=len(motions.rotations), **notes, mirrored=mirrored)
 
 
-def _moved(
-    surface: AsRigidAsPossible, parts: Parts, rotations: FloatArray, translations: FloatArray
-) -> FloatArray:
+class Motions(NamedTuple):
+    """Rigid motions of k parts.
+
+    A vertex p of part c moves to ``rotations[c] @ p + translations[c]``.
+
+    Parameters
+    ----------
+    rotations
+        Rotation matrices, shape (k, 3, 3).
+    translations
+        Shape (k, 3).
+    """
+
+    rotations: FloatArray
+    translations: FloatArray
+
+
+def _moved(surface: AsRigidAsPossible, parts: Parts, motions: Motions) -> FloatArray:
     """Return the vertices after the motions of their parts, shape (n, 3)."""
-    return np.asarray(np.einsum("nab,nb->na", rotations[parts], surface.rest) + translations[parts])
+    turned = np.einsum("nab,nb->na", motions.rotations[parts], surface.rest)
+    return np.asarray(turned + motions.translations[parts])
 
 
 def rigid_motions(
     surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray, parts: Parts
-) -> tuple[FloatArray, FloatArray]:
+) -> Motions:
     """Compute the rigid motion of each part that brings it nearest to its targets (Kabsch 1976).
 
     The neighbours of a part count as its own, so that neighbouring parts agree on their seam and
     not even a part of a single vertex can rotate freely.
 
-    Returns
-    -------
-    rotations : numpy.ndarray
-        Proper, shape (k, 3, 3).
-    translations : numpy.ndarray
-        Shape (k, 3): a vertex p of part c moves to ``rotations[c] @ p + translations[c]``.
+    Parameters
+    ----------
+    surface
+        The surface at rest, with the weights of its edges.
+    targets
+        Target of each vertex, shape (n, 3).
+    masses
+        Weight of each vertex, shape (n,).
+    parts
+        Part of each vertex, from 0, shape (n,).
     """
     from baselines._kernels.arap import nearest_rotations  # lazy
 
@@ -172,7 +195,7 @@ def rigid_motions(
     goals = weights @ targets
     covariances = np.einsum("kn,na,nb->kab", weights, surface.rest, targets, optimize=True)
     rotations = nearest_rotations(covariances - centres[:, :, None] * goals[:, None, :])
-    return rotations, goals - np.einsum("kab,kb->ka", rotations, centres)
+    return Motions(rotations, goals - np.einsum("kab,kb->ka", rotations, centres))
 
 
 def refit_parts(
@@ -229,12 +252,8 @@ def refit_parts(
 
 
 def close_gaps(
-    surface: AsRigidAsPossible,
-    masses: FloatArray,
-    parts: Parts,
-    rotations: FloatArray,
-    translations: FloatArray,
-) -> FloatArray:
+    surface: AsRigidAsPossible, masses: FloatArray, parts: Parts, motions: Motions
+) -> Motions:
     r"""Translate the parts, without rotation, so that they meet at their seams.
 
     With the edges (i, j) of the seams between parts c and d, of weights w, the rotations R and the
@@ -261,14 +280,15 @@ def close_gaps(
         Area of each vertex, shape (n,).
     parts
         Part of each vertex, shape (n,).
-    rotations, translations
-        Rigid motion of each part, shapes (parts, 3, 3) and (parts, 3).
+    motions
+        Rigid motion of each part.
 
     Returns
     -------
-    numpy.ndarray
-        Translations t, shape (parts, 3).
+    Motions
+        The same rotations, and the translations t.
     """
+    rotations, translations = motions
     graph = surface.weights
     start = np.repeat(np.arange(len(parts)), np.diff(graph.indptr))
     end = graph.indices
@@ -285,29 +305,41 @@ def close_gaps(
     np.add.at(system, (first, first), weights)
     np.add.at(system, (first, second), -weights)
     np.add.at(right_side, first, weights[:, None] * gaps)
-    return np.asarray(np.linalg.solve(system, right_side))
+    return Motions(rotations, np.asarray(np.linalg.solve(system, right_side)))
 
 
 def smooth_seams(
     surface: AsRigidAsPossible,
     masses: FloatArray,
     parts: Parts,
-    rotations: FloatArray,
-    translations: FloatArray,
+    motions: Motions,
+    *,
     width: float,
 ) -> FloatArray:
-    r"""Smooth the seams between placed parts, in a band of width b.
+    r"""Move the parts of a surface, and smooth the seams between them in a band of width b.
 
-    The width is given as a share of the square root of the area.
-
-    Finds the positions x that minimise
+    With the positions y that the motions give, find the positions x that minimise
 
     .. math:: \sum_{ij} w_{ij} \| (x_i - x_j) - \tfrac12 (R_i + R_j) (p_i - p_j) \|^2
               + \frac1{b^2} \sum_i m_i \| x_i - y_i \|^2 ,
 
     a screened Poisson equation: the perturbation by a seam decays as :math:`e^{-d/b}` with the
     distance d from it.
+
+    Parameters
+    ----------
+    surface
+        The surface at rest, with positions p and edge weights w.
+    masses
+        Area m of each vertex, shape (n,).
+    parts
+        Part of each vertex, shape (n,).
+    motions
+        Rigid motion of each part; the vertices of a part have its rotation R.
+    width
+        Width b of the band, as a share of the square root of the area.
     """
     pull = masses / (width**2 * masses.sum())
-    placed = _moved(surface, parts, rotations, translations)
-    return surface.factorise(pull)(surface.load(rotations[parts]) + pull[:, None] * placed)
+    moved = _moved(surface, parts, motions)
+    load = surface.load(motions.rotations[parts])
+    return surface.factorise(pull)(load + pull[:, None] * moved)

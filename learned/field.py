@@ -72,7 +72,9 @@ def form_of(
         raise UnsupportedShape(problem, f"keep at most {MOST_VERTICES}")
     framed = in_frame(mesh)
     positions, rotations = predicted(network, _outward(framed))
-    detailed = with_detail(framed.vertices, shape.laplacian(), positions, rotations, reach, rounds)
+    detailed = with_detail(
+        framed.vertices, shape.laplacian(), positions, rotations, reach=reach, rounds=rounds
+    )
     form = _of_unit_area(mesh, detailed)
     change_of_lengths = np.abs(form.edge_lengths - framed.edge_lengths)
     corrections = np.linalg.norm(form.vertices - positions, axis=1)
@@ -373,6 +375,7 @@ def with_detail(
     laplacian: Laplacian,
     positions: Points,
     rotations: FloatArray,
+    *,
     reach: float,
     rounds: int,
 ) -> Points:

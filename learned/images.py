@@ -57,7 +57,7 @@ def checked_image(image: DepthImage) -> DepthImage:
     return image
 
 
-def resampled(image: DepthImage, resolution: int, crop: bool = False) -> DepthImage:
+def resampled(image: DepthImage, resolution: int, *, crop: bool = False) -> DepthImage:
     """Resample a depth image for a network.
 
     A pixel gets the mean depth of the foreground that it covers; a mixture with the background

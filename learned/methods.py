@@ -262,6 +262,7 @@ class Learned(TrainedNetwork):
 def _row(
     name: str,
     title: str,
+    *,
     configuration: str,
     summary: str,
     departs: str = "",
@@ -308,50 +309,65 @@ def _row(
     return cast("type[Learned]", row)
 
 
-WithoutSRF = _row("learned-without-srf", "w/o SRF", "without_srf", "ablation: no SRF")
-WithoutLRF = _row("learned-without-lrf", "w/o LRF", "without_lrf", "ablation: no LRF")
+WithoutSRF = _row(
+    "learned-without-srf",
+    "w/o SRF",
+    configuration="without_srf",
+    summary="ablation: no SRF",
+)
+WithoutLRF = _row(
+    "learned-without-lrf",
+    "w/o LRF",
+    configuration="without_lrf",
+    summary="ablation: no LRF",
+)
 WithoutWeighting = _row(
     "learned-without-weighting",
     "w/o progressive weighting",
-    "without_weighting",
-    "ablation: the weight of the depth loss is 1 from the first epoch",
+    configuration="without_weighting",
+    summary="ablation: the weight of the depth loss is 1 from the first epoch",
 )
 SizeFree = _row(
     "learned-size-free",
     "Depth network, size unknown",
-    "size_free",
-    "the paper's network without the size of the body",
-    "Images are cropped to the body, so its size is unknown. Otherwise, it departs like 'learned'.",
+    configuration="size_free",
+    summary="the paper's network without the size of the body",
+    departs=(
+        "Images are cropped to the body, so its size is unknown. "
+        "Otherwise, it departs like 'learned'."
+    ),
 )
 Strict = _row(
     "learned-strict",
     "strict train",
-    "literal",
-    "ablation: neither subject nor pose seen in training, 12 folds",
+    configuration="literal",
+    summary="ablation: neither subject nor pose seen in training, 12 folds",
     split="strict",
 )
 Average = _row(
     "learned-average",
     "Average body in the predicted mask",
-    "literal",
-    "control: the depth is not that of the body",
-    "A control: only the mask is predicted.",
+    configuration="literal",
+    summary="control: the depth is not that of the body",
+    departs="A control: only the mask is predicted.",
     relief="average",
 )
 Flat = _row(
     "learned-flat",
     "Flat in the predicted mask",
-    "literal",
-    "control: no depth",
-    "A control: only the mask is predicted.",
+    configuration="literal",
+    summary="control: no depth",
+    departs="A control: only the mask is predicted.",
     relief="flat",
 )
 WideExtra = _row(
     "learned-wide-extra",
     "Depth network, extra data",
-    "wide-extra",
-    "one global code, trained on sampled bodies",
-    "Another network: an encoder to one code and a decoder from it, trained on sampled bodies.",
+    configuration="wide-extra",
+    summary="one global code, trained on sampled bodies",
+    departs=(
+        "Another network: an encoder to one code and a decoder from it, trained on sampled bodies."
+    ),
     is_paper_network=False,
     split="sampled",
     default_training="humans-sampled",
@@ -359,9 +375,11 @@ WideExtra = _row(
 Streamed = _row(
     "learned-streamed",
     "Depth network, streamed",
-    "streamed-people",
-    "one code, trained on fresh bodies in free poses, blind to the frame",
-    "Another network: one code for the whole image, trained on generated bodies without end.",
+    configuration="streamed-people",
+    summary="one code, trained on fresh bodies in free poses, blind to the frame",
+    departs=(
+        "Another network: one code for the whole image, trained on generated bodies without end."
+    ),
     is_paper_network=False,
     split="sampled",
     default_training="humans-varied",

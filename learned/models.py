@@ -214,7 +214,7 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
     """
     card = read_card(folder, NetworkCard)
     resolution = card.schedule.resolution if card.schedule else CODE_RESOLUTION
-    depth = resampled(checked_image(image), resolution, card.configuration.crop)[:1]
+    depth = resampled(checked_image(image), resolution, crop=card.configuration.crop)[:1]
     pixels = torch.from_numpy(depth)[None]
 
     def computed(window: Tensor, dtype: torch.dtype) -> Tensor:

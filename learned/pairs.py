@@ -116,12 +116,12 @@ def gather(
     row_of: dict[str, int] = {}
     target_of: list[int] = []
     for pair in pairs:
-        images[len(names)] = resampled(checked_image(pair.image), resolution, crop)[:1]
+        images[len(names)] = resampled(checked_image(pair.image), resolution, crop=crop)[:1]
         names.append(pair.identifier)
         row = row_of.setdefault(pair.target_identifier, len(targets))
         target_of.append(row)
         if row == len(targets):  # a new one
-            targets.append(resampled(checked_image(pair.target), resolution, crop))
+            targets.append(resampled(checked_image(pair.target), resolution, crop=crop))
     if not names:
         raise TrainingError("there is no pair to train on", "check the data set with 'data check'")
     return PairsInMemory(
@@ -254,7 +254,7 @@ def keep(
     noted = time.perf_counter()
     for number in range(finished, len(bodies.names)):
         for place, image in enumerate(bodies.images(number)):
-            depth, _ = resampled(checked_image(image), resolution, crop)
+            depth, _ = resampled(checked_image(image), resolution, crop=crop)
             depths[number * n_images + place] = depth - _MIDDLE
         if time.perf_counter() - noted > KEEPING_SECONDS:
             noted = time.perf_counter()

@@ -130,10 +130,18 @@ def differences(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
     return ", ".join(words)
 
 
-def losses(prediction: Tensor, target: Tensor, masked_depth: bool = False) -> tuple[Tensor, Tensor]:
-    """Return the mean squared errors of depth and mask, both of shape (n, 2, h, w).
+def losses(
+    prediction: Tensor, target: Tensor, *, masked_depth: bool = False
+) -> tuple[Tensor, Tensor]:
+    """Return the mean squared error of predicted depths, and that of predicted masks.
 
-    The error of the depth is a mean over all pixels, or over those of the target's mask.
+    Parameters
+    ----------
+    prediction, target
+        Depths and masks, shape (n, 2, h, w).
+    masked_depth
+        Whether the error of the depths is a mean over the pixels of the target's mask, not over
+        all.
     """
     depth, mask = (prediction - target).square().unbind(1)
     if masked_depth:
@@ -324,7 +332,7 @@ def _train_epoch(
     for rows in batches[state.step :]:
         image, target = pairs[rows.to(device)]
         prediction = _predicted(network, image, schedule)
-        depth, mask = losses(prediction, target, schedule.masked_depth)
+        depth, mask = losses(prediction, target, masked_depth=schedule.masked_depth)
         step = epoch * len(batches) + state.step
         for group in optimizer.param_groups:
             group["lr"] = schedule.step_size(step, schedule.epochs * len(batches))
@@ -442,7 +450,7 @@ class _State:
         self.history.append({"epoch": self.epoch, "depth loss": depth, "mask loss": mask})
         return self.history[-1]
 
-    def save_if_due(self, at_once: bool = False) -> None:
+    def save_if_due(self, *, at_once: bool = False) -> None:
         """Write the checkpoint, atomically, if a minute has passed since the last one.
 
         Parameters
@@ -509,7 +517,7 @@ class _Progress:
         self.began = time.perf_counter()
         self.last_line = self.began
 
-    def show(self, epochs: float, row: Mapping[str, float] = {}, at_once: bool = False) -> None:
+    def show(self, epochs: float, row: Mapping[str, float] = {}, *, at_once: bool = False) -> None:
         """Log a line of progress, with a bar, losses and the time left, if one is due.
 
         Parameters

@@ -41,6 +41,10 @@ SMALLEST_SIDE = 16
 CANDIDATE_SHARE = 0.8
 #: Most moves of an extremum to the next pixel.
 REFINEMENT_STEPS = 5
+#: Offset from a pixel, along either axis, from which an extremum moves to the next one.
+NEXT_PIXEL = 0.6
+#: Largest offset of an extremum from its pixel and level, in pixels and levels.
+LARGEST_OFFSET = 1.5
 
 
 def _half_kernels() -> SingleArray:
@@ -362,9 +366,25 @@ def _refine(
     peak_threshold: float,
     edge_ratio: float,
 ) -> tuple[bool, float, float, float]:
-    """Fit a quadratic [Brown & Lowe 2002] and apply the two tests.
+    """Locate an extremum between pixels by a quadratic fit, and test it [Brown & Lowe 2002].
 
-    Returns (good, x, y, offset of the level).
+    Parameters
+    ----------
+    differences
+        Differences of Gaussians, as for :func:`find_extrema`.
+    level, row, column
+        The pixel of the extremum, on no border; the fit may move to a neighbour.
+    peak_threshold, edge_ratio
+        As for :func:`find_extrema`.
+
+    Returns
+    -------
+    is_good : bool
+        Whether the extremum lies near its pixel and within the image, is high, and is on no edge.
+    x, y : float
+        Its place, in pixels.
+    offset : float
+        Its level, less the level of the pixel.
     """
     height = differences.shape[1] - 2 * MARGIN
     width = differences.shape[2] - 2 * MARGIN
@@ -399,8 +419,8 @@ def _refine(
         solvable, dx, dy, ds = _solve_symmetric((hxx, hxy, hxs, hyy, hys, hss), -gx, -gy, -gs)
         if not solvable:
             return False, 0.0, 0.0, 0.0
-        move_x = int(dx > 0.6 and column < width - 2) - int(dx < -0.6 and column > 1)
-        move_y = int(dy > 0.6 and row < height - 2) - int(dy < -0.6 and row > 1)
+        move_x = int(dx > NEXT_PIXEL and column < width - 2) - int(dx < -NEXT_PIXEL and column > 1)
+        move_y = int(dy > NEXT_PIXEL and row < height - 2) - int(dy < -NEXT_PIXEL and row > 1)
         if move_x == 0 and move_y == 0:
             break
     value = centre + 0.5 * (gx * dx + gy * dy + gs * ds)
@@ -408,7 +428,7 @@ def _refine(
     on_edge = (
         determinant <= 0 or (hxx + hyy) ** 2 * edge_ratio >= (edge_ratio + 1.0) ** 2 * determinant
     )
-    near = max(abs(dx), abs(dy), abs(ds)) < 1.5
+    near = max(abs(dx), abs(dy), abs(ds)) < LARGEST_OFFSET
     x = column + dx
     y = row + dy
     inside = 0.0 <= x <= width - 1.0 and 0.0 <= y <= height - 1.0 and level + ds >= 0.0

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -78,30 +79,71 @@ def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> Shap
     angles = [step * place for place in np.arange(count) + 0.5]
     if own:
         angles.append(0.0)
-    views: list[Entry] = []
-    shape_of: dict[str, Entry] = {}
-    angle_of: dict[str, float] = {}
+    names: list[Entry] = []
+    seen: dict[str, _Seen] = {}
     for entry in shapes.shapes:
         for number, angle in enumerate(angles):
-            name = name_view(entry.identifier, number)
-            views.append(replace(entry, identifier=name))
-            shape_of[name] = entry
-            angle_of[name] = angle
-
-    def camera(view: Entry) -> Camera:
-        """Return the camera of the shape, turned by the angle of the view."""
-        name = view.identifier
-        return surface.turned_by(shapes.camera(shape_of[name]), angle_of[name])
-
+            view = replace(entry, identifier=name_view(entry.identifier, number))
+            names.append(view)
+            seen[view.identifier] = _Seen(entry, angle)
+    views = _Views(shapes, seen)
     return replace(
         shapes,
-        shapes=tuple(views),
-        load=lambda view: shapes.load(shape_of[view.identifier]),
-        key=lambda view: shapes.key(shape_of[view.identifier]),
-        camera=camera,
-        sensor=lambda view: shapes.sensor(shape_of[view.identifier]),
+        shapes=tuple(names),
+        load=views.load,
+        key=views.key,
+        camera=views.camera,
+        sensor=views.sensor,
         framed=shapes,
     )
+
+
+class _Seen(NamedTuple):
+    """What one view shows.
+
+    Parameters
+    ----------
+    shape
+        The shape.
+    angle
+        Angle of the camera from the shape's own, around the upright axis, in radians.
+    """
+
+    shape: Entry
+    angle: float
+
+
+@dataclass(frozen=True)
+class _Views:
+    """Functions of a data set of views.
+
+    Parameters
+    ----------
+    shapes
+        The data set whose shapes are seen.
+    seen
+        The shape and the angle of each view, by the identifier of the view.
+    """
+
+    shapes: ShapeSet
+    seen: Mapping[str, _Seen]
+
+    def load(self, view: Entry) -> Mesh:
+        """Return the mesh of the shape, which is the same in all its views."""
+        return self.shapes.load(self.seen[view.identifier].shape)
+
+    def key(self, view: Entry) -> str:
+        """Return what determines the mesh of the shape."""
+        return self.shapes.key(self.seen[view.identifier].shape)
+
+    def camera(self, view: Entry) -> Camera:
+        """Return the camera of the shape, turned by the angle of the view."""
+        shape, angle = self.seen[view.identifier]
+        return surface.turned_by(self.shapes.camera(shape), angle)
+
+    def sensor(self, view: Entry) -> DepthSensor | None:
+        """Return the depth sensor of the shape."""
+        return self.shapes.sensor(self.seen[view.identifier].shape)
 
 
 CHANGES = {

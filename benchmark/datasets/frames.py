@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.settings import SETTINGS_FILE, canonical_poses, positive, read_settings
-from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, checked_up
+from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, ObservedObject, checked_up
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
 from benchmark.files import file_digest
+from benchmark.geometry.mesh import Mesh
 
 _KEYS = ("canonical_pose", "depth_scale", "half_width", "intrinsics", "up")
 _WHERE = ", in a folder of depth images"
@@ -52,10 +54,49 @@ def depth_frame_set(name: str, folder: Path, entries: tuple[Entry, ...]) -> Shap
     files = {
         entry.identifier: FrameFiles(entry.path, **settings) for entry in entries if entry.path
     }
+    frames = _Frames(files, settings)
+    return ShapeSet(
+        name=name,
+        shapes=entries,
+        load=frames.load,
+        key=frames.key,
+        files=frames.files_of,
+        camera=lambda _: UPRIGHT,
+        observe=frames.observe,
+        half_width=settings["half_width"],
+        inputs=("view",),
+        folder=folder,
+        canonical_poses=canonical_poses(values.get("canonical_pose", {}), entries, path),
+        code=lambda _: (FrameFiles.__module__,),
+    )
 
-    def key(entry: Entry) -> str:
+
+@dataclass(frozen=True)
+class _Frames:
+    """Functions of a data set of depth images.
+
+    Parameters
+    ----------
+    files
+        The image of each shape, and the files beside it, by the identifier of the shape.
+    settings
+        What ``dataset.toml`` says of the camera.
+    """
+
+    files: Mapping[str, FrameFiles]
+    settings: Mapping[str, Any]
+
+    def observe(self, entry: Entry) -> ObservedObject:
+        """Return the object that the image of a shape shows."""
+        return self.files[entry.identifier].observe()
+
+    def load(self, entry: Entry) -> Mesh:
+        """Return the visible surface of a shape."""
+        return self.observe(entry).surface
+
+    def key(self, entry: Entry) -> str:
         """Return what determines a shape: digests of its files, and the settings of the set."""
-        frame = files[entry.identifier]
+        frame = self.files[entry.identifier]
         try:
             parts = [file_digest(frame.image)]
             if frame.mask_file:
@@ -64,31 +105,16 @@ def depth_frame_set(name: str, folder: Path, entries: tuple[Entry, ...]) -> Shap
                 parts.append(f"intrinsics:{file_digest(frame.intrinsics_file)}")
         except ShapeError as error:  # it is refused when it is prepared
             return f"{entry.identifier}: {error}"
-        return " ".join([*parts, repr(settings)])
+        return " ".join([*parts, repr(self.settings)])
 
-    def files_of(entry: Entry) -> list[Path]:
+    def files_of(self, entry: Entry) -> list[Path]:
         """Return the files that a shape is read from."""
-        frame = files[entry.identifier]
+        frame = self.files[entry.identifier]
         try:
             beside = [frame.mask_file, frame.intrinsics_file]
         except ShapeError:  # it is refused when it is prepared
             beside = []
         return [frame.image, *filter(None, beside)]
-
-    return ShapeSet(
-        name=name,
-        shapes=entries,
-        load=lambda entry: files[entry.identifier].observe().surface,
-        key=key,
-        files=files_of,
-        camera=lambda _: UPRIGHT,
-        observe=lambda entry: files[entry.identifier].observe(),
-        half_width=settings["half_width"],
-        inputs=("view",),
-        folder=folder,
-        canonical_poses=canonical_poses(values.get("canonical_pose", {}), entries, path),
-        code=lambda _: (FrameFiles.__module__,),
-    )
 
 
 def frame_settings(folder: Path) -> dict[str, Any]:

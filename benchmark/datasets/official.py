@@ -169,30 +169,8 @@ class OfficialSet:
         """
         if not any(copy.area for copy in self.copies):
             return shapes
-
-        def area_of(entry: Entry) -> float:
-            """Return the area that a file should have; 0 if it keeps its own."""
-            copy = self.copy_of(entry)
-            return copy.area if copy else 0.0
-
-        def load(entry: Entry) -> Mesh:
-            """Return the mesh in its size."""
-            mesh = shapes.load(entry)
-            area = area_of(entry)
-            return scaled_to_area(mesh, area) if area else mesh
-
-        def key(entry: Entry) -> str:
-            """Return what determines the mesh: that of the file, and the area."""
-            return key_with_area(shapes.key(entry), area_of(entry))
-
-        def code(entry: Entry) -> Sequence[str]:
-            """Return the modules that determine the mesh."""
-            modules = shapes.code(entry)
-            if not area_of(entry):
-                return modules
-            return (*modules, scaled_to_area.__module__)
-
-        return replace(shapes, load=load, key=key, code=code)
+        sized = _WithAreas(shapes, self)
+        return replace(shapes, load=sized.load, key=sized.key, code=sized.code)
 
     def _named(self, folder: Path) -> list[Entry]:
         """Return the shapes of a set whose file names are all known.
@@ -392,6 +370,44 @@ def folders_of_set(folder: Path, depth: int = _DEPTH) -> Iterator[Path]:
     if depth:
         for sub in sub_folders(folder):
             yield from folders_of_set(sub, depth - 1)
+
+
+@dataclass(frozen=True)
+class _WithAreas:
+    """Functions of a data set whose meshes get the areas that published lists state.
+
+    Parameters
+    ----------
+    shapes
+        The data set.
+    official
+        What is published of it.
+    """
+
+    shapes: ShapeSet
+    official: OfficialSet
+
+    def area_of(self, entry: Entry) -> float:
+        """Return the area that a file should have; 0 if it keeps its own."""
+        copy = self.official.copy_of(entry)
+        return copy.area if copy else 0.0
+
+    def load(self, entry: Entry) -> Mesh:
+        """Return the mesh in its size."""
+        mesh = self.shapes.load(entry)
+        area = self.area_of(entry)
+        return scaled_to_area(mesh, area) if area else mesh
+
+    def key(self, entry: Entry) -> str:
+        """Return what determines the mesh: that of the file, and the area."""
+        return key_with_area(self.shapes.key(entry), self.area_of(entry))
+
+    def code(self, entry: Entry) -> Sequence[str]:
+        """Return the modules that determine the mesh."""
+        modules = self.shapes.code(entry)
+        if not self.area_of(entry):
+            return modules
+        return (*modules, scaled_to_area.__module__)
 
 
 def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -77,7 +78,10 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
         problem = f"{path}: normalise is {values['normalise']!r}"
         raise DatasetError(problem, 'write normalise = "area", or remove it')
     if "unit" in values or "normalise" in values:
-        changes |= _size_changes(shapes, values, path)
+        read_unit = partial(_metres, path=path)
+        unit_of = _by_name(values.get("unit", 1), "unit", read_unit, shapes, path)
+        resized = _Resized(shapes, unit_of, is_normalised="normalise" in values)
+        changes |= {"load": resized.load, "key": resized.key, "code": resized.code}
     if "camera" in values:
         cameras = _by_name(
             values["camera"], "camera", lambda value: _camera(value, up, path), shapes, path
@@ -88,50 +92,39 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
     return replace(shapes, **changes)
 
 
-def _size_changes(shapes: ShapeSet, values: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Return the functions of a data set that change the sizes of its meshes.
+@dataclass(frozen=True)
+class _Resized:
+    """Functions of a data set whose meshes get another size.
 
     Parameters
     ----------
     shapes
         The data set.
-    values
-        Keys and values of its settings: ``unit``, the unit of the files, or ``normalise``, if
-        meshes get unit area.
-    path
-        The file of the settings, for an error.
-
-    Returns
-    -------
-    dict
-        ``load``, ``key`` and ``code``, which replace those of the set.
+    unit_of
+        Returns the unit of the file of a shape in metres; None if nothing is said of it, for 1.
+    is_normalised
+        Whether meshes get unit area, instead of metres.
     """
-    is_normalised = "normalise" in values
-    units = _by_name(
-        values.get("unit", 1), "unit", lambda value: _metres(value, path), shapes, path
-    )
 
-    def unit_of(entry: Entry) -> float:
-        """Return the unit of a file in metres."""
-        return units(entry) or 1.0
+    shapes: ShapeSet
+    unit_of: Callable[[Entry], float | None]
+    is_normalised: bool
 
-    def load(entry: Entry) -> Mesh:
+    def load(self, entry: Entry) -> Mesh:
         """Return the mesh of unit area, or in metres."""
-        mesh = shapes.load(entry)
-        if is_normalised and mesh.area:
+        mesh = self.shapes.load(entry)
+        if self.is_normalised and mesh.area:
             return of_unit_area(mesh)
-        return mesh_in_metres(mesh, unit_of(entry))
+        return mesh_in_metres(mesh, self.unit_of(entry) or 1.0)
 
-    def key(entry: Entry) -> str:
+    def key(self, entry: Entry) -> str:
         """Return what determines the mesh: that of the file, and how its size changes."""
-        size = "area" if is_normalised else unit_of(entry)
-        return f"{shapes.key(entry)} {size}"
+        size = "area" if self.is_normalised else self.unit_of(entry) or 1.0
+        return f"{self.shapes.key(entry)} {size}"
 
-    def code(entry: Entry) -> Sequence[str]:
+    def code(self, entry: Entry) -> Sequence[str]:
         """Return the modules that determine the mesh."""
-        return (*shapes.code(entry), of_unit_area.__module__)
-
-    return {"load": load, "key": key, "code": code}
+        return (*self.shapes.code(entry), of_unit_area.__module__)
 
 
 def read_settings(path: Path, keys: Iterable[str], where: str = "") -> dict[str, Any]:
