@@ -153,7 +153,8 @@ class FieldNetwork(nn.Module):
         points, normals
             Points of each surface and unit normals there, shape (n, m, 3).
         positions, facing
-            Those of the tokens, shape (n, tokens, 3).
+            Positions of the tokens, which are the centres of the neighbourhoods, and unit normals
+            there, shape (n, tokens, 3).
 
         Returns
         -------

@@ -13,6 +13,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from benchmark.api.learning import Bodies, TrainingPair
@@ -240,11 +241,8 @@ def keep(
     finished = _finished_bodies(note, recipe)
     folder.mkdir(parents=True, exist_ok=True)
     n_images = bodies.n_images
-    path = folder / "depths.npy"
-    if not path.is_file():
-        shape = (len(bodies.names) * n_images, resolution, resolution)
-        write_atomically(path, lambda file: _write_empty(file, shape))
-    depths = np.lib.format.open_memmap(path, mode="r+")
+    shape = (len(bodies.names) * n_images, resolution, resolution)
+    depths = _open_or_make(folder / "depths.npy", shape)
 
     def note_finished(count: int) -> None:
         depths.flush()
@@ -283,6 +281,13 @@ def _finished_bodies(note: Path, recipe: Mapping[str, Any]) -> int:
         problem = f"the pairs in {note.parent} were made by other code"
         raise TrainingError(problem, "delete that folder to make them again")
     return finished
+
+
+def _open_or_make(path: Path, shape: tuple[int, ...]) -> NDArray[np.float16]:
+    """Open an array in a file, to read and write; make one of zeros if there is no file."""
+    if not path.is_file():
+        write_atomically(path, lambda file: _write_empty(file, shape))
+    return np.lib.format.open_memmap(path, mode="r+")
 
 
 def _write_empty(file: BinaryIO, shape: tuple[int, ...]) -> None:

@@ -316,8 +316,10 @@ def _train_epoch(
         The training, updated.
     pairs
         Training pairs.
-    schedule, seed
-        As for :func:`fit`.
+    schedule
+        Size of the batches, step size and weights of the losses.
+    seed
+        Seed of the order of the pairs, with the number of the epoch.
     epoch
         Number of the epoch, from 0.
     progress

@@ -262,9 +262,7 @@ def evaluate(
     for known_distances, query in zip(matrix, queries_with_result, strict=True):
         ranked = is_ranked[query]
         if is_relevant[query].any():
-            # Shapes without a result rank last.
-            all_distances = np.full(n_shapes, 2.0 * np.abs(known_distances).max() + 1.0)
-            all_distances[shapes_with_result] = known_distances
+            all_distances = _with_others_last(known_distances, shapes_with_result, n_shapes)
             values[query], is_tied = _of_query(all_distances[ranked], is_relevant[query][ranked])
             n_tied += is_tied
     # A query without a relevant shape has no values.
@@ -309,6 +307,28 @@ def _places(answered: ArrayLike | None, labels: ArrayLike) -> NDArray[np.intp]:
     return np.asarray(answered, dtype=np.intp)
 
 
+def _with_others_last(
+    distances: FloatArray, shapes: NDArray[np.integer], n_shapes: int
+) -> FloatArray:
+    """Return distances to all shapes of a gallery, of which some have no distance yet.
+
+    These get one distance, which is larger than any other, so that they rank last.
+
+    Parameters
+    ----------
+    distances
+        Distances to the shapes with a result, shape (n,).
+    shapes
+        Indices of these shapes in the gallery, shape (n,).
+    n_shapes
+        Number of shapes in the gallery.
+    """
+    farther_than_any = 2.0 * np.abs(distances).max() + 1.0
+    all_distances = np.full(n_shapes, farther_than_any)
+    all_distances[shapes] = distances
+    return all_distances
+
+
 def score_draws(
     matrices: Iterable[FloatArray],
     labels: Sequence[str],
@@ -321,8 +341,12 @@ def score_draws(
     ----------
     matrices
         One for each draw of the scorer, shape (m, n); only one is in memory at a time.
-    labels, answered, targets
-        As for :func:`evaluate`.
+    labels
+        Class of each query, shape (M,).
+    answered
+        Indices of the m queries that have a result, in their order; None for all.
+    targets
+        The gallery of n shapes with a result; None if it is the queries.
 
     Returns
     -------
@@ -466,7 +490,8 @@ def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[
     distances
         Distance of the query to each shape that it ranks, shape (k,).
     relevant
-        Which of these are of its class, shape (k,); at their ranks are the hits.
+        Which of these shapes are of the class of the query, shape (k,). A hit is a rank with such a
+        shape.
 
     Returns
     -------

@@ -180,8 +180,13 @@ def _evaluate(
     ----------
     i
         The vertex.
-    points, quadrics, links
-        As for :func:`_collapse`.
+    points
+        Positions, shape (n, 3).
+    quadrics
+        Quadric of each vertex, from :func:`_line_quadrics`, shape (n, 4, 4).
+    links
+        Connections of each pair of vertices, shape (n, n): 0 for none, 1 for an edge, more for an
+        edge at triangles.
     cost, target
         Cost of the cheapest collapse of each vertex, infinite if there is none, and the neighbour
         into which it goes, -1 if there is none; those of the vertex are written. Shape (n,).

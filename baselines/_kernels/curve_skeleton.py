@@ -281,8 +281,10 @@ def _merge_junctions(
 
     Returns
     -------
-    joints, owners
-        Those that are left, in the same form.
+    joints : numpy.ndarray
+        Positions of the joints that are left, shape (l, 3).
+    owners : numpy.ndarray
+        Joint of each vertex among these, shape (n,).
     """
     has_merged = True
     while has_merged:
@@ -351,8 +353,10 @@ def _absorb_pockets(
 
     Returns
     -------
-    joints, owners
-        Those that are left, in the same form.
+    joints : numpy.ndarray
+        Positions of the joints that are left, shape (l, 3).
+    owners : numpy.ndarray
+        Joint of each vertex among these, shape (n,).
     """
     while True:
         bones = _bones(mesh, owners)

@@ -173,8 +173,22 @@ def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = ""
 
     Parameters
     ----------
-    cls, given, owner
-        As for :func:`checked`, which raises the same errors.
+    cls
+        Dataclass with the parameters.
+    given
+        Values by name, as text or as objects.
+    owner
+        Name of the class in messages; by default, the name of the method.
+
+    Returns
+    -------
+    dict
+        Values of the declared types, by name.
+
+    Raises
+    ------
+    ConfigurationError
+        If a parameter is unknown, or a value does not fit.
     """
     values = checked(cls, given, owner)
     fields = declared_parameters(cls)

@@ -540,33 +540,53 @@ def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> CheckedShape:
     ShapeError
         If it cannot be used.
     """
-    capture: dict[str, Any] = {}
     if dataset.observe is None:
         mesh = dataset.load(entry)
-        surface = compact(mesh.vertices, mesh.faces)
         prepared = prepare(mesh, mesh.n_vertices)
-        counts = prepared.report
         changes = [*changes_of(prepared), *_dropped_faces(dataset, entry)]
-    else:  # views are open and possibly disconnected
-        observed = dataset.observe(entry)
-        mesh = observed.surface
-        surface = compact(mesh.vertices, mesh.faces)
-        counts = {
+        return _measured(dataset, entry, file, mesh, counts=prepared.report, changes=changes)
+    observed = dataset.observe(entry)
+    mesh = observed.surface
+    return _measured(
+        dataset,
+        entry,
+        file,
+        mesh,
+        # Views are not prepared: they are open, and possibly in pieces.
+        counts={
             "vertices_before": mesh.n_vertices,
             "faces_before": mesh.n_faces,
-            **topology(surface),
-        }
-        changes = [*observed.doubts, *_joined_pieces(dataset, entry, mesh)]
-        capture = _capture(observed, entry)
+            **topology(compact(mesh.vertices, mesh.faces)),
+        },
+        changes=[*observed.doubts, *_joined_pieces(dataset, entry, mesh)],
+        capture=_capture(observed, entry),
+    )
+
+
+def _measured(
+    dataset: ShapeSet, entry: Entry, file: str, mesh: Mesh, **findings: Any
+) -> CheckedShape:
+    """Return a readable shape with its extent, its size and the digest of its geometry.
+
+    Parameters
+    ----------
+    dataset, entry
+        The shape.
+    file
+        What reports call its file.
+    mesh
+        Its surface, before preparation.
+    **findings
+        Further fields of :class:`CheckedShape`: ``counts``, ``changes`` and ``capture``.
+    """
+    surface = compact(mesh.vertices, mesh.faces)
     return CheckedShape(
         file=file,
         subject=entry.subject,
-        counts=counts,
-        changes=changes,
         extent=float(np.abs(camera_coordinates(surface, dataset.camera(entry))).max()),
         size=float(np.sqrt(mesh.area)),
         digest=hashlib.sha256(mesh.vertices.tobytes() + mesh.faces.tobytes()).hexdigest(),
-        capture=capture,
+        **findings,
     )
 
 

@@ -235,8 +235,10 @@ def _only_item(value: Any, row: int, what: str) -> Any:
     ----------
     value
         An array, or what numpy converts to one.
-    row, what
-        As for :func:`_scalar`.
+    row
+        Place of the array among all values, from 1, for an error.
+    what
+        What an error calls the values: ``"label"``.
 
     Raises
     ------

@@ -157,12 +157,10 @@ def observe(
     # Gaps between the readings of the object are filled, up to a width in pixels.
     distance = float(np.median(depths[pixels.kept]))
     widest = int(WIDEST * max(intrinsics.fx, intrinsics.fy) / distance)
-    dead = dead_rows[:, None] | dead_columns
-    if dead.mean() > MOST_DEAD:  # of a registered image, what lies between readings may be anything
-        dead[:] = False
+    certainly_missing = _certainly_missing(dead_rows, dead_columns)
     # Depths that a program averaged with missing ones are replaced like gaps.
     averaged = averages(depths, pixels.kept, pixels.dropped & ~pixels.kept)
-    completed = filled(depths, pixels.kept, averaged, pixels.mask, dead, widest)
+    completed = filled(depths, pixels.kept, averaged, pixels.mask, certainly_missing, widest)
     is_object = completed > 0
 
     direction, up_source = _up_direction(pixels.planes, up)
@@ -205,6 +203,24 @@ class _Pixels(NamedTuple):
     dropped: Mask
     n_flying: int
     planes: list[Plane]
+
+
+def _certainly_missing(dead_rows: Mask, dead_columns: Mask) -> Mask:
+    """Return the pixels whose depth is missing whatever lies there, shape (h, w).
+
+    They are those of rows and columns without any reading. If these are many, the image was
+    registered to a larger one, and what lies between its readings may be anything: then there are
+    none.
+
+    Parameters
+    ----------
+    dead_rows, dead_columns
+        Rows and columns of the image without a reading, shapes (h,) and (w,).
+    """
+    dead = dead_rows[:, None] | dead_columns
+    if dead.mean() > MOST_DEAD:
+        dead[:] = False
+    return np.asarray(dead)
 
 
 def _find_pixels(depths: Depths, points: Points, live: Pixels) -> _Pixels:

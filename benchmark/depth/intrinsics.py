@@ -216,6 +216,11 @@ class Intrinsics:
 
         It must lie within the image, and near its middle unless the intrinsics state their size:
         then they may be those of a part of an image, whose middle is not on the optical axis.
+
+        Parameters
+        ----------
+        width, height
+            Size of the image in pixels.
         """
         low, high = (0.0, 1.0) if self.size else CENTRAL
         is_within_width = low * width <= self.cx + 0.5 <= high * width

@@ -327,8 +327,12 @@ def depth_surface(
 
     Parameters
     ----------
-    mesh, camera, half_width
-        As for :func:`render_depth`.
+    mesh
+        The shape.
+    camera
+        The viewing direction.
+    half_width
+        Half the side of the camera's frame, in units of the mesh.
     sensor
         Noise and quantisation of the image; None for an ideal camera.
 

@@ -311,9 +311,16 @@ def import_pymeshlab() -> Any:
 
 
 def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
-    """Collapse edges by quadric error until ``n_faces`` faces remain, if the topology allows it.
+    """Collapse edges by quadric error until few faces remain, if the topology allows it.
 
-    All parameters of the filter are named, as their defaults differ between releases.
+    All parameters of the filter of MeshLab are named, as their defaults differ between releases.
+
+    Parameters
+    ----------
+    mesh
+        A manifold mesh.
+    n_faces
+        Number of faces to reach.
     """
     return filtered(
         mesh,

@@ -127,12 +127,14 @@ def _draw_span(
 
     Parameters
     ----------
-    image, behind
-        As for :func:`draw_triangles`.
+    image
+        Depths of the nearest triangles so far, shape (height, width); changed in place.
+    behind
+        The same for the opposite camera, whose columns run the other way; without rows for none.
     row, width
-        Number of the row, and of the columns of the image.
+        Number of the row, and number of columns of the image.
     x0, z0, x1, z1
-        Column, in pixels, and depth at either end of the span.
+        Column, in pixels, and depth at either end of the triangle in this row.
     """
     if x1 < x0:
         x0, x1 = x1, x0
