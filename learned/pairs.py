@@ -13,7 +13,6 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import Tensor
 
 from benchmark.api.learning import Bodies, TrainingPair
@@ -283,7 +282,7 @@ def _finished_bodies(note: Path, recipe: Mapping[str, Any]) -> int:
     return finished
 
 
-def _open_or_make(path: Path, shape: tuple[int, ...]) -> NDArray[np.float16]:
+def _open_or_make(path: Path, shape: tuple[int, ...]) -> np.memmap[Any, np.dtype[np.float16]]:
     """Open an array in a file, to read and write; make one of zeros if there is no file."""
     if not path.is_file():
         write_atomically(path, lambda file: _write_empty(file, shape))
