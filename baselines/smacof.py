@@ -356,7 +356,7 @@ def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-unty
 
 
 def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]:
-    """Return the transform of non-metric MDS, for :func:`majorise`.
+    """Make the function that moves points by one step of non-metric MDS, see :func:`majorise`.
 
     It is the Guttman transform towards disparities: the distances that rise with the
     dissimilarities and are nearest to those of the points. Dissimilarities are rounded to

@@ -158,7 +158,7 @@ def _pairs(
     folder: Path,
     say: Callable[[str], None],
 ) -> AnyPairs:
-    """Return the pairs of images and targets on which a network is trained.
+    """Gather the pairs of images and targets on which a network is trained, in memory or on disk.
 
     Parameters
     ----------

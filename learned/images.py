@@ -58,7 +58,7 @@ def checked_image(image: DepthImage) -> DepthImage:
 
 
 def resampled(image: DepthImage, resolution: int, *, crop: bool = False) -> DepthImage:
-    """Resample a depth image for a network.
+    """Resample a depth image to the resolution of a network; return depth and mask.
 
     A pixel gets the mean depth of the foreground that it covers; a mixture with the background
     would be a depth at which nothing is.

@@ -270,7 +270,7 @@ def _row(
     is_paper_network: bool = True,
     **constants: Any,
 ) -> type[Learned]:
-    """Make the class of another row of the tables: :class:`Learned` with other defaults.
+    """Make a variant of the learned method, with a row of its own in the tables.
 
     Parameters
     ----------

@@ -134,7 +134,7 @@ def load_model(folder: Path) -> tuple[nn.Module, NetworkCard]:
 def _load(
     folder: Path, configuration: Configuration, _digest: str, dtype: torch.dtype = torch.float64
 ) -> nn.Module:
-    """Return the network in a folder, ready to predict.
+    """Load the network in a folder, ready to predict.
 
     Parameters
     ----------

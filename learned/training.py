@@ -238,7 +238,7 @@ def fit(
     device: torch.device,
     log: Callable[[str], None],
 ) -> Fitted:
-    """Train a network in place.
+    """Train a network in place, or go on with a training that was interrupted.
 
     On the same machine, an interrupted training ends with the same weights.
 
@@ -403,7 +403,7 @@ class _State:
         self.began = time.process_time()
 
     def resume(self, recipe: Mapping[str, Any]) -> None:
-        """Go on from the checkpoint, if there is one.
+        """Take the state of the training from its checkpoint, if there is one.
 
         Parameters
         ----------

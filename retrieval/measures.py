@@ -335,7 +335,7 @@ def score_draws(
     answered: Sequence[int] | None = None,
     targets: Targets | None = None,
 ) -> dict[str, Any]:
-    """Return the measures of a gallery as plain numbers, means over the matrices.
+    """Score several matrices of distances of one gallery, and average each measure over them.
 
     Parameters
     ----------
@@ -479,7 +479,7 @@ def _check_square(matrix: FloatArray, largest: float) -> None:
 
 
 def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[float], bool]:
-    """Return all measures of one query, and whether ties make a difference to them.
+    """Score the ranking of one query, and say whether ties make a difference to it.
 
     Shapes are ranked by distance. Those at equal distances form a group, in which any order is as
     good as another: a measure is its expected value over all orders, so that hits count in

@@ -264,7 +264,7 @@ def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: IntArray)
 def _merge_junctions(
     mesh: Mesh, joints: FloatArray, owners: IntArray
 ) -> tuple[FloatArray, IntArray]:
-    """Merge junctions with neighbours in which they are more central.
+    """Merge each junction of a skeleton with a neighbour that lies more centrally in the surface.
 
     A junction has at least three bones. It merges with the neighbour for which the distances of the
     surface of both parts to the joint spread least, if they spread less than before, and goes on
@@ -337,7 +337,7 @@ def _better_joint(mesh: Mesh, joints: FloatArray, owners: IntArray, junction: in
 def _absorb_pockets(
     mesh: Mesh, joints: FloatArray, owners: IntArray
 ) -> tuple[FloatArray, IntArray]:
-    """Let pockets of the skeleton join the part around their mouths.
+    """Merge each dent of the surface, such as a mouth, into the part of the skeleton around it.
 
     A pocket is an end of the skeleton whose surface faces its joint, so that the flux of the
     distance to the joint is negative: a dent, such as a mouth, not a limb.

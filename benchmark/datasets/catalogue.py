@@ -159,7 +159,7 @@ def _open(name: str, data_root: Path | None) -> ShapeSet:
 
 
 def _source(name: str) -> OfficialSet | GeneratedSet | None:
-    """Return where the data set of a name comes from; None if it is no set of the suite.
+    """Look up a data set of the suite by its name; return None if there is none of this name.
 
     ``many_people`` sets have their number of bodies in the name: ``"people[n=100]"``.
     """

@@ -526,7 +526,7 @@ def changes_of(prepared: Prepared) -> list[tuple[str, str]]:
 
 
 def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> CheckedShape:
-    """Read a shape, prepare it, and return what it is like.
+    """Read a shape as a run would, and return what a check says of it.
 
     Parameters
     ----------
@@ -609,7 +609,7 @@ def _joined_pieces(dataset: ShapeSet, entry: Entry, surface: Mesh) -> Iterator[t
 
 
 def _capture(observed: Any, entry: Entry) -> dict[str, Any]:
-    """Return how a depth image was taken, in words that are equal for images that were taken alike.
+    """Describe how a depth image was taken; images that were taken alike get the same words.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ _LISTS = re.compile(r".*\.cla|labels\.(txt|csv|tsv)", re.IGNORECASE)
 
 
 def folder_set(folder: Path, name: str = "") -> ShapeSet:
-    """Read the list of shapes of a folder.
+    """Open a folder of meshes or of depth images as a data set.
 
     Classes come from the first available source: ``labels.txt`` or ``labels.csv``, a ``.cla`` file,
     the names of mesh files in the folder without trailing number (``cat10.off`` has class ``cat``),

@@ -150,7 +150,7 @@ def _as_array(values: Any, what: str) -> Any:
 
 
 def _scalar(value: Any, row: int, what: str) -> Scalar:
-    """Return a value as a plain one of Python; None if it says that there is none.
+    """Convert a label to text, a number or a truth value of Python; None if it stands for none.
 
     Parameters
     ----------

@@ -173,7 +173,7 @@ class OfficialSet:
         return replace(shapes, load=sized.load, key=sized.key, code=sized.code)
 
     def _named(self, folder: Path) -> list[Entry]:
-        """Return the shapes of a set whose file names are all known.
+        """Find the files of an official set whose names are all published.
 
         Parameters
         ----------
@@ -201,7 +201,7 @@ class OfficialSet:
         return [Entry(stem, *self.shapes[stem], files[key]) for key, stem in stems.items()]
 
     def _listed(self, folder: Path) -> Iterator[Entry]:
-        """Yield the shapes of a set with numbered files; their classes are listed, or sub-folders.
+        """Find the numbered files of an official set, whose classes are listed or are sub-folders.
 
         Parameters
         ----------
@@ -296,7 +296,7 @@ class OfficialSet:
         return {name: self.members[digest] for name, digest in digests.items()}
 
     def _classed(self, folder: Path) -> Iterator[Entry]:
-        """Yield the shapes of a set whose file names hold class and number, class by class.
+        """Find the files of an official set whose names hold class and number, class by class.
 
         Parameters
         ----------

@@ -296,7 +296,7 @@ def _pixels_of_mask(depths: Depths, points: Points, live: Pixels, mask: Mask) ->
 def _notes(
     pixels: _Pixels, up_source: str, n_filled: int, distance: float, surface: Mesh
 ) -> dict[str, float | str]:
-    """Return what is said of an object in a depth image: how it was found, and how large it is.
+    """Summarise how an object was found in a depth image, and how large it is.
 
     Parameters
     ----------

@@ -354,7 +354,7 @@ def read_intrinsics(path: Path) -> Intrinsics:
 
 
 def _parsed(text: str) -> Sequence[Any]:
-    """Parse a file of intrinsics.
+    """Parse the text of a file of intrinsics, which is JSON, YAML or plain numbers.
 
     Parameters
     ----------

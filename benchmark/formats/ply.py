@@ -279,7 +279,7 @@ def _element_runs(data: bytes, at: int, element: _Element) -> list[Run]:
 def _row_at(
     data: bytes, at: int, element: _Element, count: int
 ) -> tuple[np.dtype[Any], dict[str, int]]:
-    """Return the layout of one row of an element, as its lists are long there.
+    """Return the layout of the row that begins at a place, with the lengths of its lists.
 
     Parameters
     ----------

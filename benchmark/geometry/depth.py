@@ -157,7 +157,7 @@ def common_half_width(half_widths: Sequence[float]) -> float:
 
 
 def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE) -> DepthImage:
-    """Render the depth image of the centred shape.
+    """Render an orthographic depth image of a shape, which is moved to the centre of the frame.
 
     Parameters
     ----------
