@@ -223,7 +223,12 @@ def test_every_pair_counts_the_same_in_the_losses_of_an_epoch(
     pairs: PairsInMemory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Six pairs in batches of four and two, whose losses are made to be 1 and 4.
-    made = lambda prediction, *_: (0 * prediction.sum() + (1 if len(prediction) == 4 else 4),) * 2  # noqa: E731
+    def made(
+        prediction: torch.Tensor, *_: object, **__: object
+    ) -> tuple[torch.Tensor, torch.Tensor]:
+        loss = 0 * prediction.sum() + (1 if len(prediction) == 4 else 4)
+        return loss, loss
+
     monkeypatch.setattr(training, "losses", made)
     (row,) = run(pairs, tmp_path, replace(PLAN, epochs=1, batch=4))[1]
     assert row["depth loss"] == row["mask loss"] == pytest.approx((4 * 1 + 2 * 4) / 6)
@@ -258,7 +263,7 @@ def test_a_training_that_stops_anywhere_ends_with_the_same_weights(
     monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
     inner, calls = training.losses, 0
 
-    def interrupted(*arguments: object) -> tuple[torch.Tensor, torch.Tensor]:
+    def interrupted(*arguments: object, masked_depth: bool) -> tuple[torch.Tensor, torch.Tensor]:
         nonlocal calls
         calls += 1
         if calls in (
@@ -267,7 +272,7 @@ def test_a_training_that_stops_anywhere_ends_with_the_same_weights(
             11,
         ):  # within the first epoch, at the start of the second and within the third
             raise KeyboardInterrupt
-        return inner(*arguments)  # type: ignore[arg-type]
+        return inner(*arguments, masked_depth=masked_depth)  # type: ignore[arg-type]
 
     monkeypatch.setattr(training, "losses", interrupted)
     for _ in range(3):
