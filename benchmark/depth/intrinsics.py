@@ -609,7 +609,7 @@ def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
             _check_irrelevant(str(key), value)
             continue
         for name, found in _values_of_key(key, meaning, value).items():
-            if values.get(name, found) != found:
+            if name in values and values[name] != found:
                 problem = f"key '{key}' contradicts another one of {name}"
                 raise DepthError(problem, "keep the right one")
             if found is not None:
