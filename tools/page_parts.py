@@ -164,13 +164,13 @@ VIEWS = (
 
 #: Networks that see one depth view, as the page on networks calls them, each with its rows.
 NETWORKS = {
-    "`learned`, 500 pixels": (
-        "learned[configuration=as_printed]",
+    "`learned`, 500 pixels, trained on people": ("learned[configuration=as_printed]",),
+    "`learned`, 500 pixels, trained on animals": (
         "learned[configuration=as_printed,training=animals-III]",
     ),
     "`learned`, 128 pixels": ("learned",),
-    "`learned-wide-extra`": ("learned-wide-extra",),
-    "the same, of animals": ("learned-wide-extra[training=animals-sampled]",),
+    "`learned-wide-extra`, trained on people": ("learned-wide-extra",),
+    "`learned-wide-extra`, trained on animals": ("learned-wide-extra[training=animals-sampled]",),
     "`learned-streamed`": ("learned-streamed",),
 }
 
