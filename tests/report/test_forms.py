@@ -1,10 +1,14 @@
 """Forms as they are drawn, turned to each other, and how far they are apart then."""
 
+from unittest.mock import patch
+
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
 from scipy.stats import special_ortho_group
 
+from benchmark.report import forms
 from benchmark.report.forms import Drawn, StoredForms, alignments, centred, turned_to
 from tests.toy import rod
 
@@ -72,3 +76,24 @@ def test_forms_of_a_subject_are_turned_to_that_of_its_first_pose(results):
     assert np.linalg.norm(second, axis=1) == pytest.approx(np.linalg.norm(posed, axis=1))
     before, after = (cKDTree(first).query(points)[0].mean() for points in (posed, second))
     assert after < 0.5 * before
+
+
+def test_only_near_results_that_differ_are_refined():
+    angles = np.array([0.0, 0.01, 1.0, 1.5, 2.0, 2.5])
+    rotations = Rotation.from_euler("z", angles[:, None]).as_matrix()
+    near = np.array([0.11, 0.1, 0.12, 0.13, 0.14, 0.145])
+    assert forms._distinct(near, rotations) == [1, 2, 3]  # four at most, of which two are alike
+    far = np.array([0.11, 0.1, 0.12, 0.16, 0.17, 0.18])
+    assert forms._distinct(far, rotations) == [1, 2]
+
+
+def test_an_iteration_that_changes_nothing_is_the_last():
+    points = np.random.default_rng(0).standard_normal((50, 3)) * [3.0, 2.0, 1.0]
+    starts = Rotation.from_euler("xyz", [[0.0, 0.0, 0.0], [0.1, 0.0, 0.2]]).as_matrix()
+    few = forms._iterate_closest_points(points, points, starts, 12)
+    with patch.object(forms, "_best_rotations", wraps=forms._best_rotations) as counted:
+        many = forms._iterate_closest_points(points, points, starts, 100)
+    assert counted.call_count < 12
+    assert np.array_equal(few[0], many[0])
+    assert np.array_equal(few[1], many[1])
+    assert many[0].max() < 1e-12
