@@ -149,7 +149,7 @@ class Motions(NamedTuple):
 
     A vertex p of part c moves to ``rotations[c] @ p + translations[c]``.
 
-    Parameters
+    Attributes
     ----------
     rotations
         Rotation matrices, shape (k, 3, 3).
