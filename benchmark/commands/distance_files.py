@@ -144,7 +144,12 @@ def _without_names(frame: Any, *, is_square: bool) -> tuple[Any, tuple[str, ...]
     values : array
         The distances.
     rows, columns : tuple of str
-        Names of rows and columns.
+        Names of rows and columns: of ``is_square`` the same, otherwise as they stand in the frame.
+
+    Raises
+    ------
+    ConfigurationError
+        If rows and columns of the same shapes have different names, or a name appears twice.
     """
     rows = names_of(frame.index)
     columns = names_of(frame.columns)

@@ -49,9 +49,9 @@ def forget(
     results: str | Path = RESULTS,
     yes: bool = False,
 ) -> Forgotten:
-    """Delete the results of methods or data sets, or files that no record names.
+    """Delete the results of methods or data sets, and all files that no remaining record needs.
 
-    A file that no record can be read from stays, with all files that it names, unless it is named.
+    A record that cannot be read stays, with the files that it names, unless ``records`` names it.
 
     Parameters
     ----------
@@ -60,11 +60,11 @@ def forget(
     records
         Rows, or names of files without ``.json``, of the records that go.
     unused
-        Whether only files go that no record names.
+        Whether to select no record, so that only files go that no record needs.
     results
         The results folder.
     yes
-        Whether to delete them; by default they are only named.
+        Whether to delete; by default, the result says what would be deleted.
 
     Returns
     -------

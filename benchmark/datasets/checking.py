@@ -317,12 +317,17 @@ def check_dataset(dataset: ShapeSet, watched: Watched = iter) -> Report:
 
 
 def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
-    """Yield what is wrong with the classes of a data set: what hinders retrieval, and odd sizes."""
+    """Yield what is wrong with the classes of a data set.
+
+    An official set of one subject has one warning alone, as nothing can be retrieved from it. In
+    other sets, errors hinder retrieval; warnings tell of shapes that are no queries, and of classes
+    with other sizes than in the official set of that name.
+    """
     try:
         check_ranked(dataset)
     except DatasetError as error:
         yield Anomaly("warning", (dataset.name,), error.located, error.hint)
-        return
+        return  # its only class has no rules
     try:
         check_retrievable(dataset)
     except DatasetError as error:

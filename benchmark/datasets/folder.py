@@ -158,17 +158,19 @@ def sub_folders(folder: Path) -> list[Path]:
 def skipped_files(folder: Path) -> list[Path]:
     """Return the files of a folder and its sub-folders that nothing reads.
 
-    These are files of unknown kinds, and hidden ones, also of a known kind.
+    These are files of unknown kinds, and hidden files (``.cat.off``) of known kinds.
     """
     places = (folder, *sub_folders(folder))
     known = {*MESHES, *BESIDE, *EXTENSIONS, *_BESIDE}
 
     def is_unknown(path: Path) -> bool:
         """Return whether a path is a file that nothing reads."""
+        if path.is_dir() or mesh_suffix(path) in known:
+            return False
+        if CAMERA_FILES.fullmatch(path.name):
+            return False
         is_list = path.name == SETTINGS_FILE or _LISTS.fullmatch(path.name) is not None
-        is_read = path.parent == folder and is_list
-        is_about_cameras = CAMERA_FILES.fullmatch(path.name) is not None
-        return not (mesh_suffix(path) in known or is_read or is_about_cameras or path.is_dir())
+        return not is_list or path.parent != folder  # lists are read beside the shapes alone
 
     unknown: list[Path] = []
     hidden: list[Path] = []

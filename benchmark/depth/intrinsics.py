@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -670,16 +670,28 @@ def _letters(key: str) -> str:
     return re.sub(r"[\W_]+", "", key.lower())
 
 
-def _check_irrelevant(key: str, value: Any) -> None:
-    """Check that a key of a file of intrinsics that is not understood cannot matter.
+def _leaves(value: Any) -> Iterator[Any]:
+    """Yield the numbers and texts in a value of JSON, YAML or XML, at any depth."""
+    if isinstance(value, Mapping):
+        value = [*value.values()]
+    if isinstance(value, list | tuple | np.ndarray):
+        for part in value:
+            yield from _leaves(part)
+    else:
+        yield value
 
-    It is about something else, such as a pose or an exposure, or its value changes nothing, such as
-    0.
+
+def _check_irrelevant(key: str, value: Any) -> None:
+    """Refuse an unknown key of a file of intrinsics, unless it cannot change what pixels mean.
+
+    A key is harmless if it is about something else, such as the pose of the camera or its exposure,
+    or if its value changes nothing: 0, nothing, and 1 for a factor such as ``binning_x``.
 
     Parameters
     ----------
     key, value
-        The key as it stands in the file, and its value: numbers, a text, a list or a mapping.
+        The key as it stands in the file, such as ``"exposureTime"``, and its value: a number, a
+        text, or lists and mappings of these.
 
     Raises
     ------
@@ -688,13 +700,13 @@ def _check_irrelevant(key: str, value: Any) -> None:
     """
     if _OF_SLAM.fullmatch(key):
         return
-    words = re.sub("([a-z])([A-Z])", r"\1 \2", key).lower()
-    leaves = [*value.values()] if isinstance(value, Mapping) else np.ravel(value).tolist()
+    words = re.sub("([a-z])([A-Z])", r"\1 \2", key).lower()  # exposureTime: "exposure time"
+    leaves = list(_leaves(value))
     is_pose = len(leaves) > 2 and _POSE.search(words)
     if is_pose or _IRRELEVANT.search(words):
         return
     neutral: tuple[Any, ...] = (None, "", 0)
-    if re.search("binning|aspect", key):  # factors, of which 1 changes nothing
+    if re.search("binning|aspect", words):  # factors, of which 1 changes nothing
         neutral = (*neutral, 1)
     if any(leaf not in neutral for leaf in leaves):
         hint = (

@@ -41,10 +41,12 @@ def check_copies(mesh: Mesh) -> None:
     """
     if not mesh.n_faces or not np.isfinite(mesh.vertices).all():
         return  # which is refused elsewhere
-    _, place = merge_duplicates(mesh.vertices)
-    piece_of_face = _piece_of_face(place[mesh.faces])
+    # Pieces whose vertices lie at the same positions.
+    _, merged_vertex = merge_duplicates(mesh.vertices)
+    piece_of_face = _piece_of_face(merged_vertex[mesh.faces])
     is_single = not piece_of_face.any()
     if is_single:
+        # Pieces whose vertices have the same numbers; very many are patches of a texture.
         piece_of_face = _piece_of_face(mesh.faces.astype(np.int64))
         if piece_of_face.max() >= _MOST_PIECES:
             return

@@ -395,8 +395,9 @@ class Work:
         Raises
         ------
         KeyboardInterrupt
-            If the run is interrupted, which no method is to blame for; so is ``BdbQuit``, with
-            which a debugger ends.
+            If the user interrupts the run.
+        BdbQuit
+            If the user leaves the debugger.
         """
         try:
             if self.task.record:
