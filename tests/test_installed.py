@@ -16,6 +16,7 @@ import tarfile
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from benchmark.kernel_cache import compiled_kernels, suite_sources
 from tests.toy import rod, write_off, write_rods
@@ -121,6 +122,8 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "distances.txt").write_text("0 1 4 3\n1 0 5 2\n4 5 0 1\n3 2 1 0\n")
     (tmp_path / "labels.txt").write_text("cat\ncat\ndog\ndog\n")
     shutil.copytree(ROOT / "examples", tmp_path / "examples")
+    with Image.open(ROOT / "examples/depth/man-1/kneeling.png") as frame:
+        frame.resize((640, 480), Image.Resampling.NEAREST).save(tmp_path / "depth.png")
     return tmp_path
 
 
