@@ -5,6 +5,7 @@ Nothing in a submission is run: its files are data.
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -178,8 +179,10 @@ def read_submission(path: Path) -> Submission:
     Raises
     ------
     BenchmarkError
-        If it cannot be read, lacks a key, or has an unknown one or a value of another kind.
+        If it cannot be read, lacks a key, or has an unknown one or a value of another kind, or if
+        a link in its folder leads out of it.
     """
+    _check_links(path.parent)
     facts = read_settings(path, [*REQUIRED, *_OPTIONAL])
     for key, value in facts.items():
         _check_value(key, value)
@@ -207,6 +210,19 @@ def read_submission(path: Path) -> Submission:
     if not is_there:
         raise ConfigurationError(f"its {kind} {name} are not there", "add them")
     return Submission(path.parent, facts, input_, scored)
+
+
+def _check_links(folder: Path) -> None:
+    """Raise ``ConfigurationError`` if a link in the folder of a submission leads out of it.
+
+    A submission is data of somebody else: what it scores must be in it.
+    """
+    inside = os.path.realpath(folder)
+    for path in sorted(folder.rglob("*")):
+        target = Path(os.path.realpath(path))  # also of circular links
+        if path.is_symlink() and not target.is_relative_to(inside):
+            problem = f"the link {path.relative_to(folder)} leads out of it"
+            raise ConfigurationError(problem, "put the file itself in its place")
 
 
 def _check_value(key: str, value: object) -> None:

@@ -134,6 +134,34 @@ def test_a_submission_that_cannot_be_scored_is_named(submit, changes, reason):
     assert reason in note
 
 
+@pytest.mark.parametrize("place", ["submission.toml", "distances.csv", "forms/cat0.off", "more"])
+def test_a_link_that_leads_out_of_a_submission_is_refused(submit, tmp_path, place):
+    folder = submit()
+    link = folder / place
+    outside = tmp_path / "outside"
+    outside.write_bytes(link.read_bytes() if link.is_file() else b"")
+    link.unlink(missing_ok=True)
+    link.parent.mkdir(exist_ok=True)
+    link.symlink_to(outside)
+    (note,) = submitted_rows("submissions", "results").notes
+    assert f"the link {place} leads out of it" in note
+
+
+@pytest.mark.parametrize("target", ["../mine/circle", "../nowhere", "/dev/zero", ".."])
+def test_a_link_without_an_end_is_refused_unless_it_stays_inside(submit, target):
+    (submit() / "circle").symlink_to(target)
+    (note,) = submitted_rows("submissions", "results").notes
+    assert ("the link circle leads out of it" in note) == (target != "../mine/circle")
+
+
+def test_a_link_within_a_submission_is_followed(submit):
+    folder = submit()
+    (folder / "real.csv").write_bytes((folder / "distances.csv").read_bytes())
+    (folder / "distances.csv").unlink()
+    (folder / "distances.csv").symlink_to("real.csv")
+    assert not submitted_rows("submissions", "results").refused
+
+
 def test_other_shapes_and_damaged_distances_are_named(submit, published):
     matrix = np.ones((3, 3)) - np.eye(3)
     submit("few", matrix, published.shapes[:3])
