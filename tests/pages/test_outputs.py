@@ -77,6 +77,7 @@ def test_plugins_are_checked_and_described_as_the_page_shows(folder):
     assert printed.splitlines() == findings
     by_function = call("check", "flatten_by_function.py", code=1)
     assert by_function == printed
+    assert "no fault was found" in call("check", "spectrum.py")
     check_printed(described, facts)
 
 
