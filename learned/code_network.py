@@ -36,15 +36,7 @@ class CodeNetwork(nn.Module):
     """
 
     def __init__(self, width: int = 16, code_size: int = 256, seed: int = 0) -> None:
-        """Make the layers with random weights; their names stand in files of weights.
-
-        Parameters
-        ----------
-        width, code_size
-            Channels of the outermost block, and length of the code.
-        seed
-            Seed of the weights, which depend on nothing else.
-        """
+        """Make the layers with random weights; their names stand in files of weights."""
         super().__init__()
         self.widths = [width, 2 * width, 4 * width, 8 * width, 8 * width]
         flat = self.widths[-1] * _INNERMOST**2

@@ -100,15 +100,7 @@ class EncoderDecoder(nn.Module):
     """
 
     def __init__(self, channels_in: int, width: int) -> None:
-        """Make the blocks of the encoder, from the outermost inwards, of the decoder, and the head.
-
-        Parameters
-        ----------
-        channels_in
-            Channels of the image and of the features concatenated to it.
-        width
-            Channels of the outermost block; each inner one has twice as many.
-        """
+        """Make the blocks of encoder and decoder, and the head."""
         super().__init__()
         widths = [width, 2 * width, 4 * width, 8 * width]
         inward = widths[::-1]

@@ -378,15 +378,7 @@ class _State:
     """
 
     def __init__(self, network: nn.Module, optimizer: torch.optim.Optimizer, path: Path) -> None:
-        """Begin a training, at its first step; :meth:`resume` goes on with that of a checkpoint.
-
-        Parameters
-        ----------
-        network, optimizer
-            The network, and the optimizer that trains it.
-        path
-            File of the checkpoint.
-        """
+        """Begin a training, at its first step; :meth:`resume` goes on with that of a checkpoint."""
         self.network = network
         self.optimizer = optimizer
         self.path = path

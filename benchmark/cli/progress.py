@@ -31,7 +31,7 @@ class Bar:
     Parameters
     ----------
     n_jobs
-        Number of jobs that run.
+        Number of jobs that run; 0 shows nothing.
     expected
         Seconds that they are expected to take, or 0 if nobody knows.
     console
@@ -39,17 +39,7 @@ class Bar:
     """
 
     def __init__(self, n_jobs: int, expected: float, console: Console | None = None) -> None:
-        """Show a bar on a terminal; elsewhere, lines are printed now and then.
-
-        Parameters
-        ----------
-        n_jobs
-            Number of jobs; 0 shows nothing.
-        expected
-            Seconds that the run is expected to take.
-        console
-            The terminal; by default stderr.
-        """
+        """Show a bar on a terminal; elsewhere, lines are printed now and then."""
         self._n_jobs = n_jobs
         self._expected = expected
         self._n_ended = 0

@@ -77,20 +77,7 @@ class DaskPool:
     """
 
     def __init__(self, url: str, timeout: float) -> None:
-        """Connect to the scheduler of a dask cluster.
-
-        Parameters
-        ----------
-        url
-            Address of the scheduler.
-        timeout
-            Seconds that a method may take for a shape.
-
-        Raises
-        ------
-        ConfigurationError
-            If dask is not installed, or no scheduler answers.
-        """
+        """Connect to the scheduler of a dask cluster."""
         if find_spec("distributed") is None:
             problem = "--dask needs the package distributed"
             raise ConfigurationError(problem, "pip install 'dask[distributed]'")

@@ -137,21 +137,13 @@ class Worker:
     Parameters
     ----------
     memory
-        Most bytes of memory that it may take.
+        Most bytes of memory that its process may take.
     timeout
         Seconds that a step may take, and a ranking for each of its shapes.
     """
 
     def __init__(self, memory: int, timeout: float) -> None:
-        """Prepare a worker; its process is started with its first task.
-
-        Parameters
-        ----------
-        memory
-            Most bytes of memory that its process may take.
-        timeout
-            Seconds that a method may take for a shape.
-        """
+        """Prepare a worker; its process is started with its first task."""
         self._memory = memory
         self._timeout = timeout
         self._process: subprocess.Popen[bytes] | None = None
