@@ -251,7 +251,7 @@ def _decision(claim: Claim, words: DecisionWords, leads: _Leads, n_classes: int)
     if n_classes < FEWEST_CLASSES:
         return f"not decidable: {n_classes} classes"
     if claim.better in PAPERS_NETWORKS and (words is ON_PAPERS_DATA or claim.better == AS_PRINTED):
-        return "not decidable: a small share of the paper's computation"
+        return "not decidable: the paper's network may be far larger"
     if np.any(leads.is_decided & (leads.lead < 0)):
         return words.fails
     if np.all(leads.is_decided & (leads.lead > 0)):
@@ -416,8 +416,9 @@ def _cells_of_claim(judged: AssessedClaim) -> list[str]:
 CLAIMS_EXPLAINED = (
     "The paper's claims, all methods on one depth view. Only the paper's data support or "
     "contradict a claim. On a stand-in it holds, fails or stays open, which says nothing of the "
-    "paper's data. Networks here have a small share of the paper's computation, so that none "
-    "decides a claim on the paper's data, and the one with the paper's pixels decides none at all. "
+    "paper's data. The paper does not say how wide its network is, and its days of training leave "
+    "room for one far larger than ours. So no network here decides a claim on the paper's data, "
+    "and the one with the paper's pixels decides none at all. "
     "Queries: those of classes on which no compared network was trained. Leads: comparisons (rows "
     "times measures) in which the row is ahead. Significant: comparisons with p < .05 among these "
     "rows and measures (studentised permutation test over whole classes), in either direction and "

@@ -88,6 +88,10 @@ def test_the_computation_of_the_networks_is_that_of_the_page(monkeypatch):
     ]
     for low, high in millions:
         assert f"| {low:.1f} to {high:.0f} million |" in page
+    ours = computation.training(*computation.NETWORKS[0]) / 1e6
+    assert 200 < min(millions)[0] / ours < 300
+    assert 2000 < max(millions)[1] / ours < 2500
+    assert "Two hundred to two thousand times as much" in " ".join(page.split())
 
 
 def test_weights_of_ours_are_parameters_that_their_methods_declare(monkeypatch):

@@ -153,7 +153,7 @@ def test_a_network_of_ours_decides_no_claim_on_the_papers_data(monkeypatch):
     labels = [name for name in "abcdefgh" for _ in range(3)]
     nets = {"gps": 0.1, "learned": 0.9, AS_PRINTED: 0.9}
     rows = [record(name, nn, labels=labels, models=[]) for name, nn in nets.items()]
-    none = "not decidable: a small share of the paper's computation"
+    none = "not decidable: the paper's network may be far larger"
     assert judged(claim_on("learned", "gps"), *rows).decision == "holds on the stand-in"
     assert judged(claim_on(AS_PRINTED, "gps"), *rows).decision == none
     monkeypatch.setattr(verdicts, "known_copy", lambda _: SETS["tosca"].copies[0])
