@@ -32,8 +32,8 @@ _LEADING_MEASURE = PRINTED_MEASURES[-1]
 
 #: Note on what few classes can decide, and on bold and italic.
 FEW = (
-    "{} classes decide little: a difference of .2 in every class is found in about a quarter of "
-    "cases at most. "
+    "{} classes decide little: only differences that are large, or alike in nearly all classes, "
+    "are found. "
 )
 MARKS = (
     "Bold: the best of its block. Italic: not significantly worse (p at least .05; "
