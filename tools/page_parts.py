@@ -156,7 +156,7 @@ def claims_of_paper() -> str:
 
 #: Tables of one depth view: heading, identifier, data set and column.
 VIEWS = (
-    ("people", "I-view", "people[draw=0]", "5 subjects"),
+    ("people, five in a gallery", "I-view", "people[draw=0]", "5 subjects"),
     ("scans", "II-view", "humans-scanlike", "ours"),
     ("real people (FAUST)", "faust", "faust", "view"),
     ("TOSCA", "III-view", "tosca", "all shapes"),

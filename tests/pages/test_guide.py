@@ -49,6 +49,8 @@ def test_all_forms_fail_on_david_who_is_taken_for_another():
     rows_of_table = [line.split("|")[2:5] for line in page_parts.worst_classes().splitlines()[2:]]
     assert {label for label, *_ in rows_of_table} == {"david"}
     assert {other for *_, other in rows_of_table} == {"michael", "victoria"}
+    without = means_of_classes(published_forms()["identity"])
+    assert min(without, key=lambda label: without[label]) == "david"
 
 
 def test_the_five_shapes_are_those_of_the_page_and_chance_is_high():
