@@ -33,8 +33,8 @@ if TYPE_CHECKING:
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 
-#: Style of the tables of a report, and what sorts them.
-OF_REPORT = ("table.css", "report.js")
+#: Style of the tables of a report, what sorts them, and the icon of its pages.
+OF_REPORT = ("table.css", "report.js", "icon.svg")
 
 #: Published tables by their path; they are shown as in a report.
 PUBLISHED_TABLES = {

@@ -14,9 +14,10 @@ def print_markdown(text: str) -> None:
         say_lines(text)
         return
     from rich.console import Console
-    from rich.markdown import Markdown
 
-    Console().print(Markdown(text))
+    from benchmark.cli.terminal_tables import TerminalMarkdown
+
+    Console().print(TerminalMarkdown(text))
 
 
 #: Notes on a form that are lengths.

@@ -29,7 +29,7 @@ from benchmark.pipeline.record_arrays import read_distances
 from benchmark.pipeline.records import Record
 from benchmark.report.drawing import OBLIQUE, shaded
 from benchmark.report.forms import Drawn, StoredForms
-from benchmark.report.grids import DPI, TEXT_WIDTH, TITLE_SIZE, grid
+from benchmark.report.grids import DPI, ON_WHITE, TEXT_WIDTH, TITLE_SIZE, grid
 from benchmark.report.notation import file_name
 from benchmark.report.rows import RowScores, TableRow
 from benchmark.report.table_view import TableView
@@ -55,6 +55,10 @@ _NAME_LETTERS = 20
 _LETTER_HEIGHT = 0.055
 _LETTER_WIDTH = 0.03
 
+#: Size in points of remarks below pictures, and their height in inches.
+_REMARK_SIZE = 6
+_REMARK_HEIGHT = 0.12
+
 #: Letters of the title of a picture to the inch.
 _LETTERS_PER_INCH = 18
 
@@ -64,15 +68,15 @@ _NAMED_CLASSES = 15
 #: Measure of pages and figures that show one.
 MEASURE = "DCG"
 
-#: Colours of classes, in turn, and of lines: contrast with white of at least 3, as WCAG asks of
-#: graphics.
+#: Colours of classes and of their names, in turn: contrast with white of at least 4.5, as WCAG asks
+#: of text.
 COLOURS = (
     "#3a6ea5",
-    "#c8553d",
-    "#3d8a5f",
+    "#bb4a33",
+    "#347d55",
     "#8a5fa8",
     "#9c6b14",
-    "#128391",
+    "#0f7a87",
     "#b0457f",
     "#66751c",
     "#5b5b5b",
@@ -374,13 +378,29 @@ def _pictures(columns: Sequence[_Column], camera: Camera) -> Figure:
         pictures = [_picture(surface, camera, n_pixels, frame) for surface in column.drawn]
         title = fill(column.title, round(_LETTERS_PER_INCH * side))
         panels.append((title, pictures))
-    figure = grid(panels, side)
+    drawn = [surface for column in columns for surface in column.drawn if surface]
+    has_remarks = any(surface.is_mirrored for surface in drawn)
+    figure = grid(panels, side, _REMARK_HEIGHT if has_remarks else 0.0)
     for number, column in enumerate(columns):
         axes_of_column = figure.axes[number :: len(columns)]
         for place, surface in zip(axes_of_column, column.drawn, strict=False):
             if surface and surface.is_mirrored:
-                place.text(0.5, 0, "mirrored", ha="center", fontsize=5, transform=place.transAxes)
+                _write_remark(place, "mirrored")
     return figure
+
+
+def _write_remark(place: Axes, remark: str) -> None:
+    """Write a remark below a picture."""
+    place.text(
+        0.5,
+        0,
+        remark,
+        ha="center",
+        va="top",
+        fontsize=_REMARK_SIZE,
+        transform=place.transAxes,
+        bbox=ON_WHITE,
+    )
 
 
 def _picture(drawn: Drawn | None, camera: Camera, size: int, frame: Points) -> Image.Image | None:

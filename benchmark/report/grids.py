@@ -22,8 +22,12 @@ DPI = 300
 #: Size in points of titles and names in figures.
 TITLE_SIZE = 7
 
-#: Height in inches of the titles above pictures.
-_TITLE_HEIGHT = 0.44
+#: Height in inches of a line of a title, and the room around all of its lines.
+_LINE_HEIGHT = TITLE_SIZE * 1.2 / 72
+_ROOM_OF_TITLES = 0.12
+
+#: What words stand on, so that they can be read on dark pages, too.
+ON_WHITE = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none"}
 
 #: Metadata by file extension, without the date and the version of matplotlib.
 _UNDATED: dict[str, dict[str, str | None]] = {
@@ -33,8 +37,12 @@ _UNDATED: dict[str, dict[str, str | None]] = {
 }
 
 
-def grid(columns: Sequence[tuple[str, Sequence[Any]]], side: float = 1.0) -> Figure:
+def grid(
+    columns: Sequence[tuple[str, Sequence[Any]]], side: float = 1.0, below: float = 0.0
+) -> Figure:
     """Return a figure of pictures in columns, each column below its title.
+
+    The figure is transparent, and its words stand on white.
 
     Parameters
     ----------
@@ -43,20 +51,32 @@ def grid(columns: Sequence[tuple[str, Sequence[Any]]], side: float = 1.0) -> Fig
         values; None leaves its place empty.
     side
         Side of a picture in inches.
+    below
+        Room below each picture in inches, for words.
     """
     n_rows = max(len(pictures) for _, pictures in columns)
-    height = _TITLE_HEIGHT + n_rows * side
-    figure = Figure((side * len(columns), height))
+    of_pictures = n_rows * (side + below)
+    height = of_pictures + _height_of_titles([title for title, _ in columns])
+    figure = Figure((side * len(columns), height), facecolor="none")
     axes = figure.subplots(n_rows, len(columns), squeeze=False)
-    figure.subplots_adjust(0, 0, 1, n_rows * side / height, 0, 0)
+    figure.subplots_adjust(0, below / height, 1, of_pictures / height, 0, below / side)
     for place in figure.axes:
         place.axis("off")
     for places, (title, pictures) in zip(axes.T, columns, strict=True):
-        places[0].set_title(title, fontsize=TITLE_SIZE, parse_math=False)
+        if title:
+            places[0].set_title(title, fontsize=TITLE_SIZE, parse_math=False, bbox=ON_WHITE)
         for place, picture in zip(places, pictures, strict=False):
             if picture is not None:
                 place.imshow(np.asarray(picture), cmap="gray")
+                place.set_adjustable("datalim")  # titles stand at one height
     return figure
+
+
+def _height_of_titles(titles: Sequence[str]) -> float:
+    """Return the inches that titles of one or more lines take; 0 without titles."""
+    if not any(titles):
+        return 0.0
+    return _ROOM_OF_TITLES + _LINE_HEIGHT * max(title.count("\n") + 1 for title in titles)
 
 
 def write_figure(figure: Figure, path: Path) -> None:

@@ -82,10 +82,25 @@ class Pages:
     views: Sequence[TableView]
     files: dict[str, str | bytes] = field(default_factory=dict)
 
-    def add(self, name: str, template: str, title: str, **content: Any) -> None:
-        """Add a page."""
+    def add(self, name: str, template: str, title: str, window: str = "", **content: Any) -> None:
+        """Add a page.
+
+        Parameters
+        ----------
+        name
+            Name of its file.
+        template
+            Name of its template.
+        title
+            Its heading.
+        window
+            Title of its window, of which a tab shows the beginning; by default the heading.
+        content
+            What the template reads.
+        """
         self.files[name] = TEMPLATES.get_template(template).render(
             title=title,
+            window=window or title,
             here=name,
             groups=self._navigation(),
             has_overview=len(self.views) > 1,

@@ -37,8 +37,8 @@ from benchmark.report.query_pages import queries_of_column
 from benchmark.report.table_view import TableView
 from benchmark.text import clean_text, say
 
-#: Styles and scripts of all pages.
-_FIXED_FILES = ("style.css", "table.css", "report.js")
+#: Styles, script and icon of all pages.
+_FIXED_FILES = ("style.css", "table.css", "report.js", "icon.svg")
 
 #: Least score on a scale from which its ticks are a tenth apart; below it, two tenths.
 _SHORT_SCALE = 0.7
@@ -134,7 +134,8 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
         if ending:
             heading += f": {title.lower()}"
         template = f"{title.lower()}.html"
-        pages.add(address, template, heading, kinds=titles, stem=view.stem, **content)
+        window = f"{title} | {label_of_table(view)}"
+        pages.add(address, template, heading, window, kinds=titles, stem=view.stem, **content)
     return titles
 
 
@@ -188,7 +189,7 @@ def _add_published_pictures(pages: Pages, view: TableView, pictures: dict[str, s
 
 
 def fixed_file(name: str) -> str:
-    """Return a style or a script that all pages use."""
+    """Return a style, a script or the icon that all pages use."""
     return TEMPLATES.get_template(name).render()
 
 

@@ -172,7 +172,7 @@ def render_play_page(content: Mapping[str, Any], numbers: str, back: str = "") -
     """Return the page of what :func:`play_data` returned."""
     text = json.dumps(content, separators=(",", ":")).replace("</", r"<\/")
     page = _TEMPLATES.get_template("play.html")
-    return page.render(content=text, numbers=numbers, back=back)
+    return page.render(content=text, numbers=numbers, back=back, palette=PALETTE)
 
 
 # Galleries of a results folder

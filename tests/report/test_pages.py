@@ -78,6 +78,9 @@ def read(folder):
     facts = {name: Facts(text) for name, text in found.items()}
     for name, page in facts.items():
         assert all(attrs.get("alt") for tag, attrs in page.found if tag == "img"), name
+        assert all(attrs.get("aria-label") for tag, attrs in page.found if tag == "table"), name
+        assert all(attrs.get("scope") for tag, attrs in page.found if tag == "th"), name
+        assert not re.search(r"<th[^>]*></th>", found[name]), name
         assert len(set(page.values("id"))) == len(page.values("id"))
         if name != "play.html":
             assert sum(tag == "tr" for tag, _ in page.found) > 1  # no page is empty
@@ -88,9 +91,8 @@ def read(folder):
             + page.values("data-mesh")
         ):
             file, _, anchor = link.partition("#")
-            assert link == "data:," or (folder / file).is_file(), (
-                link
-            )  # so that no network is needed
+            is_here = link.startswith("data:image/svg+xml,") or (folder / file).is_file()
+            assert is_here, link  # so that no network is needed
             assert not anchor or anchor in facts[file].values("id"), link
     return found
 
@@ -479,6 +481,27 @@ def test_text_has_a_contrast_of_four_and_a_half_in_both_schemes(tmp_path):
     } == set()
 
 
+def mixed(colour, page, share):
+    """Mix a colour with that of a page."""
+    parts = [
+        share * int(colour[k : k + 2], 16) + (1 - share) * int(page[k : k + 2], 16)
+        for k in (1, 3, 5)
+    ]
+    return "#" + "".join(f"{round(part):02x}" for part in parts)
+
+
+def test_numbers_are_read_on_the_deepest_blue_and_dim_ones_stand_on_none(tmp_path):
+    pages(tmp_path, record())
+    style = "".join((tmp_path / "report" / name).read_text() for name in ("style.css", "table.css"))
+    schemes = re.findall(r"--(\w+): light-dark\((#\w{6}), (#\w{6})\)", style)
+    share = float(re.search(r"var\(--mark\) calc\(([.\d]+) \* var\(--part", style)[1])
+    for scheme in ({name: of[place] for name, *of in schemes} for place in (0, 1)):
+        deepest = mixed(scheme["mark"], scheme["page"], share)
+        brightness = sorted(map(luminance, (scheme["text"], deepest)))
+        assert (brightness[1] + 0.05) / (brightness[0] + 0.05) >= 4.5, deepest
+    assert "background-color: transparent" in re.search(r"\.scores \.other \{(.*?)\}", style)[1]
+
+
 def test_pages_of_400_shapes_are_small(tmp_path):
     labels = [f"s{k // 10}" for k in range(400)]
     records = [record(f"m{k}", k / 20, labels=labels) for k in range(12)]
@@ -504,9 +527,9 @@ def test_figures_have_fonts_that_publishers_take(results, tmp_path):
         forms_figure(few, forms)
 
 
-def test_colours_of_marks_have_a_contrast_of_three_with_white():
+def test_colours_in_which_names_are_written_have_a_contrast_of_four_and_a_half_with_white():
     for colour in (*COLOURS, GREY):
-        assert 1.05 / (luminance(colour) + 0.05) >= 3, colour
+        assert 1.05 / (luminance(colour) + 0.05) >= 4.5, colour
 
 
 def test_networks_of_views_stand_beside_rows_of_complete_surfaces():
@@ -593,9 +616,8 @@ def test_a_map_of_classes_with_long_names_has_room_for_its_points(monkeypatch):
 def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_path):
     view, forms = table_views(results.records)[0], StoredForms(results.folder)
     figure = forms_figure(view, forms, ["thin0", "thin1", "thick0"])
-    assert figure.get_size_inches().tolist() == pytest.approx(
-        [5.1, 2.14]
-    )  # so three poses take less than 3
+    size = figure.get_size_inches().tolist()
+    assert size == pytest.approx([5.1, 2.29], abs=0.02)  # so three poses take less than 3
     heads = [place.get_title() for place in figure.axes[:6]]
     assert heads == [
         name
@@ -605,7 +627,12 @@ def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_p
     assert len(figure.axes) == 2 * 6
     assert [len(place.images) for place in figure.axes[6:]] == [1, 1, 1, 0, 0, 0]
     write_figure(figure, tmp_path / "forms.png")
-    assert Image.open(tmp_path / "forms.png").width == 300 * 5.1
+    picture = Image.open(tmp_path / "forms.png")
+    assert picture.width == 300 * 5.1
+    assert picture.getpixel((0, picture.height - 1))[3] == 0  # it is read on dark pages, too
+    words = [place.title for place in figure.axes if place.get_title()]
+    words += [text for place in figure.axes for text in place.texts]
+    assert {text.get_bbox_patch().get_facecolor()[:3] for text in words} == {(1, 1, 1)}
     with pytest.raises(ConfigurationError, match="thin9"):
         forms_figure(view, forms, ["thin9"])
 

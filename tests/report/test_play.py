@@ -167,7 +167,7 @@ def test_without_shapes_there_is_no_page(results, stored):
 
 def test_the_page_needs_no_network(galleries):
     addresses = re.findall(r'(?:src|href)="([^"]*)"', play_page(galleries, back="index.html"))
-    assert sorted(addresses) == ["data:,", "index.html"]
+    assert [each for each in addresses if not each.startswith("data:image/")] == ["index.html"]
 
 
 def test_the_sentence_of_a_plugin_is_that_of_its_record(rods, tmp_path):
