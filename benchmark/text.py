@@ -122,7 +122,7 @@ def _as_text(text: object) -> str:
         return f"{type(text).__name__} without a text ({type(error).__name__})"
 
 
-def say(text: object = "", *, err: bool = False, indent: int = 2) -> None:
+def say(text: object = "", *, err: bool = False, indent: int = 2, is_wrapped: bool = True) -> None:
     """Print one line, from which control characters are removed.
 
     Parameters
@@ -133,10 +133,12 @@ def say(text: object = "", *, err: bool = False, indent: int = 2) -> None:
         Whether it goes to stderr instead of stdout.
     indent
         By how many blanks more than the first one all further lines are indented.
+    is_wrapped
+        Whether a terminal gets it wrapped; a command that is to be copied stays in one piece.
     """
     stream = sys.stderr if err else sys.stdout
     line = clean_text(text)
-    if stream.isatty():
+    if is_wrapped and stream.isatty():
         n_blanks = len(line) - len(line.lstrip()) + indent
         line = textwrap.fill(
             line,
@@ -172,7 +174,9 @@ def say_lines(text: str) -> None:
         print(clean_text(line), flush=True)  # noqa: T201
 
 
-def say_table(rows: Sequence[Sequence[str]], whole: Collection[int] = ()) -> None:
+def say_table(
+    rows: Sequence[Sequence[str]], whole: Collection[int] = (), numbers: Collection[int] = ()
+) -> None:
     """Print rows in columns, wrapped between words at the width of the terminal.
 
     Parameters
@@ -180,7 +184,9 @@ def say_table(rows: Sequence[Sequence[str]], whole: Collection[int] = ()) -> Non
     rows
         Cells of each row.
     whole
-        Numbers of columns that are not wrapped.
+        Places of columns that are not wrapped.
+    numbers
+        Places of columns of numbers, which end at one place.
     """
     from rich.console import Console
     from rich.table import Column, Table
@@ -190,7 +196,10 @@ def say_table(rows: Sequence[Sequence[str]], whole: Collection[int] = ()) -> Non
     has_width = sys.stdout.isatty() or "COLUMNS" in os.environ
     width = None if has_width else LONGEST_TEXT
     console = Console(highlight=False, width=width)
-    columns = [Column(no_wrap=number in whole) for number in range(len(rows[0]))]
+    columns = [
+        Column(no_wrap=place in whole, justify="right" if place in numbers else "left")
+        for place in range(len(rows[0]))
+    ]
     grid = Table.grid(*columns, padding=(0, 2, 0, 0))
     for row in rows:
         cells = [Text(clean_text(cell), overflow="fold") for cell in row]

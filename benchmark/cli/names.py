@@ -20,10 +20,14 @@ from benchmark.text import say, say_lines, say_table
 
 #: Columns that fit 80 characters, by kind; the JSON has all.
 _COLUMNS = {
-    "methods": ("name", "family", "state", "summary"),
+    "methods": ("name", "family", "summary"),
+    "scorers": ("name", "title", "summary"),
     "datasets": ("name", "state", "shapes", "classes", "source"),
     "models": ("training", "model", "origin", "schedule"),
 }
+
+#: Columns of numbers.
+_NUMBERS = ("shapes", "classes")
 
 
 def print_list(what: KindOfName, selection: Selection, *, as_json: bool) -> None:
@@ -48,18 +52,23 @@ def print_list(what: KindOfName, selection: Selection, *, as_json: bool) -> None
         say_lines(json.dumps(rows, indent=1))
         return
     columns = _COLUMNS.get(what, tuple(rows[0]))
-    lines = [_values_of(row, columns) for row in rows]
+    lines = [[*columns], *(_values_of(row, columns) for row in rows)]
     if what == "tables":
         lines = [[name, f"{data}: {caption}"] for name, data, caption in lines]
-    n_columns = len(lines[0])
-    if what == "datasets":
-        lines.insert(0, list(columns))
-    say_table(lines, whole=range(n_columns - 1))  # the last column is a sentence, which may wrap
+    whole = range(len(lines[0]) - 1)  # the last column is a sentence, which may wrap
+    numbers = [columns.index(name) for name in _NUMBERS if name in columns]
+    say_table(lines, whole, numbers)
 
 
 def _values_of(row: Mapping[str, str], columns: Sequence[str]) -> list[str]:
-    """Return the facts of a row in some columns, and a blank for one that it lacks."""
-    return [row.get(name, "") for name in columns]
+    """Return the facts of a row in some columns, and a blank for one that it lacks.
+
+    The summary of a method or scorer that cannot be used begins with the reason.
+    """
+    facts = dict(row)
+    if "summary" in facts and "state" not in columns and facts["state"] != "available":
+        facts["summary"] = f"{facts['state']}: {facts['summary']}"
+    return [facts.get(name, "") for name in columns]
 
 
 def print_description(name: str, plugins: Sequence[Path], *, as_json: bool) -> None:

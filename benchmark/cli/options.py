@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, get_type_hints
 from msgspec import Struct
 from msgspec.structs import asdict
 from typer import Argument, Exit, Option, Typer
-from typer.core import TyperCommand
+from typer.core import TyperArgument, TyperCommand
 
 from benchmark.cli.examples import example_of
 from benchmark.defaults import DATA_VARIABLE, DEFAULT_SCORER
@@ -41,6 +41,10 @@ def parse_duration(text: str | float) -> float:
     return float(match[1]) * _SECONDS[match[2]]
 
 
+def _without_type(ctx: Any) -> None:
+    """Stand for the type of an argument, which is that of Python: ``list[Path]``."""
+
+
 class Verb(TyperCommand):
     """A command that refuses an option of one value that is given twice."""
 
@@ -53,6 +57,15 @@ class Verb(TyperCommand):
             if given.count(option) > 1 and not (takes_several or is_flag):
                 ctx.fail(f"{max(option.opts, key=len)} is given twice")
         return super().parse_args(ctx, args)
+
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        """Write arguments and options; the type of an argument only if it lists choices."""
+        for parameter in self.params:
+            if not isinstance(parameter, TyperArgument):
+                continue
+            if "|" not in (parameter.display_type_rich(ctx) or ""):
+                parameter.display_type_rich = _without_type  # type: ignore[method-assign]
+        super().format_options(ctx, formatter)
 
     def format_epilog(self, ctx: Any, formatter: Any) -> None:
         """Write an example below the options."""

@@ -223,10 +223,12 @@ def _run(planned: Plan, size: int, dask: str, timeout: float) -> list[Record]:
     n_estimated = max(1, n_pending - planned.estimate.unknown)
     processor_seconds = planned.estimate.seconds * n_pending / n_estimated
     records = []
+    longest = max((len(planned.names[job.record.key]) for job in planned.pending), default=0)
     with Bar(n_pending, processor_seconds / n_processes) as bar:
         finished = run_plan(planned, size=size, timeout=timeout, dask=dask, watch=bar.watch)
         for record in finished:
-            bar.ended(f"{record.status:<11}  {planned.names[record.key]}  {outcome(record)}")
+            name = planned.names[record.key]
+            bar.ended(f"{record.status:<11}  {name:<{longest}}  {outcome(record)}")
             records.append(record)
     return records
 
@@ -266,7 +268,8 @@ def _print_tables(planned: Plan, records: Sequence[Record], selection: Selection
             "- The best of several values is tuned on these shapes; choose it on others: "
             "--subjects A,B."
         )
-    say(f"next: {_report_of(selection)}, for classes, failed queries, and forms in 3D", err=True)
+    say("next, for classes, failed queries, and forms in 3D:", err=True)
+    say(f"  {_report_of(selection)}", err=True, is_wrapped=False)  # it can be copied
 
 
 def _report_of(selection: Selection) -> str:

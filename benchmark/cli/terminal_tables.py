@@ -20,7 +20,7 @@ from rich.table import Table
 from rich.text import Text
 
 #: Characters that the names of rows get at least, if they are as long.
-_LEAST_NAMES = 24
+_LEAST_NAMES = 20
 
 #: Blanks between two columns.
 _GAP = 2

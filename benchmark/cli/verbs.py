@@ -145,11 +145,14 @@ def report_verb(
 @verb("tables", "data", "input", "scorer", "results", "seed", "quick", "published")
 def compare_verb(
     selection: Selection,
-    first: Annotated[str, Argument(metavar="A")],
-    second: Annotated[str, Argument(metavar="[B]")] = "",
+    first: Annotated[str, Argument(metavar="A", help="A method.")],
+    second: Annotated[str, Argument(metavar="B", help="Another method. [all]")] = "",
     format: Annotated[Literal["text", "csv", "json"], Option("--format")] = "text",
 ) -> None:
-    """Test the differences of a method to another one, or to every row of its tables."""
+    """Test how a method differs from another one, or from all.
+
+    Without B, A is compared with every row of its tables.
+    """
     from benchmark.cli.results import print_comparison
 
     print_comparison(selection, first, second, format)
@@ -185,7 +188,7 @@ def describe_verb(
 def canonicalise_verb(
     selection: Selection,
     method: shared.MethodOption,
-    paths: Annotated[list[Path], Argument(metavar="IN...")],
+    paths: Annotated[list[Path], Argument(metavar="IN")],
     output: Annotated[
         Path, Option("-o", "--output", metavar="OUT", help="Mesh file, or folder for several.")
     ],
@@ -204,14 +207,14 @@ def canonicalise_verb(
 def demo_verb(
     selection: Selection,
     meshes: Annotated[
-        list[Path] | None, Argument(metavar="[MESH]...", help="[a generated cat in two poses]")
+        list[Path] | None, Argument(metavar="MESH", help="[a generated cat in two poses]")
     ] = None,
     output: Annotated[Path, Option("-o", "--output", metavar="FILE", help="The page.")] = Path(
         "demo.html"
     ),
     is_closed: Annotated[bool, Option("--no-open", help="Open no browser.")] = False,
 ) -> bool:
-    """Make a page on which shapes unfold into their canonical forms, and open it."""
+    """Make and open a page on which shapes unfold into forms."""
     from benchmark.cli.demo import write_demo
 
     return write_demo(meshes or [], output, selection, is_opened=not is_closed)
@@ -344,7 +347,7 @@ def train_verb(
 @verb("results")
 def merge_verb(
     selection: Selection,
-    folders: Annotated[list[Path], Argument(metavar="DIR...")],
+    folders: Annotated[list[Path], Argument(metavar="DIR")],
     take: Annotated[
         Literal["ours", "theirs"] | None,
         Option("--take", help="Keep these results of rows that differ. [ours, exit code 1]"),
@@ -380,10 +383,10 @@ def forget_verb(
     ] = False,
     yes: Annotated[bool, Option("--yes", help="Delete them, and do not only name them.")] = False,
 ) -> None:
-    """Delete the results of methods or data sets, and files that no record names.
+    """Delete results, and files that no record names.
 
-    A file that is not used as a record stays, with all files that it names, unless --record names
-    it.
+    The results are those of methods or data sets. A file that is not used as a record stays, with
+    all files that it names, unless --record names it.
     """
     from benchmark.cli.folders import delete_results
 
@@ -428,7 +431,7 @@ def fetch_verb(
     ],
     names: Annotated[
         list[str] | None,
-        Argument(metavar="[TRAINING|TRAINING/MODEL]...", help="[all published models]"),
+        Argument(metavar="TRAINING|TRAINING/MODEL", help="[all published models]"),
     ] = None,
 ) -> None:
     """Bring published models, which an installed suite lacks.

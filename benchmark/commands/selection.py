@@ -75,14 +75,12 @@ def shadowed_folders(names: Iterable[str], data_root: Path | None) -> list[str]:
 
 
 def outcome(record: Record) -> str:
-    """Return the scores of a record, and its times, on one line; if it has none, why."""
+    """Return the scores of a record, and its times a shape, on one line; if it has none, why."""
     if record.status != "ok":
         return brief(record.reason)
     scores = " ".join(f"{column.title} {column.cell(record)}" for column in PRINTED_SCORES)
     details = ", ".join(
-        f"{quantity.cell(record)} {quantity.title} a shape"
-        for quantity in QUANTITIES
-        if quantity.title
+        f"{quantity.cell(record)} {quantity.title}" for quantity in QUANTITIES if quantity.title
     )
     if record.unsupported:
         details += f"; {brief(record.refusals)}"

@@ -30,6 +30,13 @@ def test_the_help_of_a_verb_fits_a_screen(name):
     assert "..." not in done.output.partition("Commands:")[2]
 
 
+def test_the_list_of_verbs_says_in_whole_sentences_what_each_does():
+    done = CliRunner().invoke(cli, ["--help"], env={"COLUMNS": "80", "TERMINAL_WIDTH": "80"})
+    lines = done.output.partition("Commands:")[2].strip().splitlines()
+    assert len(lines) == len(VERBS)
+    assert [line for line in lines if not line.endswith(".") or line.endswith("..")] == []
+
+
 def test_there_are_few_verbs_and_options():
     options = {
         option

@@ -23,7 +23,7 @@ def test_a_narrow_terminal_cuts_what_runs_not_how_far_it_is(width):
     ) as bar:
         for done in range(0, 161, 40):
             bar.watch(Progress(done, 160, WORKING))
-        bar.ended("ok           animals mesh gps  NN .98 FT .76 ST .90 DCG .93  (.12 s a shape)")
+        bar.ended("ok           animals mesh gps  NN .98 FT .76 ST .90 DCG .93  (.12 s)")
     shown = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.getvalue()).replace("\r", "\n")
     lines = [line.rstrip() for line in shown.split("\n") if "steps" in line]
     assert max(map(len, lines)) <= width

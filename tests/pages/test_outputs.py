@@ -21,7 +21,7 @@ PROGRAM = "python -m benchmark "
 SHOWN = re.compile(r"```sh\n((?:(?!```).)*)```\s+```text\n((?:(?!```).)*)```", re.DOTALL)
 
 #: Seconds of a run, which depend on the machine.
-SECONDS = re.compile(r"\(\.\d\d s a shape\)|(?<=\|)[.\d]+\|$")
+SECONDS = re.compile(r"\(\.\d\d s\)|(?<=\|)[.\d]+\|$")
 
 
 def outputs(page: str) -> list[tuple[str, list[str]]]:

@@ -89,9 +89,7 @@ def test_contradictions_there_are_counted(tmp_path):
 def test_a_conflict_says_how_to_resolve_it_and_does_nothing(folders):
     ours, theirs = folders
     said = call("merge", theirs, "--results", ours, code=1)
-    assert (
-        "conflict: pets mesh gps: NN .50 FT .50 ST .50 DCG .50  (-- s a shape) here, NN .25" in said
-    )
+    assert "conflict: pets mesh gps: NN .50 FT .50 ST .50 DCG .50  (-- s) here, NN .25" in said
     advice = f"merge {theirs} --take theirs --record 'pets mesh gps' --results {ours}"
     assert f"to take the other: python -m benchmark {advice}" in said
     assert scores(ours) == {"gps": 0.5, "identity": 0.5, "pca": 0.5, "skeleton": 0.5}

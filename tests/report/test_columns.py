@@ -61,7 +61,7 @@ def test_html_has_as_many_cells_in_each_row_as_headings(memory):
     headings = head.split('<th scope="col">Method</th>')[1].count("<th ") + 1
     rows = [row for row in body.split("<tr")[1:] if 'class="block"' not in row[:20]]
     assert {row.count("<td") + row.count("<th") for row in rows} == {headings}
-    assert f'<th colspan="{headings}">' in body
+    assert f'<th scope="colgroup" colspan="{headings}">' in body
     assert 'title="most memory of a form">MiB</button>' in head
 
 
