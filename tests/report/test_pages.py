@@ -583,7 +583,7 @@ def test_below_eight_classes_a_score_has_no_interval_and_a_row_that_lacks_shapes
         re.search(rf"<tr>(?:(?!<tr).)*>{name}.*?</tr>", text, re.DOTALL)[0]
         for name in ("GPS", "Identity")
     ]
-    assert [len(re.findall(r' other\b', row)) for row in rows] == [0, 4]
+    assert [len(re.findall(r" other\b", row)) for row in rows] == [0, 4]
 
 
 def test_a_map_has_shapes_apart_as_their_distances_say_and_a_ring_at_those_whose_match_is_wrong(
