@@ -93,7 +93,7 @@ def worst_classes() -> str:
 
 
 def _taken_for(record: Record, label: str) -> str:
-    """Return the other class that is most often the first match of the queries of a class."""
+    """Return the other class, or classes, most often the first match of the queries of a class."""
     matrix = read_distances(RESULTS, record)
     if matrix is None:
         return ""
@@ -101,7 +101,8 @@ def _taken_for(record: Record, label: str) -> str:
     np.fill_diagonal(matrix, np.inf)
     matches = labels[matrix.argmin(axis=1)][labels == label]
     others = Counter(match for match in matches.tolist() if match != label)
-    return others.most_common(1)[0][0] if others else ""
+    most = max(others.values(), default=0)
+    return ", ".join(sorted(other for other, count in others.items() if count == most))
 
 
 def five_shapes() -> str:

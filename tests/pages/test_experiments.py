@@ -94,6 +94,13 @@ def test_the_computation_of_the_networks_is_that_of_the_page(monkeypatch):
     assert "Two hundred to two thousand times as much" in " ".join(page.split())
 
 
+def test_no_weight_matters_if_all_changes_are_tested_together():
+    changes = pd.read_csv(FOLDER / "sensitivity.csv")
+    n_changes = changes.groupby(["data", "method", "weight", "factor"]).ngroups
+    assert f"With {n_changes} changes" in (FOLDER / "README.md").read_text()
+    assert changes["p"].min() > 0.05 / n_changes
+
+
 def test_weights_of_ours_are_parameters_that_their_methods_declare(monkeypatch):
     monkeypatch.syspath_prepend(str(FOLDER))
     import sensitivity
