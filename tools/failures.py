@@ -31,8 +31,13 @@ from tools.form_costs import METHODS
 
 RESULTS = Path(__file__).parents[1] / "results"
 
-#: Pictures in a row.
-N_COLUMNS = 6
+#: Side of a picture in inches, and size of the names above in points. On a telephone, the three
+#: columns are as wide as the screen, and the names stay readable.
+SIDE = TEXT_WIDTH / 6
+NAME_SIZE = 9
+
+#: Pixels per inch, which say how large a page shows the pictures where it has the room.
+PAGE_DPI = 150
 
 #: Drawn shapes are turned as they are looked at.
 TOWARDS_VIEWER = Camera((0.0, 0.0, -1.0), (0.0, 1.0, 0.0))
@@ -102,24 +107,23 @@ def failure_of(record: Record) -> Failure:
 
 
 def figure_of_failure(method: str, failure: Failure) -> Figure:
-    """Return a query, its wrong match and the right one, each with its form."""
-    forms = []
-    titles = [failure.query, f"found: {failure.found}", f"right: {failure.right}"]
+    """Return a query, its wrong match and the right one, each in a column above its form."""
+    first = form_of(method, failure.query)
     columns = []
-    side = TEXT_WIDTH / N_COLUMNS
-    for title, name in zip(titles, (failure.query, failure.found, failure.right), strict=True):
-        shape = drawn_shape(name)
-        form = form_of(method, name)
-        if forms:
-            form = turned_to(form, forms[0])
-        forms.append(form)
-        columns += [(title, [picture_of(shape, side)]), ("its form", [picture_of(form, side)])]
-    return grid(columns, side)
+    for name in (failure.query, failure.found, failure.right):
+        form = first
+        if name != failure.query:
+            form = turned_to(form_of(method, name), first)
+        columns.append((name, [picture_of(drawn_shape(name)), picture_of(form)]))
+    figure = grid(columns, SIDE)
+    for place in figure.axes:
+        place.title.set_fontsize(NAME_SIZE)
+    return figure
 
 
-def picture_of(drawn: Drawn, side: float) -> object:
+def picture_of(drawn: Drawn) -> object:
     """Return the picture of a shape or form."""
-    return shaded(drawn.mesh, TOWARDS_VIEWER, round(side * 200), drawn.values)
+    return shaded(drawn.mesh, TOWARDS_VIEWER, round(SIDE * PAGE_DPI), drawn.values)
 
 
 @cache
@@ -150,7 +154,8 @@ def main() -> None:
 
     records = published_forms()
     for method in METHODS:
-        save(figure_of_failure(method, failure_of(records[method])), f"fails-{method}")
+        figure = figure_of_failure(method, failure_of(records[method]))
+        save(figure, f"fails-{method}", dpi=PAGE_DPI)
 
 
 if __name__ == "__main__":

@@ -98,14 +98,14 @@ def write_play_data(results: Path) -> None:
     say(f"wrote {PLAY_DATA}")
 
 
-def save(figure: Figure, name: str) -> None:
+def save(figure: Figure, name: str, dpi: int = DPI) -> None:
     """Write a figure without a background, its words in grey."""
     for axes in figure.axes:
         axes.title.set_color(GREY)
         for text in axes.texts:
             text.set_color(GREY)
     path = FOLDER / f"{name}.png"
-    figure.savefig(path, dpi=DPI, transparent=True)
+    figure.savefig(path, dpi=dpi, transparent=True)
     with Image.open(path) as drawn:
         drawn.quantize(N_COLOURS, Image.Quantize.FASTOCTREE).save(path, optimize=True)
     say(f"wrote {path}")

@@ -132,9 +132,11 @@ def fails(method: str) -> str:
         f"(../../results/figures/fails-{method}.png)"
     )
     words = (
-        f"*Its worst class of TOSCA is `{failure.label}` ({MEASURE} {hundredths(failure.score)}). "
-        f"The form that is most like that of `{failure.query}` is of `{failure.found}`; the right "
-        f"match, `{failure.right}`, comes at rank {failure.rank}.*"
+        f"*The worst class of TOSCA for this form is `{failure.label}` ({MEASURE} "
+        f"{hundredths(failure.score)}). Left: the query `{failure.query}`. Middle: "
+        f"`{failure.found}`, whose form is most like that of the query. Right: "
+        f"`{failure.right}`, the first shape of the right class, at rank {failure.rank}. Below "
+        f"each shape is its form.*"
     )
     return "\n".join([picture, "", *wrap(words, PAGE_WIDTH)])
 
