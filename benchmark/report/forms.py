@@ -29,13 +29,17 @@ from retrieval.views import CUBE_SYMMETRIES
 #: their mirror images.
 NEARER = 0.9
 
-#: Points of a surface that an alignment uses, and fewer of them for its first, coarse part.
-_POINTS = 600
-_COARSE_POINTS = 100
+#: Points of a surface that the parts of an alignment use: all starts, the best, the very best.
+_COARSE_POINTS = 60
+_POINTS = 200
+_FINE_POINTS = 600
 
-#: Steps of iterative closest points in either part, and coarse results that are refined, at most.
-_STEPS = 10
-_COARSE_STEPS = 6
+#: Steps of iterative closest points in each part.
+_COARSE_STEPS = 5
+_STEPS = 6
+_FINE_STEPS = 5
+
+#: Coarse results of rotations, and as many of mirror images, that are refined, at most.
 _REFINED = 4
 
 #: A coarse result is not refined if it is farther than the best by this factor.
@@ -43,9 +47,6 @@ _FAR = 1.5
 
 #: Two coarse results whose rotations differ by no more lead to the same.
 _SAME_ROTATION = 0.02
-
-#: Factors of positions and value by which a point is mirrored.
-_MIRROR = np.array([-1, -1, -1, 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,15 +61,14 @@ class Drawn:
         Its shape, if a form has the same vertices, which says how far each is from the centre.
     is_mirrored
         Whether it is the mirror image of the form that a method made.
-    apart
-        Mean distance of its points from the form of the first pose, both ways, where it was turned
-        to it.
+    target
+        The form of the first pose, if it was turned to that.
     """
 
     mesh: Mesh
     body: Drawn | None = None
     is_mirrored: bool = False
-    apart: float | None = None
+    target: Drawn | None = None
 
     @cached_property
     def values(self) -> NDArray[np.float64]:
@@ -76,6 +76,27 @@ class Drawn:
         if self.body:
             return self.body.values
         return outwardness(self.mesh)
+
+    @cached_property
+    def apart(self) -> float | None:
+        """Mean distance of its vertices from those of its target, both ways; None without one."""
+        if self.target is None:
+            return None
+        to_target, _ = self.target.tree.query(self.mesh.vertices)
+        to_form, _ = self.tree.query(self.target.mesh.vertices)
+        return float(to_target.mean() + to_form.mean()) / 2
+
+    @cached_property
+    def tree(self) -> cKDTree:
+        """Its vertices, to search for the nearest."""
+        return cKDTree(self.mesh.vertices)
+
+    @cached_property
+    def samples(self) -> Points:
+        """Some points, and how far each is from the centre of the body, shape (600, 4)."""
+        points = np.column_stack([self.mesh.vertices, self.values])
+        chosen = np.linspace(0, len(points) - 1, _FINE_POINTS).astype(int)
+        return np.asarray(points[chosen])
 
 
 @dataclass(frozen=True)
@@ -222,73 +243,96 @@ def turned_to(form: Drawn, target: Drawn) -> Drawn:
     form, target
         Two centred forms of one subject. Their values, how far each point is from the centre of the
         body, tell a head from a foot.
-
-    Returns
-    -------
-    Drawn
-        The turned form, with its mean distance from the target.
     """
-    points = _points_with_values(form)
-    targets = _points_with_values(target)
-    distances, rotations = alignments(points, targets)
-    mirrored_distances, mirrored_rotations = alignments(points * _MIRROR, targets)
-    is_mirrored = bool(mirrored_distances.min() < NEARER * distances.min())
-    if is_mirrored:
-        distances = mirrored_distances
-        rotations = -mirrored_rotations
+    distances, rotations = alignments(form.samples, target.samples, with_mirror_images=True)
+    mirrors = np.linalg.det(rotations) < 0
+    nearest = distances[~mirrors].min()
+    nearest_mirrored = distances.min(where=mirrors, initial=np.inf)
+    is_mirrored = bool(nearest_mirrored < NEARER * nearest)
+    distances = distances[mirrors == is_mirrored]
+    rotations = rotations[mirrors == is_mirrored]
     # Front and back of a body hardly differ. Of all rotations that bring it about as near as the
     # best one, take the smallest: the trace of a rotation falls with its angle.
     near = rotations[NEARER * distances <= distances.min() + 1e-6]
-    rotation = near[np.trace(near, axis1=1, axis2=2).argmax()]
-    (distance,), _ = _iterate_closest_points(
-        form.mesh.vertices, target.mesh.vertices, rotation[None], steps=0
-    )
+    smallest = near[np.trace(near, axis1=1, axis2=2).argmax()]
+    (rotation,) = _iterate_closest_points(form.samples, target.samples, smallest[None], _FINE_STEPS)
     mesh = form.mesh.with_vertices(form.mesh.vertices @ rotation)
-    return Drawn(mesh, form.body, is_mirrored, float(distance))
+    return Drawn(mesh, form.body, is_mirrored, target)
 
 
-def _points_with_values(surface: Drawn) -> Points:
-    """Return some points and how far each is from the centre of the body, shape (600, 4)."""
-    points = np.column_stack([surface.mesh.vertices, surface.values])
-    chosen = np.linspace(0, len(points) - 1, _POINTS).astype(int)
-    return np.asarray(points[chosen])
-
-
-def alignments(points: Points, target: Points) -> tuple[NDArray[np.float64], Points]:
+def alignments(
+    points: Points, target: Points, *, with_mirror_images: bool = False
+) -> tuple[NDArray[np.float64], Points]:
     """Return rotations that bring points near a target, and how far apart these remain.
 
     Principal axes of both are brought together in all ways. Each way is refined by iterative
-    closest points, first with some of the points, then the best ways with all of them.
+    closest points, first with few of the points, then the best ways with more of them.
 
     Parameters
     ----------
     points, target
         Centred points, one a row: three coordinates, then values that do not turn with them.
+    with_mirror_images
+        Whether to return mirror images, too, of which a coarse result is nearer than that of every
+        rotation.
 
     Returns
     -------
     distances : numpy.ndarray
         Mean distance to the nearest point, both ways, shape (k,).
     rotations : numpy.ndarray
-        Matrices R of ``points @ R``, shape (k, 3, 3).
+        Matrices R of ``points @ R``, shape (k, 3, 3); those of determinant -1 are mirror images.
     """
     starts = _principal_axes(points) @ CUBE_SYMMETRIES @ _principal_axes(target).T
-    starts = starts[np.linalg.det(starts) > 0]
-    coarse = slice(None, None, max(1, len(points) // _COARSE_POINTS))
-    distances, rotations = _iterate_closest_points(
-        points[coarse], target[coarse], starts, _COARSE_STEPS
+    if not with_mirror_images:
+        starts = starts[np.linalg.det(starts) > 0]
+    some = _thinned(points, _COARSE_POINTS)
+    some_of_target = _thinned(target, _COARSE_POINTS)
+    coarse = _iterate_closest_points(some, some_of_target, starts, _COARSE_STEPS)
+    promising = coarse[_promising(_distances(some, some_of_target, coarse), coarse)]
+    rotations = _iterate_closest_points(
+        _thinned(points, _POINTS), _thinned(target, _POINTS), promising, _STEPS
     )
-    distinct = rotations[_distinct(distances, rotations)]
-    return _iterate_closest_points(points, target, distinct, _STEPS)
+    return _distances(points, target, rotations), rotations
 
 
-def _distinct(distances: NDArray[np.float64], rotations: Points) -> list[int]:
-    """Return the numbers of the coarse results that are worth refining, the nearest first."""
+def _thinned(points: Points, n_points: int) -> Points:
+    """Return every k-th point, so that about so many are left."""
+    return points[:: max(1, len(points) // n_points)]
+
+
+def _promising(distances: NDArray[np.float64], rotations: Points) -> list[int]:
+    """Return the numbers of the coarse results that are worth refining, the nearest first.
+
+    These are the best rotations, and the best of those mirror images that come nearer than all of
+    them.
+    """
+    mirrors = np.linalg.det(rotations) < 0
+    nearest = distances[~mirrors].min()
+    return [
+        *_distinct(distances, rotations, ~mirrors),
+        *_distinct(distances, rotations, mirrors & (distances < nearest)),
+    ]
+
+
+def _distinct(
+    distances: NDArray[np.float64], rotations: Points, candidates: NDArray[np.bool_]
+) -> list[int]:
+    """Return the numbers of the nearest candidates, without those that lead to the same.
+
+    Parameters
+    ----------
+    distances, rotations
+        Coarse results.
+    candidates
+        Which of them are meant.
+    """
     chosen: list[int] = []
-    for number in np.argsort(distances, kind="stable")[:_REFINED].tolist():
-        is_far = distances[number] > _FAR * distances.min()
+    farthest = _FAR * distances.min(where=candidates, initial=np.inf)
+    order = np.argsort(distances, kind="stable")
+    for number in order[candidates[order]][:_REFINED].tolist():
         apart = np.abs(rotations[chosen] - rotations[number]).max(axis=(1, 2))
-        if not is_far and (apart > _SAME_ROTATION).all():
+        if distances[number] <= farthest and (apart > _SAME_ROTATION).all():
             chosen.append(number)
     return chosen
 
@@ -302,8 +346,10 @@ def _principal_axes(points: Points) -> Points:
 
 def _iterate_closest_points(
     points: Points, target: Points, rotations: Points, steps: int
-) -> tuple[NDArray[np.float64], Points]:
+) -> Points:
     """Refine rotations by iterative closest points (ICP), with matches in both directions.
+
+    A mirror image stays one.
 
     Parameters
     ----------
@@ -313,36 +359,86 @@ def _iterate_closest_points(
     rotations
         Matrices R of ``points @ R`` to start from, shape (k, 3, 3).
     steps
-        Number of steps; 0 only measures the distances.
+        Number of steps.
 
     Returns
     -------
-    distances : numpy.ndarray
-        Mean distance to the nearest point, both ways, after each rotation, shape (k,).
-    rotations : numpy.ndarray
+    numpy.ndarray
         The refined rotations, shape (k, 3, 3).
     """
-    tree = cKDTree(points)
-    target_tree = cKDTree(target)
     rotations = rotations.copy()
     moving = np.arange(len(rotations))
     for _ in range(steps):
         before = rotations[moving]
-        _, in_target = target_tree.query(_rotated(points, before))
-        _, in_points = tree.query(_rotated(target, before.transpose(0, 2, 1)))
-        after = _best_rotations(points[:, :3], target[:, :3], in_target, in_points)
+        in_target, in_points = _matches(points, target, before)
+        after = _best_rotations(points[:, :3], target[:, :3], in_target, in_points, before)
         rotations[moving] = after
         # Where a step changes nothing, neither would a further one.
         moving = moving[(after != before).any(axis=(1, 2))]
         if not len(moving):
             break
-    to_target, _ = target_tree.query(_rotated(points, rotations))
-    to_points, _ = tree.query(_rotated(target, rotations.transpose(0, 2, 1)))
-    return (to_target.mean(axis=1) + to_points.mean(axis=1)) / 2, rotations
+    return rotations
+
+
+def _distances(points: Points, target: Points, rotations: Points) -> NDArray[np.float64]:
+    """Return the mean distance to the nearest point, both ways, after each rotation, shape (k,)."""
+    in_target, in_points = _matches(points, target, rotations)
+    to_target = np.linalg.norm(_rotated(points, rotations) - target[in_target], axis=2)
+    back = rotations.transpose(0, 2, 1)
+    to_points = np.linalg.norm(_rotated(target, back) - points[in_points], axis=2)
+    return np.asarray(to_target.mean(axis=1) + to_points.mean(axis=1)) / 2
+
+
+def _matches(
+    points: Points, target: Points, rotations: Points
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the nearest points of two surfaces after each of some rotations.
+
+    For some hundred points, products of matrices are faster than a search tree, and single
+    precision will do.
+
+    Parameters
+    ----------
+    points, target
+        Coordinates and values, shapes (n, d) and (m, d).
+    rotations
+        Rotations of the points, shape (k, 3, 3).
+
+    Returns
+    -------
+    in_target : numpy.ndarray
+        Number of the nearest point of the target of each point, shape (k, n).
+    in_points : numpy.ndarray
+        Number of the nearest point of each point of the target, shape (k, m).
+    """
+    rotated = _rotated(points, rotations)
+    # Of half the squared distance |p - t|^2 / 2, the nearest t of a p minimises |t|^2 / 2 - p t.
+    to_target = (
+        _with_column(rotated, np.ones(len(points))) @ _with_column(target, -_half_squares(target)).T
+    )
+    to_points = _with_column(target, np.ones(len(target))) @ _with_column(
+        rotated, -_half_squares(points)
+    ).transpose(0, 2, 1)
+    return to_target.argmax(axis=2), to_points.argmax(axis=2)
+
+
+def _half_squares(points: Points) -> NDArray[np.float64]:
+    """Return half the squared length of each row, which no rotation changes."""
+    return np.asarray((points**2).sum(axis=1) / 2)
+
+
+def _with_column(points: Points, column: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return points with one more coordinate, in single precision."""
+    columns = np.broadcast_to(column[:, None], (*points.shape[:-1], 1))
+    return np.concatenate([points, columns], axis=-1, dtype=np.float32)
 
 
 def _best_rotations(
-    points: Points, target: Points, in_target: NDArray[np.int64], in_points: NDArray[np.int64]
+    points: Points,
+    target: Points,
+    in_target: NDArray[np.intp],
+    in_points: NDArray[np.intp],
+    before: Points,
 ) -> Points:
     """Return the rotations R that bring ``points @ R`` nearest to their matches (Kabsch 1976).
 
@@ -354,11 +450,15 @@ def _best_rotations(
         The match of each point in the target, for each of k rotations, shape (k, n).
     in_points
         The match of each point of the target, shape (k, m).
+    before
+        The rotations by which matches were found, shape (k, 3, 3). What is found instead of a
+        mirror image is one, too.
     """
     covariances = points.T @ target[in_target] + points[in_points].transpose(0, 2, 1) @ target
     left, _, right = np.linalg.svd(covariances)
-    # A product of determinant -1 is a mirror image: turn its least certain axis round.
-    left[..., 2] *= np.linalg.det(left @ right)[:, None]
+    # If the product has the other determinant, turn its least certain axis round.
+    is_other = np.linalg.det(left @ right) * np.linalg.det(before) < 0
+    left[is_other, :, 2] *= -1
     return np.asarray(left @ right)
 
 

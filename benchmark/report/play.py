@@ -419,12 +419,33 @@ def thinned_surface(
     mesh: Mesh, n_vertices: int = N_VERTICES
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return some vertices of a mesh, shape (n,), and triangles of them, shape (m, 3)."""
-    small = decimate(mesh, n_vertices)
-    nearest = cKDTree(mesh.vertices).query(small.vertices)[1]
+    points, triangles = _with_shortest_edges_collapsed(mesh, n_vertices)
+    nearest = cKDTree(mesh.vertices).query(points)[1]
     kept, number = np.unique(nearest, return_inverse=True)
-    faces = number[small.faces]
+    faces = number[triangles]
     has_three = (faces != np.roll(faces, 1, axis=1)).all(axis=1)  # some share their nearest vertex
     return kept, faces[has_three]
+
+
+def _with_shortest_edges_collapsed(
+    mesh: Mesh, n_vertices: int
+) -> tuple[NDArray[np.float64], NDArray[np.integer[Any]]]:
+    """Return vertices and triangles of a mesh after collapsing its shortest edges.
+
+    That takes a quarter of the time of collapses by quadric error, whose finer shapes nobody sees
+    on small pictures. These are made only of a mesh that is not manifold.
+    """
+    import igl  # which few commands need
+
+    if mesh.n_vertices <= n_vertices:
+        return mesh.vertices, mesh.faces
+    # A collapse removes two triangles with a vertex.
+    n_faces = max(1, mesh.n_faces - 2 * (mesh.n_vertices - n_vertices))
+    points, triangles, *_ = igl.decimate(mesh.vertices, mesh.faces, n_faces)
+    if not len(points):  # the mesh is not manifold
+        thinned = decimate(mesh, n_vertices)
+        return thinned.vertices, thinned.faces
+    return points, triangles
 
 
 def _gallery_content(gallery: PlayGallery, surfaces: Surfaces) -> dict[str, Any]:

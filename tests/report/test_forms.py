@@ -82,9 +82,38 @@ def test_only_near_results_that_differ_are_refined():
     angles = np.array([0.0, 0.01, 1.0, 1.5, 2.0, 2.5])
     rotations = Rotation.from_euler("z", angles[:, None]).as_matrix()
     near = np.array([0.11, 0.1, 0.12, 0.13, 0.14, 0.145])
-    assert forms._distinct(near, rotations) == [1, 2, 3]  # four at most, of which two are alike
+    assert forms._promising(near, rotations) == [1, 2, 3]  # four at most, of which two are alike
     far = np.array([0.11, 0.1, 0.12, 0.16, 0.17, 0.18])
-    assert forms._distinct(far, rotations) == [1, 2]
+    assert forms._promising(far, rotations) == [1, 2]
+
+
+def test_only_mirror_images_that_come_nearer_than_all_rotations_are_refined():
+    rotations = Rotation.from_euler("z", [[0.0], [1.0], [2.0], [3.0]]).as_matrix()
+    rotations[2:] *= -1
+    assert forms._promising(np.array([0.11, 0.1, 0.09, 0.101]), rotations) == [1, 0, 2]
+    assert forms._promising(np.array([0.11, 0.1, 0.12, 0.101]), rotations) == [1, 0]
+
+
+def test_matches_are_the_nearest_points_of_both_surfaces_after_the_rotation():
+    random = np.random.default_rng(0)
+    points = random.standard_normal((60, 4))
+    target = random.standard_normal((50, 4))
+    rotations = special_ortho_group(3, 0).rvs(2) * np.array([1, -1])[:, None, None]
+    in_target, in_points = forms._matches(points, target, rotations)
+    for number, rotation in enumerate(rotations):
+        turned = np.column_stack([points[:, :3] @ rotation, points[:, 3]])
+        assert in_target[number].tolist() == cKDTree(target).query(turned)[1].tolist()
+        assert in_points[number].tolist() == cKDTree(turned).query(target)[1].tolist()
+
+
+def test_mirror_images_are_found_where_they_are_allowed_and_stay_such():
+    points = body().vertices
+    mirrored = points * [1, 1, -1]
+    distances, found = alignments(mirrored, points, with_mirror_images=True)
+    nearest = found[distances.argmin()]
+    assert distances.min() < 1e-9
+    assert np.linalg.det(nearest) == pytest.approx(-1)
+    assert mirrored @ nearest == pytest.approx(points)
 
 
 def test_an_iteration_that_changes_nothing_is_the_last():
@@ -94,6 +123,5 @@ def test_an_iteration_that_changes_nothing_is_the_last():
     with patch.object(forms, "_best_rotations", wraps=forms._best_rotations) as counted:
         many = forms._iterate_closest_points(points, points, starts, 100)
     assert counted.call_count < 12
-    assert np.array_equal(few[0], many[0])
-    assert np.array_equal(few[1], many[1])
-    assert many[0].max() < 1e-12
+    assert np.array_equal(few, many)
+    assert many == pytest.approx(np.broadcast_to(np.eye(3), (2, 3, 3)), abs=1e-12)
