@@ -33,7 +33,7 @@ def print_what_is_left(*, quick: bool) -> None:
     """Print the kernels that are neither called nor compiled into one that is, and those that are
     not kept.
     """
-    main(quick=quick)
+    main(["--quick"] if quick else [])
     ready = [kernel for kernel in kernels() if kernel.signatures]
     for kernel in ready:  # which grows
         used = map(kernel.py_func.__globals__.get, kernel.py_func.__code__.co_names)

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from benchmark import code_digest, kernel_cache
-from benchmark.kernel_cache import compiled_kernels, drop_stale_kernels
+from benchmark.kernel_cache import compiled_kernels, drop_stale_kernels, is_marked, mark
 
 KERNEL = (
     "from numba import njit\nfrom {origin} import {name}\n\n\n"
@@ -48,14 +48,17 @@ def test_what_was_compiled_from_other_code_goes(tmp_path, monkeypatch, edited, k
     for source in sources[1:]:
         for ending in ("nbi", "1.nbc"):
             (tmp_path / "__pycache__" / f"{source.stem}.kernel-6.py311.{ending}").write_text("")
+        mark("step", source)
     drop_stale_kernels()
-    assert all(len(compiled_kernels(source)) == 2 for source in sources[1:])
+    assert all(len(compiled_kernels(source)) == 3 for source in sources[1:])
+    assert all(is_marked("step", source) for source in sources[1:])
     path = tmp_path / edited
     time.sleep(0.02)  # the clock of a file system may be late
     path.write_text(path.read_text() + "MORE = 1\n")
     os.utime(path, (0, 0))  # an older file that was put in its place
     drop_stale_kernels()
     assert {source.stem for source in sources if compiled_kernels(source)} == kept
+    assert {source.stem for source in sources if is_marked("step", source)} == kept
 
 
 @pytest.mark.slow

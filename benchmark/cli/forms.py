@@ -278,6 +278,7 @@ def print_matches(
     """
     from benchmark.commands.retrieve import retrieve  # a form needs no galleries
 
+    announce_compilation()
     check_ending(options.picture)
     matches = retrieve(
         query,

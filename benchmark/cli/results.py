@@ -59,7 +59,9 @@ def write_tables(
 def write_report_pages(selection: Selection, output: Path, *, failed: bool, force: bool) -> None:
     """Write the pages of a report."""
     from benchmark.commands.report import write_pages
+    from benchmark.kernel_cache.announcing import announce_compilation
 
+    announce_compilation()
     selected = _tables_with_notes(selection, paper=selection.published, failed=failed)
     files = write_pages(
         selected, output, results=selection.results, data_root=selection.data_root, force=force

@@ -9,11 +9,11 @@ from collections.abc import Collection, Iterable, Sequence
 from benchmark.cli.options import OF_JOBS, OF_MODELS, Selection
 from benchmark.cli.printing import print_markdown
 from benchmark.cli.progress import Bar
+from benchmark.commands.kernels import compile_kernels_of
 from benchmark.commands.plan import Plan, lacking, plan
 from benchmark.commands.run import records_after, run_plan, tables_of_run
 from benchmark.commands.selection import RESULTS, outcome
 from benchmark.errors import ConfigurationError
-from benchmark.kernel_cache import compiled_kernels, suite_sources
 from benchmark.machine import available_cores
 from benchmark.pipeline.records import Record
 from benchmark.registry.names import base_name
@@ -145,6 +145,8 @@ def run_selection(
         in_this_process=in_this_process,
     )
     _announce(planned)
+    if not dask:  # whose workers have kernels of their own
+        compile_kernels_of(planned)
     if size is None:
         size = available_cores()
     ended = _run(planned, size, dask, timeout)
@@ -185,11 +187,6 @@ def _announce(planned: Plan) -> None:
         remedy = "; --retry runs it again" if job.state == "failed" else ""
         name = planned.names[job.record.key]
         say(f"{job.state:<11}  {name}  {brief(job.reason)}{remedy}")
-    if planned.pending and not any(map(compiled_kernels, suite_sources())):
-        say(
-            "the first run compiles kernels, which takes minutes; "
-            "'python -m benchmark.kernel_cache' does so in advance"
-        )
     if planned.in_this_process:
         say(
             "-j 0: plugins run in this process, by one thread, without time limits; "

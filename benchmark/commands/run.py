@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmark.api.contracts import Input
+from benchmark.commands.kernels import compile_kernels_of
 from benchmark.commands.plan import Plan, plan
 from benchmark.commands.printable_tables import Tables
 from benchmark.defaults import DEFAULT_SCORER
@@ -119,6 +120,7 @@ def run(
     )
     for name, error in planned.refused.items():
         warnings.warn(f"{name} is refused: {error}", stacklevel=2)
+    compile_kernels_of(planned)
     ended = list(run_plan(planned, watch=watch))
     return jobs_of(planned, ended).jobs
 

@@ -12,6 +12,7 @@ import stat
 import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
+from importlib.metadata import version
 from pathlib import Path
 
 from benchmark.code_digest import FIRST_PARTY, ROOT, sources_of
@@ -19,8 +20,12 @@ from benchmark.code_digest import FIRST_PARTY, ROOT, sources_of
 #: Environment variable with the folder where numba stores compiled kernels.
 VARIABLE = "NUMBA_CACHE_DIR"
 
-#: Ends of the names of numba's files: an index, and the compiled kernels.
-_ENDINGS = (".nbi", ".nbc")
+#: End of the name of a mark: a file which says that the kernels of a step of a run were compiled.
+_MARK = ".compiled"
+
+#: Ends of the names of numba's files, which are an index and the compiled kernels, and of marks,
+#: which go with them.
+_ENDINGS = (".nbi", ".nbc", _MARK)
 
 #: Permission bits with which others than its owner can write to a folder.
 _WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
@@ -79,7 +84,7 @@ def suite_sources() -> list[Path]:
 
 
 def compiled_kernels(source: Path) -> list[Path]:
-    """Return numba's files with the compiled kernels of a source file."""
+    """Return numba's files with the compiled kernels of a source file, and marks of steps."""
     folder = kernel_folder(source)
     try:
         names = os.listdir(folder)  # noqa: PTH208  # faster than glob, for each file of the suite
@@ -87,6 +92,27 @@ def compiled_kernels(source: Path) -> list[Path]:
         return []
     prefix = f"{source.stem}."
     return [folder / name for name in names if name.startswith(prefix) and name.endswith(_ENDINGS)]
+
+
+def mark(name: str, source: Path) -> None:
+    """Note that the kernels of a step were compiled: those that a source file uses."""
+    path = _mark_of(name, source)
+    with suppress(OSError):  # a folder that is read-only
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.touch()
+
+
+def is_marked(name: str, source: Path) -> bool:
+    """Return whether the kernels of a step were compiled, and none of their code has changed.
+
+    That it changed is known after :func:`drop_stale_kernels`.
+    """
+    return _mark_of(name, source).is_file()
+
+
+def _mark_of(name: str, source: Path) -> Path:
+    """Return the file that says that the kernels of a step were compiled by this numba."""
+    return kernel_folder(source) / f"{source.stem}.{name}-{version('numba')}{_MARK}"
 
 
 def kernel_folder(source: Path) -> Path:
