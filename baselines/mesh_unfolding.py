@@ -43,8 +43,7 @@ class MeshUnfolding(CheckedParameters):
     with vertex areas :math:`a` of sum 1 on a surface of unit area with rest positions :math:`p`.
     The stiffness :math:`\beta` doubles with each cascade: a soft surface spreads its limbs, a
     stiffer one restores its details. The cascades end as soon as the mean edge strain is at most
-    ``strain_bound``. Without geodesic distances, a hand that touches a knee affects only the
-    contact.
+    ``strain_bound``. It needs no geodesic distances, which are wrong where a hand touches a knee.
 
     The source repels by squared distances, which have no upper bound unless the surface is stiff
     enough; the distances used here give a bounded force at any stiffness. The source regularises

@@ -179,7 +179,8 @@ class Learned(TrainedNetwork):
             "convolutions. Widths, the slope of LeakyReLU (.2), initial weights (He et al. 2015), "
             "output functions, range of depths, camera and canonical pose, which it leaves open, "
             "are ours. It is trained in bfloat16, for Table II on ten instead of fifteen subjects, "
-            "and, unless 'as_printed' is chosen, with fewer pixels and, on people, fewer epochs."
+            "and, unless 'as_printed' is chosen, with fewer pixels, with target depths that are "
+            "stretched over the range, and, on people, with fewer epochs."
         ),
         requires=("torch", "safetensors"),
         inputs=("view",),
@@ -333,15 +334,18 @@ SizeFree = _row(
     configuration="size_free",
     summary="the paper's network without the size of the body",
     departs=(
-        "Images are cropped to the body, so its size is unknown. "
-        "Otherwise, it departs like 'learned'."
+        "Images are cropped to the body, so its size is unknown, and how large it appears depends "
+        "on its pose. Otherwise, it departs like 'learned'."
     ),
 )
 Strict = _row(
     "learned-strict",
     "strict train",
     configuration="literal",
-    summary="ablation: neither subject nor pose seen in training, 12 folds",
+    summary=(
+        "ablation: neither subject nor pose seen in training; four models, each of 15 of 20 poses, "
+        "make the forms of a gallery"
+    ),
     split="strict",
 )
 Average = _row(
@@ -378,7 +382,8 @@ Streamed = _row(
     configuration="streamed-people",
     summary="one code, trained on fresh bodies in free poses, blind to the frame",
     departs=(
-        "Another network: one code for the whole image, trained on generated bodies without end."
+        "Another network: one code for the whole image, which is cropped to the body. It predicts "
+        "front and back, and was trained on generated bodies, none of them twice."
     ),
     is_paper_network=False,
     split="sampled",
