@@ -39,15 +39,15 @@ class AcceleratedMDS(CheckedParameters):
     samples: Annotated[int, Interval(4)] = 25
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the classic MDS of distances that are interpolated from samples, about the origin.
+        """Return the classic MDS of interpolated distances, centred at the origin.
 
-        Geodesic distances between a few samples are interpolated smoothly to all pairs, as a matrix
-        of low rank.
+        Geodesic distances are computed between a few samples. Their squares are interpolated
+        smoothly to all pairs of vertices, which gives a matrix of low rank.
 
         Returns
         -------
         CanonicalForm
-            With the number of samples, and the stress on their rows of distances, as notes.
+            Its notes are the number of samples, and the stress of the distances from the samples.
 
         Raises
         ------
@@ -65,6 +65,7 @@ class AcceleratedMDS(CheckedParameters):
         interpolation = smooth_interpolation(shape, samples)
         rows = shape.geodesics_from(samples)
         squares = rows[:, samples] ** 2
+        # Rounding may differ between both directions of a pair: the mean of both is symmetric.
         points = low_rank_scaling(shape, interpolation, (squares + squares.T) / 2)
         return shape.form(
             points, samples=len(samples), stress_of_rows=stress_of_rows(points, samples, rows)

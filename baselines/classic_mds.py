@@ -50,7 +50,7 @@ class ClassicMDS(CheckedParameters):
 
 
 def classic_scaling(distances: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Embed points in 3D so that their distances approximate the given ones.
+    """Embed points in 3D by classic scaling, so that their distances approximate given ones.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def classic_scaling(distances: FloatArray) -> tuple[FloatArray, FloatArray]:
     squares = distances**2
 
     def multiply(vector: FloatArray) -> FloatArray:
-        """Return the product of the doubly centred squares, times -1/2, and a vector."""
+        """Return the product of a vector and the Gram matrix, -1/2 times the centred squares."""
         product = squares @ (vector - vector.mean())
         return np.asarray(-0.5 * (product - product.mean()))
 

@@ -88,10 +88,10 @@ class ConstrainedMDS(CheckedParameters):
         return self.deform_towards(shape, LeastSquaresMDS().canonicalise(shape).vertices)
 
     def deform_towards(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
-        """Deform the surface towards targets, or their mirror image if that takes less energy.
+        """Deform a surface towards targets, or their mirror image if that takes less energy.
 
-        The sign of an embedding is arbitrary. The pull on the vertices changes step by step from
-        ``first_pull`` to ``last_pull``.
+        Both are tried, because the sign of an embedding is arbitrary. The pull on the vertices
+        changes step by step from ``first_pull`` to ``last_pull``.
 
         Parameters
         ----------
@@ -103,8 +103,8 @@ class ConstrainedMDS(CheckedParameters):
         Returns
         -------
         CanonicalForm
-            The deformed surface; notes are its strains, the energies of both, and whether it is the
-            mirrored one.
+            The deformed surface. Its notes are its strains, its energy, the energy of the rejected
+            deformation, and whether the mirror image was taken.
         """
         from baselines._kernels.arap import AsRigidAsPossible, aligned
 
@@ -116,6 +116,8 @@ class ConstrainedMDS(CheckedParameters):
             aligned(targets * mirror, shape.mesh.vertices, areas),
         ]
         both_deformed = [surface.rest, surface.rest]
+        # Alternate between the best rotations for given positions, and the best positions for given
+        # rotations. The matrix of the second step depends on the pull alone.
         for strength in np.geomspace(self.first_pull, self.last_pull, self.cascades):
             pull = strength * areas / areas.sum()
             solve = surface.factorise(pull)

@@ -59,15 +59,15 @@ class FastClassicalScaling(CheckedParameters):
     fidelity: Annotated[float, Interval(0, closed="neither")] = 50.0
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the classic MDS of distances that are extended from samples, about the origin.
+        """Return the classic MDS of extended distances, centred at the origin.
 
-        Geodesic distances are computed from a few samples to all vertices, and extended smoothly to
-        all pairs, as a matrix of low rank.
+        Geodesic distances are computed from a few samples to all vertices. Their squares are
+        extended smoothly to all pairs of vertices, which gives a matrix of low rank.
 
         Returns
         -------
         CanonicalForm
-            With the number of samples, and the stress on their rows of distances, as notes.
+            Its notes are the number of samples, and the stress of the distances from the samples.
 
         Raises
         ------

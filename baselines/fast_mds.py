@@ -63,19 +63,19 @@ class FastMDS(CheckedParameters):
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Return the FastMap embedding, centred at the origin.
 
-        Each of three axes runs between two far vertices, the pivots; coordinates along it come from
-        the geodesic distances to the pivots, and what the axis explains is taken off all squared
-        distances.
+        For each of three axes, two vertices that are far apart become the pivots. Coordinates along
+        the line between the pivots follow from the distances to them. The next axis uses what the
+        axes so far leave of the squared distances.
 
         Returns
         -------
         CanonicalForm
-            With the number of rows of distances that were computed, and the stress on them, as
-            notes.
+            Its notes are the number of vertices from which distances were computed, and the stress
+            of these distances.
         """
         from baselines._kernels.few_rows import farthest_points, stress_of_rows
 
-        rows = dict[int, FloatArray]()
+        rows = dict[int, FloatArray]()  # geodesic distances from some vertices to all
         points = np.zeros((shape.mesh.n_vertices, 3))
 
         def residual(vertex: int) -> FloatArray:

@@ -95,24 +95,24 @@ class FeaturePreserved(CheckedParameters):
         return self.move_onto(shape, LeastSquaresMDS().canonicalise(shape).vertices)
 
     def move_onto(self, shape: Shape, targets: FloatArray) -> CanonicalForm:
-        """Move rigid parts of the surface onto targets, or onto their mirror image if it is nearer.
+        """Move rigid parts of a surface onto targets, or onto their mirror image if it is nearer.
 
-        The surface is divided into parts, which are refitted to the targets, moved, translated so
-        that gaps close, and smoothed at their seams.
+        Both are tried, because the sign of an embedding is arbitrary. The surface is divided into
+        parts, which are fitted to the targets. The parts are then translated to close the gaps
+        between them, and smoothed at their seams.
 
         Parameters
         ----------
         shape
             The surface.
         targets
-            Target of each vertex, shape (n, 3), such as the positions of an embedding, whose sign
-            is arbitrary.
+            Target of each vertex, such as its position in an embedding, shape (n, 3).
 
         Returns
         -------
         CanonicalForm
-            The moved surface; notes are the number of parts, its strains, and whether it is the
-            mirrored one.
+            The moved surface. Its notes are the number of parts, its strains, and whether the
+            mirror image was taken.
         """
         from baselines._kernels.arap import AsRigidAsPossible
         from baselines._kernels.few_rows import farthest_points
@@ -121,6 +121,7 @@ class FeaturePreserved(CheckedParameters):
         masses = np.maximum(shape.mesh.vertex_areas, np.finfo(float).tiny)
         n_parts = max(1, min(self.parts, shape.mesh.n_vertices // PART_SIZE))
         seeds = farthest_points(shape, n_parts)
+        # Each vertex belongs to the part of its nearest seed to begin with.
         nearest_seed = shape.geodesics()[seeds].argmin(axis=0)
         _, first_parts = np.unique(nearest_seed, return_inverse=True)
         mirror = np.array([-1.0, 1.0, 1.0])
@@ -201,11 +202,11 @@ def rigid_motions(
 def refit_parts(
     surface: AsRigidAsPossible, targets: FloatArray, masses: FloatArray, parts: Parts, rounds: int
 ) -> Parts:
-    """Shift the seams between parts, vertex by vertex, so that the parts fit the targets better.
+    """Shift the seams between parts so that the rigid motions of the parts fit the targets better.
 
-    In each round every vertex at a seam joins the part of a neighbour whose rigid motion brings it
-    nearest to its target. Vertices of a part that would keep fewer than half of its initial
-    vertices stay, and no part becomes empty.
+    In each round, every vertex at a seam joins the neighbouring part whose motion brings it nearest
+    to its target. A part that would keep fewer than half of its initial vertices loses none in this
+    round, and no part becomes empty.
 
     Parameters
     ----------
@@ -235,14 +236,15 @@ def refit_parts(
         # Where each part would bring each vertex, and how far from its target: shape (parts, n).
         moved = np.einsum("kab,nb->kna", rotations, surface.rest) + translations[:, None]
         misses = ((moved - targets) ** 2).sum(axis=2)
-        # Only parts of neighbours can be joined.
+        # A vertex can only join the part of a neighbour; other parts are infinitely far.
         offered = np.full(misses.shape, np.inf)
         offered[parts[end], start] = misses[parts[end], start]
         is_better = offered.min(axis=0) < misses[parts, vertices]
         changed = np.where(is_better, offered.argmin(axis=0), parts)
         is_too_small = np.bincount(changed, minlength=len(smallest_sizes)) < smallest_sizes
         while is_too_small.any():
-            # All vertices of such a part stay in it. That may empty parts that they had joined.
+            # All vertices of such a part stay in it. This may empty a part that they would have
+            # joined, which is then treated alike.
             changed = np.where(is_too_small[parts], parts, changed)
             is_too_small = np.bincount(changed, minlength=len(smallest_sizes)) == 0
         if (changed == parts).all():

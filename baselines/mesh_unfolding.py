@@ -89,15 +89,15 @@ class MeshUnfolding(CheckedParameters):
     max_cascades: Annotated[int, Interval(1)] = 16
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the unfolded surface: its vertices as far apart as its stiffness allows.
+        """Return the unfolded surface, whose vertices are as far apart as its stiffness allows.
 
-        The surface begins soft. As long as its edges are strained beyond ``strain_bound``, its
-        stiffness doubles, at most ``max_cascades`` times.
+        The surface is soft to begin with. Its stiffness doubles until its edges are strained by at
+        most ``strain_bound``, or ``max_cascades`` is reached.
 
         Returns
         -------
         CanonicalForm
-            With its edge strains, the number of cascades and the final stiffness as notes.
+            Its notes are the edge strains, the number of cascades and the final stiffness.
         """
         from baselines._kernels.arap import AsRigidAsPossible
 
@@ -197,8 +197,8 @@ def repulsion(positions: FloatArray, masses: FloatArray) -> FloatArray:
             dy = y[i] - y[j]
             dz = z[i] - z[j]
             squared = dx * dx + dy * dy + dz * dz
-            # The inverse distance, 0 for coincident points: a root in single precision and one step
-            # of Newton's method give all digits in two thirds of the time.
+            # The inverse distance, 0 for coincident points. A root in single precision and one step
+            # of Newton's method are faster than a root in double precision.
             guess = (
                 np.float64(np.float32(1.0) / np.sqrt(np.float32(squared)))
                 if squared > COINCIDENT_SQUARED

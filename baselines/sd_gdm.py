@@ -54,12 +54,12 @@ class SDGDM(CheckedParameters):
     count: Annotated[int, Interval(1)] = 20
 
     def describe(self, shape: Shape) -> FloatArray:
-        """Return the largest singular values of the geodesic distances, over their sum.
+        """Return the largest singular values of the matrix of geodesic distances.
 
         Returns
         -------
         numpy.ndarray
-            Shares, largest first, shape (count,).
+            The singular values divided by their sum, largest first, shape (count,).
 
         Raises
         ------
@@ -77,15 +77,14 @@ class SDGDM(CheckedParameters):
             )
 
         def multiply(vector: FloatArray) -> FloatArray:
-            """Return the product with the distances, of which one half is read: they are symmetric.
-
-            Transposed, they are in the order of BLAS and are not copied.
-            """
+            """Return the product of the symmetric distances and a vector."""
+            # BLAS reads one half of the matrix. Transposed, it is in the order of BLAS (columns
+            # first) and is not copied.
             return np.asarray(dsymv(1.0, distances.T, vector))
 
         # The singular values of a symmetric matrix are the absolute values of its eigenvalues. The
-        # start has no symmetry: from a constant vector, the iteration would miss half of the
-        # eigenvalues of a symmetric shape.
+        # iteration begins at random: from a constant vector, it would miss the eigenvectors of a
+        # symmetric shape that change their sign from left to right.
         start = np.random.default_rng(0).standard_normal(len(distances))
         operator = LinearOperator(distances.shape, multiply, dtype=np.float64)
         values = eigsh(operator, k=self.count, which="LM", v0=start, return_eigenvectors=False)

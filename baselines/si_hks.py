@@ -73,13 +73,13 @@ class ScaleInvariantHKS(CheckedParameters):
     words: Annotated[int, Interval(2)] = 48
 
     def describe(self, shape: Shape) -> FloatArray:
-        """Return the scale-invariant heat kernel signature of each vertex, and its area.
+        """Return the scale-invariant heat kernel signatures of all vertices, with their areas.
 
         Returns
         -------
         numpy.ndarray
-            For each vertex its share of the area and the moduli of the lowest frequencies, one
-            vertex after the other, sorted by the lowest frequency; shape (n * (1 + frequencies),).
+            Shape (n * (1 + frequencies),): for each vertex its share of the area and the moduli of
+            the lowest frequencies, vertices in the order of the lowest frequency.
 
         Raises
         ------
@@ -92,11 +92,12 @@ class ScaleInvariantHKS(CheckedParameters):
         decays = np.exp(-np.outer(values * area, TIMES))
         # The heat kernel signature of each vertex at each time; the constant function keeps 1.
         heat = 1 + area * functions**2 @ decays
-        # Its derivative by time, and with it that of its logarithm by the binary logarithm of time.
+        # Minus its derivative by time, and from it the derivative of its logarithm by the binary
+        # logarithm of time.
         cooling = area * functions**2 @ ((values * area)[:, None] * decays)
         slope = -np.log(2) * TIMES * cooling / heat
-        # A change of scale shifts the slopes along time, which moduli of frequencies do not see.
-        # Here and below, digits that depend on the processor are rounded off.
+        # A change of scale shifts the slopes along time; the moduli of their Fourier transform stay
+        # the same. Digits that depend on the processor are rounded off.
         moduli = np.abs(np.fft.rfft(slope, axis=1))[:, : self.frequencies].round(6)
         vertices = np.column_stack([mass / area, moduli])
         return vertices[np.argsort(moduli[:, 0])].ravel()
@@ -110,9 +111,10 @@ class ScaleInvariantHKS(CheckedParameters):
     ) -> FloatArray:
         """Return the dissimilarities of M queries to N shapes of a gallery, as bags of features.
 
-        The vertices of the gallery are clustered to words. The descriptor of a shape becomes the
-        share of each word in its area, where a vertex belongs to all words by its closeness to
-        them; two shapes differ by the sum of absolute differences.
+        The signatures of all vertices of the gallery are clustered; the centres are the words. The
+        bag of a shape holds the share of each word in its area, where a vertex is divided among the
+        words by their closeness. Two shapes differ by the sum of absolute differences of their
+        bags.
 
         Parameters
         ----------
@@ -131,7 +133,7 @@ class ScaleInvariantHKS(CheckedParameters):
         from sklearn.cluster import KMeans
 
         frequencies = [self._vertices(descriptor)[:, 1:] for descriptor in gallery]
-        # Sorted, so that the words do not depend on the order of the gallery.
+        # Sorted and each one once, so that the words do not depend on the order of the gallery.
         vertices = np.unique(np.concatenate(frequencies), axis=0)
         count = min(self.words, len(vertices))
         words = KMeans(count, n_init=1, random_state=0).fit(vertices).cluster_centers_

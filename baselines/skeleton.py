@@ -79,10 +79,13 @@ class Skeleton(CheckedParameters):
     open_border: Annotated[float, Interval(0)] = 1.0
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the surface in the pose of its scaled skeleton.
+        """Return the surface in the pose that its skeleton takes by multidimensional scaling.
 
-        The notes give the kind of skeleton (``"contraction"`` or ``"level-set"``), the reason for a
-        level-set one, the numbers of joints and bones, and the edge strains.
+        Returns
+        -------
+        CanonicalForm
+            Its notes are the kind of skeleton (``"contraction"`` or ``"level-set"``), the reason
+            for a level-set one, the numbers of joints and bones, and the edge strains.
 
         Raises
         ------
@@ -180,17 +183,17 @@ def minimal_rotations(before: FloatArray, after: FloatArray, bones: IntArray) ->
 def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> IntArray:
     """Return the bone that each triangle of the surface follows.
 
-    A triangle across the border of two parts follows the bone between their joints. Any other
-    triangle follows, among the bones at its joint, the one whose direction is nearest to that of
-    the triangle's centroid: the bisecting planes between the bones divide the triangles of a joint.
-    A triangle where three parts meet belongs to its nearest joint.
+    - A triangle on the border of two parts follows the bone between their joints.
+    - A triangle within a part follows one of the bones at its joint: the one whose direction is
+      nearest to the direction from the joint to the centroid of the triangle.
+    - A triangle where three parts meet counts as one within the part of the nearest joint.
 
     Parameters
     ----------
     mesh
         The surface.
     skeleton
-        Its skeleton; its owners say to the part of which joint each vertex belongs.
+        The skeleton, whose ``owners`` are the joint of each vertex.
 
     Returns
     -------
@@ -202,11 +205,11 @@ def bones_of_triangles(mesh: Mesh, skeleton: CurveSkeleton) -> IntArray:
     joints_of_corners = np.sort(skeleton.owners[mesh.faces], axis=1)
     low, middle, high = joints_of_corners.T
     is_across = (low != high) & ((low == middle) | (middle == high))
-    # Bones are sorted, so the search finds each pair of joints that is a bone.
+    # Triangles across a border: both joints in one number, as the bones are sorted by such numbers.
     pairs_of_bones = bones[:, 0] * n_joints + bones[:, 1]
     chosen: IntArray = np.searchsorted(pairs_of_bones, low * n_joints + high)
 
-    # The other triangles, joint by joint: the nearest one, and the way from it to the centroid.
+    # The other triangles: the nearest joint of each, and the vector from it to the centroid.
     centroids = mesh.vertices[mesh.faces].mean(axis=1)
     offsets = centroids[:, None] - skeleton.joints[joints_of_corners]
     nearest_corner = np.linalg.norm(offsets, axis=2).argmin(axis=1)
@@ -244,7 +247,7 @@ def _unit(vectors: FloatArray) -> FloatArray:
 
 
 def follow_rotations(mesh: Mesh, laplacian: Laplacian, rotations: FloatArray) -> FloatArray:
-    r"""Return the positions whose triangles best follow the prescribed rotations.
+    r"""Return the positions of vertices for which triangles best follow prescribed rotations.
 
     With the area :math:`A_f` and the prescribed rotation :math:`R_f` of each triangle f, and the
     gradient :math:`F_f` of its deformation, they minimise
@@ -288,8 +291,8 @@ def follow_rotations(mesh: Mesh, laplacian: Laplacian, rotations: FloatArray) ->
     load = np.zeros_like(mesh.vertices)
     np.add.at(load, np.roll(mesh.faces, -1, axis=1), pulls)
     np.add.at(load, np.roll(mesh.faces, 1, axis=1), -pulls)
-    # The load sums to zero, so a spring at one vertex fixes the translation without any other
-    # effect.
+    # Positions are determined up to a translation. A spring at one vertex fixes it, and has no
+    # other effect as the load sums up to zero.
     system = csr_array(laplacian.stiffness, copy=True)
     system[0, 0] += system.diagonal().mean()
     positions = factorise_definite(system)(load)

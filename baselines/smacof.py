@@ -96,7 +96,7 @@ class LeastSquaresMDS(CheckedParameters):
         return form
 
     def _fit(self, shape: Shape, distances: FloatArray) -> CanonicalForm:
-        """Return the form whose distances fit the geodesic ones best, in a local minimum.
+        """Return the form whose distances fit the geodesic ones best, near the start.
 
         Parameters
         ----------
@@ -108,8 +108,10 @@ class LeastSquaresMDS(CheckedParameters):
         Returns
         -------
         CanonicalForm
-            With the stress over the sum of squared distances, and the number of steps, as notes.
+            Its notes are the stress, divided by the sum of the squared distances, and the number of
+            steps.
         """
+        # In an order of the points that does not depend on how the vertices are numbered.
         order, targets = _in_own_order(shape, distances)
         if self.start == "classic":
             start = _classic_start(shape, order, targets)
@@ -227,17 +229,17 @@ def majorise(
     max_iterations: int = 100,
     rtol: float = 1e-3,
 ) -> tuple[FloatArray, list[float]]:
-    """Lower the stress of points step by step, by a transform that never raises it [de Leeuw 1977].
+    """Minimise the stress of points by a transform that never raises it [de Leeuw 1977].
 
     Parameters
     ----------
     transform
-        Returns the transform of positions, shape (n, 3), and the stress of the given ones.
+        Takes positions of shape (n, 3); returns new positions, and the stress of the given ones.
     start
         First positions, shape (n, 3).
     relaxed
-        Whether to go twice as far as the transform [de Leeuw and Heiser 1980], from the best scale
-        of the positions: the scale would else change to and fro. The last step is a plain one.
+        Whether to go twice as far as the transform [de Leeuw and Heiser 1980]. Positions are scaled
+        to their best size before, so that the size does not oscillate. The last step is plain.
     max_iterations
         Maximum number of steps.
     rtol
@@ -248,15 +250,15 @@ def majorise(
     points : numpy.ndarray
         Centred positions, shape (n, 3).
     stresses : list of float
-        Stress of the start and after each step; the last entry is that of ``points``, or before the
-        last plain step.
+        Stress of the start, and after each step. If ``relaxed``, that of the plain last step is
+        missing.
     """
     points = np.ascontiguousarray(start - start.mean(axis=0))
     stresses: list[float] = []
     while True:
         moved, stress = transform(points)
         if relaxed:
-            # The scale at which the stress of the points is least, and the stress at that scale.
+            # The scale at which the points have the least stress, and their stress at that scale.
             squares = (points**2).sum()
             scale = (points * moved).sum() / squares
             stress -= len(points) * (1 - scale) ** 2 * squares
@@ -312,28 +314,29 @@ def _add_strip(sums, places, first, targets):  # type: ignore[no-untyped-def]  #
 
 @njit(inline="always")
 def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Add the pulls of some points of a strip on each point, and their squared misses.
+    """Add what some points contribute to the Guttman transform and to the stress of all points.
 
-    The miss of a pair is its distance less the target. Pairs are summed in single precision.
+    The miss of a pair is its distance less its target. Each pair is computed in single precision.
 
     Parameters
     ----------
     sums
-        Sums of the pulls along x, y and z, and of the squared misses, at each point, shape (4, n);
-        updated.
+        For each point, the sums of the pulls along x, y and z, and of the squared misses, shape
+        (4, n); updated.
     places
         Coordinates of the points, shape (3, n).
     first
-        Index of the first point of the strip.
+        Index of the first point of a strip of neighbouring points.
     targets
-        Distances that the points of the strip should have from all, shape (strip, n).
-    row, count
-        The points of the strip that are added: the first of them, counted in the strip, and how
-        many.
+        Distances that the points of the strip should have from all points, shape (strip, n).
+    row
+        Place in the strip of the first point that is added.
+    count
+        Number of points that are added.
     """
     x, y, z = places[0], places[1], places[2]
     sums_x, sums_y, sums_z, sums_of_misses = sums[0], sums[1], sums[2], sums[3]
-    # Each point has sums of its own: this loop vectorises, and no order depends on its width.
+    # Each point j has sums of its own: the loop vectorises, and the order of each sum is fixed.
     for j in range(len(x)):
         pull_x = pull_y = pull_z = misses = np.float32(0)
         for k in range(row, row + count):
@@ -356,13 +359,12 @@ def _add_rows(sums, places, first, targets, row, count):  # type: ignore[no-unty
 
 
 def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]:
-    """Make the function that moves points by one step of non-metric MDS, see :func:`majorise`.
+    """Return the transform of non-metric MDS, for :func:`majorise`.
 
-    It is the Guttman transform towards disparities: the distances that rise with the
-    dissimilarities and are nearest to those of the points. Dissimilarities are rounded to
-    :data:`N_LEVELS` levels. Pairs of one level are tied: they get one disparity (Kruskal's
-    secondary approach), so that a regression has at most as many places as there are levels, not
-    pairs.
+    A step fits disparities to the points: distances that rise with the dissimilarities, and are
+    nearest to the distances of the points. Then it is the Guttman transform towards them.
+    Dissimilarities are rounded to :data:`N_LEVELS` levels, and pairs of the same level get the same
+    disparity (Kruskal's secondary approach), which makes the regression small.
 
     Parameters
     ----------
@@ -372,9 +374,9 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
     Returns
     -------
     transform : callable
-        The transform.
+        Takes positions of shape (n, 3); returns new positions, and the stress of the given ones.
     norm : float
-        Root of the sum of squared disparities, which is that of the dissimilarities.
+        Root of the sum of the squared dissimilarities; disparities have the same one in each step.
     """
     from scipy.optimize import isotonic_regression  # lazy
 
@@ -387,7 +389,7 @@ def non_metric_transform(dissimilarities: FloatArray) -> tuple[Transform, float]
         sum_distances(points, levels, sums)
         mean_distances = sums / n_pairs
         disparities = isotonic_regression(mean_distances, weights=n_pairs).x
-        # At a fixed size: otherwise, points and disparities would shrink to 0 together.
+        # They are scaled to a fixed size: else, points and disparities would shrink to 0 together.
         disparities *= norm / np.sqrt((n_pairs * disparities**2).sum())
         moved, stress = level_transform(points, levels, disparities.astype(np.float32))
         return moved, stress
@@ -433,18 +435,18 @@ def _used_levels(
 
 @njit(cache=True, nogil=True)  # type: ignore[untyped-decorator]
 def sum_distances(points: FloatArray, levels: NDArray[np.uint16], sums: FloatArray) -> None:
-    """Sum the distances of the pairs of each level.
+    """Sum up the distances of the pairs of points of each level.
 
-    Distances are computed in single precision, and summed in double precision.
+    Distances are computed in single precision, and summed up in double precision.
 
     Parameters
     ----------
     points
         Positions, shape (n, 3).
     levels
-        Level of each pair, shape (n, n).
+        Level of the dissimilarity of each pair, from 0, shape (n, n).
     sums
-        Overwritten: the sum of each level, shape (levels,).
+        Overwritten: the sum of the distances of each level, shape (levels,).
     """
     x = points[:, 0].astype(np.float32)
     y = points[:, 1].astype(np.float32)

@@ -75,7 +75,7 @@ def code_digest(target: str, files: Iterable[str] = ()) -> str:
 
 
 def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
-    """Return what the code of a module consists of.
+    """Return the digest of each part of the code of a module, by the name of the part.
 
     Parameters
     ----------
@@ -223,7 +223,7 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
     plugin = plugin_file(target)
     start, base = _start_of(target, plugin)
 
-    @cache  # asked again for each import
+    @cache  # because many modules import the same packages
     def folder_of_sources(package: str) -> Path | None:
         """Return the folder that holds a package; None for an installed one."""
         # As in Python, a module beside a plugin precedes an installed package of its name.
@@ -242,30 +242,30 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
             folder = folder_of_sources(package)
             if folder is None:
                 packages.add(package)
-            else:
-                files = _files_of_import(import_path, folder, base)
-                new_files = [file for file in files if file not in sources]
-                sources.update(dict.fromkeys(new_files, folder))
-                pending += new_files
+                continue
+            files = _files_of_import(import_path, folder, base)
+            new_files = [file for file in files if file not in sources]
+            sources.update(dict.fromkeys(new_files, folder))
+            pending += new_files
     return sources, packages
 
 
 def _start_of(target: str, plugin: Path | None) -> tuple[Path, Path]:
-    """Return where the source of a module begins.
+    """Return the file of a module, and the folder that holds its package.
 
     Parameters
     ----------
     target
         Name of a module, optionally with ``:attribute``.
     plugin
-        A plugin file in its place.
+        The plugin file that the target names instead of a module; None if it names a module.
 
     Returns
     -------
     start : Path
-        File of the module.
+        File of the module, or of the plugin.
     base : Path
-        Folder that holds its package; of a plugin, the folder of its file.
+        Folder that holds the package of the module; for a plugin, the folder of its file.
 
     Raises
     ------
@@ -319,7 +319,9 @@ def _files_around(folder: Path, parts: tuple[str, ...]) -> list[Path]:
 
 
 def _suite_files(parts: tuple[str, ...]) -> list[Path]:
-    """Return the file of the suite that defines what is imported; none if it computes nothing.
+    """Return the source files that define a name which is imported from the suite.
+
+    The ``__init__.py`` files of the packages around a module do not count, as they compute nothing.
 
     Parameters
     ----------
@@ -329,8 +331,7 @@ def _suite_files(parts: tuple[str, ...]) -> list[Path]:
     Returns
     -------
     list of Path
-        The file of the module; empty for modules that are in no key. Packages around a module
-        compute nothing, see ``tests/registry/test_keys.py``.
+        Usually one file; none for modules that determine no result.
     """
     if _is_in_no_key(parts):
         return []
@@ -374,13 +375,13 @@ def _folder_of(top: str) -> Path | None:
     Parameters
     ----------
     top
-        Its name, such as ``"numpy"``.
+        Name of the package or module, such as ``"numpy"``.
     """
     if top in FIRST_PARTY:
         return ROOT
     try:
         spec = importlib.util.find_spec(top)
-    except (ImportError, ValueError):  # it is being imported, or is no module
+    except (ImportError, ValueError):  # Python is importing it now, or it is no module
         return None
     if spec is None:
         return None
@@ -558,22 +559,21 @@ def _defined_name(node: ast.stmt) -> str:
 
 
 def _significant(statement: ast.AST, imports: dict[Import, None]) -> list[Any]:
-    """Return what counts in a statement of the suite: its syntax tree without messages.
+    """Return the syntax tree of a statement as a flat list, without its messages and docstrings.
 
-    Nodes are taken from a list instead of by recursion, which is faster than :func:`ast.dump` and
-    :func:`ast.walk`.
+    The tree is walked with a stack, which is faster than :func:`ast.dump` or :func:`ast.walk`.
 
     Parameters
     ----------
     statement
-        The statement, from which messages are removed.
+        The statement; its messages are replaced by empty texts in place.
     imports
-        Gets what it imports, in order.
+        Updated: the imports of the statement are added as keys, in their order.
 
     Returns
     -------
     list
-        Types of nodes and their values, in the order of the tree.
+        Types of nodes, values of leaves and lengths of lists, in the order of the walk.
     """
     parts: list[Any] = []
     pending: list[Any] = [[statement]]
@@ -668,21 +668,23 @@ def _versions(top: str) -> dict[str, str]:
     -------
     dict
         Versions without build tags, by the name of the distribution, such as ``"scikit-learn"``.
-        Empty if no distribution has the package. A package that is installed to be edited, or lies
-        on the path, has sources instead.
+        Empty if no distribution has the package, because it is installed to be edited or lies on
+        the path.
     """
     try:
         folders = _folders_of_package(top)
-        own = [
-            distribution
-            for distribution, files in _distributions()
-            if _holds_package(files, top)
-            and Path(str(distribution.locate_file(""))).resolve() in folders
-        ]
-        # Python takes the first one, which replaces the others here.
-        return {each.name.lower(): each.version.partition("+")[0] for each in reversed(own)}
-    except (ImportError, ValueError):
+        own = []
+        for distribution, files in _distributions():
+            root = Path(str(distribution.locate_file(""))).resolve()
+            if _holds_package(files, top) and root in folders:
+                own.append(distribution)
+    except (ImportError, ValueError):  # Python cannot find the package
         return {}
+    versions = {}
+    # Of several distributions with one name, Python takes the first, which is written last here.
+    for distribution in reversed(own):
+        versions[distribution.name.lower()] = distribution.version.partition("+")[0]
+    return versions
 
 
 def _folders_of_package(top: str) -> set[Path]:

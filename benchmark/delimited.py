@@ -26,12 +26,17 @@ TextRows = list[list[str]]
 
 
 def lines_of(content: bytes) -> list[str]:
-    """Return the lines of a table in a text, without blank lines and comments (``#``).
+    """Return the lines of a table in a text file, without blank lines and comments (``#``).
+
+    Parameters
+    ----------
+    content
+        Bytes of the file.
 
     Raises
     ------
     ConfigurationError
-        If there are none, or they are no table: JSON, or a line for Excel.
+        If there are no lines, or they are no plain table but JSON, or begin with a line for Excel.
     UnicodeError
         If the content is no text.
     """
@@ -71,26 +76,27 @@ def separators_of(lines: Sequence[str], *, has_short_first: bool = False) -> lis
 
 
 def _fits(mark: str, lines: Sequence[str], *, has_short_first: bool) -> bool:
-    """Return whether a separator divides all lines into the same number of values.
+    """Return whether a separator divides all lines into the same number of cells.
 
     Parameters
     ----------
     mark
-        The separator. Blanks separate nothing if they stand beside another separator.
+        The separator, such as ``","``. Of blanks, several in a row separate once.
     lines
-        The lines.
+        The lines of a table, without texts in quotes.
     has_short_first
-        Whether the first line may have one value less, as the names of columns have without the
-        corner.
+        Whether the first line may have one cell less: it then holds the names of the columns, but
+        nothing above the names of the rows.
     """
     if mark == " ":
+        # Blanks around another separator, as in "a, b", separate nothing themselves.
         if any(_BESIDE_SEPARATOR.search(line) for line in lines):
             return False
         counts = [len(re.findall(" +", line.strip())) for line in lines]
     else:
         counts = [line.count(mark) for line in lines]
 
-    # All lines but the first must agree; a text of one line agrees with itself.
+    # All lines after the first must agree; the only line of a table agrees with itself.
     first = counts[0]
     others = counts[1:] or counts
     usual = others[-1]

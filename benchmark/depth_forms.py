@@ -7,8 +7,11 @@ from typing import Any
 
 
 def __getattr__(name: str) -> Any:
-    """Return a name of :mod:`benchmark.commands.forms`, where this module went, with a warning."""
-    from benchmark.commands import forms  # it takes long, and is needed for an old name alone
+    """Return a name that has moved to :mod:`benchmark.commands.forms`, with a deprecation warning.
+
+    Python calls this function for names that the module does not define itself.
+    """
+    from benchmark.commands import forms  # lazy: the import takes long
 
     if name.startswith("_") or not hasattr(forms, name):
         raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

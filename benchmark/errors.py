@@ -140,7 +140,8 @@ def one_line(error: BaseException) -> str:
 def locate(error: BaseException) -> str:
     """Return an exception on one line, with the file and line of the code that raised it.
 
-    Code of the user comes before that of the suite, and libraries are passed over.
+    Of the calls in the traceback, the innermost one in code of the user is named; if there is none,
+    the innermost one of the suite. Calls in libraries are passed over.
 
     Examples
     --------
@@ -169,7 +170,7 @@ def locate(error: BaseException) -> str:
 
 
 def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationError:
-    """Return the error for an unknown name; its hint suggests similar names, or names all.
+    """Return the error for an unknown name, whose hint suggests similar names or lists all.
 
     Parameters
     ----------
@@ -178,7 +179,7 @@ def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationErr
     name
         The unknown name.
     known
-        Known names.
+        The names that would be valid.
     """
     import difflib
 

@@ -137,30 +137,31 @@ def _check_regular(status: os.stat_result, largest: int | None) -> None:
 
 
 def chunks_of(path: Path, largest: int | None = None, size: int = _CHUNK) -> Iterator[bytes]:
-    """Yield the content of a user's file, in pieces.
+    """Yield the content of a file of a user, in pieces.
 
-    No file is trusted to end: never more is read than one byte beyond the size that it announces.
-    All reading and all digests of files of users go through here.
+    At most one byte more is read than the size that the file announces, because a file of ``/proc``
+    may have no end.
 
     Parameters
     ----------
     path
         The file.
     largest
-        Most bytes that it may hold; None for the limit of all files.
+        Largest size that is allowed, in bytes; None for the limit of all files.
     size
-        Bytes of a piece.
+        Largest size of a piece, in bytes.
 
     Raises
     ------
     OSError
-        If it cannot be read, is no regular file, holds more than ``largest`` bytes, or another
-        number of bytes than it announces, as files of ``/proc`` do, which may have no end.
+        If the file cannot be read, is no regular file, is larger than allowed, or holds another
+        number of bytes than it announces.
     """
     with open_file(path, largest) as file:
         announced = os.fstat(file.fileno()).st_size
         n_read = 0
         while n_read <= announced:
+            # One byte more would show that the file is longer than it announces.
             content: bytes | None = file.read(min(size, announced + 1 - n_read))
             if content is None:
                 raise OSError(errno.EAGAIN, "reading it would wait: it is no file of a disk")
@@ -272,7 +273,9 @@ def sweep(folder: Path) -> None:
 
 
 def decode(content: bytes) -> str:
-    """Return text in UTF-8 or in the encoding of its byte-order mark, with composed characters.
+    """Decode text in UTF-8, or in the encoding that its byte-order mark names.
+
+    Characters are composed (Unicode normal form C), so that equal words are equal texts.
 
     Raises
     ------
@@ -344,28 +347,28 @@ def _digest(path: Path, largest: int | None, *_: int) -> str:
 
 @contextmanager
 def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -> Iterator[None]:
-    """Give errors that occur while a file is read a message of one line and the name of the file.
+    """Convert errors in a ``with`` block that reads a file to errors that name the file.
 
-    It is a context manager. The name is kept apart from the message, which may be stored for the
-    content of the file, wherever it lies: see ``BenchmarkError``.
+    Their messages have one line. They hold the file as an attribute and not in the text, which may
+    be stored for any file with the same content.
 
     Parameters
     ----------
     path
         The file.
     what
-        What it should be, such as "mesh".
+        What the file should be, such as "mesh".
     kind, hint
-        Class and hint of errors that are no ``BenchmarkError``; those keep their own.
+        Class and hint for errors that are no ``BenchmarkError``; those keep their own.
     """
     try:
         yield
     except BenchmarkError as error:
-        if error.file:  # beside this one
+        if error.file:  # another file, which this one refers to
             raise
         problem = without_file(error.problem, path)
         raise type(error)(problem, without_file(error.hint, path), path) from error
-    except Exception as error:
+    except Exception as error:  # libraries raise errors of all types for a damaged file
         if isinstance(error, OSError) and error.strerror:
             advice = "check the path and its permissions" if error.errno else hint
             raise kind(error.strerror, advice, path) from error
@@ -402,21 +405,23 @@ def load_arrays(content: bytes) -> Any:
 def check_expansion(data: bytes) -> None:
     """Raise ``ValueError`` if the variables of a MATLAB file would fill too much memory.
 
-    They are compressed: a few kilobytes can hold terabytes.
+    The variables are compressed: a few kilobytes can hold terabytes.
 
     Parameters
     ----------
     data
-        Content of the file.
+        Content of the file. A header is followed by elements, each with a tag (two integers, its
+        kind and its size) before its content.
     """
     is_big_endian = data[_MAT_BYTE_ORDER] == _MAT_BIG_ENDIAN
     tag = ">II" if is_big_endian else "<II"
-    n_left = LARGEST_FILE
+    n_left = LARGEST_FILE  # bytes that the variables may still fill
     start = _MAT_HEADER
     while start + _MAT_TAG <= len(data):
         kind, size = struct.unpack_from(tag, data, start)
         start += _MAT_TAG
         if kind == _MAT_COMPRESSED:
+            # One byte beyond the limit is enough to exceed it.
             content = data[start : start + size]
             n_left -= len(zlib.decompressobj().decompress(content, n_left + 1))
         if n_left < 0:

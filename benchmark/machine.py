@@ -55,7 +55,10 @@ def memory_per_process(processes: int = 1) -> int:
 
 @cache
 def describe_machine() -> str:
-    """Return what seconds depend on: processor, cores, memory, BLAS, and the GPU if one is used."""
+    """Describe this machine: processor, cores, memory, BLAS, and the GPU if one is used.
+
+    Records name it beside their seconds, which depend on it.
+    """
     cores = available_cores()
     parts = [
         _processor(),

@@ -55,11 +55,13 @@ def away_from_home(environment: dict[str, str], folder: str) -> dict[str, str]:
 
 @contextmanager
 def no_places_of_the_user() -> Iterator[None]:
-    """Let code of this process see an empty folder as the user's home, and for temporary files.
+    """Hide the home folder of the user from the code in a ``with`` block.
 
-    It is a context manager, and does nothing in a worker, which sees such a folder already.
+    The code sees an empty folder instead, which also takes temporary files. A worker has such a
+    folder already, so that nothing changes there.
     """
-    if os.environ.get("HOME") == os.environ.get("TMPDIR"):  # as in a worker
+    is_worker = os.environ.get("HOME") == os.environ.get("TMPDIR")
+    if is_worker:
         yield
         return
     environment = dict(os.environ)

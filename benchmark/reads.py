@@ -105,7 +105,7 @@ def _hook(event: str, arguments: tuple[Any, ...]) -> None:
     event, arguments
         Name and arguments of the event; see "Audit events table" in the documentation of Python.
     """
-    if _take is None:
+    if _take is None:  # nothing is watched now
         return
     if event == "open":
         path, _, flags = arguments
@@ -113,8 +113,8 @@ def _hook(event: str, arguments: tuple[Any, ...]) -> None:
         is_written_only = opens_for_writing or flags & os.O_TRUNC
         if not is_written_only:
             _note(path)
-    elif event == "import":  # of a compiled extension, or None
-        _note(arguments[1])
+    elif event == "import":
+        _note(arguments[1])  # file of a compiled extension; None for a source, which is opened
     elif event == "sqlite3.connect":
         _note(arguments[0])
     elif event == "ctypes.dlopen":
@@ -157,30 +157,33 @@ def _note(path: Any, folder: Any = "", *, is_program: bool = False) -> None:
 
 @contextmanager
 def watching(target: str, allowed: Iterable[Path] = ()) -> Iterator[list[Path]]:
-    """Watch what a plugin file reads while its code runs, as a context manager.
-
-    It may read its sources, and what stands in the list that the ``with`` statement yields.
+    """Watch which files the code of a plugin reads in a ``with`` block.
 
     Parameters
     ----------
     target
         The plugin file.
     allowed
-        Files and folders with which the list begins.
+        Files and folders that the code may read besides its own sources.
+
+    Yields
+    ------
+    list of Path
+        The allowed files and folders; the block may add to it.
 
     Raises
     ------
     UndeclaredFile
-        If it opens, imports or runs another file that was there before, now or earlier in this
-        process; in a process that it forked, at once.
+        At the end of the block, if the code has opened, imported or run any other file that was
+        there before, in this block or in an earlier one; at once in a process that it forks.
     """
     global _take
     declared = list(allowed)
-    if _take is not None:  # one plugin is watched at a time, the first
+    if _take is not None:  # within another block, whose plugin alone is watched
         yield declared
         return
     watch = _Watch(target, declared)
-    # A spawned process would not be watched.
+    # A process that the code spawns would not be watched, so spawning is refused meanwhile.
     get_preparation_data = spawn.get_preparation_data
     spawn.get_preparation_data = _refuse_spawn
     _take = watch.take
@@ -235,20 +238,27 @@ class _Watch:
             raise _undeclared_error(self._plugin, _undeclared[self._plugin])
 
     def _is_undeclared(self, file: Path, opened: _Opened) -> bool:
-        """Return whether a file that was read is neither code of the plugin nor declared.
+        """Return whether the plugin should have declared a file that it has read.
 
-        Files that it has made itself do not count.
+        Parameters
+        ----------
+        file
+            The file.
+        opened
+            How it was opened.
         """
         if not _is_of_user(file, self._plugin.parent, self._declared, is_program=opened.is_program):
-            return False
-        # What code leaves in the folder for temporary files in one step, it may read in the next.
+            return False  # a declared file, or one of the system or of a package
+        # A temporary file may have been written in an earlier step of this process.
         is_temporary = _lies_in(file, [tempfile.gettempdir()])
         since = _STARTED if is_temporary else self._started
         changed = opened.changed_ns / _NANOSECONDS_PER_SECOND
-        is_made_meanwhile = since <= changed <= time.time() + _LATE  # clocks may be set back
-        if is_made_meanwhile:
+        # The upper bound leaves out files from the future, as clocks may be set back.
+        was_written_by_plugin = since <= changed <= time.time() + _LATE
+        if was_written_by_plugin:
             return False
-        return file not in {source.resolve() for source in sources_of(self._target)}
+        own_sources = {source.resolve() for source in sources_of(self._target)}
+        return file not in own_sources
 
 
 def _refuse_spawn(name: str) -> dict[str, Any]:

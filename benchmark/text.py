@@ -123,18 +123,18 @@ def _as_text(text: object) -> str:
 
 
 def say(text: object = "", *, err: bool = False, indent: int = 2, is_wrapped: bool = True) -> None:
-    """Print one line, from which control characters are removed.
+    """Print one line without control characters.
 
     Parameters
     ----------
     text
-        The line. A terminal gets it wrapped between words.
+        The line.
     err
-        Whether it goes to stderr instead of stdout.
+        Whether to print to stderr instead of stdout.
     indent
-        By how many blanks more than the first one all further lines are indented.
+        Number of blanks by which a wrapped line is indented more than the first one.
     is_wrapped
-        Whether a terminal gets it wrapped; a command that is to be copied stays in one piece.
+        Whether a terminal gets the line wrapped between words. A command that users copy is not.
     """
     stream = sys.stderr if err else sys.stdout
     line = clean_text(text)
@@ -177,22 +177,22 @@ def say_lines(text: str) -> None:
 def say_table(
     rows: Sequence[Sequence[str]], whole: Collection[int] = (), numbers: Collection[int] = ()
 ) -> None:
-    """Print rows in columns, wrapped between words at the width of the terminal.
+    """Print a table in columns, whose cells are wrapped to fit the width of the terminal.
 
     Parameters
     ----------
     rows
-        Cells of each row.
+        Cells of each row; all rows have the same number of cells.
     whole
-        Places of columns that are not wrapped.
+        Indices of the columns that are not wrapped.
     numbers
-        Places of columns of numbers, which end at one place.
+        Indices of the columns of numbers, which are aligned to the right.
     """
     from rich.console import Console
     from rich.table import Column, Table
     from rich.text import Text
 
-    # Other programs read one row per line.
+    # A pipe has no width: programs that read the table expect one row on each line.
     has_width = sys.stdout.isatty() or "COLUMNS" in os.environ
     width = None if has_width else LONGEST_TEXT
     console = Console(highlight=False, width=width)

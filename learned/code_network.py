@@ -36,7 +36,19 @@ class CodeNetwork(nn.Module):
     """
 
     def __init__(self, width: int = 16, code_size: int = 256, seed: int = 0) -> None:
-        """Make the layers with random weights; their names stand in files of weights."""
+        """Make the layers with random weights.
+
+        The attributes name the tensors in files of weights, so that they must not change.
+
+        Parameters
+        ----------
+        width
+            Channels of the first layer; deeper ones have up to eight times as many.
+        code_size
+            Numbers of the code that stands for a whole image.
+        seed
+            Seed of the weights.
+        """
         super().__init__()
         self.widths = [width, 2 * width, 4 * width, 8 * width, 8 * width]
         flat = self.widths[-1] * _INNERMOST**2

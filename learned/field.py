@@ -47,19 +47,19 @@ def form_of(
         The deformation field.
     shape
         The input.
-    reach, rounds
-        Size of the details that come from the input, and rounds of fitting them; see
-        :func:`with_detail`.
+    reach
+        Size of the details that come from the input, see :func:`with_detail`.
+    rounds
+        Rounds of fitting these details.
 
     Returns
     -------
     vertices : numpy.ndarray
         Vertices of the form, of unit area, shape (n, 3).
     notes : dict
-        ``edge_strain``, the changes of the lengths of all edges over their total length, and
-        ``mean_correction``, the mean distance of the returned vertices from the positions that the
-        network predicted. Both surfaces have unit area where they are compared, the predicted one
-        as nearly as the network learned it.
+        ``edge_strain`` is the sum of the changes of all edge lengths over the sum of the lengths.
+        ``mean_correction`` is the mean distance of the vertices from the predicted positions. Both
+        compare surfaces of unit area.
 
     Raises
     ------
@@ -119,6 +119,7 @@ def predicted(network: FieldNetwork, mesh: Mesh) -> tuple[Points, FloatArray]:
     rotations : numpy.ndarray
         Rotation matrices, shape (n, 3, 3).
     """
+    # The network encodes points that are spread over the surface, and decodes each vertex.
     samples, normals_of_samples = even_samples(mesh, N_POINTS)
     tokens = network.encoded(_batch_of_one(samples), _batch_of_one(normals_of_samples))
     normals = vertex_normals(mesh)
@@ -160,11 +161,11 @@ def _corners(mesh: Mesh) -> tuple[Points, Points, Points]:
 
 
 def in_frame(mesh: Mesh) -> Mesh:
-    """Return the surface in the frame of its principal axes, of unit area and with centroid 0.
+    """Return a surface in the frame of its principal axes, with unit area and its centroid at 0.
 
-    The longest axis comes first. Moments are integrals over the triangles, so the triangulation
-    does not matter. The two axes with the largest skewness point to the side of the positive third
-    moment; the third axis makes the frame right-handed.
+    The longest axis comes first. The two axes along which the surface is most skewed point towards
+    its longer tail; the third axis makes the frame right-handed. Moments are integrals over the
+    triangles, so that the frame does not depend on the triangulation.
 
     Parameters
     ----------
@@ -193,22 +194,24 @@ def in_frame(mesh: Mesh) -> Mesh:
 
 
 def _principal_axes(corners: list[Points], shares: FloatArray) -> FloatArray:
-    """Return the principal axes of triangles as rows of a rotation matrix, longest first.
+    """Return the principal axes of a surface as rows of a rotation matrix, longest first.
 
     Parameters
     ----------
     corners
-        First, second and third corners, with the centroid at 0, each of shape (m, 3).
+        First, second and third corners of the triangles, each of shape (m, 3); the centroid of the
+        surface is at 0.
     shares
-        Shares of the triangles of the area, shape (m,).
+        Area of each triangle as a share of the whole area, shape (m,).
     """
-    # The second moment of a triangle is a twelfth of those of its corners and of their sum.
+    # The second moment of a triangle with the corners a, b, c, over its area, is the twelfth part
+    # of a a^T + b b^T + c c^T + s s^T, with s = a + b + c.
     moments = [(shares[:, None] * points).T @ points for points in (*corners, sum(corners))]
     covariance = sum(moments) / 12
     _, vectors = np.linalg.eigh(covariance)  # ascending
     axes = vectors.T[::-1].copy()
-    # The sign of an axis is arbitrary: it points to the heavier tail, unless that makes the frame
-    # left-handed, which turns the least decided axis.
+    # The sign of an axis is arbitrary. It is chosen so that the skewness is positive; if that makes
+    # the frame left-handed, the axis with the least skewness is reversed.
     skewness = _skewness([corner @ axes.T for corner in corners], shares)
     axes[skewness < 0] *= -1
     if np.linalg.det(axes) < 0:
@@ -285,14 +288,16 @@ def even_samples(mesh: Mesh, count: int) -> tuple[Points, Points]:
 
 
 def _candidates(mesh: Mesh, count: int) -> tuple[Points, NDArray[np.int64]]:
-    """Spread points over a surface: the centres of equal parts of its triangles.
+    """Spread points over a surface, at the centres of equal parts of its triangles.
+
+    Each triangle is divided into k^2 small ones, so that all parts have nearly the same area.
 
     Parameters
     ----------
     mesh
         A surface with area.
     count
-        About the number of points; more if many triangles are small.
+        Approximate number of points; there are more if many triangles are small.
 
     Returns
     -------
@@ -302,8 +307,8 @@ def _candidates(mesh: Mesh, count: int) -> tuple[Points, NDArray[np.int64]]:
         The triangle on which each of them lies, shape (c,).
     """
     areas = mesh.face_areas
-    # Each triangle is divided into k^2 small ones, about as many as its share of all candidates.
-    # The margin gives triangles of equal area the same k.
+    # k^2 is about the share of a triangle in all points. The small margin gives triangles of equal
+    # area the same k, however their areas are rounded; triangles without area get no points.
     n_parts = areas / areas.sum() * count
     k_of_face = np.ceil(np.sqrt(n_parts) * (1 - TIE)).astype(np.int64)
     k_of_face = np.where(areas > 0, np.clip(k_of_face, 1, MOST_PER_TRIANGLE), 0)
@@ -423,7 +428,8 @@ def with_detail(
     weights = _edge_weights(laplacian)
     attraction = laplacian.mass / laplacian.mass.sum() / reach**2
     matrix = csc_array(diags_array(weights.sum(axis=1) + attraction) - weights)
-    # The options for a symmetric matrix, which is factorised once for all rounds.
+    # The matrix is the same in all rounds, so it is factorised once. It is symmetric: these options
+    # of SuperLU keep the diagonal as pivots.
     factors = splu(
         matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
     )

@@ -143,10 +143,11 @@ class FieldNetwork(nn.Module):
     def _neighbourhoods(
         self, points: Tensor, normals: Tensor, positions: Tensor, facing: Tensor
     ) -> Tensor:
-        """Return the features of the neighbourhood of each token, the largest over its points.
+        """Return the features of the neighbourhood of each token.
 
-        The weight of a point falls to zero towards the rim of the neighbourhood, so ties between
-        the farthest points do not matter.
+        A perceptron computes features of each of the nearest points, and their maximum over the
+        neighbourhood is taken. The weight of a point falls to zero towards the farthest one, so
+        that it does not matter which of equally far points belong to the neighbourhood.
 
         Parameters
         ----------
@@ -162,7 +163,7 @@ class FieldNetwork(nn.Module):
             Shape (n, tokens, width).
         """
         squares, neighbours = _squares(positions, points).topk(N_NEIGHBOURS, dim=-1, largest=False)
-        # Points of each neighbourhood relative to its token, and the normals there.
+        # Gather the points of each neighbourhood, relative to its token, and the normals there.
         n_shapes, n_tokens, n_neighbours = neighbours.shape
         size = (n_shapes, n_tokens, n_neighbours, 3)
         rows = neighbours.reshape(n_shapes, n_tokens * n_neighbours, 1).expand(-1, -1, 3)
@@ -183,7 +184,11 @@ class Attention(nn.Module):
     """
 
     def __init__(self) -> None:
-        """Make the layers; ``log_sharpness`` is the rate at which each head decays."""
+        """Make the layers of an attention block.
+
+        ``log_sharpness`` is the logarithm of the rate at which the attention of each head falls
+        with the distance between two tokens.
+        """
         super().__init__()
         self.norm = nn.LayerNorm(TOKEN_WIDTH)
         self.query = nn.Linear(TOKEN_WIDTH, TOKEN_WIDTH)

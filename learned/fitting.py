@@ -158,18 +158,20 @@ def _pairs(
     folder: Path,
     say: Callable[[str], None],
 ) -> AnyPairs:
-    """Gather the pairs of images and targets on which a network is trained, in memory or on disk.
+    """Return the pairs of images and targets on which a network is trained.
+
+    Pairs are kept in memory, or on disk beside the model if they are made from many bodies.
 
     Parameters
     ----------
     configuration
-        The network, which says whether images are cropped.
+        The network, which decides whether images are cropped.
     data
-        The shapes; those of many bodies are kept on disk, others in memory.
+        The shapes of the training.
     schedule
-        Resolution of the images, and whether depths are stretched.
+        Decides on the resolution of the images, and whether depths are stretched.
     folder
-        Folder of the model; pairs on disk lie beside it.
+        Folder of the model.
     say
         Called with a line of progress.
     """
@@ -203,9 +205,9 @@ def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
     if not (folder / CARD).is_file():
         return False
     card = json.loads((folder / CARD).read_bytes())
-    # Options that are newer than the card had their defaults.
+    # An option that did not exist when the card was written had its default.
     stored = {**asdict(Schedule()), **(card.get("schedule") or {})}
-    # Parts of the recipe that are no options, by the names of the same facts in a card.
+    # The other parts of the recipe have other names in a card.
     facts = {"seed": "seed", "shapes": "identifiers", "images": "data_digest"}
     for name, fact in facts.items():
         if name in recipe:

@@ -30,7 +30,7 @@ _TIE = 1e-6
 
 
 def checked_image(image: DepthImage) -> DepthImage:
-    """Return a depth image as float32, if a network can read it.
+    """Check that a network can read a depth image, and return it as float32.
 
     Parameters
     ----------
@@ -58,10 +58,10 @@ def checked_image(image: DepthImage) -> DepthImage:
 
 
 def resampled(image: DepthImage, resolution: int, *, crop: bool = False) -> DepthImage:
-    """Resample a depth image to the resolution of a network; return depth and mask.
+    """Resample a depth image to the resolution of a network.
 
-    A pixel gets the mean depth of the foreground that it covers; a mixture with the background
-    would be a depth at which nothing is.
+    The depth of a pixel is the mean over the foreground that it covers, without the background, at
+    whose depth nothing is.
 
     Parameters
     ----------
@@ -70,9 +70,8 @@ def resampled(image: DepthImage, resolution: int, *, crop: bool = False) -> Dept
     resolution
         Pixels per side, r.
     crop
-        Whether to crop the image to its foreground. Depths are then scaled like lengths, which
-        preserves angles, and shifted so that their mean is in the middle of the frame. The size of
-        a body is lost; a form of unit area does not depend on it.
+        Whether to crop the image to its foreground. Depths are then scaled by the same factor as
+        the image, and shifted so that their mean is 0.5.
 
     Returns
     -------
@@ -92,7 +91,7 @@ def resampled(image: DepthImage, resolution: int, *, crop: bool = False) -> Dept
 
     def summed(pixels: NDArray[Any]) -> NDArray[np.float64]:
         """Return the sum of the pixels that each pixel of the result covers, by their shares."""
-        # A sparse product adds in the same order on every machine.
+        # Sparse products add in the same order on every machine.
         return np.asarray((columns @ (rows @ pixels.astype(np.float64)).T).T)
 
     cover = summed(seen)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from copy import copy
-from dataclasses import dataclass, field, make_dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, cast
 
@@ -220,7 +220,9 @@ class Learned(TrainedNetwork):
         return CanonicalForm(surface.vertices, surface.faces, {**notes, **self._fit(mask)})
 
     def predict(self, depth: DepthImage) -> Tensor:
-        """Return what the network predicts from a depth image.
+        """Predict the depths and the mask of the canonical pose from a depth image.
+
+        A control uses the predicted mask, but other depths: those of the average body, or 0.5.
 
         Parameters
         ----------
@@ -230,8 +232,7 @@ class Learned(TrainedNetwork):
         Returns
         -------
         torch.Tensor
-            Depth of each side, and the mask, shape (sides + 1, r, r). Of a control without a
-            predicted relief, the one side is flat or that of the average body.
+            Depth of each side of the body, and then the mask, shape (sides + 1, r, r).
         """
         import torch
 
@@ -260,136 +261,163 @@ class Learned(TrainedNetwork):
         return {"outline_blur": blur, "doubt": doubt}
 
 
-def _row(
-    name: str,
-    title: str,
-    *,
-    configuration: str,
-    summary: str,
-    departs: str = "",
-    relief: Relief = "predicted",
-    is_paper_network: bool = True,
-    **constants: Any,
-) -> type[Learned]:
-    """Make a variant of the learned method, with a row of its own in the tables.
+@dataclass(frozen=True, kw_only=True)
+class WithoutSRF(Learned):
+    """The paper's network without its short-range features."""
 
-    Parameters
-    ----------
-    name, title
-        Name of the row in commands, and its title in tables.
-    configuration
-        The network and its loss.
-    summary, departs
-        What it does, and how it departs from its source; "" as the base class.
-    relief
-        Which depths inside the mask are used.
-    is_paper_network
-        Whether the row is of the paper's network; only such rows cite the paper.
-    **constants
-        Further attributes of the class.
-    """
-    info = replace(
+    info: ClassVar[MethodInfo] = replace(
         Learned.info,
-        name=name,
-        title=title,
+        name="learned-without-srf",
+        title="w/o SRF",
         family="extended",
-        summary=summary,
-        departs=departs or Learned.info.departs,
-        cite=Learned.info.cite if is_paper_network else "",
+        summary="ablation: no SRF",
     )
-    if relief == "average":
-        info = replace(info, files=("models/average-bodies.safetensors",))
-    row = make_dataclass(
-        title.title().replace(" ", ""),
-        [("configuration", ConfigurationName, configuration), ("relief", Relief, relief)],
-        bases=(Learned,),
-        namespace={"info": info, "__module__": __name__, "__doc__": Learned.__doc__, **constants},
-        frozen=True,
-        kw_only=True,
-    )
-    return cast("type[Learned]", row)
+
+    configuration: ConfigurationName = "without_srf"
 
 
-WithoutSRF = _row(
-    "learned-without-srf",
-    "w/o SRF",
-    configuration="without_srf",
-    summary="ablation: no SRF",
-)
-WithoutLRF = _row(
-    "learned-without-lrf",
-    "w/o LRF",
-    configuration="without_lrf",
-    summary="ablation: no LRF",
-)
-WithoutWeighting = _row(
-    "learned-without-weighting",
-    "w/o progressive weighting",
-    configuration="without_weighting",
-    summary="ablation: the weight of the depth loss is 1 from the first epoch",
-)
-SizeFree = _row(
-    "learned-size-free",
-    "Depth network, size unknown",
-    configuration="size_free",
-    summary="the paper's network without the size of the body",
-    departs=(
-        "Images are cropped to the body, so its size is unknown, and how large it appears depends "
-        "on its pose. Otherwise, it departs like 'learned'."
-    ),
-)
-Strict = _row(
-    "learned-strict",
-    "strict train",
-    configuration="literal",
-    summary=(
-        "ablation: neither subject nor pose seen in training; four models, each of 15 of 20 poses, "
-        "make the forms of a gallery"
-    ),
-    split="strict",
-)
-Average = _row(
-    "learned-average",
-    "Average body in the predicted mask",
-    configuration="literal",
-    summary="control: the depth is not that of the body",
-    departs="A control: only the mask is predicted.",
-    relief="average",
-)
-Flat = _row(
-    "learned-flat",
-    "Flat in the predicted mask",
-    configuration="literal",
-    summary="control: no depth",
-    departs="A control: only the mask is predicted.",
-    relief="flat",
-)
-WideExtra = _row(
-    "learned-wide-extra",
-    "Depth network, extra data",
-    configuration="wide-extra",
-    summary="one global code, trained on sampled bodies",
-    departs=(
-        "Another network: an encoder to one code and a decoder from it, trained on sampled bodies."
-    ),
-    is_paper_network=False,
-    split="sampled",
-    default_training="humans-sampled",
-)
-Streamed = _row(
-    "learned-streamed",
-    "Depth network, streamed",
-    configuration="streamed-people",
-    summary="one code, trained on fresh bodies in free poses, blind to the frame",
-    departs=(
-        "Another network: one code for the whole image, which is cropped to the body. It predicts "
-        "front and back, and was trained on generated bodies, none of them twice."
-    ),
-    is_paper_network=False,
-    split="sampled",
-    default_training="humans-varied",
-    usual_blur=2.29,
-)
+@dataclass(frozen=True, kw_only=True)
+class WithoutLRF(Learned):
+    """The paper's network without its long-range features."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-without-lrf",
+        title="w/o LRF",
+        family="extended",
+        summary="ablation: no LRF",
+    )
+
+    configuration: ConfigurationName = "without_lrf"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WithoutWeighting(Learned):
+    """The paper's network, trained without progressive weighting of the losses."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-without-weighting",
+        title="w/o progressive weighting",
+        family="extended",
+        summary="ablation: the weight of the depth loss is 1 from the first epoch",
+    )
+
+    configuration: ConfigurationName = "without_weighting"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SizeFree(Learned):
+    """The paper's network on images that are cropped to the body, whose size it does not know."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-size-free",
+        title="Depth network, size unknown",
+        family="extended",
+        summary="the paper's network without the size of the body",
+        departs=(
+            "Images are cropped to the body, so its size is unknown, and how large it appears "
+            "depends on its pose. Otherwise, it departs like 'learned'."
+        ),
+    )
+
+    configuration: ConfigurationName = "size_free"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strict(Learned):
+    """The paper's network, tested on subjects and poses that its training has not seen."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-strict",
+        title="strict train",
+        family="extended",
+        summary=(
+            "ablation: neither subject nor pose seen in training; four models, each of 15 of 20 "
+            "poses, make the forms of a gallery"
+        ),
+    )
+    split: ClassVar[Split] = "strict"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Average(Learned):
+    """A control of the paper's network: its mask, with the depths of the average training body."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-average",
+        title="Average body in the predicted mask",
+        family="extended",
+        summary="control: the depth is not that of the body",
+        departs="A control: only the mask is predicted.",
+        files=("models/average-bodies.safetensors",),
+    )
+
+    relief: Relief = "average"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Flat(Learned):
+    """A control of the paper's network: its mask, without any depths."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-flat",
+        title="Flat in the predicted mask",
+        family="extended",
+        summary="control: no depth",
+        departs="A control: only the mask is predicted.",
+    )
+
+    relief: Relief = "flat"
+
+
+@dataclass(frozen=True, kw_only=True)
+class WideExtra(Learned):
+    """A network with one code for the whole image, trained on bodies drawn at random."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-wide-extra",
+        title="Depth network, extra data",
+        family="extended",
+        summary="one global code, trained on sampled bodies",
+        departs=(
+            "Another network: an encoder to one code and a decoder from it, trained on sampled "
+            "bodies."
+        ),
+        cite="",
+    )
+    split: ClassVar[Split] = "sampled"
+    default_training: ClassVar[str] = "humans-sampled"
+
+    configuration: ConfigurationName = "wide-extra"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Streamed(Learned):
+    """A network with one code for the whole image, trained on a stream of new bodies."""
+
+    info: ClassVar[MethodInfo] = replace(
+        Learned.info,
+        name="learned-streamed",
+        title="Depth network, streamed",
+        family="extended",
+        summary="one code, trained on fresh bodies in free poses, blind to the frame",
+        departs=(
+            "Another network: one code for the whole image, which is cropped to the body. It "
+            "predicts front and back, and was trained on generated bodies, none of them twice."
+        ),
+        cite="",
+    )
+    split: ClassVar[Split] = "sampled"
+    default_training: ClassVar[str] = "humans-varied"
+    usual_blur: ClassVar[float] = 2.29
+
+    configuration: ConfigurationName = "streamed-people"
 
 
 @dataclass(frozen=True, kw_only=True)

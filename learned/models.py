@@ -136,17 +136,19 @@ def _load(
 ) -> nn.Module:
     """Load the network in a folder, ready to predict.
 
+    The result is cached by the arguments.
+
     Parameters
     ----------
     folder
         Folder of the model.
     configuration
-        The network that it should hold.
+        The network that the folder should hold.
     _digest
-        Digest of the weights, so that the cache of this function tells models in one folder apart.
+        Digest of the weights. It is used by the cache alone, so that another model in the same
+        folder is loaded anew.
     dtype
-        Precision in which it computes. In double precision, convolutions of full size are computed
-        in stripes.
+        Precision in which the network computes.
 
     Raises
     ------
@@ -167,7 +169,7 @@ def _load(
     except RuntimeError as error:
         problem = f"the weights in {folder} belong to another network than '{configuration.name}'"
         raise ConfigurationError(problem, "train it again") from error
-    # Convolutions in double precision go in stripes.
+    # In double precision, convolutions of full size are computed in stripes, which saves memory.
     for module in network.modules():
         if dtype == torch.float64 and isinstance(module, nn.Conv2d) and module.stride == (1, 1):
             module._conv_forward = functools.partial(_in_stripes, module)
@@ -191,9 +193,9 @@ def _in_stripes(module: nn.Conv2d, x: Tensor, weight: Tensor, bias: Tensor | Non
 def predict(folder: Path, image: DepthImage) -> Tensor:
     """Predict the depth of each side and the mask with the network in a folder.
 
-    In single precision, the last bits of sums depend on the processor. The paper's network, for
-    which it saves most of the time, predicts in it, and again in double precision around pixels of
-    the mask that these bits may decide.
+    Networks compute in double precision, so that the mask is the same on all processors. The
+    paper's network would take too long: it computes in single precision, and repeats windows in
+    double precision around pixels of the mask that rounding may decide.
 
     Parameters
     ----------
@@ -205,7 +207,7 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
     Returns
     -------
     torch.Tensor
-        Shape (sides + 1, r, r).
+        Depth of each side, and then the mask, shape (sides + 1, r, r).
 
     Raises
     ------
@@ -218,7 +220,7 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
     pixels = torch.from_numpy(depth)[None]
 
     def computed(window: Tensor, dtype: torch.dtype) -> Tensor:
-        """Return the prediction for a part of the image, in this precision."""
+        """Return the prediction for a window of the image, in a precision."""
         network = _load(folder, card.configuration, card.digest, dtype)
         converted = window.to(dtype=dtype, memory_format=torch.channels_last)
         return cast(Tensor, network(converted)[0])
@@ -230,7 +232,8 @@ def predict(folder: Path, image: DepthImage) -> Tensor:
     tolerance = MASK_ROUNDING * resolution
     places = undecided(prediction[-1], is_decided, tolerance)
     while len(places):
-        # Slices of rows and of columns: a window, and the part of it that is as in the whole image.
+        # For rows and columns: a window around the first undecided pixel, the part of it that its
+        # border does not change, and that part counted within the window.
         row, column = places[0].tolist()
         window_rows, rows, rows_within = window_around(row, resolution)
         window_columns, columns, columns_within = window_around(column, resolution)
@@ -269,17 +272,21 @@ def save_model(
     folder: Path,
     facts: Mapping[str, Any],
 ) -> None:
-    """Write a trained model: its weights in half precision, its losses and, last, its card.
+    """Write a trained model: its weights in half precision, its losses and its card.
+
+    The card is written last: a folder with a card holds a finished model.
 
     Parameters
     ----------
     network
-        The network, whose weights are rounded to half precision in place, so that tests use those
-        on disk.
+        The network. Its weights are rounded to half precision in place, so that it equals the
+        stored model.
     configuration
-        Its architecture and loss.
-    data, schedule
-        What it was trained on, and how.
+        Architecture and loss of the network.
+    data
+        Data on which it was trained.
+    schedule
+        Options of the training.
     history
         Losses of each epoch.
     folder

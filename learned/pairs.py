@@ -92,14 +92,14 @@ def gather(
 ) -> PairsInMemory:
     """Load all pairs into memory, at the resolution of the network.
 
-    Each distinct target is kept once.
+    A target that several images share is kept once.
 
     Parameters
     ----------
     pairs
         Images and targets.
     n_pairs
-        The largest number of them.
+        Largest number of pairs, for which memory is reserved.
     resolution
         Pixels per side.
     crop
@@ -113,14 +113,14 @@ def gather(
     images = np.empty((n_pairs, 1, resolution, resolution), dtype=np.float32)
     names: list[str] = []
     targets: list[DepthImage] = []
-    row_of: dict[str, int] = {}
-    target_of: list[int] = []
+    row_of: dict[str, int] = {}  # index of each target by its identifier
+    target_of: list[int] = []  # index of the target of each pair
     for pair in pairs:
         images[len(names)] = resampled(checked_image(pair.image), resolution, crop=crop)[:1]
         names.append(pair.identifier)
         row = row_of.setdefault(pair.target_identifier, len(targets))
         target_of.append(row)
-        if row == len(targets):  # a new one
+        if row == len(targets):  # the target is new
             targets.append(resampled(checked_image(pair.target), resolution, crop=crop))
     if not names:
         raise TrainingError("there is no pair to train on", "check the data set with 'data check'")
@@ -183,7 +183,7 @@ class PairsOnDisk:
         """Return the pairs with the depths of their targets stretched to the range from .1 to .9.
 
         The scale comes from the least, the largest and the mean depth of all targets, without their
-        background. Depths are stored less 1/2, the middle of the frame.
+        background. Stored depths are relative to the middle of the frame, 1/2.
         """
         total = 0
         count = 0
@@ -192,7 +192,7 @@ class PairsOnDisk:
         for row in self.target_of.unique().tolist():
             image = self.depths[row]
             depths = image[image > -_MIDDLE].astype(np.float64)
-            # Multiples of 2**-24, so that their sum is exact, in whichever order.
+            # Summed as integers, in units of 2**-24, so that the order does not matter.
             total += int((depths * 2**24).astype(np.int64).sum())
             count += len(depths)
             least = min(least, depths.min())
@@ -215,18 +215,20 @@ AnyPairs = PairsInMemory | PairsOnDisk
 def keep(
     bodies: Bodies, resolution: int, crop: bool, folder: Path, say: Callable[[str], None]
 ) -> PairsOnDisk:
-    """Render the pairs of many bodies to a file, and return them; later calls find the file.
+    """Render the images of many bodies to a file on disk, and return them as training pairs.
+
+    If the file exists, it is used; if an earlier call was interrupted, this one goes on.
 
     Parameters
     ----------
     bodies
-        The bodies and their images, the first of each of which is the target.
+        The bodies and their images. The first image of a body is the target of all its images.
     resolution
         Pixels per side.
     crop
         Whether the images are cropped to the body.
     folder
-        Folder of the file; an interrupted call goes on there.
+        Folder of the file.
     say
         Called with a line of progress every minute.
 
@@ -244,10 +246,11 @@ def keep(
     depths = _open_or_make(folder / "depths.npy", shape)
 
     def note_finished(count: int) -> None:
+        """Note that the images of the first bodies are in the file."""
         depths.flush()
         write_text(note, json.dumps({**recipe, "bodies": count}))
 
-    # Images go straight to the file; how many are done is noted once a minute.
+    # Images go straight to the file. Once a minute, the number of finished bodies is noted.
     noted = time.perf_counter()
     for number in range(finished, len(bodies.names)):
         for place, image in enumerate(bodies.images(number)):

@@ -100,7 +100,15 @@ class EncoderDecoder(nn.Module):
     """
 
     def __init__(self, channels_in: int, width: int) -> None:
-        """Make the blocks of encoder and decoder, and the head."""
+        """Make the blocks of encoder and decoder, and the head.
+
+        Parameters
+        ----------
+        channels_in
+            Channels of the input.
+        width
+            Channels of the first block; the number doubles with each of the others.
+        """
         super().__init__()
         widths = [width, 2 * width, 4 * width, 8 * width]
         inward = widths[::-1]
@@ -129,12 +137,12 @@ class EncoderDecoder(nn.Module):
         sizes = []
         for block in self.encoder:
             sizes.append(x.shape[-2:])
-            # Rounding up keeps the last row and column of an odd size, so that the decoder can
-            # restore it.
+            # Rounding up keeps the last row and column of an odd size for the decoder.
             x = functional.max_pool2d(block(x), 2, ceil_mode=True)
         for deconvolution, size in zip(self.decoder, reversed(sizes), strict=True):
             x = deconvolution(x)
-            # An empty cut would cost two copies in the backward pass.
+            # Cut off what rounding up has added. A cut that changes nothing would cost two copies
+            # in the backward pass.
             if x.shape[-2:] != size:
                 x = x[..., : size[0], : size[1]]
             x = functional.relu(x)
@@ -190,20 +198,23 @@ class PaperNetwork(nn.Module):
 
 
 def initialise(network: nn.Module, head: nn.Conv2d) -> None:
-    """Draw the weights of all convolutions but the head, so that each layer keeps the variance.
+    """Draw the initial weights of a network in place.
 
-    The mask of the head starts at about the share of an image that a shape covers.
+    The weights of all convolutions but the head are normal, with a variance by which each layer
+    keeps the variance of its input [He et al. 2015]. The head keeps its weights; its biases make
+    the mask start at about the share of an image that a shape covers.
 
     Parameters
     ----------
     network
         The network, changed in place.
     head
-        Its last layer, with the channels depth and log-odds of the mask.
+        Its last layer, with two channels: depth, and log-odds of the mask.
     """
     for module in network.modules():
         if isinstance(module, (nn.Conv2d, nn.ConvTranspose2d)) and module is not head:
-            # Products per output pixel; a stride spreads those of a transposed convolution.
+            # Number of products that are summed up for a pixel of the output. A transposed
+            # convolution spreads them over the pixels of its stride.
             products = module.in_channels * module.kernel_size[0] ** 2
             if isinstance(module, nn.ConvTranspose2d):
                 products //= module.stride[0] ** 2

@@ -47,17 +47,17 @@ def open_surface(front: DepthImage) -> tuple[Mesh, Notes]:
 
 
 def closed_surface(front: DepthImage, back: DepthImage) -> tuple[Mesh, Notes]:
-    """Return the closed surface of unit area behind two depth images, and notes about it.
+    """Return the closed surface between two depth images, of unit area, and notes about it.
 
-    The front is triangulated like a view, without cuts inside the mask and with bridges between its
-    pieces. The back gets the same triangles, flipped, and a wall of triangles runs along each
-    border. So the surface is closed whatever the images contain.
+    The front becomes a connected surface. The back gets the same triangles, turned round, and walls
+    of triangles join the borders of both. So the surface is closed whatever the images contain.
 
     Parameters
     ----------
-    front, back
-        Depth of the nearest and of the farthest surface from the same viewpoint, shape (500, 500),
-        0 outside the mask of the front.
+    front
+        Depth of the nearest surface, shape (500, 500), 0 outside the mask.
+    back
+        Depth of the farthest surface from the same viewpoint, shape (500, 500).
 
     Raises
     ------
@@ -69,6 +69,7 @@ def closed_surface(front: DepthImage, back: DepthImage) -> tuple[Mesh, Notes]:
     # Each side gets half of the vertices of a form.
     stride = max(1, round(math.sqrt(np.count_nonzero(seen) / (SAMPLES / 2))))
     side, report = back_project(front, 1.0, stride=stride, jump=math.inf)
+    # The back is behind the front by at least a least thickness, where the images cross, too.
     farthest = side.vertices[:, 2] - THINNEST
     behind = np.minimum(2 * _below(side.vertices, back, seen) - 1, farthest)
     twins = np.column_stack([side.vertices[:, :2], behind])
@@ -110,20 +111,22 @@ def _joined(side: Mesh) -> NDArray[np.int32]:
     Parameters
     ----------
     side
-        The front. Vertex i of it has its twin i + n on the back; walls run along its borders.
+        The front, with n vertices. The twin of its vertex i on the back is vertex i + n.
 
     Returns
     -------
     numpy.ndarray
-        Shape (m, 3).
+        Vertex indices, shape (m, 3).
     """
     n_vertices = side.n_vertices
     tails = side.faces.ravel()
     heads = np.roll(side.faces, -1, axis=1).ravel()
     # A side of a triangle lies on a border if no other triangle has it in the opposite direction.
+    # Both ends of a side are joined to one number for that search.
     forward = tails.astype(np.int64) * n_vertices + heads
     backward = heads.astype(np.int64) * n_vertices + tails
     is_border = ~np.isin(forward, backward)
+    # Each border side from i to j becomes a wall of two triangles to its twin on the back.
     i = tails[is_border]
     j = heads[is_border]
     i_back = i + n_vertices

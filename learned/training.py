@@ -179,7 +179,7 @@ def device_named(name: Device) -> torch.device:
     Parameters
     ----------
     name
-        ``"cuda"``, ``"mps"`` or ``"cpu"``; ``"auto"`` takes the first of these that is there.
+        ``"cuda"``, ``"mps"`` or ``"cpu"``; ``"auto"`` for the first of these that is available.
 
     Raises
     ------
@@ -240,7 +240,7 @@ def fit(
 ) -> Fitted:
     """Train a network in place, or go on with a training that was interrupted.
 
-    On the same machine, an interrupted training ends with the same weights.
+    An interrupted training ends with the same weights as any other, on the same machine.
 
     Parameters
     ----------
@@ -249,9 +249,9 @@ def fit(
     pairs
         Training pairs.
     validation
-        Other pairs, on which the network is measured a few times; None for no such measures.
+        Other pairs, on which the losses are measured a few times; None to measure none.
     schedule
-        Schedule, with its precision resolved.
+        Options of the training; its precision must be that of the device, not "auto".
     folder
         Folder of the checkpoint.
     seed
@@ -279,7 +279,7 @@ def fit(
     release = torch.__version__.partition("+")[0]  # a training may go on with another build
     state.resume(asdict(schedule) | {"data": pairs.digest(), "seed": seed, "torch": release})
     steps = math.ceil(len(pairs) * schedule.repeat / schedule.batch)
-    # Epochs that an earlier call did, with a part of the one in which it was interrupted.
+    # Number of epochs that an earlier call has done, with a fraction for an interrupted one.
     begun = state.epoch + state.step / steps
     if begun:
         log(f"going on after epoch {round(begun, 2):g} of {schedule.epochs}")
@@ -308,7 +308,7 @@ def _train_epoch(
     epoch: int,
     progress: _Progress,
 ) -> None:
-    """Train on all pairs once, in a random order of the epoch; an interrupted epoch goes on.
+    """Train for one epoch, in a random order of the pairs; an interrupted epoch goes on.
 
     Parameters
     ----------
@@ -319,7 +319,7 @@ def _train_epoch(
     schedule
         Size of the batches, step size and weights of the losses.
     seed
-        Seed of the order of the pairs, with the number of the epoch.
+        Seed of the order of the pairs, together with the number of the epoch.
     epoch
         Number of the epoch, from 0.
     progress
@@ -341,7 +341,7 @@ def _train_epoch(
         optimizer.zero_grad()
         (schedule.depth_weight(epoch) * depth + mask).backward()
         optimizer.step()
-        # Reading a number would make the host wait for the device, so the sums stay there.
+        # The sums stay on the device: to read a number would make this process wait for it.
         state.sums = state.sums.to(device) + len(rows) * torch.stack([depth, mask]).detach()
         state.step += 1
         state.save_if_due()
@@ -378,29 +378,39 @@ class _State:
     """
 
     def __init__(self, network: nn.Module, optimizer: torch.optim.Optimizer, path: Path) -> None:
-        """Begin a training, at its first step; :meth:`resume` goes on with that of a checkpoint."""
+        """Set the state of a training before its first step.
+
+        Parameters
+        ----------
+        network, optimizer
+            What the training changes.
+        path
+            File of the checkpoint; see :meth:`resume`.
+        """
         self.network = network
         self.optimizer = optimizer
         self.path = path
         self.recipe: Mapping[str, Any] = {}
-        # Finished epochs, steps of the present one, and sums of its losses.
+        # Number of finished epochs, and the losses of each.
         self.epoch = 0
+        self.history: History = []
+        # Number of steps of the present epoch, and sums of its losses.
         self.step = 0
         self.sums = torch.zeros(2)
-        # When the checkpoint was written last; losses of the finished epochs; processor seconds up
-        # to the checkpoint, and the clock since then.
+        # When the checkpoint was last written.
         self.saved = time.perf_counter()
-        self.history: History = []
+        # Processor seconds up to the checkpoint, and when those since then began.
         self.seconds = 0.0
         self.began = time.process_time()
 
     def resume(self, recipe: Mapping[str, Any]) -> None:
-        """Take the state of the training from its checkpoint, if there is one.
+        """Set the state of the training to that of its checkpoint, if there is one.
 
         Parameters
         ----------
         recipe
-            What determines the weights: the schedule, the pairs, the seed, the release of torch.
+            Everything that determines the weights: schedule, digest of the pairs, seed, and release
+            of torch.
 
         Raises
         ------
@@ -411,7 +421,8 @@ class _State:
         if not self.path.is_file():
             return
         try:
-            with zipfile.ZipFile(self.path) as archive:  # torch does not compare its checksums
+            # torch does not compare the checksums of the archive.
+            with zipfile.ZipFile(self.path) as archive:
                 damaged = archive.testzip()
                 if damaged:
                     raise ValueError(damaged)
@@ -445,7 +456,7 @@ class _State:
         return self.history[-1]
 
     def save_if_due(self, *, at_once: bool = False) -> None:
-        """Write the checkpoint, atomically, if a minute has passed since the last one.
+        """Write the checkpoint if a minute has passed since it was last written.
 
         Parameters
         ----------
@@ -474,6 +485,7 @@ class _State:
             "history": self.history,
             "seconds": self.seconds,
         }
+        # The file takes its name when it is complete, so that a crash leaves the old one.
         partial = self.path.with_suffix(".tmp")
         try:
             torch.save(state, partial)
@@ -496,43 +508,55 @@ class _Progress:
 
     Parameters
     ----------
-    epochs
-        Epochs of the training.
-    first
-        How many were done before.
+    n_epochs
+        Number of epochs of the training.
+    n_done_before
+        Number of epochs that an earlier, interrupted call has done.
     log
         Called with each line.
     """
 
-    def __init__(self, epochs: int, first: float, log: Callable[[str], None]) -> None:
-        self.epochs = epochs
-        self.first = first
+    def __init__(self, n_epochs: int, n_done_before: float, log: Callable[[str], None]) -> None:
+        self.n_epochs = n_epochs
+        self.n_done_before = n_done_before
         self.log = log
         self.began = time.perf_counter()
         self.last_line = self.began
 
-    def show(self, epochs: float, row: Mapping[str, float] = {}, *, at_once: bool = False) -> None:
-        """Log a line of progress, with a bar, losses and the time left, if one is due.
+    def show(
+        self,
+        n_done: float,
+        losses_by_name: Mapping[str, float] | None = None,
+        *,
+        at_once: bool = False,
+    ) -> None:
+        """Log a line of progress: a bar, the losses and the time left.
+
+        Nothing is logged if the last line is less than 20 seconds old.
 
         Parameters
         ----------
-        epochs
-            How many epochs are done, with a part of the present one.
-        row
-            Losses of the last one by name.
+        n_done
+            Number of finished epochs, with a fraction for the present one. It is larger than the
+            number that was done before.
+        losses_by_name
+            Losses of the last finished epoch; None to show no losses.
         at_once
-            Whether not to wait until a line is due.
+            Whether to log the line in any case.
         """
         now = time.perf_counter()
         if now - self.last_line < _PROGRESS_SECONDS and not at_once:
             return
         self.last_line = now
-        seconds_an_epoch = (now - self.began) / (epochs - self.first)
-        seconds_left = seconds_an_epoch * (self.epochs - epochs)
-        numbers = [f"{name} {value:.5f}" for name, value in row.items() if name != "epoch"]
-        bar = "#" * round(20 * epochs / self.epochs)
-        place = f"epoch {round(epochs, 2):g}/{self.epochs}"
-        self.log("  ".join([f"[{bar:20}] {place}", *numbers, f"{seconds_left:.0f} s left"]))
+        seconds_an_epoch = (now - self.began) / (n_done - self.n_done_before)
+        seconds_left = seconds_an_epoch * (self.n_epochs - n_done)
+        bar = "#" * round(20 * n_done / self.n_epochs)
+        words = [f"[{bar:20}] epoch {round(n_done, 2):g}/{self.n_epochs}"]
+        for name, value in (losses_by_name or {}).items():
+            if name != "epoch":
+                words.append(f"{name} {value:.5f}")
+        words.append(f"{seconds_left:.0f} s left")
+        self.log("  ".join(words))
 
 
 def _keep_freed_memory() -> None:

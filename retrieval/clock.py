@@ -53,15 +53,15 @@ def count_words(words: NDArray[np.int32], view_offsets: Counts, n_words: int) ->
     Parameters
     ----------
     words
-        Nearest word of each descriptor, views one after the other, shape (k,).
+        Nearest word of each of the k descriptors, view by view, shape (k,).
     view_offsets
-        Index of the first descriptor of each view, and k, shape (number of views + 1,).
+        Index of the first descriptor of each view, and finally k; shape (number of views + 1,).
     n_words
         Size of the codebook.
     """
     sizes = np.diff(view_offsets)
     view_of_word = np.repeat(np.arange(len(sizes)), sizes)
-    # View and word in one number, by which equal pairs are counted.
+    # Combine view and word in one number, so that equal pairs can be counted.
     keys, counts = np.unique(view_of_word * n_words + words, return_counts=True)
     views, distinct = np.divmod(keys, n_words)
     return Histograms(

@@ -116,8 +116,9 @@ class CMBOF(CheckedParameters):
     ) -> NDArray[np.float64]:
         """Return the dissimilarities of M queries to N forms of a gallery, by clock matching.
 
-        The words are drawn from the descriptors of the gallery alone. With ``allow_mirror``, the
-        smallest one counts of a pair of forms and of either with the mirror image of the other.
+        The words of the codebook are drawn from the descriptors of the gallery. With
+        ``allow_mirror``, forms are also compared with the mirror images of each other, and the
+        smallest dissimilarity counts.
 
         Parameters
         ----------
@@ -139,6 +140,8 @@ class CMBOF(CheckedParameters):
         rotations = self.views.permutations
         distances = match(rows, columns, rotations, n_words)
         if self.allow_mirror:
+            # Queries against mirrored forms of the gallery, and mirrored queries against the
+            # gallery; if the queries are the gallery, the second is the transpose of the first.
             reflection = self.views.permutation_of(REFLECTION)
             mirrored_columns = _histograms(gallery, codebook, reflection)
             to_mirrored = match(rows, mirrored_columns, rotations, n_words)

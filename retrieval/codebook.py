@@ -58,7 +58,8 @@ def sample_codebook(descriptors: Iterable[Descriptors], n_words: int, seed: int)
     words = np.empty((0, 128), dtype=np.uint8)
     hashes = np.empty(0, dtype=np.uint64)
     for of_form in descriptors:
-        # The smallest hashes so far; equal descriptors have equal hashes and count once.
+        # Keep the descriptors with the smallest hashes. Equal ones have equal hashes, and so count
+        # once.
         candidates = np.concatenate([words, of_form])
         all_hashes = np.concatenate([hashes, _hash(of_form, seed)])
         sorted_hashes, first = np.unique(all_hashes, return_index=True)
@@ -122,11 +123,11 @@ def _integer_products(descriptors: Descriptors, words: Descriptors) -> NDArray[n
 
 @cache
 def integers_pay() -> bool:
-    """Return whether this processor multiplies bytes exactly, and faster than floats.
+    """Return whether this processor multiplies matrices of bytes exactly, and faster than floats.
 
-    Without the instructions for it (VNNI), sums of products overflow. Both ways are tried on the
-    largest numbers that descriptors may have.
+    Without the instructions for it (VNNI), sums of products overflow.
     """
+    # Try both ways on random descriptors with the least and the largest values.
     random = np.random.default_rng(0)
     extremes = np.array([0, 255], np.uint8)
     descriptors = random.choice(extremes, (BLOCK, 128))
@@ -145,23 +146,22 @@ def integers_pay() -> bool:
 
 @njit(cache=True, nogil=True)
 def _find_best(products: NDArray[Any], offsets: NDArray[np.int32], best: NDArray[np.int32]) -> None:
-    """Write the nearest word of each descriptor; the first of equally near ones.
+    """Find the nearest word of each descriptor, the first of equally near ones.
 
-    The squared distance is least where twice the product with the word, less the square of the
-    word, is largest.
+    The squared distance |d - w|^2 is least for the word w with the largest 2 d.w - |w|^2.
 
     Parameters
     ----------
     products
-        Product of each descriptor and each word, shape (descriptors, words).
+        Scalar product d.w of each descriptor and each word, shape (descriptors, words).
     offsets
-        What is added to twice the products of each word, shape (words,).
+        The number -|w|^2 of each word, shape (words,).
     best
-        Overwritten: the place of the word, shape (descriptors,).
+        Overwritten with the index of the nearest word, shape (descriptors,).
     """
     scores = np.empty(len(offsets), dtype=np.int32)
     for row in range(len(products)):
-        # Two passes, the highest score and then its place: the first one vectorises.
+        # Two passes, for the highest score and for its place: the first one vectorises.
         highest = np.int32(-(2**31))
         for word in range(len(offsets)):
             scores[word] = np.int32(2) * np.int32(products[row, word]) + offsets[word]

@@ -195,8 +195,8 @@ def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int
     Returns
     -------
     top, bottom, left, right : int
-        First row, row behind the last, first column, column behind the last; all 0 if there are no
-        such pixels.
+        The box contains the rows ``top`` to ``bottom - 1`` and the columns ``left`` to ``right -
+        1``. All are 0 if there are no such pixels.
     """
     height, width = image.shape
     is_column_seen = np.zeros(width, dtype=np.uint8)
@@ -227,8 +227,9 @@ def _foreground(image: NDArray[np.float32], background: np.float32) -> tuple[int
 def _backgrounds(background: np.float32, side: int) -> NDArray[np.float32]:
     """Return the value of the background in each octave of the scale space of an image.
 
-    Blur changes its last bits; beside the original value, an edge would be found. So an image of
-    one pixel, with its border, goes through all octaves.
+    Blurring changes the last bits of a constant background. They are computed here by blurring an
+    image of one pixel with its border through all octaves. If the original value were used, an edge
+    would be found between it and the blurred background.
 
     Parameters
     ----------
@@ -248,10 +249,10 @@ def _backgrounds(background: np.float32, side: int) -> NDArray[np.float32]:
     values = np.full(n_octaves, background, dtype=np.float32)
     room, half_blurred = octave_buffers(1, 1)
     bordered, pixels = octave_in(room, 1, 1)
+    # build_octave works in place: it reads the image that an octave begins with from ``pixels`` (in
+    # the first octave from its last layer, in others from its first one), and writes the levels.
     place_of_image = len(pixels) - 1
     for octave in range(1, n_octaves):
-        # The first octave begins with an image, the others with a Gaussian level; both lie in the
-        # memory that build_octave fills.
         is_first = octave == 1
         begin = place_of_image if is_first else 0
         pixels[begin, 0, 0] = values[octave - 1]
@@ -270,21 +271,22 @@ def _paste(
     target_column: int,
     beyond: np.float32,
 ) -> None:
-    """Copy a window of an image to another window of the same image, where they overlap.
+    """Fill a window of an image from another window of the same image, where they overlap.
 
     Parameters
     ----------
     source
-        Pixels of a window.
+        Pixels of the window that is known, shape (height, width).
     source_row, source_column
-        Place of its first pixel in the image.
+        Position of its first pixel in the image.
     target
-        Pixels of the other window, overwritten.
+        Pixels of the window to fill, overwritten; another shape (height, width).
     target_row, target_column
-        Place of its first pixel in the image.
+        Position of its first pixel in the image.
     beyond
-        Value of the pixels outside of the source.
+        Value of the pixels of the target that the source does not cover.
     """
+    # The common part of both windows, in rows and columns of the image.
     row0 = max(source_row, target_row)
     row1 = min(source_row + source.shape[0], target_row + target.shape[0])
     column0 = max(source_column, target_column)

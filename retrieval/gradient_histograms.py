@@ -59,9 +59,9 @@ def gradients(
     magnitudes: SingleArray,
     angles: SingleArray,
 ) -> None:
-    """Compute the gradients of a Gaussian level in polar form, in the rows that a keypoint needs.
+    """Compute lengths and angles of the gradients of a Gaussian level around a keypoint.
 
-    Rows that are known from other keypoints are not computed again.
+    Whole rows are computed, except those that an earlier keypoint has needed already.
 
     Parameters
     ----------
@@ -70,11 +70,13 @@ def gradients(
     y, sigma
         Row and scale of the keypoint in pixels of the octave.
     done
-        Rows that are known, shape (height or more,); updated.
-    magnitudes, angles
-        Shape (height, width), float32, overwritten but for the border: lengths of the central
-        differences, and their angles in [0, 2 pi] from the x axis towards the y axis (downwards).
-        The error of an angle is below 3e-4, far below the width of a bin.
+        Whether each row has been computed, shape (height or more,); updated.
+    magnitudes
+        Overwritten, except at the border: lengths of the central differences, shape (height,
+        width), float32.
+    angles
+        Overwritten, except at the border: angles of the central differences in [0, 2 pi], from the
+        x axis towards the y axis (downwards), of the same shape. Errors are below 3e-4.
     """
     height, width = magnitudes.shape
     half = np.float32(0.5)
@@ -105,7 +107,7 @@ def gradients(
             square = ratio * ratio
             turn = np.float32(-0.0464964749) * square + np.float32(0.15931422)
             turn = (turn * square - np.float32(0.327622764)) * square * ratio + ratio
-            # From the first eighth to the first quarter, half, and whole turn.
+            # Extend the angle to the first quarter, the first half, and the whole turn.
             turn = quarter_turn - turn if ay > ax else turn
             turn = half_turn - turn if gx < 0 else turn
             angle[x] = TURN - turn if gy < 0 else turn
@@ -181,14 +183,16 @@ def orientations(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _peaks(histogram: FloatArray, peaks: FloatArray) -> int:
-    """Smooth a histogram of directions, and locate its high peaks between the bins.
+    """Find the high peaks of a histogram of directions, more precisely than its bins.
 
     Parameters
     ----------
     histogram
-        Weight of each direction, circular, shape (ORIENTATION_BINS,); smoothed in place.
+        Weight of each direction, shape (ORIENTATION_BINS,): the last bin is next to the first. It
+        is smoothed in place.
     peaks
-        Overwritten: directions of the peaks in [0, 2 pi), shape (MAX_ORIENTATIONS,) or larger.
+        Overwritten with the directions of the peaks in [0, 2 pi), shape (MAX_ORIENTATIONS,) or
+        larger.
 
     Returns
     -------
@@ -204,7 +208,7 @@ def _peaks(histogram: FloatArray, peaks: FloatArray) -> int:
         before = histogram[i - 1]
         after = histogram[(i + 1) % ORIENTATION_BINS]
         is_high = here > SECONDARY_PEAK * highest
-        # Of two equal neighbours, as from gradients along an axis, the first is the peak.
+        # Of two equal neighbours, the first is the peak.
         is_peak = here > before and here >= after
         if is_high and is_peak and count < MAX_ORIENTATIONS:
             # The top of the parabola through the three bins, in bins from the middle one.

@@ -226,13 +226,14 @@ def evaluate(
     ----------
     distances
         Distances between the m queries and the n shapes of the gallery that have a result, shape
-        (m, n), finite; if the queries are the gallery, symmetric with a diagonal of 0.
+        (m, n), finite. If the queries are the gallery, the matrix is symmetric, with zeros on its
+        diagonal.
     labels
-        Class of each query, shape (M,), of any comparable type.
+        Class of each of the M queries, with and without a result, of any comparable type.
     answered
         Indices of the m queries that have a result, in their order; None for all.
     targets
-        The gallery; None if it is the queries.
+        The gallery of N shapes; None if it is the queries.
 
     Returns
     -------
@@ -253,7 +254,7 @@ def evaluate(
     matrix = check_distances(distances, size, is_square=targets is None)
     query_classes, gallery_classes = _numbered_classes(names, gallery.labels)
     n_shapes = len(gallery_classes)
-    # Which shapes each query ranks, all but itself, and which of those are relevant: shape (M, N).
+    # Which shapes each query ranks (all but itself), and which of these are relevant: shape (M, N).
     left_out = np.broadcast_to(gallery.own, names.shape)
     is_ranked = np.arange(n_shapes) != left_out[:, None]
     is_relevant = (query_classes[:, None] == gallery_classes) & is_ranked
@@ -335,12 +336,13 @@ def score_draws(
     answered: Sequence[int] | None = None,
     targets: Targets | None = None,
 ) -> dict[str, Any]:
-    """Score several matrices of distances of one gallery, and average each measure over them.
+    """Score each of several matrices of distances, and average the measures over them.
 
     Parameters
     ----------
     matrices
-        One for each draw of the scorer, shape (m, n); only one is in memory at a time.
+        Distances of the same queries and gallery in each draw of the scorer, of shape (m, n). An
+        iterator keeps only one matrix in memory at a time.
     labels
         Class of each query, shape (M,).
     answered
@@ -351,14 +353,18 @@ def score_draws(
     Returns
     -------
     dict
-        ``scores``, ``per_query`` (None for a query without a relevant result) and ``draw_errors``
-        (standard error of a mean over several draws) by measure, ``tied_queries`` and
-        ``lone_queries``.
+        - ``scores``: mean over all draws and queries, by measure;
+        - ``per_query``: means of each query over all draws, by measure; None for a query without a
+          relevant shape;
+        - ``draw_errors``: standard error of the mean over the draws, by measure; empty for one
+          draw;
+        - ``tied_queries``, ``lone_queries``: numbers of queries with ties, and without a relevant
+          shape.
 
     Raises
     ------
     ConfigurationError
-        As for :func:`evaluate`.
+        If :func:`evaluate` refuses a matrix.
     """
     draws = [evaluate(matrix, labels, answered, targets) for matrix in matrices]
     scores: dict[str, float] = {}
@@ -386,10 +392,10 @@ def _in_record(value: float) -> float | None:
 
 
 def chance_levels(labels: ArrayLike, targets: Targets | None = None) -> dict[str, float]:
-    """Return the exact means of all measures over random rankings.
+    """Return the expected value of each measure if all rankings are random.
 
-    They are those of a matrix in which all distances tie, which is not needed: a value of a query
-    depends only on the number of its results and of the relevant ones among them.
+    These are the values for distances that are all equal, because a measure is averaged over the
+    orders of equal distances.
 
     Parameters
     ----------
@@ -407,14 +413,14 @@ def chance_levels(labels: ArrayLike, targets: Targets | None = None) -> dict[str
     gallery = targets or Targets(names, np.arange(len(names)))
     query_classes, gallery_classes = _numbered_classes(names, gallery.labels)
     n_classes = max(query_classes.max(initial=-1), gallery_classes.max(initial=-1)) + 1
-    # Place of each query in the gallery, -1 if it is not there; it does not rank itself.
+    # Index of each query in the gallery, -1 if it is not there. A query does not rank itself.
     own = np.broadcast_to(gallery.own, names.shape)
     is_in_gallery = own >= 0
     is_relevant_itself = is_in_gallery & (gallery_classes[own] == query_classes)
     class_sizes = np.bincount(gallery_classes, minlength=n_classes)
     n_relevant = class_sizes[query_classes] - is_relevant_itself
     n_results = len(gallery_classes) - is_in_gallery
-    # Queries with equal numbers have equal values.
+    # The values of a query depend on two numbers alone: of its results, and of the relevant ones.
     numbers = np.column_stack([n_results, n_relevant])
     kinds, kind_of_query = np.unique(numbers, axis=0, return_inverse=True)
     values = np.full((len(names), len(MEASURES)), np.nan)
@@ -427,7 +433,7 @@ def chance_levels(labels: ArrayLike, targets: Targets | None = None) -> dict[str
 
 
 def check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: bool) -> FloatArray:
-    """Return distances as a matrix, if measures can be computed from them.
+    """Check a matrix of distances, and return it as float64.
 
     Parameters
     ----------
@@ -436,14 +442,14 @@ def check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: 
     shape
         Number of queries and of shapes.
     is_square
-        Whether the shapes are the queries, so that the matrix must be symmetric with a diagonal of
-        0.
+        Whether the shapes are the queries, so that the matrix must be symmetric, with zeros on its
+        diagonal.
 
     Raises
     ------
     ConfigurationError
-        If they have another shape, or are not finite, negative, or not of a square matrix as
-        described, such as similarities.
+        If the matrix has another shape; if a distance is negative or not finite; or if the matrix
+        should be symmetric with zeros on its diagonal, and is not.
     """
     matrix = np.asarray(distances, dtype=np.float64)
     if matrix.shape != shape:
@@ -455,6 +461,7 @@ def check_distances(distances: ArrayLike, shape: tuple[int, int], *, is_square: 
         problem = f"distances are NaN or infinite, the first in row {row}, column {column}"
         hint = "use a distance larger than all others if a method has no result"
         raise ConfigurationError(problem, hint)
+    # Rounding may make a distance slightly negative, measured by the largest one.
     is_off_diagonal = ~np.eye(*shape, dtype=bool) if is_square else True
     largest = np.abs(matrix).max(initial=0.0, where=is_off_diagonal)
     if matrix.min(initial=0.0) < -ASYMMETRY * largest:
@@ -479,26 +486,25 @@ def _check_square(matrix: FloatArray, largest: float) -> None:
 
 
 def _of_query(distances: FloatArray, relevant: NDArray[np.bool_]) -> tuple[list[float], bool]:
-    """Score the ranking of one query, and say whether ties make a difference to it.
+    """Compute all measures for the ranking of one query.
 
-    Shapes are ranked by distance. Those at equal distances form a group, in which any order is as
-    good as another: a measure is its expected value over all orders, so that hits count in
-    fractions.
+    Shapes are ranked by distance. If several have the same distance, a measure is its mean over all
+    orders of these shapes.
 
     Parameters
     ----------
     distances
         Distance of the query to each shape that it ranks, shape (k,).
     relevant
-        Which of these shapes are of the class of the query, shape (k,). A hit is a rank with such a
-        shape.
+        Which of these shapes have the class of the query, shape (k,). A rank of such a shape is
+        called a hit.
 
     Returns
     -------
     values : list of float
         Value of each measure, in the order of :data:`MEASURES`.
     is_tied : bool
-        Whether shapes of its class and others have the same distance.
+        Whether ties matter: a shape of the class and another one have the same distance.
     """
     order = np.argsort(distances, kind="stable")
     hits = relevant[order].astype(np.float64)
@@ -519,18 +525,20 @@ def _expected_ranking(
 
     Parameters
     ----------
-    starts, sizes
-        First rank, from 0, and number of ranks of each group of shapes at an equal distance, in the
-        order of the ranks, shape (groups,).
+    starts
+        First rank, from 0, of each group of shapes at an equal distance, shape (groups,).
+    sizes
+        Number of ranks of each group, shape (groups,).
     hits
         Number of hits in each group, shape (groups,).
     """
-    # For each rank, what is true of its group; a rank of 1 hit in 4 ranks holds 1/4 of a hit.
+    # Each rank gets the mean of its group: with 1 hit in 4 ranks, each holds 1/4 of a hit.
     size = np.repeat(sizes, sizes)
     hits_of_group = np.repeat(hits, sizes)
     expected_hits = hits_of_group / size
-    # Expected hits up to and at a rank, given one there: those of the groups before, that one, and
-    # (h - 1) / (t - 1) at each earlier rank of its group of t ranks and h hits.
+    # Expected number of hits up to a rank if the rank itself is a hit: those of the groups before,
+    # the hit itself, and, in a group of t ranks with h hits, (h - 1) / (t - 1) for each earlier
+    # rank of the group.
     ranks_before = np.arange(len(size)) - np.repeat(starts, sizes)
     hits_before_group = np.repeat(np.cumsum(hits) - hits, sizes)
     hits_of_others = ranks_before * (hits_of_group - 1) / np.maximum(size - 1, 1)

@@ -108,15 +108,17 @@ def rectilinearity_rotation(mesh: Mesh) -> Matrix:
 
 @njit(cache=True, nogil=True)
 def _turned(matrix: Matrix, vector: NDArray[np.float64]) -> Matrix:
-    """Return a matrix turned by a rotation: the product of both.
+    """Return the product of a rotation and a matrix.
 
     Parameters
     ----------
     matrix
         Shape (3, 3).
     vector
-        Rodrigues vector of the rotation, shape (3,): its axis times tan of half its angle.
+        Rodrigues vector of the rotation, shape (3,): the unit vector along its axis times the
+        tangent of half its angle.
     """
+    # The matrix of the rotation, by the formula of Rodrigues.
     x, y, z = vector
     scale = 2.0 / (1.0 + x * x + y * y + z * z)
     rotation = np.array(
@@ -136,10 +138,10 @@ def _turned(matrix: Matrix, vector: NDArray[np.float64]) -> Matrix:
 
 @njit(cache=True, nogil=True)
 def _projected_areas(area_vectors: Matrix, rotations: Rotations) -> NDArray[np.float64]:
-    """Return the rectilinear area of a surface after each of some rotations.
+    """Return the rectilinear area of a surface after each of several rotations.
 
-    That is the summed area of the projections of all triangles on the three coordinate planes.
-    Rotations are computed :data:`LANES` at a time, which takes as long as one.
+    It is the sum of the areas of all triangles, projected on each of the three coordinate planes.
+    :data:`LANES` rotations are computed at a time, which takes as long as one.
 
     Parameters
     ----------
@@ -160,7 +162,8 @@ def _projected_areas(area_vectors: Matrix, rotations: Rotations) -> NDArray[np.f
         count = min(LANES, len(rotations) - first)
         for lane in range(count):
             m[:, lane] = rotations[first + lane].ravel()
-        # The area of a projection along an axis is the coordinate of the turned area vector there.
+        # The area of a triangle projected along an axis is the coordinate of its turned area vector
+        # on that axis, without its sign.
         totals[:] = 0.0
         for x, y, z in area_vectors:
             for lane in range(LANES):
@@ -175,10 +178,10 @@ def _projected_areas(area_vectors: Matrix, rotations: Rotations) -> NDArray[np.f
 def _refined(
     area_vectors: Matrix, rotations: Rotations, areas: NDArray[np.float64]
 ) -> tuple[Rotations, Matrix]:
-    """Search for rotations of least rectilinear area near given ones, by pattern search.
+    """Improve rotations to ones of a smaller rectilinear area, by pattern search.
 
-    Each one turns by a step about each axis where that lowers its area; if no turn does, its step
-    is halved, until :data:`LAST_STEP`.
+    A rotation is turned by a step about each axis in turn, forwards or backwards, if that makes the
+    area smaller. If no turn does, the step is halved, until it reaches :data:`LAST_STEP`.
 
     Parameters
     ----------
@@ -191,8 +194,10 @@ def _refined(
 
     Returns
     -------
-    rotations, areas : numpy.ndarray
-        Where the searches end, and the areas there.
+    rotations : numpy.ndarray
+        Where the searches end, shape (k, 3, 3).
+    areas : numpy.ndarray
+        Rectilinear areas of these rotations, shape (k,).
     """
     rotations = rotations.copy()
     areas = areas.copy()
@@ -202,7 +207,7 @@ def _refined(
         has_ended = steps <= LAST_STEP
         has_improved = np.zeros(len(rotations), dtype=np.bool_)
         for axis in range(3):
-            # Backwards and forwards by a step about the axis.
+            # Turn each rotation backwards and forwards by its step about the axis.
             for start in range(len(rotations)):
                 for side in range(2):
                     turn = np.zeros(3)
@@ -212,7 +217,7 @@ def _refined(
             flat_areas = _projected_areas(area_vectors, candidates.reshape(-1, 3, 3))
             candidate_areas = flat_areas.reshape(2, -1)
             for start in range(len(rotations)):
-                # Backwards if that lowers the area, else perhaps forwards.
+                # Take the turn backwards if it makes the area smaller, else that forwards.
                 side = 0 if candidate_areas[0, start] < areas[start] else 1
                 if not has_ended[start] and candidate_areas[side, start] < areas[start]:
                     rotations[start] = candidates[side, start]
@@ -226,18 +231,19 @@ ROTATIONS = {"pca": pca_rotation, "rectilinearity": rectilinearity_rotation}
 
 
 def normalise(mesh: Mesh, candidates: Sequence[str], image_size: int) -> Mesh:
-    """Bring a form into the unit sphere and into the candidate pose with the smallest silhouettes.
+    """Scale a form to the unit sphere, and rotate it to the pose with the smallest silhouettes.
+
+    The silhouettes are those along the three axes, measured together in pixels.
 
     Parameters
     ----------
     mesh
         The form.
     candidates
-        Names from ``"pca"`` and ``"rectilinearity"``; empty keeps the orientation. Of two, the one
-        with fewer foreground pixels, summed over the three axis views, wins; a tie
-        (:data:`EQUALLY_LARGE`) goes to the last.
+        The poses to choose from, ``"pca"`` and ``"rectilinearity"``; the last one wins if two are
+        nearly equal. If empty, the form is not rotated.
     image_size
-        Height and width, in pixels, of the images for this count.
+        Height and width, in pixels, of the images in which silhouettes are measured.
 
     Raises
     ------

@@ -119,25 +119,22 @@ def build_octave(octave: SingleArray, half: SingleArray, is_first: bool) -> None
 def _blur(
     image: SingleArray, blurred: SingleArray, difference: SingleArray, half: SingleArray, level: int
 ) -> None:
-    """Convolve an image with a separable Gaussian, and subtract the image from the result.
+    """Blur an image with a Gaussian, and compute the difference of both.
 
-    It is done in blocks of whole rows, which stay in the nearest cache. Beyond the image, its
-    outermost pixels are repeated.
+    Beyond the image, its outermost pixels are repeated. The work is done in blocks of whole rows,
+    which stay in the cache of the processor.
 
     Parameters
     ----------
     image
-        The image with a border of ``MARGIN`` pixels around it, shape (height, width), contiguous.
-        The upper and the lower border are filled in place; the border on the left and on the right
-        is not read.
+        The image with a border of ``MARGIN`` pixels on each side, shape (height, width),
+        contiguous. The upper and the lower border are filled in place, the others are not read.
     blurred
-        Overwritten with the convolved image, same shape, contiguous; its border then holds no
-        meaning.
+        Overwritten with the blurred image, of the same shape, contiguous; its border is undefined.
     difference
-        Overwritten with the convolved image less the image, like ``blurred``.
+        Overwritten with the blurred image less the image, like ``blurred``.
     half
-        Memory for a block that is blurred along columns alone, with a margin at either end, flat;
-        that of :func:`octave_buffers` is large enough.
+        Memory for a block that is blurred along columns alone, from :func:`octave_buffers`.
     level
         Number of the Gaussian in :data:`KERNELS`.
     """
@@ -153,7 +150,7 @@ def _blur(
     for top in range(MARGIN, height - MARGIN, n_rows):
         first = top * stride
         count = min(n_rows, height - MARGIN - top) * stride
-        # Along columns, into the half-blurred block, and from there along rows.
+        # First along columns, into the half-blurred block; then along rows, into the result.
         _convolve(source, first, half, MARGIN, count, stride, level)
         _repeat_ends(half, count, stride)
         _convolve(half, MARGIN, target, first, count, 1, level)
@@ -195,21 +192,24 @@ def _convolve(
 ) -> None:
     """Convolve pixels along rows or columns with a symmetric kernel.
 
-    Products are added in one order, from the centre outwards, so that results are the same bytes on
-    any processor.
+    Products are always added from the centre outwards, so that results are equal on all processors.
 
     Parameters
     ----------
-    source, start
-        Pixels in a flat array, and the index of the first to convolve.
-    target, begin
-        Flat array for the results, and the index of the first.
+    source
+        Flat array of pixels.
+    start
+        Index in ``source`` of the first pixel to convolve.
+    target
+        Flat array for the results.
+    begin
+        Index in ``target`` of the first result.
     count
         Number of pixels to convolve.
     step
         Distance of neighbours in ``source``: 1 along rows, the length of a row along columns.
     level
-        Number of the kernel in :data:`KERNELS`, which holds one half of it.
+        Number of the kernel in :data:`KERNELS`, which holds its centre and one half.
     """
     kernel = KERNELS[level]
     centre = source[start : start + count]
@@ -233,10 +233,10 @@ def _convolve(
 def find_extrema(
     differences: SingleArray, peak_threshold: float, edge_ratio: float, points: FloatArray
 ) -> int:
-    """Find the sub-pixel extrema of the differences of Gaussians of one octave.
+    """Find the keypoints of SIFT in one octave: extrema of the differences of Gaussians.
 
-    They are the keypoints of SIFT: pixels that exceed, or fall below, all neighbours in space and
-    scale, refined by a fit, and not on an edge.
+    A keypoint is a pixel above or below all its neighbours in space and scale, not on an edge; its
+    position is refined by a fit.
 
     Parameters
     ----------
@@ -248,8 +248,8 @@ def find_extrema(
     edge_ratio
         Maximum ratio of the principal curvatures.
     points
-        Shape (capacity, 4), float64, overwritten: x, y in pixels of the octave, level 0 ... 2 of
-        the extremum, offset of the level.
+        Overwritten, shape (capacity, 4), float64: x and y in pixels of the octave, level of the
+        extremum (0, 1 or 2), and offset of the refined level from it.
 
     Returns
     -------
@@ -260,7 +260,8 @@ def find_extrema(
     height = differences.shape[1] - 2 * MARGIN
     width = differences.shape[2] - 2 * MARGIN
     candidate_threshold = np.float32(CANDIDATE_SHARE * peak_threshold)
-    # Marks of the candidates in a row, a byte each. Few pixels are: eight are skipped at a time.
+    # A byte for each pixel of a row, 1 for a candidate. Candidates are rare: the bytes are tested
+    # eight at a time, as one integer.
     marks = np.zeros((width + 7) // 8 * 8, dtype=np.uint8)
     eights = marks.view(np.uint64)
     for level in range(1, LEVELS + 1):
@@ -269,7 +270,7 @@ def find_extrema(
             for eight in range(len(eights)):
                 if eights[eight] == 0:
                     continue
-                # Tests from the cheapest to the most expensive.
+                # The tests of a candidate come from the cheapest to the most expensive.
                 for column in range(8 * eight, 8 * eight + 8):
                     value = differences[level, row, column]
                     if not marks[column] or abs(value) < candidate_threshold:
@@ -292,9 +293,10 @@ def find_extrema(
 def _mark_candidates(
     differences: SingleArray, level: int, row: int, marks: NDArray[np.uint8]
 ) -> None:
-    """Mark the pixels of a row that exceed or fall below all of their six nearest neighbours.
+    """Mark the pixels of a row that are above or below all of their six nearest neighbours.
 
-    These are four in the same difference, and one in the finer and in the coarser one.
+    Four of the neighbours lie in the same difference of Gaussians, one in the finer and one in the
+    coarser one.
 
     Parameters
     ----------
@@ -332,7 +334,7 @@ def _mark_candidates(
 def _is_extremum(
     differences: SingleArray, level: int, row: int, column: int, value: np.float32
 ) -> bool:
-    """Return whether a pixel exceeds or falls below all its 26 neighbours in space and scale.
+    """Return whether a pixel is above or below all its 26 neighbours in space and scale.
 
     Parameters
     ----------
@@ -341,7 +343,7 @@ def _is_extremum(
     level, row, column
         The pixel, on no border.
     value
-        Its value; a positive one must exceed the others, a negative one fall below them.
+        Value of the pixel; if positive, it must be above the others, if negative, below them.
     """
     sign = np.float32(1.0) if value > 0 else np.float32(-1.0)
     value = sign * value
@@ -456,7 +458,7 @@ def _solve_symmetric(
         The solution; 0 if there is none.
     """
     a, b, c, d, e, f = matrix
-    # The adjugate, whose entries are called cij, over the determinant is the inverse.
+    # The inverse is the adjugate, whose entries are called cij here, over the determinant.
     c00 = d * f - e * e
     c01 = c * e - b * f
     c02 = b * e - c * d

@@ -92,11 +92,11 @@ CUBE_ROTATIONS = CUBE_SYMMETRIES[np.linalg.det(CUBE_SYMMETRIES) > 0]
 
 
 def render(mesh: Mesh, size: int, sphere: ViewSphere) -> NDArray[np.float32]:
-    """Render depth images of a form inside the unit sphere.
+    """Render depth images of a form from cameras around it.
 
-    Each camera is orthographic over [-1, 1] x [-1, 1]; its eye lies on the unit sphere and looks at
-    the origin with the y axis up (the z axis for the two views along y). Both sides of the surface
-    are drawn.
+    Each camera is orthographic and sees [-1, 1] x [-1, 1]. Its eye lies on the unit sphere and
+    looks at the origin, with the y axis up (the z axis for the two views along y). Both sides of
+    the surface are drawn.
 
     Parameters
     ----------

@@ -47,9 +47,10 @@ def collapse(mesh: Mesh) -> NDArray[np.int64]:
 
 
 def _line_quadrics(vertices: FloatArray, edges: NDArray[np.int64]) -> FloatArray:
-    """Return for each vertex the quadric of the squared distances to the lines through its edges.
+    """Return the quadric of each vertex, which measures distances to the lines through its edges.
 
-    With the quadric Q of a vertex, these distances of a point p sum to (p, 1) Q (p, 1)^T.
+    With the quadric Q of a vertex, the squared distances of a point p from these lines sum up to
+    (p, 1) Q (p, 1)^T.
 
     Parameters
     ----------
@@ -82,19 +83,21 @@ def _line_quadrics(vertices: FloatArray, edges: NDArray[np.int64]) -> FloatArray
 def _collapse(
     points: FloatArray, faces: NDArray[np.int32], links: Links, quadrics: FloatArray
 ) -> NDArray[np.int64]:
-    """Collapse the cheapest edge at a triangle, again and again, until no triangle is left.
+    """Collapse edges, the cheapest one first, until no triangle is left.
+
+    Only edges of triangles collapse. What remains is a skeleton of edges.
 
     Parameters
     ----------
     points
         Positions, shape (n, 3); a vertex does not move when another one collapses into it.
     faces
-        Triangles, shape (m, 3); changed.
+        Triangles, shape (m, 3); changed in place.
     links
         Connections of each pair of vertices, shape (n, n): 0 for none, 1 for an edge, more for an
-        edge at triangles; changed.
+        edge at triangles; changed in place.
     quadrics
-        From :func:`_line_quadrics`; changed.
+        Quadric of each vertex, from :func:`_line_quadrics`, shape (n, 4, 4); changed in place.
 
     Returns
     -------
@@ -116,8 +119,8 @@ def _collapse(
         owner[i] = j
         cost[i] = np.inf
         quadrics[j] += quadrics[i]
-        # Vertex j takes over the triangles and the connections of i. Triangles with both vanish,
-        # and connections that only they made become plain edges.
+        # Vertex j takes over the triangles and the connections of i. Triangles that have both
+        # vertices vanish, and edges that only these triangles had become plain edges.
         around = np.flatnonzero((faces[:, 0] == i) | (faces[:, 1] == i) | (faces[:, 2] == i))
         _count(faces, around, links, -1)
         for k in np.flatnonzero(links[i]):
@@ -132,7 +135,7 @@ def _collapse(
         _evaluate(j, points, quadrics, links, cost, target)
         for k in np.flatnonzero(links[j]):
             _evaluate(k, points, quadrics, links, cost, target)
-    # A vertex may have collapsed into one that collapsed later.
+    # A vertex may have collapsed into one that collapsed later: follow these to the end.
     for i in range(n):
         while owner[owner[i]] != owner[i]:
             owner[i] = owner[owner[i]]
@@ -173,13 +176,14 @@ def _evaluate(
 ) -> None:
     """Find the cheapest collapse of a vertex into a neighbour with which it shares a triangle.
 
-    The cost is the sum of squared distances to the edges that both stand for, and of the product of
-    the length of the edge and of the others at the vertex (Au et al. 2008).
+    The cost has two parts [Au et al. 2008]. The shape cost sums up the squared distances from the
+    edges that both vertices stand for. The sampling cost is the length of the edge times the length
+    of all other edges at the vertex.
 
     Parameters
     ----------
     i
-        The vertex.
+        Index of the vertex.
     points
         Positions, shape (n, 3).
     quadrics
@@ -187,9 +191,12 @@ def _evaluate(
     links
         Connections of each pair of vertices, shape (n, n): 0 for none, 1 for an edge, more for an
         edge at triangles.
-    cost, target
-        Cost of the cheapest collapse of each vertex, infinite if there is none, and the neighbour
-        into which it goes, -1 if there is none; those of the vertex are written. Shape (n,).
+    cost
+        Cost of the cheapest collapse of each vertex, infinite if there is none, shape (n,); entry i
+        is written.
+    target
+        Neighbour into which each vertex would collapse, -1 if there is none, shape (n,); entry i is
+        written.
     """
     neighbours = np.flatnonzero(links[i])
     lengths = np.sqrt(((points[neighbours] - points[i]) ** 2).sum(axis=1))
@@ -199,6 +206,7 @@ def _evaluate(
         is_at_triangle = links[i, j] > 1
         if not is_at_triangle:
             continue
+        # The quadrics of both vertices at the position of the neighbour.
         shape_cost = 0.0
         homogeneous = (points[j, 0], points[j, 1], points[j, 2], 1.0)
         for a, row in enumerate(homogeneous):

@@ -125,8 +125,8 @@ def contract(mesh: Mesh) -> FloatArray:
               = \begin{bmatrix} 0 \\ W_H V \end{bmatrix}
 
     with the cotangent Laplacian :math:`L` of the current surface. The contraction weight
-    :math:`W_L` triples; the attraction weight :math:`W_H` of a vertex grows with the square root of
-    the ratio by which its area has shrunk, so that parts that are already thin stay in place.
+    :math:`W_L` triples in each iteration. The attraction weight :math:`W_H` of a vertex is the root
+    of the ratio by which its area has shrunk, so that parts that are already thin stay in place.
     Weights, caps and stopping criterion are those of Pickup et al. (2016).
 
     Parameters
@@ -144,6 +144,7 @@ def contract(mesh: Mesh) -> FloatArray:
     ContractionFailed
         If the surface degenerates while more than a tenth of its area is left.
     """
+    # The weights are made for a surface of this radius.
     centre = mesh.vertices.mean(axis=0)
     unit = np.linalg.norm(mesh.vertices - centre, axis=1).max() / RADIUS
     current = mesh.with_vertices((mesh.vertices - centre) / unit)
@@ -161,8 +162,8 @@ def contract(mesh: Mesh) -> FloatArray:
             break
         candidate = current.with_vertices(positions)
         areas = candidate.vertex_areas
-        # A vertex whose ring has no area left cannot be smoothed further: the previous surface was
-        # the last valid one.
+        # A vertex around which no area is left cannot be smoothed further, and a growing area means
+        # that the contraction has failed: the previous surface is the result.
         if areas.min() <= 0.0 or candidate.area > current.area:
             break
         current = candidate
@@ -216,11 +217,11 @@ def _bones(mesh: Mesh, owners: IntArray) -> IntArray:
 
 
 def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: IntArray) -> FloatArray:
-    """Return how far the contraction moved each joint off the middle of its part.
+    """Return how far the contraction moved each joint off the middle of its part of the surface.
 
-    A part between others, such as a piece of an arm, has a loop of vertices towards each of them.
-    Its displacement is the mean over its loops of the mean along each loop; that of an end, which
-    has one loop, is the mean over its vertices.
+    A part between others, such as a piece of an arm, borders on each of them in a loop of vertices.
+    Its displacement is the mean along each loop, averaged over its loops. A part with one loop is
+    an end, such as a hand: its displacement is the mean over its vertices.
 
     Parameters
     ----------
@@ -240,7 +241,8 @@ def _mean_displacements(mesh: Mesh, displacements: FloatArray, owners: IntArray)
     lengths = mesh.edge_graph()
     first, second = lengths.tocoo().coords
     goes_across = owners[first] != owners[second]
-    # A loop is a column: the vertices of a part that have an edge to one neighbouring part. Each
+    # A sparse matrix with a row for each vertex, and a column for each pair of parts: its entries
+    # are the loop of vertices of the first part that have an edge to the second one. A vertex
     # counts by the length of its edges to others of the loop.
     loops = csr_array(
         (goes_across, (first, owners[first] * n_parts + owners[second])),
@@ -266,9 +268,10 @@ def _merge_junctions(
 ) -> tuple[FloatArray, IntArray]:
     """Merge each junction of a skeleton with a neighbour that lies more centrally in the surface.
 
-    A junction has at least three bones. It merges with the neighbour for which the distances of the
-    surface of both parts to the joint spread least, if they spread less than before, and goes on
-    from there.
+    A junction is a joint with at least three bones. It is central if its part of the surface is
+    everywhere about equally far. It merges with the neighbour that would be the most central joint
+    of the parts of both, if that is more central than the junction is; then the merged joint is
+    tried again.
 
     Parameters
     ----------
@@ -303,10 +306,11 @@ def _merge_junctions(
 
 
 def _better_joint(mesh: Mesh, joints: FloatArray, owners: IntArray, junction: int) -> int | None:
-    """Return the neighbour of a junction into which it is to merge; None for none.
+    """Return the neighbour with which a junction should merge; None if it should not merge.
 
-    Of the neighbours, it is the one around which the distances of the surface of both parts spread
-    least, if they spread clearly less than those of the junction's part around the junction.
+    For each neighbour, the distances of the vertices of both parts from the neighbour are compared.
+    The neighbour at which they spread least is returned, if they spread clearly less than those of
+    the part of the junction from the junction.
 
     Parameters
     ----------
@@ -317,10 +321,10 @@ def _better_joint(mesh: Mesh, joints: FloatArray, owners: IntArray, junction: in
     owners
         Joint of each vertex, shape (n,).
     junction
-        Number of the joint; it may have no vertices any more.
+        Index of the joint.
     """
     in_part = owners == junction
-    if not in_part.any():
+    if not in_part.any():  # it was merged into another one
         return None
     bones = _bones(mesh, owners)
     neighbours = np.setdiff1d(bones[(bones == junction).any(axis=1)], junction)
@@ -337,10 +341,11 @@ def _better_joint(mesh: Mesh, joints: FloatArray, owners: IntArray, junction: in
 def _absorb_pockets(
     mesh: Mesh, joints: FloatArray, owners: IntArray
 ) -> tuple[FloatArray, IntArray]:
-    """Merge each dent of the surface, such as a mouth, into the part of the skeleton around it.
+    """Remove the ends of a skeleton that lie in dents of the surface, such as a mouth.
 
-    A pocket is an end of the skeleton whose surface faces its joint, so that the flux of the
-    distance to the joint is negative: a dent, such as a mouth, not a limb.
+    The surface of a limb faces away from its joint; that of a dent, which is called a pocket here,
+    faces its joint, so that the flux from the joint is negative. The part of a pocket is merged
+    with the part of its neighbour.
 
     Parameters
     ----------
@@ -373,9 +378,10 @@ def _absorb_pockets(
 
 
 def _flux_from_joints(mesh: Mesh, joints: FloatArray, owners: IntArray) -> FloatArray:
-    """Return the flux of the vectors from each joint through the surface of its part, shape (k,).
+    """Return the flux of the vectors from each joint through its part of the surface, shape (k,).
 
-    It is positive if the surface faces away from the joint, as around a limb.
+    It is positive if the surface faces away from the joint, as around a limb, and negative in a
+    dent.
 
     Parameters
     ----------
@@ -390,7 +396,7 @@ def _flux_from_joints(mesh: Mesh, joints: FloatArray, owners: IntArray) -> Float
     middles = corners.mean(axis=1)
     # The sign of the volume: 1 if the normals point outwards, -1 if inwards.
     outwards = np.sign(np.einsum("fi,fi->", mesh.face_normals, corners[:, 0]))
-    # The joint that owns most corners of each triangle, the middle one of three different ones.
+    # The joint that owns most corners of a triangle; if all three differ, the middle number.
     joint_of_face = np.sort(owners[mesh.faces], axis=1)[:, 1]
     from_joints = middles - joints[joint_of_face]
     flux_of_face = outwards * np.einsum("fi,fi->f", mesh.face_normals, from_joints)

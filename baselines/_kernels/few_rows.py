@@ -82,6 +82,8 @@ def smooth_interpolation(
     weights = laplacian.mass if weights is None else weights
     p = len(samples)
     green = _green_functions(laplacian, weights, samples)
+    # Scale to numbers of about 1, so that the system is well conditioned in any unit of the
+    # surface; the fidelity is scaled alike.
     scale = np.abs(green[samples]).max()
     green /= scale
     # The fit at the samples; the last row and column are the constant and its side condition.
@@ -109,8 +111,8 @@ def _green_functions(laplacian: Laplacian, weights: FloatArray, samples: list[in
     n = len(weights)
     p = len(samples)
     shares = weights / weights.sum()
-    # Only constants are in the null space of the Laplacian: without its first row and column it can
-    # be factorised.
+    # The Laplacian of constants is 0, so that it has no inverse. Without its first row and column,
+    # which fixes the value of the first vertex at 0, it can be factorised.
     solve_grounded = factorise_definite(laplacian.stiffness[1:, 1:])
 
     def solve(loads: FloatArray) -> FloatArray:

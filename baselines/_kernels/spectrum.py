@@ -13,14 +13,14 @@ DETACHED = 1e-9
 def spectrum(shape: Shape, count: int) -> tuple[FloatArray, FloatArray]:
     """Return the lowest eigenvalues and eigenfunctions of the Laplacian of a connected surface.
 
-    The constant function, of eigenvalue 0, is left out.
+    The constant function, whose eigenvalue is 0, is left out.
 
     Parameters
     ----------
     shape
         The surface.
     count
-        Number of eigenvalues.
+        Number of eigenvalues, without that of the constant function.
 
     Returns
     -------
@@ -38,6 +38,7 @@ def spectrum(shape: Shape, count: int) -> tuple[FloatArray, FloatArray]:
 
     laplacian = shape.laplacian()
     values, functions = eigenpairs(laplacian, count + 1)
+    # Each piece of a surface has an eigenvalue 0. The product with the area has no unit.
     if values[1] * laplacian.mass.sum() < DETACHED:
         raise UnsupportedShape(
             f"{shape.identifier}: the second eigenvalue of the Laplacian is zero, because only "

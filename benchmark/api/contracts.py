@@ -420,20 +420,21 @@ def canonical_form(**info: Any) -> Callable[[Callable[[Shape], Any]], type]:
 
 
 def _method_of(function: Callable[[Shape], Any], info: MethodInfo) -> type:
-    """Make the class of a method without parameters, which calls a function.
+    """Make the class of a method without parameters whose forms a function computes.
 
-    The class takes name, docstring and module of the function.
+    The class has the name, the docstring and the module of the function, so that both can be found
+    and imported alike.
 
     Parameters
     ----------
     function
         Maps a shape to a :class:`CanonicalForm`, or to vertex positions of shape (n, 3).
     info
-        What the benchmark is to know of the method.
+        Name, title and other facts that the benchmark shows of the method.
     """
 
     def canonicalise(self: object, shape: Shape) -> CanonicalForm:
-        """Return what the function returns, as a canonical form."""
+        """Return the result of the function; positions become a canonical form."""
         result = function(shape)
         return result if isinstance(result, CanonicalForm) else shape.form(result)
 

@@ -133,7 +133,10 @@ class Bodies:
         return tuple(f"{name}_{number}" for name, number in numbers)
 
     def pairs(self) -> Iterator[TrainingPair]:
-        """Yield training pairs, body by body: each image, with the first one as its target."""
+        """Yield the training pairs, body by body.
+
+        A pair is an image of a body with the first image of that body as its target.
+        """
         for number, name in enumerate(self.names):
             images = list(self.images(number))
             for place, image in enumerate(images):

@@ -99,12 +99,12 @@ class CheckedParameters:
 
 
 def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[str, Any]:
-    """Return parameters of a class with values of the declared types.
+    """Convert the values of parameters to the types that a class declares.
 
     Parameters
     ----------
     cls
-        Dataclass with the parameters.
+        Dataclass whose fields are the parameters.
     given
         Values by name, as text or as objects; text is converted to the type of the field.
     owner
@@ -113,7 +113,7 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
     Returns
     -------
     dict
-        The parameters with normalised values: all spellings of a value give the same one.
+        The converted values by name. All spellings of a value, such as 1 and "1.0", become equal.
 
     Raises
     ------
@@ -174,7 +174,7 @@ def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = ""
     Parameters
     ----------
     cls
-        Dataclass with the parameters.
+        Dataclass whose fields are the parameters.
     given
         Values by name, as text or as objects.
     owner
@@ -198,12 +198,12 @@ def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = ""
         if default is not dataclasses.MISSING:
             defaults[name] = default
     defaults = checked(cls, defaults, owner)
-    # The texts of 1, 1.0 and True differ.
-    return {
-        name: values[name]
-        for name in fields
-        if name in values and repr(values[name]) != repr(defaults.get(name))
-    }
+    chosen = {}
+    for name in fields:
+        # Values are compared as text, because 1, 1.0 and True are equal as objects.
+        if name in values and repr(values[name]) != repr(defaults.get(name)):
+            chosen[name] = values[name]
+    return chosen
 
 
 def parameter_values(instance: Any) -> dict[str, Any]:
@@ -212,17 +212,18 @@ def parameter_values(instance: Any) -> dict[str, Any]:
 
 
 def declared_parameters(cls: type[Any]) -> dict[str, tuple[Any, Any]]:
-    """Return the type and the default of each parameter of a method, in the order of its fields.
+    """Return the type and the default of each parameter of a class, in the order of its fields.
 
     Parameters
     ----------
     cls
-        A dataclass; another class has no parameters.
+        A dataclass, whose fields are the parameters; any other class has none.
 
     Returns
     -------
     dict
-        Types with constraints and defaults, by name.
+        For each name, the type with its constraints, and the default, which is
+        ``dataclasses.MISSING`` if there is none.
     """
     if not dataclasses.is_dataclass(cls):
         return {}
@@ -262,12 +263,12 @@ def format_value(value: Any) -> str:
 
 
 def assignments(texts: str | Iterable[str]) -> dict[str, str]:
-    """Return values by name from several ``name=value``.
+    """Parse assignments such as ``"sweeps=5, start=classic"`` to values by name.
 
     Parameters
     ----------
     texts
-        A list, or one text with commas between them.
+        Texts of the form ``name=value``, or one text that holds several between commas.
 
     Raises
     ------
@@ -289,12 +290,12 @@ def assignments(texts: str | Iterable[str]) -> dict[str, str]:
 
 
 def split(text: str, separator: str = ",") -> list[str]:
-    """Split text at the separators outside quotes and parentheses; blank text has no parts.
+    """Split text at the separators that stand outside quotes and parentheses.
 
     Parameters
     ----------
     text
-        As ``"name=(1, 2), words='a, b'"``, which has two parts.
+        Such as ``"name=(1, 2), words='a, b'"``, which has two parts; blank text has none.
     separator
         A single character.
 
@@ -304,8 +305,8 @@ def split(text: str, separator: str = ",") -> list[str]:
         If quotes or parentheses are not balanced.
     """
     parts = [""]
-    quote = ""
-    depth = 0
+    quote = ""  # the quotation mark that is open
+    depth = 0  # the number of parentheses that are open
     for position, character in enumerate(text):
         if quote:
             if character == quote:
@@ -359,7 +360,8 @@ def _fit(annotation: Any, value: Any) -> Any:
 
     try:
         fitted = _convert(annotation, given)
-    except msgspec.ValidationError:  # the same in numbers, as 1e3 for an integer
+    except msgspec.ValidationError:
+        # A text that is no integer, such as "1e3", may be a number that is one.
         numbers = [_number(part) for part in given] if isinstance(given, list) else _number(given)
         fitted = _convert(annotation, numbers)
     _check_finite(fitted)

@@ -67,11 +67,11 @@ _POSES_OF_FEW = (0, 2, 4)
 
 
 def animals() -> ShapeSet:
-    """Return all 80 animals and people, by class, then by pose; number 0 is in the canonical pose.
+    """Return the data set of 80 animals and people, class by class, the canonical pose first.
 
-    The meshes are closed and connected, of genus 0, with the same triangles for all poses of a
-    class. Centimetres, z up, facing -y; the lowest point is at z = 0, and the centre of the
-    horizontal extent at x = y = 0.
+    All meshes are closed and connected, of genus 0; the poses of a class have the same triangles.
+    Coordinates are in centimetres, z up. A body faces -y, its lowest point is at z = 0, and the
+    centre of its horizontal extent at x = y = 0.
     """
     shapes = []
     for name, poses in _classes():
@@ -90,8 +90,8 @@ def animals() -> ShapeSet:
 
 
 def animals_few() -> ShapeSet:
-    """Return the data set of three poses of each class that has at least seven shapes."""
-    kept = set[str]()
+    """Return a small part of the animals: three poses of each class with at least seven shapes."""
+    kept = set[str]()  # identifiers of the shapes, such as "cat4"
     for name, poses in _classes():
         if len(poses) >= _FEW:
             kept.update(f"{name}{number}" for number in _POSES_OF_FEW)

@@ -56,10 +56,16 @@ def _kind(anomaly: Anomaly) -> tuple[str, ...]:
 
 
 def _joined(members: Sequence[Anomaly]) -> Anomaly:
-    """Return one anomaly that stands for several of a kind, in different files.
+    """Return one anomaly that stands for several of the same kind.
 
-    Numbers in the messages that differ become ranges.
+    It names all their files. Numbers in which the messages differ become ranges: "3 to 7 holes".
+
+    Parameters
+    ----------
+    members
+        Anomalies whose messages differ in numbers alone.
     """
+    # The one with the largest numbers comes first, and gives the joint one its other properties.
     members = sorted(members, key=_numbers, reverse=True)
     files: list[str] = []
     for anomaly in members:

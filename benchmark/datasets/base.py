@@ -23,14 +23,16 @@ def by_subject(entries: Iterable[Entry]) -> dict[str, list[Entry]]:
 
 
 def check_retrievable(dataset: ShapeSet, entries: Iterable[Entry] | None = None) -> None:
-    """Raise ``DatasetError`` unless there are at least two classes and a class with two shapes.
+    """Raise ``DatasetError`` unless shapes can be retrieved from a data set.
+
+    That takes at least two classes, and two shapes in at least one of them.
 
     Parameters
     ----------
     dataset
         The data set.
     entries
-        The ranked part of the data set; None for all shapes.
+        The part of the data set that is ranked; None for all shapes.
     """
     what = f"data set '{dataset.name}'"
     if entries is None:

@@ -156,18 +156,19 @@ def named_random(name: str, purpose: str) -> np.random.Generator:
 
 
 def bone_rotations(angles: FloatArray) -> dict[str, FloatArray]:
-    """Return the rotations of bones relative to their parents, about the axes of the body at rest.
+    """Return the rotation of each bone of a body in a pose, relative to its parent bone.
 
     Parameters
     ----------
     angles
-        Joint angles, shape (27,): of both arms, both legs, trunk, head, and the body as a whole.
+        Joint angles in degrees, shape (27,): 4 of each arm, 5 of each leg, and 3 each of the trunk,
+        the head and the body as a whole.
 
     Returns
     -------
     dict of str to numpy.ndarray
-        Rotation matrices, shape (3, 3), by bone name of the MakeHuman rig; other bones stay at
-        rest.
+        Rotation matrices about the axes of the body at rest, shape (3, 3), by the name of the bone
+        in the MakeHuman rig. Bones that are not named stay at rest.
     """
     left_arm, right_arm, left_leg, right_leg, trunk, head, body = np.split(
         angles, np.cumsum([_ARM, _ARM, _LEG, _LEG, _COLUMN, _COLUMN])
@@ -190,33 +191,37 @@ def _column(angles: FloatArray, bones: int) -> Rotation:
 
 
 def _arm(raised: float, forward: float, roll: float, bend: float) -> dict[str, Rotation]:
-    """Return the rotations of the bones of the left arm, by name.
+    """Return the rotation of each bone of the left arm, by its name.
 
-    The upper arm rolls about its axis, then takes the shortest swing to its direction.
+    The upper arm first rolls about its own axis, then swings to its direction by the shortest
+    rotation. The x axis points to the left of the body, y to its back, and z up.
 
     Parameters
     ----------
     raised
         Angle between the upper arm and straight down, in degrees.
     forward
-        How far the raised arm points forward instead of sideways, in degrees.
+        Angle by which the raised arm points forward instead of sideways, in degrees.
     roll
-        Turn of the upper arm about its axis, in degrees.
+        Turn of the upper arm about its axis, in degrees; clockwise as seen from the elbow.
     bend
         Bend of the elbow, in degrees; 0 is a straight arm.
     """
+    # The direction of the upper arm in spherical coordinates; angles are in radians from here on.
     raised = np.radians(raised)
     forward = np.radians(forward)
     side = np.sin(raised) * np.cos(forward)
     front = np.sin(raised) * np.sin(forward)
     direction = np.array([side, -front, -np.cos(raised)])
-    # The shortest rotation from the direction at rest, as a vector along its axis.
+    # The shortest rotation from the direction at rest: its axis times its angle.
     axis = np.cross(_UPPER_ARM, direction)
     angle = np.arctan2(np.linalg.norm(axis), _UPPER_ARM @ direction)
     swing = axis * (angle / max(float(np.linalg.norm(axis)), 1e-12))
+    # Each of the two bones of the upper arm takes half of the roll, so that the skin twists along
+    # the whole upper arm and not at the shoulder alone.
     half_roll = Rotation.from_rotvec(-np.radians(roll) / 2 * _UPPER_ARM)
-    # The elbow bends about the normal of the plane of upper arm and forearm, which form an angle
-    # at rest.
+    # The elbow turns about the normal of the plane of upper arm and forearm. The arm of the model
+    # is bent already at rest.
     hinge = np.cross(_UPPER_ARM, _FOREARM)
     bend_at_rest = np.arctan2(np.linalg.norm(hinge), _UPPER_ARM @ _FOREARM)
     hinge /= np.linalg.norm(hinge)
@@ -231,20 +236,29 @@ def _arm(raised: float, forward: float, roll: float, bend: float) -> dict[str, R
 def _leg(
     flexion: float, abduction: float, roll: float, bend: float, point: float
 ) -> dict[str, Rotation]:
-    """Return the rotations of the bones of the left leg, by name.
+    """Return the rotation of each bone of the left leg, by its name.
+
+    The x axis points to the left of the body, y to its back, and z up. All angles are in degrees.
 
     Parameters
     ----------
-    flexion, abduction, roll
-        How far the thigh is raised forward, raised sideways, and turned about its axis, in degrees.
-    bend, point
-        Bend of the knee, and stretch of the foot, in degrees.
+    flexion
+        How far the thigh is raised forward.
+    abduction
+        How far it is raised sideways.
+    roll
+        How far it is turned about its axis.
+    bend
+        Bend of the knee.
+    point
+        Stretch of the foot.
     """
 
     def about_x(angle: float) -> Rotation:
-        """Return a rotation about the axis of the hip, in degrees."""
+        """Return a rotation in the plane of walking, in degrees."""
         return Rotation.from_euler("x", angle, degrees=True)
 
+    # Each of the two bones of the thigh takes half of the roll, and a share of the flexion.
     half_roll = Rotation.from_euler("z", roll / 2, degrees=True)
     outwards = Rotation.from_euler("y", -abduction, degrees=True)
     return {
@@ -268,8 +282,9 @@ def body_mesh(subject: Subject, angles: FloatArray) -> Mesh:
     Returns
     -------
     Mesh
-        13 348 vertices and 26 692 triangles, closed, of genus 0, in one-to-one correspondence;
-        metres, z up, facing -y, left hand towards +x.
+        A closed mesh of genus 0 with 13 348 vertices and 26 692 triangles, which are the same for
+        all bodies. Coordinates are in metres, z up; the body faces -y, with its left hand towards
+        +x.
 
     Raises
     ------
@@ -381,7 +396,11 @@ def _strongest_bones(model: Any, vertices: IntArray) -> tuple[str, ...]:
 
 
 def _model() -> Any:
-    """Return the body of the package ``anny`` with skinning that is the same on all machines."""
+    """Return the body model of the package ``anny``, with bytes that are equal on all machines.
+
+    The package sums up the weighted movements of bones in an order that depends on the machine; the
+    model that is returned sums them in one order.
+    """
     import anny
     import anny.paths
     import torch

@@ -130,7 +130,7 @@ def open_dataset(name: str, data_root: Path | None = None) -> ShapeSet:
 
 
 def _open(name: str, data_root: Path | None) -> ShapeSet:
-    """Return a data set by its name, without changes; see :func:`open_dataset`.
+    """Open a data set by its name.
 
     Parameters
     ----------
@@ -142,11 +142,11 @@ def _open(name: str, data_root: Path | None) -> ShapeSet:
     Raises
     ------
     DatasetError
-        If the data of an official set are not there, or there is no such folder.
+        If the data of an official set are missing, or there is no such folder.
     """
     require_known(name)
     source = _source(name)
-    if source is None:
+    if source is None:  # a folder of a user
         folder = Path(name)
         if not folder.is_dir():
             raise _no_folder(folder)
@@ -159,9 +159,9 @@ def _open(name: str, data_root: Path | None) -> ShapeSet:
 
 
 def _source(name: str) -> OfficialSet | GeneratedSet | None:
-    """Look up a data set of the suite by its name; return None if there is none of this name.
+    """Return the data set of the suite with a name; None if the suite has none.
 
-    ``many_people`` sets have their number of bodies in the name: ``"people[n=100]"``.
+    The name of a set of people drawn at random holds their number: ``"people[n=100]"``.
     """
     match = _MANY.fullmatch(name)
     if not match:

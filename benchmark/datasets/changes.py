@@ -52,19 +52,24 @@ class Change:
 
 
 def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> ShapeSet:
-    """Return a data set with several views of each shape, one after the other.
+    """Return a data set with several views of each shape, from cameras around it.
 
-    The cameras stand upright around the shape, in equal steps; the first stands half a step from
-    the shape's own camera. All views have the frame of the set's own views.
+    The cameras stand upright at equal angles; the first one stands half a step from the camera of
+    the shape. All of them see as large a frame as that camera.
 
     Parameters
     ----------
     shapes
         A data set of complete surfaces.
     count
-        Number of views of each shape.
+        Number of cameras around each shape.
     own
-        Whether to add the view of the shape's own camera, as the last one.
+        Whether to add the view from the camera of the shape, as the last one.
+
+    Returns
+    -------
+    ShapeSet
+        The views of the first shape, then those of the second, and so on.
 
     Raises
     ------
@@ -74,11 +79,12 @@ def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> Shap
     if "mesh" not in shapes.inputs:
         problem = f"{shapes.name} shows one side of each shape"
         raise ConfigurationError(problem, "choose a data set of complete surfaces")
-    # Angles of the cameras from the shape's own, in radians.
+    # Angles of the cameras from that of the shape, in radians.
     step = 2 * np.pi / count
     angles = [step * place for place in np.arange(count) + 0.5]
     if own:
         angles.append(0.0)
+    # The views as shapes of the new set, and how each one is made.
     names: list[Entry] = []
     seen: dict[str, _Seen] = {}
     for entry in shapes.shapes:

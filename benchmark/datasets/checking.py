@@ -218,10 +218,12 @@ def _summary(values: Sequence[Any]) -> str:
 
 
 def describe_content(dataset: ShapeSet) -> str:
-    """Return what a data set is by its content, not by its name.
+    """Return in words what a data set holds, whatever it is called.
 
-    It is a stand-in for an official set, a known copy of one by the digests of its files, files
-    that are named like one, or neither.
+    - "stand-in for X": generated shapes in place of the official set X;
+    - "X (SHA-256 of all 80 files)": a published copy of an official set;
+    - "files named like X, unverified": an official set by the names of its files only;
+    - "not a stand-in": anything else.
     """
     if dataset.stand_in_for:
         return f"stand-in for {dataset.stand_in_for}"
@@ -241,14 +243,15 @@ def describe_content(dataset: ShapeSet) -> str:
 
 
 def _problems_of_copies(dataset: ShapeSet) -> Iterator[Anomaly]:
-    """Yield the files that are not those of a published copy of an official set.
+    """Yield a warning for each file of an official set that is not the published one.
 
-    If most files belong to one copy, these are the files that do not. If none belongs to any, it is
-    one warning about the whole set.
+    The published copy to which most files belong counts. If no file belongs to any copy, a single
+    warning is about the whole set.
     """
     official = SETS.get(dataset.name)
     if official is None or dataset.stand_in_for:
         return
+    # The published copy to which each file belongs by its digest.
     copy_of = {entry: official.copy_of(entry) for entry in dataset.shapes}
     known_copies = [copy for copy in copy_of.values() if copy is not None]
     if not known_copies:
@@ -319,20 +322,24 @@ def check_dataset(dataset: ShapeSet, watched: Watched = iter) -> Report:
 def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
     """Yield what is wrong with the classes of a data set.
 
-    An official set of one subject has one warning alone, as nothing can be retrieved from it. In
-    other sets, errors hinder retrieval; warnings tell of shapes that are no queries, and of classes
-    with other sizes than in the official set of that name.
+    - An official set with a single subject is not made for retrieval: it gets one warning.
+    - Too few classes, or too few shapes in them, are an error: nothing could be retrieved.
+    - Shapes that are alone in their class are a warning: they are ranked, but are no queries.
+    - A class of an official set with another size than published is an error.
     """
     try:
         check_ranked(dataset)
     except DatasetError as error:
+        # The set has another purpose, so the rules below do not apply to it.
         yield Anomaly("warning", (dataset.name,), error.located, error.hint)
-        return  # its only class has no rules
+        return
     try:
         check_retrievable(dataset)
     except DatasetError as error:
+        # The checks go on, so that a user sees all problems at once.
         yield Anomaly("error", (dataset.name,), error.located, error.hint)
     sizes = Counter(entry.subject for entry in dataset.shapes)
+    # A shape with the label -1 has a class of its own, so it counts here, too.
     n_lone = sum(size == 1 for size in sizes.values())
     if n_lone:
         what = (
@@ -345,12 +352,12 @@ def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
 
 
 def _unofficial_sizes(dataset: ShapeSet, sizes: Mapping[str, int]) -> Iterator[Anomaly]:
-    """Yield the classes of an official set whose number of shapes is not the official one.
+    """Yield an error for each class of an official set that has another size than published.
 
     Parameters
     ----------
     dataset
-        The data set; nothing is known of one that is not official.
+        The data set; one that is not official has no published sizes.
     sizes
         Number of shapes by class; 0 for a class without shapes.
     """
@@ -368,14 +375,16 @@ def _unofficial_sizes(dataset: ShapeSet, sizes: Mapping[str, int]) -> Iterator[A
 
 
 def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
-    """Yield the files in the folder of a data set that are none of its shapes, with the reason."""
+    """Yield a warning for each file in the folder of a data set that is not read as a shape."""
     folder = dataset.folder
     if folder is None:
         return
+    # Other kinds of files; an official archive may hold any.
     if dataset.name not in SETS:
         for path in skipped_files(folder):
             what, hint = _why_skipped(path, folder)
             yield Anomaly("warning", (_relative(path, folder),), f"skipped: {what}", hint)
+    # Meshes that are no shapes of the set.
     used = {entry.path for entry in dataset.shapes}
     folders_of_shapes = [path.parent for path in used if path]
     for place in dict.fromkeys([folder, *folders_of_shapes, *sub_folders(folder)]):
@@ -393,16 +402,16 @@ def _why_skipped(path: Path, folder: Path) -> tuple[str, str]:
 
 
 def _surplus_meshes(place: Path, folder: Path, used: Container[Path | None]) -> Iterator[Anomaly]:
-    """Yield the meshes in one folder of a data set that are none of its shapes.
+    """Yield a warning for each mesh in a folder that is not a shape of the data set.
 
     Parameters
     ----------
     place
-        The folder in which they are looked for.
+        The folder to search: that of the data set, or one below it.
     folder
         Folder of the data set, relative to which files are named.
     used
-        Files of the shapes.
+        Files of the shapes of the data set.
     """
     first_of_name: dict[str, Path] = {}
     for path in all_mesh_files(place):
@@ -441,17 +450,18 @@ def unfinished_files(dataset: ShapeSet, entries: Iterable[Entry]) -> Iterator[An
 
 
 def _report(dataset: ShapeSet, problems: Iterable[Anomaly], watched: Watched) -> Report:
-    """Inspect all shapes of a data set, and return the report on them and on the set.
+    """Inspect all shapes of a data set, and return the report on them and on the whole set.
 
     Parameters
     ----------
     dataset
         The data set.
     problems
-        Problems of the set that are known already.
+        Problems of the set that were found before its shapes are read.
     watched
         Progress wrapper around the shapes.
     """
+    # The shapes that can be read, their entries, and what is wrong with single shapes.
     shapes: list[CheckedShape] = []
     read: list[Entry] = []
     anomalies: list[Anomaly] = []
@@ -460,6 +470,7 @@ def _report(dataset: ShapeSet, problems: Iterable[Anomaly], watched: Watched) ->
         try:
             shape = _inspect(dataset, entry, file)
         except ShapeError as error:
+            # The report names the file of the shape; another file is named in the message.
             is_about_another_file = error.file not in (None, entry.path)
             problem = error.located if is_about_another_file else error.problem
             anomalies.append(Anomaly("error", (file,), problem, error.hint))
@@ -483,9 +494,9 @@ def _report(dataset: ShapeSet, problems: Iterable[Anomaly], watched: Watched) ->
 
 
 def _copies_of_shapes(shapes: Iterable[CheckedShape]) -> Iterator[Anomaly]:
-    """Yield the shapes that have exactly the geometry of an earlier one.
+    """Yield an anomaly for each shape with exactly the geometry of an earlier one.
 
-    It is an error if their classes differ.
+    It is a warning within a class, and an error between two classes.
     """
     first_with_digest: dict[str, CheckedShape] = {}
     for shape in shapes:
@@ -501,18 +512,18 @@ def _copies_of_shapes(shapes: Iterable[CheckedShape]) -> Iterator[Anomaly]:
 
 
 def changes_of(prepared: Prepared) -> list[tuple[str, str]]:
-    """Return what is unusual about a mesh, each with what preparation or a user can do about it.
+    """Return what preparation changed in a mesh.
 
     Parameters
     ----------
     prepared
-        The prepared mesh, whose report counts what was changed.
+        The prepared mesh, whose report counts the changes.
 
     Returns
     -------
     list of (str, str)
-        What it is, such as "3 duplicate faces", and what becomes of it, "preparation keeps one of
-        each".
+        For each change, what was found, such as "3 duplicate faces", and what preparation or the
+        user does about it, such as "preparation keeps one of each".
     """
     report = prepared.report
     changes = []
@@ -520,7 +531,7 @@ def changes_of(prepared: Prepared) -> list[tuple[str, str]]:
         if report[name]:
             what = counted(int(report[name]), *singular_and_plural)
             changes.append((what, action))
-    gap = prepared.scale * report["largest_gap"]
+    gap = prepared.scale * report["largest_gap"]  # in units of the file
     if gap:
         hint = "join the pieces if the surface should be in one"
         changes.append((f"bridges of length up to {gap:.3g}", hint))
@@ -531,41 +542,36 @@ def changes_of(prepared: Prepared) -> list[tuple[str, str]]:
 
 
 def _inspect(dataset: ShapeSet, entry: Entry, file: str) -> CheckedShape:
-    """Read a shape as a run would, and return what a check says of it.
+    """Read a shape as a run would, and return its measurements and problems.
 
     Parameters
     ----------
     dataset, entry
-        The shape.
+        The data set, and one of its shapes.
     file
-        What reports call its file.
+        What reports call the file of the shape.
 
     Raises
     ------
     ShapeError
-        If it cannot be used.
+        If a run could not use the shape.
     """
     if dataset.observe is None:
         mesh = dataset.load(entry)
         prepared = prepare(mesh, mesh.n_vertices)
         changes = [*changes_of(prepared), *_dropped_faces(dataset, entry)]
         return _measured(dataset, entry, file, mesh, counts=prepared.report, changes=changes)
+    # The surface behind a depth image is open and possibly in pieces, so it is not prepared.
     observed = dataset.observe(entry)
     mesh = observed.surface
-    return _measured(
-        dataset,
-        entry,
-        file,
-        mesh,
-        # Views are not prepared: they are open, and possibly in pieces.
-        counts={
-            "vertices_before": mesh.n_vertices,
-            "faces_before": mesh.n_faces,
-            **topology(compact(mesh.vertices, mesh.faces)),
-        },
-        changes=[*observed.doubts, *_joined_pieces(dataset, entry, mesh)],
-        capture=_capture(observed, entry),
-    )
+    counts = {
+        "vertices_before": mesh.n_vertices,
+        "faces_before": mesh.n_faces,
+        **topology(compact(mesh.vertices, mesh.faces)),
+    }
+    changes = [*observed.doubts, *_joined_pieces(dataset, entry, mesh)]
+    capture = _capture(observed, entry)
+    return _measured(dataset, entry, file, mesh, counts=counts, changes=changes, capture=capture)
 
 
 def _measured(
@@ -619,15 +625,15 @@ def _capture(observed: Any, entry: Entry) -> dict[str, Any]:
     Parameters
     ----------
     observed
-        The object of the image.
+        The object that the image shows.
     entry
-        Its shape; the name of its file is replaced by NAME.
+        The shape of the image; the name of its file is replaced by NAME.
 
     Returns
     -------
     dict
-        In words ``unit``, ``camera`` and ``mask``; in metres ``depths``, the least and the largest
-        one, and ``distance`` and ``size`` of the object.
+        Texts ``unit``, ``camera`` and ``mask``. In metres, the pair ``depths`` of the least and the
+        largest depth, and the numbers ``distance`` and ``size`` of the object.
     """
     notes = observed.notes
     depths = observed.depths[observed.depths > 0]
@@ -644,16 +650,17 @@ def _capture(observed: Any, entry: Entry) -> dict[str, Any]:
 
 
 def _problems_of_units(shapes: Sequence[CheckedShape]) -> Iterator[Anomaly]:
-    """Yield the shapes whose size differs from that of their class by the factor of a unit.
+    """Yield a warning about shapes that seem to be in another unit than the others.
 
-    A shape that is alone in its class is compared with the whole set. If some are larger and some
-    smaller by a factor, the fewer ones have another unit; of equally many, those farther from the
-    usual size.
+    Such a shape is, for example, 1000 times as large as the others of its class; one that is alone
+    in its class is compared with the whole set. If a class holds two groups that differ by such a
+    factor, the smaller group has the other unit; of equal groups, the one farther from the usual
+    size of the set.
 
     Parameters
     ----------
     shapes
-        Shapes with their files, classes and sizes, the roots of their areas.
+        The readable shapes with their files, classes and sizes (the roots of their areas).
     """
     if not shapes:
         return
@@ -661,9 +668,10 @@ def _problems_of_units(shapes: Sequence[CheckedShape]) -> Iterator[Anomaly]:
     ratios = {shape.file: _ratio_to_class(shape, shapes, usual_size) for shape in shapes}
 
     def rank(group: Sequence[CheckedShape]) -> tuple[int, float]:
-        """Return what is least for the group that has another unit: few shapes, far from usual."""
+        """Return a key that sorts few shapes first, and of equally many those far from usual."""
         distance = sum(abs(math.log(shape.size / usual_size)) for shape in group)
-        return len(group) or len(shapes), -distance
+        n_shapes = len(group) or len(shapes)  # an empty group comes last
+        return n_shapes, -distance
 
     for factor in _UNITS:
         large = [shape for shape in shapes if _is_near(ratios[shape.file], factor)]
@@ -699,17 +707,19 @@ def _other_unit(odd: Sequence[CheckedShape], how_large: str, others: Sequence[st
 
 
 def _problems_of_frame(dataset: ShapeSet, extents: Mapping[str, float]) -> Iterator[Anomaly]:
-    """Yield shapes that exceed the camera's frame or cover too few pixels.
+    """Yield the shapes that do not fit the frame of the camera, or hardly fill it.
 
     Parameters
     ----------
     dataset
         The data set.
     extents
-        Extent of each readable shape in the camera's frame, by its file.
+        Extent of each readable shape in the frame, by its file: the largest coordinate from the
+        centre, in units of the data set.
     """
     if not extents:
         return
+    # Half the width of the frame, as the data set declares it, or else fitted to all shapes.
     declared = dataset.half_width
     widest = max(extents, key=lambda file: extents[file])
     if declared is not None and extents[widest] >= declared:

@@ -24,10 +24,10 @@ Describe = Callable[[Path, Mapping[str, Entry]], Sequence[str]]
 def write_meshes(
     dataset: ShapeSet, folder: Path, *, watched: Watched = iter, describe: Describe | None = None
 ) -> tuple[tuple[str, ...], list[str]]:
-    """Write the readable shapes as ``CLASS/POSE.off``; cameras and poses in ``dataset.toml``.
+    """Write a data set as a folder of meshes that can be opened as a data set again.
 
-    Coordinates are exact. Files are written to a temporary sibling folder, which takes the place of
-    the folder at the end, so a failure while writing leaves nothing.
+    Shapes become files ``CLASS/POSE.off`` with exact coordinates; ``dataset.toml`` holds their
+    cameras and canonical poses. If writing fails, no folder remains.
 
     Parameters
     ----------
@@ -38,13 +38,14 @@ def write_meshes(
     watched
         Progress wrapper; see :data:`~benchmark.datasets.base.Watched`.
     describe
-        Writes what describes the set beside it.
+        Writes further files, which describe the set, into the folder, and returns their names.
 
     Returns
     -------
-    tuple of str, list of str
-        Names of the files, meshes first; and a line for each shape that cannot be read and is left
-        out.
+    files : tuple of str
+        Names of the files, meshes first, relative to the folder.
+    problems : list of str
+        A line for each shape that cannot be read and is left out.
 
     Raises
     ------
@@ -62,6 +63,7 @@ def write_meshes(
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise ConfigurationError(f"{folder} is not an empty folder", "choose a new one")
         folder.parent.mkdir(parents=True, exist_ok=True)
+        # A folder beside the target takes its name when all files are written.
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as name:
             target = Path(name) / "set"
             written, problems = _write_meshes(dataset, names, target, watched)
@@ -119,9 +121,9 @@ def _write_meshes(
 
 
 def _file_names(entries: Sequence[Entry]) -> dict[str, str]:
-    """Return the file in which each shape is written, ``CLASS/POSE.off``, by its identifier.
+    """Return the name of the file of each shape, ``CLASS/POSE.off``, by its identifier.
 
-    A pose without a name, or that several shapes of a class have, gets the number of the shape.
+    The number of the shape is added to a pose that has no name, or that its class has twice.
 
     Raises
     ------
@@ -159,6 +161,7 @@ def _settings(dataset: ShapeSet, written: Mapping[str, Entry]) -> str:
     if dataset.half_width is not None:
         lines.append(f"half_width = {float(dataset.half_width)!r}")
     lines += ["", "[canonical_pose]"]
+    # Of the shapes that are written only: one that could not be read has no file.
     canonical = canonical_shapes(replace(dataset, shapes=tuple(written.values()))).values()
     for file, entry in written.items():
         if entry in canonical:

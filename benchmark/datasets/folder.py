@@ -13,7 +13,7 @@ from benchmark.datasets.base import natural_key
 from benchmark.datasets.frames import depth_frame_set
 from benchmark.datasets.labels import class_name, read_labels
 from benchmark.datasets.mesh_files import (
-    BESIDE,
+    COMPANIONS,
     MESHES,
     READABLE,
     mesh_file_set,
@@ -27,8 +27,8 @@ from benchmark.errors import DatasetError
 from benchmark.files import LARGEST_LIST, decode, named_errors, read_file
 from benchmark.text import listed, printable
 
-#: Textures, settings and texts beside meshes and images, which are known.
-_BESIDE = (
+#: Extensions of textures, settings and texts that users keep beside meshes and images.
+_ACCESSORIES = (
     ".jpg",
     ".jpeg",
     ".bmp",
@@ -41,6 +41,9 @@ _BESIDE = (
     ".html",
 )
 
+#: Extensions of all files that a data set reads, or leaves out without a word.
+_KNOWN_EXTENSIONS = frozenset({*MESHES, *COMPANIONS, *EXTENSIONS, *_ACCESSORIES})
+
 #: Names of lists of classes of the Princeton Shape Benchmark.
 _CLA = re.compile(r".*\.cla", re.IGNORECASE)
 
@@ -51,10 +54,15 @@ _LISTS = re.compile(r".*\.cla|labels\.(txt|csv|tsv)", re.IGNORECASE)
 def folder_set(folder: Path, name: str = "") -> ShapeSet:
     """Open a folder of meshes or of depth images as a data set.
 
-    Classes come from the first available source: ``labels.txt`` or ``labels.csv``, a ``.cla`` file,
-    the names of mesh files in the folder without trailing number (``cat10.off`` has class ``cat``),
-    or sub-folders. A ``dataset.toml`` sets canonical poses, cameras and units. A folder without
-    meshes may contain depth images, classified alike.
+    The class of a shape comes from the first of these that the folder has:
+
+    - ``labels.txt`` or ``labels.csv``, with the label of each shape;
+    - a ``.cla`` file of the Princeton Shape Benchmark;
+    - names of files in the folder without their number: ``cat10.off`` has class ``cat``;
+    - sub-folders, of which each is a class.
+
+    A ``dataset.toml`` sets canonical poses, cameras and units. Depth images are looked for in a
+    folder without meshes.
 
     Parameters
     ----------
@@ -66,27 +74,28 @@ def folder_set(folder: Path, name: str = "") -> ShapeSet:
     Raises
     ------
     DatasetError
-        If the folder is unreadable or contains no shapes, or if its ``.cla`` file is invalid.
+        If the folder is unreadable or contains no shapes, or if a list of classes is invalid.
     ConfigurationError
         If ``dataset.toml`` has an unknown key.
     """
     name = name or printable(folder.resolve().name)
     classes = class_list([folder], _LISTS)
     is_cla = classes is not None and classes.suffix.lower() == ".cla"
-    shapes = [*_from_cla(classes, mesh_files(folder))] if classes and is_cla else _meshes(folder)
-    are_frames = not shapes
-    if are_frames:
+    shapes = list(_from_cla(classes, mesh_files(folder))) if classes and is_cla else _meshes(folder)
+    are_depth_images = not shapes
+    if are_depth_images:
         shapes = _depth_images(folder)
     if not shapes:
         raise _no_shapes(folder)
     if classes and not is_cla:
         shapes = _labelled(classes, shapes)
+
     counts = Counter(entry.identifier for entry in shapes)
     for identifier, count in counts.items():
         if count > 1:
             problem = f"{folder} holds two shapes that are both written '{identifier}'"
             raise DatasetError(problem, "rename one of them")
-    if are_frames:
+    if are_depth_images:
         return depth_frame_set(name, folder, tuple(shapes))
     return with_settings(mesh_file_set(name=name, shapes=tuple(shapes), folder=folder))
 
@@ -120,7 +129,7 @@ def depth_files(folder: Path) -> list[Path]:
 
     They have 16 bits or more, floats or arrays; colours and masks are none.
     """
-    return _listed(folder, lambda path: not path.is_dir() and is_depth_file(path))
+    return _visible_paths(folder, lambda path: not path.is_dir() and is_depth_file(path))
 
 
 def mesh_files(folder: Path) -> list[Path]:
@@ -147,41 +156,62 @@ def all_mesh_files(folder: Path) -> list[Path]:
     def is_mesh(path: Path) -> bool:
         return mesh_suffix(path) in MESHES and not path.is_dir()
 
-    return sorted(_listed(folder, is_mesh), key=lambda path: MESHES.index(mesh_suffix(path)))
+    paths = _visible_paths(folder, is_mesh)
+    return sorted(paths, key=lambda path: MESHES.index(mesh_suffix(path)))
 
 
 def sub_folders(folder: Path) -> list[Path]:
     """Return visible sub-folders in natural order; raise ``DatasetError`` if there is no list."""
-    return _listed(folder, Path.is_dir)
+    return _visible_paths(folder, Path.is_dir)
 
 
 def skipped_files(folder: Path) -> list[Path]:
-    """Return the files of a folder and its sub-folders that nothing reads.
+    """Return the files of a data set that are ignored, so that a report can name them.
 
-    These are files of unknown kinds, and hidden files (``.cat.off``) of known kinds.
+    The visible files of unknown kinds come first. They are followed by hidden files of known kinds,
+    such as ``.cat.off``, which are probably meant as shapes. Other hidden files are left out.
+
+    Parameters
+    ----------
+    folder
+        Folder of the data set, whose sub-folders are searched, too.
+
+    Raises
+    ------
+    DatasetError
+        If a folder cannot be listed.
     """
-    places = (folder, *sub_folders(folder))
-    known = {*MESHES, *BESIDE, *EXTENSIONS, *_BESIDE}
-
-    def is_unknown(path: Path) -> bool:
-        """Return whether a path is a file that nothing reads."""
-        if path.is_dir() or mesh_suffix(path) in known:
-            return False
-        if CAMERA_FILES.fullmatch(path.name):
-            return False
-        is_list = path.name == SETTINGS_FILE or _LISTS.fullmatch(path.name) is not None
-        return not is_list or path.parent != folder  # lists are read beside the shapes alone
-
     unknown: list[Path] = []
     hidden: list[Path] = []
-    for place in places:
-        unknown += _listed(place, is_unknown)
-        hidden += [path for path in sorted(place.glob(".*")) if mesh_suffix(path) in known]
+    for place in (folder, *sub_folders(folder)):
+        unknown += _visible_paths(place, lambda path: _is_of_unknown_kind(path, folder))
+        hidden += [
+            path for path in sorted(place.glob(".*")) if mesh_suffix(path) in _KNOWN_EXTENSIONS
+        ]
     return unknown + hidden
 
 
-def _listed(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
-    """Return visible paths in a folder, in natural order.
+def _is_of_unknown_kind(path: Path, folder: Path) -> bool:
+    """Return whether a path is a file that a data set neither reads nor expects.
+
+    Parameters
+    ----------
+    path
+        A path in the folder of the data set or in one of its sub-folders.
+    folder
+        Folder of the data set.
+    """
+    if path.is_dir() or mesh_suffix(path) in _KNOWN_EXTENSIONS:
+        return False
+    if CAMERA_FILES.fullmatch(path.name):
+        return False
+    if path.parent != folder:
+        return True  # settings and lists of classes are read from the folder itself alone
+    return path.name != SETTINGS_FILE and not _LISTS.fullmatch(path.name)
+
+
+def _visible_paths(folder: Path, is_wanted: Callable[[Path], bool]) -> list[Path]:
+    """Return the paths in a folder that are wanted and not hidden, in natural order.
 
     Raises
     ------
@@ -207,34 +237,38 @@ def _labelled(source: Path, entries: Sequence[Entry]) -> list[Entry]:
     Parameters
     ----------
     source
-        The list, ``labels.txt`` or ``labels.csv``.
+        The list, ``labels.txt`` or ``labels.csv``, which names exactly these shapes.
     entries
-        The shapes beside it; each must be in the list, and nothing else.
+        The shapes beside the list, at least one.
 
     Raises
     ------
     DatasetError
-        If the list and the shapes differ.
+        If the list gives no names, or does not name exactly the shapes.
     """
     labels = read_labels(source)
     if not isinstance(labels, dict):
         raise DatasetError(f"{source} does not name the shapes", "write 'name label' on each line")
-    names = [entry.identifier for entry in entries]
-    unlabelled = [name for name in names if name not in labels]
+    names = {entry.identifier for entry in entries}
+    unlabelled = [entry.identifier for entry in entries if entry.identifier not in labels]
     surplus = [name for name in labels if name not in names]
     if unlabelled or surplus:
         problem = f"{source} and the shapes beside it differ in {listed([*unlabelled, *surplus])}"
-        raise DatasetError(problem, f"name each shape once, like {names[0]}")
-    return [
-        replace(entry, subject=labels[entry.identifier], pose=entry.identifier) for entry in entries
-    ]
+        raise DatasetError(problem, f"name each shape once, like {entries[0].identifier}")
+
+    labelled = []
+    for entry in entries:
+        name = entry.identifier
+        # The class no longer comes from the name, so the whole name tells the poses apart.
+        labelled.append(replace(entry, subject=labels[name], pose=name))
+    return labelled
 
 
 def _depth_images(folder: Path) -> list[Entry]:
     """Return the depth images of a folder, or of its sub-folders if it holds none itself.
 
-    A sub-folder is a class; its images may lie in a folder ``depth`` in it. Folders of masks are
-    left out.
+    Each sub-folder is a class, whose images lie in it or in a folder ``depth`` below it. Folders of
+    masks are left out.
     """
     files = depth_files(folder)
     if files:
@@ -279,7 +313,7 @@ def class_list(folders: Sequence[Path], lists: re.Pattern[str] = _CLA) -> Path |
     """
     files: list[Path] = []
     for folder in folders:
-        files += _listed(folder, lambda path: lists.fullmatch(path.name) is not None)
+        files += _visible_paths(folder, lambda path: lists.fullmatch(path.name) is not None)
     if len(files) > 1:
         names = " and ".join(path.relative_to(folders[0]).as_posix() for path in files[:2])
         problem = f"{folders[0]} holds {names}"
@@ -293,15 +327,14 @@ def read_cla(path: Path) -> dict[int, str]:
     Parameters
     ----------
     path
-        Text: ``PSB 1``; ``<classes> <models>``; per class ``<name> <parent> <count>`` and ``count``
-        model numbers.
+        A text with the lines ``PSB 1`` and ``<classes> <models>``; then, for each class, a line
+        ``<name> <parent> <count>`` and as many numbers of models.
 
     Returns
     -------
-    dict
-        Class name of each model number (0-based, as in the file names), in file order. Models of
-        the class ``-1`` have nothing in common: each is a class of its own, which is ranked, but no
-        query.
+    dict of int to str
+        Class of each model by its number, which is that in the name of its file, in the order of
+        the text. A model of the class ``-1`` (miscellaneous) gets a class of its own.
 
     Raises
     ------
@@ -341,8 +374,8 @@ def _listed_classes(words: Sequence[str]) -> Iterator[tuple[str, list[int]]]:
     Parameters
     ----------
     words
-        Words behind the header: for each class its name, its parent, the number of its models, and
-        these.
+        The words after the header. Each class has its name, its parent and the number of its
+        models, followed by the numbers of the models.
 
     Raises
     ------
@@ -370,7 +403,9 @@ def _whole(word: str) -> int:
 
 
 def _from_cla(cla: Path, files: Iterable[Path]) -> Iterator[Entry]:
-    """Yield the shapes that a classification lists by the numbers at the ends of their file names.
+    """Yield the shapes that a classification lists.
+
+    It lists them by numbers, which stand at the ends of the names of their files.
 
     Parameters
     ----------
@@ -382,7 +417,7 @@ def _from_cla(cla: Path, files: Iterable[Path]) -> Iterator[Entry]:
     Raises
     ------
     DatasetError
-        If there is no file with a listed number, or several ones, or it lies elsewhere.
+        If a listed number has no file or several, or the file is a link out of the folder.
     """
     by_number: dict[int, list[Path]] = {}
     for path in files:

@@ -20,15 +20,14 @@ _WHERE = ", in a folder of depth images"
 
 
 def depth_frame_set(name: str, folder: Path, entries: tuple[Entry, ...]) -> ShapeSet:
-    """Return a set of depth images of one object each.
+    """Return the data set of the depth images in a folder, each of one object.
 
-    The mesh of a shape is its visible surface: right, up, towards the camera. All keys of
-    ``dataset.toml`` are optional:
+    The mesh of a shape is its visible surface, with the axes right, up and towards the camera. The
+    folder may have a ``dataset.toml`` with these keys:
 
-    - ``intrinsics``, a file or fx, fy, cx, cy; without it, a file is searched for each image;
-    - ``depth_scale``, the units per metre;
-    - ``up``, the up direction in the camera's frame, [right, down, forward], used if no floor is
-      detected;
+    - ``intrinsics``, a file or fx, fy, cx, cy; by default, a file beside each image;
+    - ``depth_scale``, the units of depth per metre;
+    - ``up``, the up direction as [right, down, forward] of the camera, where no floor is detected;
     - ``half_width``, half the width of the frame of the objects, in metres;
     - ``canonical_pose``, a pose or a table from class to pose.
 
@@ -95,7 +94,7 @@ class _Frames:
         return self.observe(entry).surface
 
     def key(self, entry: Entry) -> str:
-        """Return what determines a shape: digests of its files, and the settings of the set."""
+        """Return a text that determines a shape: digests of its files, and settings of the set."""
         frame = self.files[entry.identifier]
         try:
             parts = [file_digest(frame.image)]
@@ -103,7 +102,8 @@ class _Frames:
                 parts.append(f"mask:{file_digest(frame.mask_file)}")
             if frame.intrinsics_file:
                 parts.append(f"intrinsics:{file_digest(frame.intrinsics_file)}")
-        except ShapeError as error:  # it is refused when it is prepared
+        except ShapeError as error:
+            # An unreadable file has no digest. The shape is refused later, when it is prepared.
             return f"{entry.identifier}: {error}"
         return " ".join([*parts, repr(self.settings)])
 
@@ -127,7 +127,7 @@ def frame_settings(folder: Path) -> dict[str, Any]:
 
 
 def _camera(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
-    """Return what the settings of a data set say about its camera, as keywords of ``FrameFiles``.
+    """Return what the settings of a data set say about its camera.
 
     Parameters
     ----------
@@ -135,6 +135,11 @@ def _camera(values: Mapping[str, Any], path: Path) -> dict[str, Any]:
         Keys and values of ``dataset.toml``.
     path
         That file, relative to which files are named.
+
+    Returns
+    -------
+    dict
+        Keyword arguments of ``FrameFiles``: ``intrinsics``, ``scale``, ``up`` and ``half_width``.
 
     Raises
     ------

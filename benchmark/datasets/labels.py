@@ -93,13 +93,15 @@ def _one_axis(values: Any, what: str) -> Any:
 
     Parameters
     ----------
-    values, what
-        See :func:`scalars_of`.
+    values
+        A list, an array, a tensor or a column of a table; shapes (n, 1) and (1, n) are accepted.
+    what
+        What an error calls one of the values: ``"label"``.
 
     Raises
     ------
     ConfigurationError
-        If they have several fields, no axis or several, or are times.
+        If the values have several fields or axes, are a single value, or are times.
     """
     array = _as_array(values, what)
     if array.dtype.names is not None:
@@ -126,12 +128,12 @@ def _as_array(values: Any, what: str) -> Any:
     values
         A list, an array, a tensor, a column of a table, or an iterator.
     what
-        What an error calls the values: ``"label"``.
+        What an error calls one of the values: ``"label"``.
 
     Raises
     ------
     ConfigurationError
-        If they are one text or have no order, such as a set, or cannot be converted.
+        If the values are a single text, have no order, as a set, or cannot be converted.
     """
     if isinstance(values, Set | str | bytes | Mapping):
         problem = f"the {what}s are one value of type {_type_name(values)}"
@@ -141,30 +143,36 @@ def _as_array(values: Any, what: str) -> Any:
     if isinstance(values, np.ma.MaskedArray):
         return values
     try:
-        if isinstance(values, list | tuple):  # or numpy turns numbers beside text into text
+        if isinstance(values, list | tuple):
+            # As objects: else numpy would turn numbers beside texts into texts.
             return np.asarray(values, dtype=object)
         return np.asarray(values)
-    except Exception as error:  # of any library
+    except Exception as error:  # conversions of other libraries raise errors of any type
         problem = f"the {what}s are no array: {one_line(error)}"
         raise ConfigurationError(problem, _ONE_AXIS) from error
 
 
 def _scalar(value: Any, row: int, what: str) -> Scalar:
-    """Convert a label to text, a number or a truth value of Python; None if it stands for none.
+    """Convert a value of a table to a plain text, number or truth value of Python.
 
     Parameters
     ----------
     value
         A text, bytes, a number or a truth value, also of numpy, or an array of one of them.
     row
-        Its place among all values, from 1, for an error.
+        Place of the value among all values, from 1, for an error.
     what
         What an error calls the values: ``"label"``.
+
+    Returns
+    -------
+    bool, int, float, str or None
+        The value; None if it is missing: an empty or masked cell, None or NaN.
 
     Raises
     ------
     ConfigurationError
-        If it is anything else, infinite, or a float too large to tell whole numbers apart.
+        If the value has another type, is infinite, or is a float too large to be exact.
     """
     if hasattr(value, "__array__") or isinstance(value, np.generic):
         value = _only_item(value, row, what)
@@ -234,7 +242,7 @@ def _only_item(value: Any, row: int, what: str) -> Any:
     Parameters
     ----------
     value
-        An array, or what numpy converts to one.
+        An array with at most one item, or what numpy converts to one.
     row
         Place of the array among all values, from 1, for an error.
     what
@@ -243,11 +251,11 @@ def _only_item(value: Any, row: int, what: str) -> Any:
     Raises
     ------
     ConfigurationError
-        If it holds several items, records or times.
+        If the array holds several items, records or times.
     """
     try:
         array = value if isinstance(value, np.ma.MaskedArray) else np.asarray(value)
-    except Exception as error:  # of any library
+    except Exception as error:  # conversions of other libraries raise errors of any type
         raise ConfigurationError(f"{what} {row}: {one_line(error)}", _ONE_AXIS) from error
     if array.size == 0:
         return None
@@ -310,13 +318,13 @@ def class_name(label: bool | int | float | str, shape: object) -> str:
 
 
 def classes_of(labels: Any) -> dict[str, str] | list[str]:
-    """Return the classes of shapes from labels in any of several forms.
+    """Return the class of each shape as text, from labels in any of several forms.
 
     Parameters
     ----------
     labels
-        A mapping by name, a pandas series or frame of one column, whose index names the shapes, or
-        one axis of values in the order of the shapes.
+        A mapping from names of shapes to labels; a pandas series or frame of one column, whose
+        index names the shapes; or a list or array of labels in the order of the shapes.
 
     Returns
     -------
@@ -328,10 +336,12 @@ def classes_of(labels: Any) -> dict[str, str] | list[str]:
     ConfigurationError
         If the labels or names are no plain values, some shapes have no label, or two have one name.
     """
-    if not hasattr(labels, "items"):
+    has_names = hasattr(labels, "items")
+    if not has_names:
         values = scalars_of(labels, "label")
         return _classes(values, [f"row {row}" for row in range(1, len(values) + 1)])
-    if hasattr(labels, "columns"):
+    is_frame = hasattr(labels, "columns")
+    if is_frame:
         n_columns = len(labels.columns)
         if n_columns != 1:
             problem = f"the labels are a frame of {n_columns} columns"
@@ -354,14 +364,14 @@ def check_names(names: Sequence[str], hint: str = "name each shape once") -> Non
 
 
 def _classes(labels: Sequence[Scalar], names: Sequence[str]) -> list[str]:
-    """Return the class that each label means, as text.
+    """Return the class of each shape as text.
 
     Parameters
     ----------
     labels
-        A label for each shape; None for no label.
+        Label of each shape; None if it has none. The label -1 means a class of its own.
     names
-        Name of each shape; a label -1 makes it a class of its own.
+        Name of each shape.
 
     Raises
     ------
@@ -383,14 +393,18 @@ def _classes(labels: Sequence[Scalar], names: Sequence[str]) -> list[str]:
 
 
 def _check_spellings(classes: Iterable[str]) -> None:
-    """Raise ``ConfigurationError`` if two classes are one number, such as 7.5 and 7.50, or 01."""
-    spellings = dict[float, str]()
+    """Raise ``ConfigurationError`` if two classes are one number in two spellings.
+
+    Such are 7.5 and 7.50, or 1 and 01: nobody can know whether they mean one class.
+    """
+    first_spelling = dict[float, str]()
     for name in dict.fromkeys(classes):
         try:
-            number = float(name.replace("_", "?"))  # Python takes 1_0 as a number
+            # For Python, 1_0 is the number 10; as a label, it is a text.
+            number = float(name.replace("_", "?"))
         except ValueError:
             continue
-        other = spellings.setdefault(number, name)
+        other = first_spelling.setdefault(number, name)
         if other != name:
             problem = f"'{other}' and '{name}' may be one class or two"
             raise ConfigurationError(problem, "write one number in one way")
@@ -429,21 +443,29 @@ def read_labels(path: Path) -> dict[str, str] | list[str]:
 
 
 def _rows_of(lines: Sequence[str]) -> TextRows:
-    """Split the lines of a table into cells, one or two per line, at the separator that fits.
+    """Split the lines of a table into cells, one or two per line.
+
+    The separator is the one that divides all lines into the same number of cells.
+
+    Parameters
+    ----------
+    lines
+        The lines, at least one.
 
     Raises
     ------
     ConfigurationError
-        If several separators fit and give different cells, or lines have other numbers of cells.
+        If several separators fit and give different cells, or a line has another number of cells.
     """
     rows_by_separator = {
         separator: cells_of(lines, separator) for separator in separators_of(lines)
     }
+    # Several separators may fit, but they must give the same cells.
     different = {str(rows): separator for separator, rows in rows_by_separator.items()}
     if len(different) > 1:
         raise ambiguous(list(different.values()))
     if rows_by_separator:
-        rows, *_ = rows_by_separator.values()  # all of them are equal
+        rows, *_ = rows_by_separator.values()
         n_cells = len(rows[0])
         if n_cells <= 2:
             return rows
@@ -451,6 +473,7 @@ def _rows_of(lines: Sequence[str]) -> TextRows:
         if rows[0][0] == "":
             hint = f"{hint}, without row numbers (index=False in pandas)"
         raise ConfigurationError(f"it has lines of {n_cells} words", hint)
+    # No separator fits: each line is one label, unless some lines hold a separator.
     if not any(map(holds_separator, lines)):
         return cells_of(lines, ";")
     widths = {len(row) for row in cells_of(lines, usual_separator(lines))}
@@ -471,14 +494,15 @@ def _without_header(rows: TextRows) -> TextRows:
     Parameters
     ----------
     rows
-        Cells of each row, one or two: the label, or name and label.
+        Cells of each row: one, the label, or two, the name of a shape and its label.
 
     Raises
     ------
     ConfigurationError
         If the header says that labels come first, or there is nothing but a header.
     """
-    if len(rows[0]) == 1:
+    has_names = len(rows[0]) == 2
+    if not has_names:
         return rows
     first, second = (cell.lower() for cell in rows[0])
     if first in _LABELS and second in _NAMES:

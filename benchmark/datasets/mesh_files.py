@@ -26,7 +26,7 @@ from benchmark.geometry.copies import check_copies
 from benchmark.geometry.mesh import Mesh
 
 __all__ = [
-    "BESIDE",
+    "COMPANIONS",
     "FORMATS",
     "MESHES",
     "POINTS",
@@ -50,10 +50,9 @@ __all__ = [
 
 
 def find_formats() -> dict[str, Format]:
-    """Return all mesh formats by the extensions of their files.
+    """Return all mesh formats by the extensions of their files, preferred formats first.
 
-    Formats are the modules of a package that have a ``FORMAT``; those with a lower ``preference``
-    come first.
+    Each module of the package of formats with a ``FORMAT`` is one.
     """
     known: list[Format] = []
     for module_info in pkgutil.iter_modules(formats.__path__):
@@ -67,8 +66,11 @@ def find_formats() -> dict[str, Format]:
     return by_extension
 
 
-def _formats_beside() -> dict[str, Format]:
-    """Return the formats by the extensions of files that belong to a mesh file and are none."""
+def _formats_of_companions() -> dict[str, Format]:
+    """Return the formats by the extensions of the files that belong to their mesh files.
+
+    A ``.tri`` file with triangles, for example, belongs to a ``.vert`` file with vertices.
+    """
     by_extension: dict[str, Format] = {}
     for format in FORMATS.values():
         by_extension |= dict.fromkeys(format.extensions_beside, format)
@@ -87,10 +89,10 @@ MESHES: tuple[str, ...] = tuple(dict.fromkeys([*READABLE, *UNREAD_MESHES]))
 POINTS: tuple[str, ...] = tuple(name for name in UNREAD_POINTS if name not in FORMATS)
 """Extensions of point clouds, which are skipped."""
 
-_FORMATS_BESIDE = _formats_beside()
+_FORMATS_OF_COMPANIONS = _formats_of_companions()
 
-BESIDE: tuple[str, ...] = tuple(_FORMATS_BESIDE)
-"""Extensions of files that belong to a mesh file and are none themselves."""
+COMPANIONS: tuple[str, ...] = tuple(_FORMATS_OF_COMPANIONS)
+"""Extensions of files that belong to a mesh file and are no mesh themselves."""
 
 
 #: Extensions of meshes that may be text whose end is not marked.
@@ -120,8 +122,8 @@ def read_mesh(path: Path | str) -> Mesh:
     """
     path = Path(path)
     suffix = mesh_suffix(path)
-    if suffix in _FORMATS_BESIDE:
-        owner = _FORMATS_BESIDE[suffix].extensions[0]
+    if suffix in _FORMATS_OF_COMPANIONS:
+        owner = _FORMATS_OF_COMPANIONS[suffix].extensions[0]
         hint = f"name that file instead, such as {mesh_stem(path)}{owner}"
         raise UnreadableMesh(f"it belongs to a {owner} file", hint, path)
     if suffix not in FORMATS:

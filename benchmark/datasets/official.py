@@ -31,8 +31,8 @@ from benchmark.text import counted
 LISTS = re.compile(r".*\.cla|categories\.txt", re.IGNORECASE)
 
 #: Levels of sub-folders below that of a set in which its files may lie.
-
 _DEPTH = 3
+
 _UNPACK = (
     "unpack the official archive there, or name the folder, -d FOLDER, "
     "where no official set is meant"
@@ -96,15 +96,19 @@ class OfficialSet:
 
     @cached_property
     def shapes(self) -> dict[str, tuple[str, str]]:
-        """Subject and pose by file name, if the names determine them."""
+        """Subject and pose of each shape by the name of its file, if the names determine them.
+
+        The name is made from the pattern ``names``; the first pose may have a pattern of its own,
+        ``null``. The poses ``without`` were not published.
+        """
         shapes = {}
         for place, subject in enumerate(self.subjects):
             for pose in range(self.poses):
                 if pose in self.without:
                     continue
                 number = self.first + place * self.poses + pose
-                has_name_of_null = self.null and pose == 0
-                pattern = self.null if has_name_of_null else self.names
+                is_null_pose = self.null and pose == 0
+                pattern = self.null if is_null_pose else self.names
                 stem = pattern.format_map({"class": subject, "pose": pose, "number": number})
                 shapes[stem] = (subject, str(pose))
         return shapes
@@ -116,16 +120,14 @@ class OfficialSet:
         return SIDE if entry.subject in self.side else FRONT
 
     def open(self, name: str, folder: Path) -> ShapeSet:
-        """Return the official data set in a folder.
-
-        A ``dataset.toml`` there may set canonical poses and cameras.
+        """Open the official data set in a folder.
 
         Parameters
         ----------
         name
             Name of the data set.
         folder
-            The folder.
+            The folder. A ``dataset.toml`` there may set canonical poses and cameras.
 
         Raises
         ------
@@ -149,10 +151,10 @@ class OfficialSet:
     def _entries(self, folder: Path) -> Iterable[Entry]:
         """Return the shapes by what says their class: a list, whole names, or a part of them."""
         if self.listed:
-            return self._listed(folder)
+            return self._shapes_of_list(folder)
         if self.poses:
-            return self._named(folder)
-        return self._classed(folder)
+            return self._shapes_of_names(folder)
+        return self._shapes_of_classes(folder)
 
     def copy_of(self, entry: Entry) -> KnownCopy | None:
         """Return the known copy to which the file of a shape belongs by its content."""
@@ -172,8 +174,8 @@ class OfficialSet:
         sized = _WithAreas(shapes, self)
         return replace(shapes, load=sized.load, key=sized.key, code=sized.code)
 
-    def _named(self, folder: Path) -> list[Entry]:
-        """Find the files of an official set whose names are all published.
+    def _shapes_of_names(self, folder: Path) -> list[Entry]:
+        """Return the shapes of a set for which all names of files are published.
 
         Parameters
         ----------
@@ -183,25 +185,34 @@ class OfficialSet:
         Raises
         ------
         DatasetError
-            If a file is missing, or there is another one.
+            If a published file is missing, or there is one more.
         """
-        # Files and names are compared by keys, which ignore how names are written.
+        # Names are compared in lower case and without leading zeros: copies differ in these.
         stems = {_key(stem): stem for stem in self.shapes}
         files = _files(folder, {_form(stem) for stem in self.shapes})
         missing = [stem for key, stem in stems.items() if key not in files]
         surplus = [path.name for key, path in files.items() if key not in stems]
-        examples = [f"shape '{stem}' is missing" for stem in missing[:1]]
-        examples += [f"{name} is one too many" for name in surplus[:1]]
+        examples = []
+        if missing:
+            examples.append(f"shape '{missing[0]}' is missing")
+        if surplus:
+            examples.append(f"{surplus[0]} is one too many")
         if examples:
             problem = (
                 f"{folder} holds {len(files)} shapes, not the official {len(stems)}: "
                 f"{', '.join(examples)}"
             )
             raise DatasetError(problem, _UNPACK)
-        return [Entry(stem, *self.shapes[stem], files[key]) for key, stem in stems.items()]
+        entries = []
+        for key, stem in stems.items():
+            subject, pose = self.shapes[stem]
+            entries.append(Entry(stem, subject, pose, files[key]))
+        return entries
 
-    def _listed(self, folder: Path) -> Iterator[Entry]:
-        """Find the numbered files of an official set, whose classes are listed or are sub-folders.
+    def _shapes_of_list(self, folder: Path) -> Iterator[Entry]:
+        """Yield the shapes of a set with numbered files, by number.
+
+        The classes stand in a ``.cla`` file, or are the sub-folders.
 
         Parameters
         ----------
@@ -211,10 +222,10 @@ class OfficialSet:
         Raises
         ------
         DatasetError
-            If there are more or fewer shapes than in the official set, or their classes are others.
+            If the number of shapes is not the published one, or their classes differ.
         """
-        by_key = _files(folder, {_form(self.names.format(number=0))})
-        files = {_number(key): path for key, path in by_key.items()}
+        files_by_key = _files(folder, {_form(self.names.format(number=0))})
+        files = {_number(key): path for key, path in files_by_key.items()}
         source = class_list(list(folders_of_set(folder)), LISTS)
         if source:
             classes = read_cla(source)
@@ -235,16 +246,16 @@ class OfficialSet:
     def _check_list(
         self, source: Path, classes: Mapping[int, str], files: Mapping[int, Path]
     ) -> None:
-        """Raise ``DatasetError`` unless a list of classes names exactly the models that are there.
+        """Raise ``DatasetError`` unless a list of classes names exactly the meshes of a folder.
 
         Parameters
         ----------
         source
             The list.
         classes
-            Class of each model by its number, as listed.
+            Class of each model by its number, as the list states it.
         files
-            Meshes by their numbers.
+            Meshes of the folder by their numbers.
         """
         missing = classes.keys() - files.keys()
         surplus = files.keys() - classes.keys()
@@ -258,19 +269,21 @@ class OfficialSet:
         raise DatasetError(problem, _UNPACK)
 
     def _official_names(self, classes: Mapping[int, str], source: Path) -> dict[str, str]:
-        """Return the official name of each class of a list, by its name there.
+        """Return the published name of each class of a list, by the name that the list gives it.
+
+        If the members of the classes are published, a class is recognised by them.
 
         Parameters
         ----------
         classes
-            Class of each model by its number, as listed.
+            Class of each model by its number, as the list states it.
         source
             The list, for an error.
 
         Raises
         ------
         DatasetError
-            If there are more or fewer classes, or one has others than its official models.
+            If the number of classes is not the published one, or a class has other models.
         """
         models: dict[str, list[int]] = {}  # numbers of the models of each class
         for number, name in classes.items():
@@ -295,8 +308,8 @@ class OfficialSet:
             raise DatasetError(problem, "fetch the official list: some stand in another class")
         return {name: self.members[digest] for name, digest in digests.items()}
 
-    def _classed(self, folder: Path) -> Iterator[Entry]:
-        """Find the files of an official set whose names hold class and number, class by class.
+    def _shapes_of_classes(self, folder: Path) -> Iterator[Entry]:
+        """Yield the shapes of a set whose names of files hold class and number, class by class.
 
         Parameters
         ----------
@@ -306,8 +319,9 @@ class OfficialSet:
         Raises
         ------
         DatasetError
-            If there are no such files, or none of a class of which the set must have some.
+            If there are no such files, or a class has none and is not allowed to be incomplete.
         """
+        # A name of each class, such as "cat0".
         stems = {
             subject: self.names.format_map({"class": subject, "pose": 0})
             for subject in self.subjects
@@ -411,7 +425,7 @@ class _WithAreas:
 
 
 def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
-    """Return the meshes of a folder whose names have one of some forms, by the keys of their names.
+    """Return the meshes of a folder whose names have one of several forms.
 
     Parameters
     ----------
@@ -420,10 +434,15 @@ def _files(folder: Path, forms: Container[str]) -> dict[str, Path]:
     forms
         Names in lower case with ``#`` for each number, such as ``"cat#"``.
 
+    Returns
+    -------
+    dict of str to Path
+        Each mesh by its name in lower case, with numbers without leading zeros: ``"cat7"``.
+
     Raises
     ------
     DatasetError
-        If two files are the same shape.
+        If two files have the same name in this spelling.
     """
     path_of: dict[str, Path] = {}
     for place in folders_of_set(folder):

@@ -104,7 +104,7 @@ def people(draw: int = 0) -> ShapeSet:
 
 
 def many_people(n: int) -> ShapeSet:
-    """Return a data set of bodies drawn at random, in 20 poses each.
+    """Return a data set of bodies that are drawn at random, in 20 poses each.
 
     Parameters
     ----------
@@ -114,7 +114,7 @@ def many_people(n: int) -> ShapeSet:
     Raises
     ------
     ConfigurationError
-        If there cannot be so many, or so few.
+        If the number of bodies is too small or too large.
     """
     if not _FEWEST <= n <= _MOST:
         problem = f"people[n={n}] has no such number of bodies"
@@ -153,16 +153,16 @@ def _entries(subjects: Iterable[str], poses: Iterable[str]) -> tuple[Entry, ...]
 
 
 def humans_scanlike() -> ShapeSet:
-    """Return the stand-in for SHREC'14 real: scans of 40 adults x 10 poses.
+    """Return the stand-in for SHREC'14 real: simulated scans of 40 adults in 10 poses each.
 
-    The official set differs from the synthetic one by a domain shift: the bodies are adults of
-    usual build and more similar, nobody is symmetric or takes a pose exactly, fingers and toes are
-    fused, and all tessellations differ.
+    As in the official set, and unlike in its synthetic companion, all bodies are adults of similar
+    build, nobody is symmetric or takes a pose exactly, fingers and toes are fused, and each scan
+    has its own triangles.
     """
     adults = SUBJECTS["humans-scanlike"]
 
     def key(entry: Entry) -> str:
-        """Return what determines a scan: its name, which seeds it, the body and the cavities."""
+        """Return a text that determines a scan: its name (the seed), the body and the cavities."""
         body = describe_body(adults[entry.subject], _angles(entry))
         return f"scan of {entry.identifier}: {body} {file_digest(CAVITIES)}"
 

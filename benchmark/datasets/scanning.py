@@ -63,21 +63,27 @@ _CORNERS = np.array(
 
 
 def scanned(body: Mesh, subject: str, name: str) -> Mesh:
-    """Return the scan of a posed body: a closed component in metres, in its place.
+    """Simulate a scan of a body.
 
-    It has about 15 000 vertices. The solid is sampled on a grid in a random position, gaps between
-    fingers are closed, the boundary is extracted by marching cubes [Lorensen and Cline 1987] and
-    re-meshed isotropically [Botsch and Kobbelt 2004], and every vertex is displaced along its
-    normal by noise of a third of a millimetre.
+    1. Mouth, nostrils and eye sockets are closed, and the body becomes asymmetric.
+    2. It is sampled on a grid in a random position, which fuses its fingers.
+    3. Its boundary is extracted by marching cubes [Lorensen and Cline 1987] and re-meshed
+       isotropically [Botsch and Kobbelt 2004].
+    4. Every vertex moves along its normal by noise of a third of a millimetre.
 
     Parameters
     ----------
     body
-        The body in its pose, with the vertices of the template; small self-intersections are
-        harmless.
-    subject, name
-        Names of the subject, which seeds its asymmetry, and of the scan, which seeds its
-        tessellation and noise.
+        The body in its pose, with the vertices of the template; it may intersect itself a little.
+    subject
+        Name of the subject, which seeds its asymmetry.
+    name
+        Name of the scan, which seeds the position of the grid and the noise.
+
+    Returns
+    -------
+    Mesh
+        A closed, connected surface with about 15 000 vertices, in metres, where the body stands.
     """
     # Mouth, nostrils and eye sockets are cavities behind thin lids, invisible to a scanner.
     closed = membrane(body, _cavities())
@@ -90,8 +96,8 @@ def scanned(body: Mesh, subject: str, name: str) -> Mesh:
     origin = in_voxels.min(axis=0) - _MARGIN - random.uniform(0, 1, 3)
     solid = _solid(in_voxels - origin, body)
     boundary = _boundary(solid)
-    # n vertices of equilateral triangles with side s cover n s^2 sqrt(3) / 2; the resulting edges
-    # are slightly longer.
+    # n vertices of equilateral triangles with side s cover an area of n s^2 sqrt(3) / 2. Re-meshing
+    # makes edges slightly longer than asked for, hence the factor.
     side = 0.97 * math.sqrt(boundary.area / N_SCAN_VERTICES * 2 / math.sqrt(3))
     skin = isotropic_remesh(boundary, side, iterations=3, feature_degrees=180)
     in_metres = (skin.vertices + origin) * VOXEL
@@ -170,10 +176,10 @@ def membrane(mesh: Mesh, free: NDArray[np.bool_]) -> Mesh:
 
 @njit(cache=True, nogil=True)
 def _count_crossings(points, faces, crossings):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Add up for each line of voxels along z where it enters and leaves the solid.
+    """Count where each line of voxels along z enters and leaves a solid.
 
-    Rows and spans are half-open, and each edge is always evaluated from its lower end, so that no
-    line misses or hits both of two adjacent triangles.
+    Triangles are drawn row by row. Rows and spans are half-open, and an edge is always evaluated
+    from its lower end, so that a line through an edge hits exactly one of its two triangles.
 
     Parameters
     ----------
@@ -237,7 +243,7 @@ def _close_gaps(solid: NDArray[np.bool_], part: Points) -> None:
 def _boundary(solid: NDArray[np.bool_]) -> Mesh:
     """Return the surface of a solid, by marching cubes on its blurred voxels.
 
-    Only the cubes through which the surface runs are visited.
+    To save memory, marching cubes gets only the cubes through which the surface runs.
 
     Parameters
     ----------
@@ -253,15 +259,14 @@ def _boundary(solid: NDArray[np.bool_]) -> Mesh:
 
     density = gaussian_filter(solid.astype(np.float32), 1.0)
     is_inside = density > _SURFACE
-    # Cubes of eight neighbouring voxels through which the surface runs: some of their corners are
-    # inside and some outside.
+    # The surface runs through a cube of eight neighbouring voxels if some are inside and some
+    # outside: if one of them differs from the first.
     width, depth, height = (length - 1 for length in density.shape)
     at_corners = [is_inside[x : x + width, y : y + depth, z : z + height] for x, y, z in _CORNERS]
     is_mixed = functools.reduce(
         np.logical_or, (at_corner != at_corners[0] for at_corner in at_corners)
     )
-    # Marching cubes takes numbered voxels, and the numbers of those at the corners of each cube.
-    # Only voxels of the cubes above are numbered, which saves most of the memory.
+    # Number the voxels of these cubes, and name the eight corners of each cube by these numbers.
     corners = np.argwhere(is_mixed)[:, np.newaxis, :] + _CORNERS
     voxels = np.ravel_multi_index(tuple(np.moveaxis(corners, 2, 0)), density.shape)
     used_voxels, cubes = np.unique(voxels, return_inverse=True)

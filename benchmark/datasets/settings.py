@@ -40,20 +40,20 @@ _KEYS = ("camera", "canonical_pose", "half_width", "normalise", "stand_in_for", 
 
 
 def with_settings(shapes: ShapeSet) -> ShapeSet:
-    """Apply the ``dataset.toml`` of the folder of a set of meshes, if there is one.
+    """Return a data set of meshes with the settings of the ``dataset.toml`` in its folder.
 
-    All keys are optional:
+    Without such a file, nothing changes. All keys are optional:
 
-    - ``camera``, the name of a view, a table with ``direction`` and optionally ``up``, or a table
-      from class or shape to either;
-    - ``up`` (``"z"`` or ``"y"``), the up axis of the files for the named views;
-    - ``canonical_pose``, a pose or a table from class to pose;
-    - ``unit``, a key of :data:`METRES`, a number of metres, or a table from class or shape to
-      either, which make all shapes metres;
-    - ``normalise = "area"``, which gives all unit area;
-    - ``half_width``, half the width of the camera's frame, in metres or in units of the root of the
-      area if one of these two is set, else in units of the files;
-    - ``stand_in_for``, the official set that generated shapes replace.
+    - ``camera``: the name of a view, a table with ``direction`` and optionally ``up``, or a table
+      with one of these for each class or shape;
+    - ``up``: the up axis of the files for named views, ``"z"`` or ``"y"``;
+    - ``canonical_pose``: a pose, or a table with a pose for each class;
+    - ``unit``: a key of :data:`METRES`, a number of metres, or a table with one of these for each
+      class or shape; shapes are then scaled to metres;
+    - ``normalise = "area"``: shapes are scaled to unit area;
+    - ``half_width``: half the width of the camera's frame, in the unit of the scaled shapes
+      (metres, or the root of their area), or else of the files;
+    - ``stand_in_for``: the official set that generated shapes replace.
 
     Raises
     ------
@@ -62,6 +62,7 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
     DatasetError
         If the file is unreadable, or a value has the wrong type.
     """
+    # What the file sets is collected as fields of the data set to replace.
     path = (shapes.folder or Path()) / SETTINGS_FILE
     values = read_settings(path, _KEYS)
     up = values.get("up", "z")
@@ -156,12 +157,12 @@ def positive(value: Any, key: str, path: Path) -> float:
 
 
 def canonical_poses(value: Any, entries: Iterable[Entry], path: Path) -> dict[str, str]:
-    """Return the canonical pose of each class that a settings file names.
+    """Return the canonical pose of each class for which a settings file states one.
 
     Parameters
     ----------
     value
-        What the file says: one pose for all classes, or a table by class.
+        What the file states: one pose for all classes, or a table with a pose for each class.
     entries
         Shapes of the data set.
     path
@@ -233,7 +234,7 @@ def _camera(value: Any, up: str, path: Path) -> Camera:
     value
         The name of a view, or a table with ``direction`` and optionally ``up``.
     up
-        Up axis of the meshes, ``"y"`` or ``"z"``: where a view or a table does not say it.
+        Up axis of the meshes, ``"y"`` or ``"z"``, for a view by name or a table without ``up``.
     path
         The file, for an error.
 
@@ -242,7 +243,7 @@ def _camera(value: Any, up: str, path: Path) -> Camera:
     ConfigurationError
         If the view or a key is unknown.
     DatasetError
-        If it is no camera.
+        If the value does not describe a camera.
     """
     if isinstance(value, str):
         check_known(f"camera in {path}", [value], VIEWS)

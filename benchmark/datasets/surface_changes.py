@@ -50,7 +50,7 @@ def noise(mesh: Mesh, amount: float, random: Random) -> Mesh:
 
 
 def holes(mesh: Mesh, amount: float, random: Random) -> Mesh:
-    """Cut round holes at random positions of a surface; keep the largest piece.
+    """Cut round holes at random positions into a surface, and return its largest piece.
 
     Parameters
     ----------
@@ -59,11 +59,12 @@ def holes(mesh: Mesh, amount: float, random: Random) -> Mesh:
     amount
         Number of holes, a whole number.
     random
-        Source of the positions, which are drawn by area.
+        Random generator of the positions, which are uniform over the area.
     """
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     running = np.cumsum(mesh.face_areas)
-    # Triangles drawn by area. The factor keeps a draw below the whole area, however it is rounded.
+    # Draw triangles in proportion to their areas, by inverting the running sum of the areas. The
+    # last factor keeps a draw below the whole area, however it is rounded.
     drawn_areas = running[-1] * random.uniform(size=int(amount)) * (1 - 1e-12)
     centres = middles[np.searchsorted(running, drawn_areas)]
     radius = _HOLE_RADIUS * extent_of(mesh)
@@ -118,18 +119,17 @@ def turned_by(camera: Camera, angle: float) -> Camera:
 
 
 def seen_from_near(mesh: Mesh, camera: Camera, amount: float) -> Mesh:
-    """Return the surface that a perspective camera sees from near.
+    """Return the part of a surface that a perspective camera sees from near.
 
-    The camera looks at the centre of the bounding box in the direction of the orthographic one. Its
-    pixels become vertices in the coordinates of the mesh; triangles across steps in depth are left
-    out.
+    The surface is rendered to a depth image. Its pixels become vertices in the coordinates of the
+    mesh, and neighbouring pixels are joined by triangles, except across steps in depth.
 
     Parameters
     ----------
     mesh
         The surface.
     camera
-        The orthographic camera.
+        Gives the direction in which the perspective camera looks at the centre of the bounding box.
     amount
         Distance of the camera from the centre, as a multiple of the longest side of the bounding
         box.
@@ -141,8 +141,8 @@ def seen_from_near(mesh: Mesh, camera: Camera, amount: float) -> Mesh:
     centre = (mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2
     points = (mesh.vertices - centre) @ camera.rotation.T
     depths = distance - points[:, 2]
-    # Focal length in pixels with which the bounding sphere fills its share of the image. Rays
-    # touch a sphere at a tangent, not at its widest circle.
+    # Focal length in pixels with which the bounding sphere fills its share of the image. The
+    # outermost rays are tangents of the sphere, at an angle with the sine radius / distance.
     radius = np.linalg.norm(points, axis=1).max()
     focal_length = _FILL * _PIXELS / 2 * np.sqrt(distance**2 - radius**2) / radius
     xy = _PIXELS / 2 + focal_length * points[:, :2] / depths[:, None]
@@ -151,6 +151,7 @@ def seen_from_near(mesh: Mesh, camera: Camera, amount: float) -> Mesh:
     image = -1 / depth_buffer(pixels, mesh.faces, _PIXELS, np.inf)
     is_seen = image > 0
 
+    # The seen pixels, from the image back into the coordinates of the mesh.
     rows, columns = np.nonzero(is_seen)
     depth = image[rows, columns].astype(np.float64)
     x = (columns + 0.5 - _PIXELS / 2) * depth / focal_length
@@ -162,18 +163,19 @@ def seen_from_near(mesh: Mesh, camera: Camera, amount: float) -> Mesh:
 
 
 def _faces_of_image(is_seen: NDArray[np.bool_]) -> IntArray:
-    """Triangulate the pixels of an image, two triangles for each square of four seen pixels.
+    """Return two triangles for each square of four neighbouring pixels that are all seen.
 
     Parameters
     ----------
     is_seen
-        Shape (h, w).
+        Which pixels of an image are seen, shape (h, w).
 
     Returns
     -------
     numpy.ndarray
-        Triangles, shape (m, 3); seen pixels are numbered by rows.
+        Triangles, shape (m, 3); seen pixels are numbered row by row.
     """
+    # Pixels that are not seen have the number -1, by which their triangles are left out below.
     numbers = np.full(is_seen.shape, -1)
     numbers[is_seen] = np.arange(is_seen.sum())
     a = numbers[:-1, :-1]
@@ -187,11 +189,11 @@ def _faces_of_image(is_seen: NDArray[np.bool_]) -> IntArray:
 
 
 def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
-    """Join pairs of triangles, near in space and far along the surface, by tubes.
+    """Join parts of a surface that nearly touch, such as a hand and a hip, by tubes.
 
-    So scanners and marching cubes fuse parts that touch, such as a hand and a hip. Of random
-    triangles, those are joined first that are nearest to their partners. A tube replaces its two
-    triangles by six, so the surface stays a manifold and its genus increases by one.
+    Scanners and marching cubes fuse such parts. A tube connects two triangles that are near in
+    space and far apart along the surface; it replaces them by six triangles, so the surface stays a
+    manifold and its genus rises by one. Of random candidates, the nearest pairs are joined.
 
     Parameters
     ----------
@@ -200,12 +202,12 @@ def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
     amount
         Number of tubes, a whole number.
     random
-        Source of the triangles.
+        Random generator of the candidates.
 
     Raises
     ------
     UnsupportedShape
-        If there are fewer such pairs.
+        If the surface has fewer pairs of such triangles.
     """
     n_tubes = int(amount)
     starts = random.permutation(mesh.n_faces)[:_CANDIDATES]
@@ -225,7 +227,7 @@ def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
         second = mesh.faces[partner]
         if is_used[first].any() or is_used[second].any():
             continue
-        # Adjacent tubes would act as a single shortcut.
+        # Further tubes keep a distance: adjacent ones would act as a single shortcut.
         is_used |= np.linalg.norm(mesh.vertices - middles[start], axis=1) < spacing
         is_used[first] = True
         is_used[second] = True
@@ -240,25 +242,26 @@ def shortcuts(mesh: Mesh, amount: float, random: Random) -> Mesh:
 def _partners(
     mesh: Mesh, middles: FloatArray, starts: NDArray[np.integer]
 ) -> tuple[IntArray, FloatArray]:
-    """Find for some triangles the nearest one that each can be joined with by a tube.
+    """Find for each of some triangles the nearest triangle to which a tube can lead.
 
-    It is far along the surface, and the outer sides of both face each other.
+    A tube leads to a triangle that is far along the surface, and faces the first one with its outer
+    side.
 
     Parameters
     ----------
     mesh
         The surface.
     middles
-        Centres of its triangles, shape (m, 3).
+        Centres of all triangles, shape (m, 3).
     starts
-        Indices of the triangles, shape (k,).
+        Indices of the triangles to find partners for, shape (k,).
 
     Returns
     -------
     partners : numpy.ndarray
-        Index of the nearest such triangle, shape (k,).
+        Index of the partner of each triangle, shape (k,).
     gaps : numpy.ndarray
-        Distance of both centres, infinite if there is none, shape (k,).
+        Distance between the centres of both, shape (k,); infinite if there is no partner.
     """
     from scipy.sparse.csgraph import dijkstra  # lazy
 
@@ -293,19 +296,19 @@ def _tube(
 ) -> IntArray:
     """Return the six triangles of a tube between two triangles that face each other.
 
-    Of the three ways to connect their corners, the shortest is taken.
+    Of the three ways to connect their corners, the one with the shortest sides is taken.
 
     Parameters
     ----------
     vertices
         Positions, shape (n, 3).
     first, second
-        Corners of both triangles, shape (3,).
+        Vertex indices of both triangles, shape (3,).
 
     Returns
     -------
     numpy.ndarray
-        Shape (6, 3).
+        Vertex indices, shape (6, 3).
     """
     # The triangles face each other, so their corners run in opposite directions.
     orders = [np.roll(second[::-1], k) for k in range(3)]

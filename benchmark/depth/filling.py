@@ -167,22 +167,22 @@ def in_gaps_of_mask(depths: Depths, kept: Mask) -> Mask:
 def _filled_once(
     depths: Depths, surface: Depths, others: Mask, bounds: Mask, widest: int
 ) -> Depths:
-    """Fill the gaps of a surface once, by interpolation along rows and along columns.
+    """Fill the gaps of a surface by interpolation along rows and along columns, in one pass.
 
-    A gap is a run of pixels between two pixels of the object. It is filled if no jump of depth lies
-    between them and nothing that was measured across it lies behind the surface. Where a gap in a
-    row and one in a column cross, the narrower one counts.
+    A gap is a run of pixels without a depth between two pixels of the object. It is filled unless
+    the depth jumps from one of the two to the other, or a reading across the gap lies behind the
+    surface. A pixel in a gap along its row and in one along its column belongs to the narrower one.
 
     Parameters
     ----------
     depths
-        Shape (h, w), metres.
+        Depth image, shape (h, w), metres.
     surface
         Depths of the pixels of the object, shape (h, w); 0 elsewhere.
     others
-        Readings that are not of the object, shape (h, w).
+        Mask of the readings that are not of the object, shape (h, w).
     bounds
-        Pixels that end a gap, besides those of the object, shape (h, w).
+        Mask of the pixels that end a gap, besides those of the object, shape (h, w).
     widest
         Maximum number of pixels in a gap.
 
@@ -194,6 +194,7 @@ def _filled_once(
     known = np.where(surface > 0, surface, np.where(others, depths, 0))
     on_object = surface > 0
     is_end = on_object | bounds
+    # For each pixel, the nearest ends before and after it, in its row and in its column.
     in_row = _ends(known, on_object, is_end)
     in_column = _transposed(_ends(known.T, on_object.T, is_end.T))
     result = surface.copy()

@@ -115,10 +115,10 @@ def observe(
     up: Up | None = None,
     half_width: float = HALF_WIDTH,
 ) -> ObservedObject:
-    """Return the object that a depth image shows: its pixels, and the surface behind them.
+    """Find the object in a depth image, and return its pixels and its surface.
 
-    The pixels are found in the mask, or as the nearest large piece before the background. Flying
-    pixels are dropped, gaps filled, and the surface is turned upright.
+    Without a mask, the object is the nearest large piece before the background. Flying pixels are
+    dropped, gaps are filled, and the surface is turned upright.
 
     Parameters
     ----------
@@ -127,11 +127,11 @@ def observe(
     intrinsics
         Intrinsics of the camera.
     mask
-        Shape (h, w), nonzero on the object; None segments the object, see
+        Shape (h, w), nonzero on the object; None to find the object, see
         :mod:`benchmark.depth.segmentation`.
     up
         Up direction in the camera's frame (right, down, forward), used if no floor is detected;
-        None for the image's.
+        None for the up direction of the image.
     half_width
         Half the side of the frame that the object must fit, in metres.
 
@@ -145,7 +145,8 @@ def observe(
     intrinsics.check_size(width, height)
     rays = intrinsics.rays(width, height)
     points = unprojected(depths, rays)
-    # A registered image has rows and columns without any reading: they are left out of the search.
+    # An image that was registered to another camera has rows and columns without any reading: they
+    # are left out of the search.
     dead_rows, dead_columns = dead_lines(depths > 0)
     live = np.ix_(~dead_rows, ~dead_columns)
     if mask is None:
@@ -224,7 +225,9 @@ def _certainly_missing(dead_rows: Mask, dead_columns: Mask) -> Mask:
 
 
 def _find_pixels(depths: Depths, points: Points, live: Pixels) -> _Pixels:
-    """Find the pixels of the object, without a mask: the nearest large piece before the background.
+    """Find the pixels of the object in an image without a mask.
+
+    The object is the nearest large piece before the background.
 
     Parameters
     ----------
@@ -233,7 +236,7 @@ def _find_pixels(depths: Depths, points: Points, live: Pixels) -> _Pixels:
     points
         Point of each pixel in the camera's frame, shape (h, w, 3), metres.
     live
-        Index of the rows and columns that have readings.
+        Index of the rows and columns that have any readings, as from ``numpy.ix_``.
 
     Raises
     ------
@@ -256,7 +259,9 @@ def _find_pixels(depths: Depths, points: Points, live: Pixels) -> _Pixels:
 
 
 def _pixels_of_mask(depths: Depths, points: Points, live: Pixels, mask: Mask) -> _Pixels:
-    """Return the pixels of the object in a mask, and those in gaps of the mask on the same surface.
+    """Return the pixels of the object in an image with a mask.
+
+    These are the readings in the mask, and those in gaps of the mask that continue their surface.
 
     Parameters
     ----------
@@ -265,7 +270,7 @@ def _pixels_of_mask(depths: Depths, points: Points, live: Pixels, mask: Mask) ->
     points
         Point of each pixel in the camera's frame, shape (h, w, 3), metres.
     live
-        Index of the rows and columns that have readings.
+        Index of the rows and columns that have any readings, as from ``numpy.ix_``.
     mask
         Pixels of the object, with and without a reading, shape (h, w).
 
@@ -280,9 +285,9 @@ def _pixels_of_mask(depths: Depths, points: Points, live: Pixels, mask: Mask) ->
     kept = on_surface(depths, chosen)
     n_flying = int(np.count_nonzero(chosen & ~kept))
     in_gaps = in_gaps_of_mask(depths, kept)
-    # The mask says where the object is; planes are searched only for the floor around it.
+    # Planes are needed for the floor alone, so they are searched outside of the object.
     planes = _planes(points[live], (seen & ~mask & ~in_gaps)[live])
-    in_gaps &= ~_on_planes(points, planes)
+    in_gaps &= ~_on_planes(points, planes)  # through a gap, the floor may be seen
     return _Pixels(
         mask=mask,
         chosen=chosen,
@@ -296,12 +301,12 @@ def _pixels_of_mask(depths: Depths, points: Points, live: Pixels, mask: Mask) ->
 def _notes(
     pixels: _Pixels, up_source: str, n_filled: int, distance: float, surface: Mesh
 ) -> dict[str, float | str]:
-    """Summarise how an object was found in a depth image, and how large it is.
+    """Return what a report says of an object in a depth image, by name.
 
     Parameters
     ----------
     pixels
-        Its pixels.
+        The pixels of the object.
     up_source
         Where its up direction comes from.
     n_filled
@@ -324,7 +329,7 @@ def _notes(
 
 
 def _doubts(n_pixels: int, n_averaged: int) -> tuple[tuple[str, str], ...]:
-    """Return why the form of an object may be wrong, each with what a user can do.
+    """Return the reasons for which the form of an object may be wrong, each with a remedy.
 
     Parameters
     ----------
@@ -419,17 +424,18 @@ def checked_up(direction: Up) -> FloatArray:
     Parameters
     ----------
     direction
-        Right, down and forward in the camera's frame, at any length; anything that a file may hold.
+        Three numbers, right, down and forward in the camera's frame, of any length. It may come
+        from a file, and hold anything.
 
     Raises
     ------
     DepthError
-        If it is no such vector, or nearly along the optical axis.
+        If it is no such vector, or points nearly along the optical axis.
     """
     try:
         up = np.asarray(direction, dtype=np.float64)
-    except (TypeError, ValueError, OverflowError):  # the direction may come from a settings file
-        up = np.empty(0)
+    except (TypeError, ValueError, OverflowError):
+        up = np.empty(0)  # not usable: the error below shows what was given
     if not _is_usable_up(up):
         hint = (
             "write [right, down, forward] of the camera, such as [0, -1, 0];"
@@ -468,30 +474,31 @@ def unprojected(depths: Depths, rays: Rays) -> Points:
 def object_surface(
     depths: Depths, rays: Rays, mask: Mask, rotation: Points, half_width: float
 ) -> Mesh:
-    """Return the surface of an object from its pixels.
+    """Return the surface of an object from its pixels, turned upright.
 
-    Each pixel yields two triangles between its corners. The depth of a corner is the mean over the
-    adjacent object pixels; at a depth jump, each pixel gets its own corner, with the mean over the
-    adjacent pixels on its side.
+    Each pixel becomes two triangles between its four corners. The depth of a corner is the mean of
+    the pixels of the object around it. Where the depth jumps, each pixel has a corner of its own,
+    at the mean of the pixels on its side of the jump.
 
     Parameters
     ----------
     depths
         Shape (h, w), metres.
     rays
-        Rays of the pixels, shape (h, w, 2); see :meth:`benchmark.depth.intrinsics.Intrinsics.rays`.
+        Rays of the pixels, shape (h, w, 2): x and y at depth 1.
     mask
         Pixels of the object, shape (h, w).
     rotation
-        From :func:`upright_rotation`.
+        Rotation from the camera's frame to an upright one, shape (3, 3).
     half_width
-        Half the side of the frame, in metres.
+        Half the side of the frame that the object must fit, in metres.
 
     Raises
     ------
     DepthError
         If the surface is larger than the frame.
     """
+    # Rows and columns of the object.
     bounding_box = tuple(slice(at.min(), at.max() + 1) for at in np.nonzero(mask))
     points, faces = _squares(depths[bounding_box], rays[bounding_box], mask[bounding_box])
     mesh = Mesh(points @ rotation.T, faces)
@@ -507,10 +514,11 @@ def object_surface(
 
 
 def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, Faces]:
-    """Return the mesh of the pixels of an object: corners of pixels, and two triangles per pixel.
+    """Return the mesh of the pixels of an object, with two triangles for each pixel.
 
-    Neighbouring pixels share a corner, at the mean of their depths, unless a jump of depth lies
-    between them: a corner is *torn* there, and each pixel around it has a vertex of its own.
+    Vertices are corners of pixels. The pixels around a corner share it, at the mean of their
+    depths, unless the depth jumps between them: such a corner is *torn*, and each of its pixels has
+    a vertex of its own there.
 
     Parameters
     ----------
@@ -528,8 +536,8 @@ def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, Faces]:
     numpy.ndarray
         Triangles that face the camera, shape (m, 3).
     """
-    # For each corner of the grid, the depths of the four pixels around it, and which of these are
-    # of the object, shape (4, h + 1, w + 1).
+    # For each corner of the grid of pixels, the depths of the four pixels around it, and which of
+    # these show the object: shape (4, h + 1, w + 1).
     around = _around_corners(depths)
     on_object = _around_corners(mask)
     is_whole = _are_within_a_jump(around, on_object)
@@ -541,6 +549,7 @@ def _squares(depths: Depths, rays: Rays, mask: Mask) -> tuple[Points, Faces]:
     numbers[:, is_whole] = np.arange(n_whole)
     numbers[is_torn] = n_whole + np.arange(np.count_nonzero(is_torn))
 
+    # Their depths, and x and y on the rays through the corners.
     sums = (around * on_object).sum(axis=0)[is_whole]
     means = sums / on_object.sum(axis=0)[is_whole]
     z = np.concatenate([means, _depths_of_torn_corners(around, on_object, is_torn)])
@@ -557,12 +566,13 @@ def _halves_of_pixels(numbers: Faces, mask: Mask) -> Faces:
     Parameters
     ----------
     numbers
-        For each corner of the grid of pixels, the vertex that each of the four pixels around it has
-        there, in the order of :func:`_around_corners`, shape (4, h + 1, w + 1).
+        Vertices of the mesh, shape (4, h + 1, w + 1): for each corner of the grid of pixels, the
+        vertex that each of the four pixels around the corner has there. The pixels come in the
+        order above left, above right, below left, below right.
     mask
         Pixels of the object, shape (h, w).
     """
-    # The upper left corner of a pixel has that pixel at its lower right, and so on.
+    # A pixel lies below and to the right of its top left corner, and so on.
     below_right, below_left, above_right, above_left = numbers[::-1]
     top_left = below_right[:-1, :-1][mask]
     bottom_left = above_right[1:, :-1][mask]
@@ -659,12 +669,12 @@ class FrameFiles:
         return None if self.intrinsics and self.scale else find_intrinsics(self.image)
 
     def observe(self) -> ObservedObject:
-        """Read the image, its camera and its mask, and return the object that it shows.
+        """Read the image, its intrinsics and its mask, and return the object that it shows.
 
         Raises
         ------
         DepthError
-            If a file is faulty, which the error names, or no object is found.
+            If a file is faulty, or no object is found; the error names the file.
         """
         values = read_values(self.image)
         mask_file = self.mask_file
@@ -696,14 +706,12 @@ class FrameFiles:
         return os.path.relpath(self.intrinsics_file or "", self.image.parent)
 
     def _camera(self) -> Intrinsics:
-        """Return the intrinsics that were passed, or else those of a file beside the image.
-
-        Passed ones lack the unit of depths, which the file may state.
+        """Return the intrinsics that were passed, or else those of the file beside the image.
 
         Raises
         ------
         DepthError
-            If there are none, or the file that is needed for them cannot be read.
+            If nothing was passed, and there is no file or it cannot be read.
         """
         file = self.intrinsics_file
         if self.intrinsics is None:
@@ -716,6 +724,8 @@ class FrameFiles:
             return read_intrinsics(file)
         if self.intrinsics.scales or file is None:
             return self.intrinsics
-        with suppress(DepthError):  # a file that is not used for its intrinsics may hold anything
+        # Intrinsics that were passed lack the unit of depths, which the file may state. The file is
+        # not needed otherwise, so that it may be of any kind.
+        with suppress(DepthError):
             return replace(self.intrinsics, scales=read_intrinsics(file).scales)
         return self.intrinsics

@@ -89,9 +89,9 @@ _NESTED = ("camera", "parameters", "calibration")
 #: Prefixes of keys in the settings of ORB-SLAM; "Camera1" is the first camera of its third version.
 _SECTION = re.compile(r"(camera1?|rgbd|stereo)\.", re.IGNORECASE)
 
-#: Words in keys that change neither where a pixel looks nor what its depth means;
-#: ``camera_angle_x`` repeats ``fl_x``.
-_IRRELEVANT = re.compile(
+#: Words in keys that change neither where a pixel looks nor what its depth means, as in
+#: ``timestamp``, ``serial_number`` and ``frame rate``; ``camera_angle_x`` repeats ``fl_x``.
+_IRRELEVANT_WORDS = re.compile(
     r"(?<![a-z])(header|seq|stamp|n?secs?|nanosec|id|name|class|date|time|timestamp|version|"
     r"comment|description|notes?|"
     r"serial|number|fps|rate|path|file|url|dt|"
@@ -100,15 +100,23 @@ _IRRELEVANT = re.compile(
     r"angle|device|sensor|manufacturer)(?![a-z])"
 )
 
-#: Keys in the settings of ORB-SLAM that say nothing of the camera's image.
-_OF_SLAM = re.compile(
+#: Keys in the settings of ORB-SLAM that say nothing of the camera's image: ``Viewer.PointSize``.
+_SETTINGS_OF_SLAM = re.compile(
     r"camera1?\.(rgb|bf)|(stereo\.)?(thdepth|b)|tbc|"
     r"(orbextractor|viewer|imu|system|loopclosing)\..*",
     re.IGNORECASE,
 )
 
-#: Words in keys of where the camera is, if several numbers follow.
-_POSE = re.compile("(?<![a-z])(extrinsics?|pose|rotation|translation|transform|[rt])(?![a-z])")
+#: Words in keys of where the camera is, if several numbers follow: ``transform_matrix``.
+_WORDS_OF_POSES = re.compile(
+    "(?<![a-z])(extrinsics?|pose|rotation|translation|transform|[rt])(?![a-z])"
+)
+
+#: Words in keys of factors, of which 1 changes nothing: ``binning_x``, ``pixel_aspect``.
+_WORDS_OF_FACTORS = re.compile("binning|aspect")
+
+#: Fewest numbers of a pose; a key such as ``r`` with fewer means something else.
+_FEWEST_OF_POSE = 3
 
 #: Units per metre.
 _UNITS = {
@@ -182,7 +190,7 @@ class Intrinsics:
             raise DepthError(problem, "pass positive focal lengths in pixels")
 
     def check_size(self, width: int, height: int) -> None:
-        """Check that the intrinsics can be those of an image of this size.
+        """Raise ``DepthError`` unless the intrinsics can be those of an image of this size.
 
         Parameters
         ----------
@@ -214,14 +222,15 @@ class Intrinsics:
     def _check_principal_point(self, width: int, height: int) -> None:
         """Raise ``DepthError`` if the principal point is implausible for an image of this size.
 
-        It must lie within the image, and near its middle unless the intrinsics state their size:
-        then they may be those of a part of an image, whose middle is not on the optical axis.
+        It must lie near the middle of the image. If the intrinsics state the size of the image, it
+        may lie anywhere in it, because the image may be cut out of a larger one.
 
         Parameters
         ----------
         width, height
             Size of the image in pixels.
         """
+        # Bounds of the principal point, in widths and heights of the image.
         low, high = (0.0, 1.0) if self.size else CENTRAL
         is_within_width = low * width <= self.cx + 0.5 <= high * width
         is_within_height = low * height <= self.cy + 0.5 <= high * height
@@ -252,7 +261,9 @@ class Intrinsics:
 
 
 def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
-    """Invert Brown's lens distortion [1971] by fixed-point iteration, as OpenCV does.
+    """Remove Brown's lens distortion [1971] from rays, by fixed-point iteration as in OpenCV.
+
+    A ray is distorted by a radial factor, numerator over denominator, and a tangential shift.
 
     Parameters
     ----------
@@ -328,24 +339,25 @@ def read_intrinsics(path: Path) -> Intrinsics:
     Parameters
     ----------
     path
-        Text with the numbers of a 3 x 3 or 4 x 4 matrix, or fx, fy, cx and cy; ``camera.json`` of
-        Open3D; ``camera_info`` of ROS or a file of OpenCV, as YAML or JSON; or a mapping with
-        ``fx``, ``fy``, ``cx``, ``cy``.
+        A text with the numbers of a 3 x 3 or 4 x 4 matrix, or with fx, fy, cx and cy; or JSON or
+        YAML, such as ``camera.json`` of Open3D, ``camera_info`` of ROS, a file of OpenCV, or a
+        mapping with ``fx``, ``fy``, ``cx``, ``cy``.
 
     Raises
     ------
     DepthError
-        If the file is missing, holds no intrinsics or those of several cameras, of a lens that is
-        not a pinhole with Brown's distortion, or something else that may change where pixels look
-        or what depths mean.
+        If the file is missing, holds no camera or several, or one that is no pinhole with Brown's
+        distortion, or has a key that may change where pixels look or what depths mean.
     """
     with named_errors(path, "file of intrinsics", DepthError, _HINT):
         text = decode(read_file(path, _LARGEST_FILE))
         cameras: set[Intrinsics] = set()
         for content in _parsed(text):
             for camera in _cameras_of(content):
-                is_mapping = isinstance(camera, Mapping)
-                cameras.add(_of_mapping(camera) if is_mapping else parse_intrinsics(text))
+                if isinstance(camera, Mapping):
+                    cameras.add(_of_mapping(camera))
+                else:  # plain numbers
+                    cameras.add(parse_intrinsics(text))
         if len(cameras) > 1:
             raise DepthError(
                 f"it holds {len(cameras)} different cameras", "keep that of the depth image"
@@ -354,18 +366,17 @@ def read_intrinsics(path: Path) -> Intrinsics:
 
 
 def _parsed(text: str) -> Sequence[Any]:
-    """Parse the text of a file of intrinsics, which is JSON, YAML or plain numbers.
+    """Parse the text of a file of intrinsics: JSON, YAML or plain numbers.
 
     Parameters
     ----------
     text
-        JSON, YAML with one or more documents, or plain numbers.
+        The text; YAML may have several documents, of which each is a record of one camera.
 
     Returns
     -------
     sequence
-        The mapping in JSON, or that of each document of YAML with the keys of the first; a None
-        alone if the text is plain numbers.
+        The content of JSON, or of each complete document of YAML; a single None for plain numbers.
     """
     if text.lstrip().startswith("{"):
         return [parse_json(text)]
@@ -376,15 +387,15 @@ def _parsed(text: str) -> Sequence[Any]:
     # OpenCV writes a first line "%YAML:1.0" and tags of its own, which no parser knows.
     plain = re.sub(r"(?m)^%.*$|!!opencv-\w+", "", text)
     documents = [content for content in load_all(plain, _yaml_loader()) if content is not None]
-    # A recording may be cut off within its last document, which then lacks keys.
+    # A recording of ROS may be cut off within its last document, which then lacks keys.
     like_first = [content for content in documents if [*content] == [*documents[0]]]
     return like_first or [None]
 
 
 def _yaml_loader() -> type[Any]:
-    """Return a loader of YAML for untrusted files, which reads plain decimal numbers alone.
+    """Return a class of YAML loaders that is safe for files of unknown origin.
 
-    It refuses aliases, which can expand to gigabytes, deep nesting, and repeated keys.
+    It reads all numbers as decimal floats, and refuses aliases, deep nesting and repeated keys.
     """
     from yaml import AliasEvent, MappingNode, Node, SafeLoader, ScalarNode  # lazy
 
@@ -392,8 +403,8 @@ def _yaml_loader() -> type[Any]:
         depth = 0
 
         def compose_node(self, parent: Node | None, index: int) -> Node | None:
-            """Compose a node as the base class does, if it is plain; numbers become floats."""
-            if self.check_event(AliasEvent):  # a few of them can hold gigabytes
+            """Compose a node as the base class does, and check it; numbers become floats."""
+            if self.check_event(AliasEvent):  # a few aliases can expand to gigabytes
                 raise ValueError("it has aliases")
             self.depth += 1
             if self.depth > _DEEPEST:
@@ -401,8 +412,7 @@ def _yaml_loader() -> type[Any]:
             node = super().compose_node(parent, index)
             self.depth -= 1
             if isinstance(node, ScalarNode) and node.tag.endswith((":int", ":float")):
-                # Raises for other numbers of YAML: hexadecimal, sexagesimal, with underscores.
-                _number(node.value)
+                _number(node.value)  # raises for hexadecimal and other odd numbers of YAML
                 node.tag = "tag:yaml.org,2002:float"  # as an int, 010 would be octal
             if isinstance(node, MappingNode):
                 check_different([str(key.value) for key, _ in node.value])
@@ -448,14 +458,14 @@ def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
     Parameters
     ----------
     numbers
-        The four numbers; or 9 or 16, the rows of a 3 x 3 or 4 x 4 matrix.
+        The four numbers; or the 9 or 16 numbers of a 3 x 3 or 4 x 4 matrix, row by row.
     *facts
         Further arguments of ``Intrinsics``: size, distortion and scales.
 
     Raises
     ------
     DepthError
-        If there are other numbers, or the matrix has a skew or moves points.
+        If there are more or fewer numbers, or the matrix is no camera matrix without skew.
     """
     if len(numbers) == 4:
         fx, fy, cx, cy = numbers
@@ -473,13 +483,15 @@ def camera_of(numbers: Sequence[float], *facts: Any) -> Intrinsics:
 
 
 def _check_matrix(matrix: NDArray[np.float64]) -> None:
-    """Raise ``DepthError`` unless a matrix holds nothing but focal lengths and a principal point.
+    """Raise ``DepthError`` unless a matrix is a camera matrix without skew.
 
     Parameters
     ----------
     matrix
-        Shape (3, 3): fx 0 cx / 0 fy cy / 0 0 1; or (4, 4), with zeros and any last number.
+        Shape (3, 3), with the rows fx 0 cx, 0 fy cy and 0 0 1; or shape (4, 4), where the fourth
+        row and column are zero but for the last number, which may be any.
     """
+    # The matrix with the numbers that may be any, and otherwise that of no change.
     expected = np.eye(len(matrix))
     for row in (0, 1):
         expected[row, row] = matrix[row, row]
@@ -496,18 +508,18 @@ def _check_matrix(matrix: NDArray[np.float64]) -> None:
 
 
 def _of_mapping(content: Mapping[str, Any]) -> Intrinsics:
-    """Return the camera that a parsed JSON or YAML describes.
+    """Return the camera that the content of a JSON or YAML file describes.
 
     Parameters
     ----------
     content
-        Keys and values of ``camera.json`` of Open3D, of ``camera_info`` of ROS, of a file of
-        OpenCV, or with named focal lengths.
+        Keys and values, as in ``camera.json`` of Open3D, ``camera_info`` of ROS or files of OpenCV,
+        or with named focal lengths.
 
     Raises
     ------
     DepthError
-        If it describes no camera, several ones, or one that is not a pinhole with Brown's
+        If the content describes no camera or several, or one that is no pinhole with Brown's
         distortion.
     """
     values = _by_meaning(content)
@@ -551,22 +563,25 @@ def _numbers_of_cameras(values: Mapping[str, Any]) -> list[list[float]]:
 def _rectified(
     projection: Sequence[float], facts: Sequence[Any], cameras: Collection[Intrinsics]
 ) -> Intrinsics:
-    """Return the camera of a projection matrix, as ROS writes it beside that of raw images.
+    """Return the camera of a projection matrix.
+
+    ROS writes the camera matrix K and the distortion of raw images, and beside them the projection
+    P of rectified images. Both must be the same camera, because the file does not say which of the
+    two kinds the depth image is.
 
     Parameters
     ----------
     projection
         Rows of the 3 x 4 or 4 x 4 matrix, 12 or 16 numbers.
     facts
-        Size, distortion and scales.
+        Size, distortion and scales of the camera.
     cameras
         Cameras that the rest of the file describes, if any.
 
     Raises
     ------
     DepthError
-        If the projection has other numbers, or is of another camera: then the file does not say
-        which of the two took the depth image.
+        If the projection has another size, or is that of another camera.
     """
     if len(projection) not in (12, 16):
         problem = f"a projection of {len(projection)} numbers"
@@ -583,22 +598,22 @@ def _rectified(
 
 
 def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the values in a file of intrinsics by what they mean, whatever its keys are called.
+    """Return the values in a file of intrinsics under the same names for all kinds of files.
 
     Parameters
     ----------
     content
-        Keys and values of the file; some hold mappings themselves.
+        Keys and values of the file, such as ``"fl_x"``; a value may be a mapping itself.
 
     Returns
     -------
     dict
-        Values by meanings such as ``"fx"``, ``"matrix"``, ``"coefficients"`` or ``"scale"``.
+        Values by their meaning, such as ``"fx"``, ``"matrix"``, ``"coefficients"`` or ``"scale"``.
 
     Raises
     ------
     DepthError
-        If two keys contradict each other, or one that is not understood may matter.
+        If two keys contradict each other, or an unknown key may change the camera.
     """
     values: dict[str, Any] = {}
     for key, value in content.items():
@@ -618,28 +633,32 @@ def _by_meaning(content: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _values_of_key(key: str, meaning: str, value: Any) -> dict[str, Any]:
-    """Return what one key of a file of intrinsics says, by meaning.
+    """Return the values that one key of a file of intrinsics holds, by their meaning.
 
     Parameters
     ----------
     key
         The key as it stands in the file.
     meaning
-        What the key means; ``"nested"`` for a mapping whose own keys say it.
+        What the key usually means, such as ``"matrix"``; ``"nested"`` if its value is a mapping
+        whose own keys have the meanings.
     value
         Its value: numbers, a text, a list or a mapping.
     """
-    is_nested = isinstance(value, Mapping)
-    if meaning == "model" and (is_nested or isinstance(value, list)):  # iai_kinect2
+    is_mapping = isinstance(value, Mapping)
+    if meaning == "model" and (is_mapping or isinstance(value, list)):
+        # In files of iai_kinect2, "projection" is a matrix and not the name of a lens model.
         return {"projection": value}
     if meaning == "nested":
         return _by_meaning(value)
     if meaning == "size":
         return _sides(value)
-    if meaning == "matrix" and is_nested and "data" not in value:
+    if meaning == "matrix" and is_mapping and "data" not in value:
+        # "intrinsics" that hold fx, fy and so on by name, instead of a matrix of OpenCV.
         return _by_meaning(value)
     if meaning == "model" or (meaning == "coefficients" and isinstance(value, str)):
-        return {f"model {key}": value}  # of lens and of distortion
+        # A file may name several models, one of the lens and one of its distortion.
+        return {f"model {key}": value}
     return {meaning: value}
 
 
@@ -682,54 +701,83 @@ def _leaves(value: Any) -> Iterator[Any]:
 
 
 def _check_irrelevant(key: str, value: Any) -> None:
-    """Refuse an unknown key of a file of intrinsics, unless it cannot change what pixels mean.
-
-    A key is harmless if it is about something else, such as the pose of the camera or its exposure,
-    or if its value changes nothing: 0, nothing, and 1 for a factor such as ``binning_x``.
+    """Reject an unknown key of a file of intrinsics unless it is harmless.
 
     Parameters
     ----------
-    key, value
-        The key as it stands in the file, such as ``"exposureTime"``, and its value: a number, a
-        text, or lists and mappings of these.
+    key
+        The key as it stands in the file, such as ``"exposureTime"``.
+    value
+        Its value: a number, a text, or lists and mappings of these.
 
     Raises
     ------
     DepthError
-        If it may change where a pixel looks or what its depth means.
+        If the key may change where a pixel looks or what its depth means.
     """
-    if _OF_SLAM.fullmatch(key):
+    if _is_about_something_else(key, value) or _changes_nothing(key, value):
         return
-    words = re.sub("([a-z])([A-Z])", r"\1 \2", key).lower()  # exposureTime: "exposure time"
-    leaves = list(_leaves(value))
-    is_pose = len(leaves) > 2 and _POSE.search(words)
-    if is_pose or _IRRELEVANT.search(words):
-        return
-    neutral: tuple[Any, ...] = (None, "", 0)
-    if re.search("binning|aspect", words):  # factors, of which 1 changes nothing
-        neutral = (*neutral, 1)
-    if any(leaf not in neutral for leaf in leaves):
-        hint = (
-            "remove it if it changes neither where pixels look nor what depths mean,"
-            " or apply it to the image"
-        )
-        raise DepthError(f"key '{key}' is not understood: {value!s:.40}", hint)
+    hint = (
+        "remove it if it changes neither where pixels look nor what depths mean,"
+        " or apply it to the image"
+    )
+    raise DepthError(f"key '{key}' is not understood: {value!s:.40}", hint)
+
+
+def _is_about_something_else(key: str, value: Any) -> bool:
+    """Return whether a key of a file of intrinsics does not concern the pixels of the image.
+
+    Such keys are the settings of programs, poses of the camera, and names or times.
+
+    Parameters
+    ----------
+    key
+        The key, such as ``"Viewer.PointSize"``, ``"transform_matrix"`` or ``"timestamp"``.
+    value
+        Its value: a number, a text, or lists and mappings of these.
+    """
+    if _SETTINGS_OF_SLAM.fullmatch(key):
+        return True
+    words = _words_of(key)
+    n_values = len(list(_leaves(value)))
+    is_pose = n_values >= _FEWEST_OF_POSE and _WORDS_OF_POSES.search(words) is not None
+    return is_pose or _IRRELEVANT_WORDS.search(words) is not None
+
+
+def _changes_nothing(key: str, value: Any) -> bool:
+    """Return whether all values of a key are neutral: 0 or empty, and for a factor also 1.
+
+    Parameters
+    ----------
+    key
+        The key, such as ``"binning_x"``, which is a factor.
+    value
+        Its value: a number, a text, or lists and mappings of these.
+    """
+    neutral_values: list[Any] = [None, "", 0]
+    if _WORDS_OF_FACTORS.search(_words_of(key)):
+        neutral_values.append(1)
+    return all(leaf in neutral_values for leaf in _leaves(value))
+
+
+def _words_of(key: str) -> str:
+    """Return a key in lower case with its words apart: "exposure time" for ``exposureTime``."""
+    return re.sub("([a-z])([A-Z])", r"\1 \2", key).lower()
 
 
 def _scales(values: Mapping[str, Any]) -> tuple[float, ...]:
-    """Return the units per metre of depths that a file of intrinsics may mean.
+    """Return the depth scales, in units per metre, that a file of intrinsics may mean.
 
     Parameters
     ----------
     values
-        Values of the file by meaning; ``"units"`` are units per metre, while ``"scale"`` is a unit
-        or a number that may be meant either way round.
+        Values of the file by meaning. ``"units"`` is a number of units per metre. ``"scale"`` is
+        the name of a unit, or a number that may be units per metre or its inverse.
 
     Returns
     -------
     tuple of float
-        Units per metre: none if the file states no scale, one, or three readings of an ambiguous
-        number.
+        One scale; none if the file states no scale; the three possible ones of a number.
 
     Raises
     ------
@@ -754,7 +802,7 @@ def _scales(values: Mapping[str, Any]) -> tuple[float, ...]:
         number = math.nan
     if not 0 < number < math.inf:
         raise DepthError(f"invalid depth scale {scale!r:.40}", "write units per metre, or mm")
-    # Units per metre, metres per unit, or millimetres per unit.
+    # The number may be meant as units per metre, metres per unit, or millimetres per unit.
     return number, 1 / number, 1000 / number
 
 
@@ -770,14 +818,13 @@ def _distortion(values: Mapping[str, Any]) -> list[float]:
     Parameters
     ----------
     values
-        Values of the file by meaning: ``"coefficients"``, a list, or ``"k1"``, ``"p1"`` and so on;
-        and names of models.
+        Values of the file by meaning: a list ``"coefficients"``, or single numbers ``"k1"``,
+        ``"p1"`` and so on; and the names of lens models.
 
     Raises
     ------
     DepthError
-        If the distortion model is another one, or the number of coefficients does not match Brown's
-        model.
+        If the file names another model, or the number of coefficients is none of Brown's model.
     """
     # The coefficients may stand in one list, or each under its name.
     lists = [[_number(values.get(name, 0)) for name in _BROWN]]

@@ -79,17 +79,17 @@ def jump(depths: Depths) -> Depths:
 
 
 def neighbours(seen: Mask, direction: tuple[int, int]) -> tuple[IntArray, IntArray]:
-    """Return pairs of pixels with a reading that are neighbours in a direction.
+    """Return all pairs of pixels with a reading that are neighbours in one direction.
 
-    The neighbour of a pixel is the next one with a reading, with at most :data:`NEIGHBOUR_GAP`
-    pixels without one between them.
+    The neighbour of a pixel is the next pixel with a reading in that direction, beyond at most
+    :data:`NEIGHBOUR_GAP` pixels without one.
 
     Parameters
     ----------
     seen
         Pixels with a reading, shape (h, w).
     direction
-        Step in rows, not negative, and in columns.
+        Steps down, not negative, and to the right: (0, 1) for pairs in a row.
 
     Returns
     -------
@@ -142,7 +142,7 @@ def _empty_between(is_live: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def on_surface(depths: Depths, mask: Mask) -> Mask:
-    """Return the pixels of an object that lie on its surface, without flying pixels.
+    """Return the mask of an object without flying pixels, which lie between two surfaces.
 
     Parameters
     ----------
@@ -182,10 +182,10 @@ def on_surface(depths: Depths, mask: Mask) -> Mask:
 def without_flying_pixels(depths: Depths, mask: Mask) -> Mask:
     """Return a mask without flying pixels and scattered pieces.
 
-    A camera measures flying pixels between two surfaces; few neighbours have their depth. A program
-    that resizes an image averages depths with missing pixels; the results lie scattered before the
-    surface. Small jumps connect neither to the main piece of the object. Another piece, such as an
-    arm before a chest, is kept if it is large and solid.
+    Flying pixels are readings between two surfaces; few of their neighbours have a similar depth.
+    Scattered pieces lie before the surface, where a program that resized the image has averaged
+    depths with missing ones. Of the pieces that remain connected by small jumps of depth, the
+    largest is kept, and others, such as an arm before a chest, if they are large and solid.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def without_flying_pixels(depths: Depths, mask: Mask) -> Mask:
     first, second = _pairs(depths > 0, mask)
     difference = np.abs(depth[first] - depth[second])
 
-    # Neighbours of each pixel, and those at a depth alike.
+    # Numbers of neighbours of each pixel, and of those at a similar depth.
     n_around = np.zeros(depth.size)
     n_alike = np.zeros(depth.size)
     for one in (first, second):
@@ -207,7 +207,7 @@ def without_flying_pixels(depths: Depths, mask: Mask) -> Mask:
         n_alike += np.bincount(one[is_alike], minlength=depth.size)
     is_supported = mask.ravel() & (n_alike >= LEAST_SUPPORT)
 
-    # Pieces, which small jumps connect.
+    # Pieces: pixels with enough similar neighbours, connected where the depth jumps little.
     is_link = difference <= jump(np.minimum(depth[first], depth[second]))
     is_link &= is_supported[first] & is_supported[second]
     labels = component_labels(first[is_link], second[is_link], depth.size)

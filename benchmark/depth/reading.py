@@ -118,13 +118,13 @@ _MAXIMUM = re.compile(
 
 
 def read_values(path: Path) -> NDArray[Any]:
-    """Read a depth image in its own unit; :func:`in_metres` converts it.
+    """Read a depth image; its values stay in the unit of the file.
 
     Parameters
     ----------
     path
-        A file with one of the :data:`EXTENSIONS`; an ``.npz`` holds one array, or one named
-        ``depth``.
+        A file with one of the :data:`EXTENSIONS`. An ``.npz`` file holds a single array, or one
+        that is named ``depth``.
 
     Returns
     -------
@@ -177,8 +177,8 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
         Shape (h, w) or (h, w, 1), integers or floats; see :func:`readings` for values that mark
         missing depth.
     scale
-        Units per metre; ``--depth-scale`` on the command line. None for 1000 (integers) or 1
-        (floats), if the values look like depths in that unit.
+        Units per metre (``--depth-scale`` on the command line). None for 1000 if the values are
+        integers, or 1 if they are floats, provided that they look like depths in that unit.
 
     Returns
     -------
@@ -188,8 +188,8 @@ def in_metres(values: NDArray[Any], scale: float | None = None) -> Depths:
     Raises
     ------
     DepthError
-        If the image has several channels, too few pixels with a depth, a constant depth, an
-        implausible scale, or without a scale values that look raw or scaled.
+        If the image has several channels, too few pixels with a depth or a constant depth, if the
+        scale is implausible, or if no scale is given and the values look like no depths.
     """
     if scale is not None and not (np.isfinite(scale) and scale > 0):
         raise DepthError(
@@ -264,9 +264,9 @@ def _nearer_than_a_far_plane(depth: Depths, far: float) -> Depths:
 
 
 def _looks_unlike_depths(seen: Depths, units: float) -> str:
-    """Return how the values of an image betray that they are no depths; "" if they do not.
+    """Return in words why the values of an image seem to be no depths; "" if they seem to be.
 
-    They may have been scaled to the range of their type, or be what a sensor sends.
+    Such values were scaled to the range of their type, or are raw numbers of a sensor.
 
     Parameters
     ----------
@@ -279,6 +279,7 @@ def _looks_unlike_depths(seen: Depths, units: float) -> str:
         if seen.max() <= 1:
             return f"end at {seen.max():g}, as in a z-buffer or an image scaled to 1"
         return ""
+    # The largest value is 255, 2047, 65535 or the like.
     largest = int(seen.max())
     n_bits = largest.bit_length()
     if n_bits >= 8 and largest == 2**n_bits - 1:
@@ -286,6 +287,7 @@ def _looks_unlike_depths(seen: Depths, units: float) -> str:
             f"end at {largest}, the largest of {n_bits} bits, as raw disparities of a Kinect (11)"
             " or scaled images do"
         )
+    # All values are multiples of 8, up to a constant or two: their lowest bits say something else.
     whole = np.unique(seen.astype(np.int64))
     lowest_bits = np.unique(whole % 8)
     if len(whole) >= _FEWEST_VALUES and len(lowest_bits) <= 3:
@@ -295,11 +297,11 @@ def _looks_unlike_depths(seen: Depths, units: float) -> str:
 
 
 def _looks_like_confidence(depth: Depths, units: float) -> str:
-    """Return how values betray bits of confidence above those of the depth; "" if they do not.
+    """Return why the upper bits of values seem to be a confidence, in words; "" if they do not.
 
-    Android's DEPTH16 stores 13 bits of depth and, above them, 3 bits of confidence. Then neighbours
-    whose upper bits differ have nearly the same lower bits; where a depth passes from 8191 to 8192,
-    the lower bits jump.
+    Android's DEPTH16 stores 13 bits of depth and, above them, 3 bits of confidence. Neighbours of
+    different confidence then have nearly the same lower bits. In an image of depths alone, the
+    lower bits jump by 8191 where the upper bits change.
 
     Parameters
     ----------
@@ -327,12 +329,13 @@ def _looks_like_confidence(depth: Depths, units: float) -> str:
 def readings(values: NDArray[Any]) -> Depths:
     """Return the values of a depth image as floats, with 0 for pixels without a reading.
 
+    Values that mark a missing reading are masked, negative, NaN or infinite ones, 1e9 and more, the
+    largest value of the type, and 65535, 65504, 32767, 10000 or 9999 if nothing is farther.
+
     Parameters
     ----------
     values
-        Shape (h, w) or (h, w, 1), integers or floats. Missing are masked, 0, negative, NaN and
-        infinite values, 1e9 and more, the largest value of the type, and 65535, 65504, 32767, 10000
-        and 9999 if nothing is farther.
+        Shape (h, w) or (h, w, 1), integers or floats.
 
     Raises
     ------
@@ -447,7 +450,7 @@ def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
     """
     body = content[image.tile[0].offset :]
     kind = content[:2]
-    n_numbers: float = 0
+    n_numbers: float = 0  # numbers after the header
     if kind == b"P2":  # a PGM in text
         if body[-1:].isdigit():
             raise ValueError("its last line has no line break, so it may be cut off")
@@ -463,7 +466,7 @@ def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
 
 
 def _opened(content: bytes) -> ImageFile.ImageFile:
-    """Open an image file that holds one image, as it is to be seen.
+    """Open an image file that must hold a single, complete image.
 
     Parameters
     ----------
@@ -473,7 +476,8 @@ def _opened(content: bytes) -> ImageFile.ImageFile:
     Raises
     ------
     DepthError
-        If it is truncated, holds several images, a tag turns it, or its encoding is not read.
+        If the file is truncated, holds several images, is turned by a tag, or has an encoding that
+        cannot be read.
     """
     from PIL import Image  # lazy: most verbs read no image
 
@@ -560,10 +564,9 @@ def _member(archive: Any, name: str) -> bytes:
 
 
 def is_depth_file(path: Path) -> bool:
-    """Return whether a file may be a depth image, by its name and its header.
+    """Return whether a file may be a depth image, judging by its name and its header.
 
-    It holds integers of more than 8 bits or floats, and is not named as a mask. A damaged file may
-    be one, too: it is reported when it is read.
+    Such a file is not named as a mask, and holds floats, or integers of more than 8 bits.
     """
     suffix = path.suffix.lower()
     if suffix not in EXTENSIONS or _MASK.search(path.stem):
@@ -575,7 +578,8 @@ def is_depth_file(path: Path) -> bool:
     try:
         with open_file(path) as file, Image.open(file) as image:
             return bool(image.mode == "F" or image.mode.startswith("I"))
-    except Exception:  # a damaged image is a shape that is lost, not one that is ignored
+    except Exception:
+        # A damaged image counts as one: the error is reported when it is read.
         return True
 
 
@@ -604,12 +608,17 @@ def read_mask(path: Path) -> Mask:
 
 
 def _mask_array(content: bytes) -> NDArray[Any]:
-    """Return the mask in an NPY or NPZ file, booleans or numbers, shape (h, w) or (h, w, channels).
+    """Return the mask in an NPY or NPZ file.
 
     Parameters
     ----------
     content
-        Bytes of the file. An NPZ file holds one array, or one named ``mask``.
+        Bytes of the file. An NPZ file holds a single array, or one that is named ``mask``.
+
+    Returns
+    -------
+    numpy.ndarray
+        Booleans or numbers, shape (h, w) or (h, w, channels).
 
     Raises
     ------
@@ -633,13 +642,13 @@ def _mask_array(content: bytes) -> NDArray[Any]:
 
 
 def _object(mask: NDArray[Any]) -> Mask:
-    """Return the pixels of the object in a mask, shape (h, w).
+    """Return the pixels of the object in a mask as booleans, shape (h, w).
 
     Parameters
     ----------
     mask
-        Shape (h, w), or (h, w, channels) in colours. One value besides 0 marks the object. Of white
-        on black that JPEG or smoothing blurred, what is lighter than half is the object.
+        Shape (h, w), or (h, w, channels) in colours. One value besides 0 marks the object. If JPEG
+        or smoothing has blurred a white object on black, it is what is lighter than half.
 
     Raises
     ------
@@ -659,13 +668,11 @@ def _object(mask: NDArray[Any]) -> Mask:
 
 
 def _one_channel(mask: NDArray[Any]) -> NDArray[Any]:
-    """Return the channel of a mask in colours that tells its object, shape (h, w).
+    """Return one number for each pixel of a mask in colours, shape (h, w).
 
-    The first that applies:
-
-    - of a picture that is cut out, with more than two colours and clear pixels, the opacity;
-    - of grey without clear pixels, the grey;
-    - of anything else, the colour as one number, 0 for black and where it is clear.
+    - For a picture that is cut out, with more than two colours and clear pixels: the opacity.
+    - For a grey mask without clear pixels: the grey.
+    - For any other mask: its colours as numbers, with 0 for black and for clear pixels.
 
     Parameters
     ----------
@@ -699,10 +706,10 @@ def _listed_levels(levels: NDArray[Any]) -> str:
 
 
 def _is_blurred(mask: NDArray[Any], values: NDArray[Any]) -> bool:
-    """Return whether a mask is white on black, with greys that JPEG or smoothing left at its edge.
+    """Return whether a mask is white on black, blurred at its edge by JPEG or smoothing.
 
-    Such greys lie between black and white. Labels of several objects, by contrast, are few, or
-    areas of one value.
+    Such a mask has many greys, which lie at its edge. A mask with the labels of several objects, by
+    contrast, has few values, or flat areas of one grey.
 
     Parameters
     ----------
@@ -726,13 +733,13 @@ def _is_blurred(mask: NDArray[Any], values: NDArray[Any]) -> bool:
 
 
 def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
-    """Return the mask of an object in a depth image, as booleans, if it can be one.
+    """Check the mask of an object in a depth image, and return it as booleans.
 
     Parameters
     ----------
     mask
         Shape (h, w), or (h, w, channels) in colours. It has two values, or is white on black with
-        edges that JPEG or smoothing blurred, which are split at half.
+        blurred edges, of which the lighter half counts.
     seen
         Pixels of the image with a depth, shape (h, w).
 
@@ -764,15 +771,15 @@ def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
 
 
 def find_mask(image: Path) -> Path | None:
-    """Find the mask of an image by its usual names.
+    """Find the mask of a depth image by its usual names.
 
-    It lies next to the image, as ``NAME-mask.png``, or in a folder ``mask`` or ``masks``, as
-    ``NAME.png``; of ``NAME_depth.png``, too.
+    The mask of ``NAME.png`` or ``NAME_depth.png`` is ``NAME-mask.png`` beside it, or ``NAME.png``
+    in a folder ``mask`` or ``masks``.
 
     Parameters
     ----------
     image
-        Path of a depth image.
+        Path of the depth image.
 
     Returns
     -------
@@ -784,7 +791,7 @@ def find_mask(image: Path) -> Path | None:
     DepthError
         If there are several.
     """
-    image = image.absolute()  # of a relative path, the folder above may not be known
+    image = image.absolute()  # a relative path may not name the folders above
     without_depth = re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem)
     stems = {image.stem, without_depth or image.stem}
     found = _pictures(image.parent, stems, "[._-]masks?([^a-z].*)?")
@@ -792,7 +799,8 @@ def find_mask(image: Path) -> Path | None:
     for folder in _mask_folders(image):
         found += _pictures(folder, stems, "(_mask)?")
         with_longer_names += _pictures(folder, stems, "_.*")
-    if not found:  # "a_1.png" is the mask of "a.png" only if there is no image "a_1.png"
+    if not found:
+        # "masks/a_1.png" is the mask of "a.png" only if there is no image "a_1.png".
         found = [path for path in with_longer_names if not image.with_name(path.name).exists()]
     if len(found) > 1:
         names = [path.relative_to(image.parent.parent).as_posix() for path in found[:2]]

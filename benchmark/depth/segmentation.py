@@ -108,12 +108,11 @@ class Plane:
 
 
 def background_planes(points: Points, seen: Mask) -> list[Plane]:
-    """Return the planes that bound a scene, by RANSAC on three points [Fischler and Bolles 1981].
+    """Find the planes that bound a scene, such as floor and walls, by RANSAC.
 
-    A background plane contains at least ``SHARE`` of the points, has almost no points behind it
-    other than those of other background planes, and reaches the image margins. Any other plane,
-    such as the back of a chair, is left out of the search until a background plane is found. The
-    result is deterministic.
+    Planes through three random points are tried [Fischler and Bolles 1981]. A background plane
+    contains at least ``SHARE`` of the points, reaches the margins of the image, and has almost no
+    points behind it, except on other background planes. The result is deterministic.
 
     Parameters
     ----------
@@ -128,6 +127,7 @@ def background_planes(points: Points, seen: Mask) -> list[Plane]:
         Planes in order of detection, largest first.
     """
     random = np.random.default_rng(0)
+    # About _N_POINTS points are enough.
     step = max(1, round((seen.size / _N_POINTS) ** 0.5))
     points = points[::step, ::step]
     seen = seen[::step, ::step]
@@ -135,7 +135,8 @@ def background_planes(points: Points, seen: Mask) -> list[Plane]:
     fewest = max(SHARE * n_seen, 3)
     at_edge = _edge(seen.shape)
     planes: list[Plane] = []
-    # Points on no background plane so far, and those of them on planes that bound no scene.
+    # Points on no background plane so far, and those of them on other planes, such as the back of a
+    # chair, which are left out of the search until a background plane is found.
     remaining = seen.copy()
     is_clutter = np.zeros(seen.shape, dtype=bool)
     for _ in range(3 * MOST_PLANES):
@@ -190,7 +191,7 @@ def _random_planes(
 ) -> tuple[Points, FloatArray]:
     """Draw planes, each through a random candidate and two random pixels near it.
 
-    Draws on a line, or with a pixel that is no candidate, are dropped.
+    A draw is dropped if its three points lie on a line, or one is no candidate.
 
     Parameters
     ----------
@@ -249,7 +250,7 @@ def _refined(plane: Plane, points: Points) -> Plane | None:
 
 
 def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
-    """Return the mask of the object: the nearest large piece left after removing the planes.
+    """Return the mask of the object: the nearest large piece of the scene on none of the planes.
 
     Parameters
     ----------
@@ -282,8 +283,8 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
     labels[free] = np.arange(np.count_nonzero(free))
     labels[free] = _joined(labels, depths, jump(depths))
 
-    # A part before another one, such as an arm before the chest, is a piece of its own: pieces that
-    # touch in the image at similar depths make up the object.
+    # An arm before the chest is a piece of its own. Pieces that touch in the image at similar
+    # depths are grouped, and the group of the nearest large piece is the object.
     nearest = _nearest_large_piece(depths[free], labels[free], seen.size)
     group_of_piece = _joined(labels, depths, np.full_like(depths, JOINED))
     is_of_object = group_of_piece == group_of_piece[nearest]
@@ -291,14 +292,14 @@ def find_object(points: Points, seen: Mask, planes: Sequence[Plane]) -> Mask:
 
 
 def _nearest_large_piece(depths: FloatArray, labels: IntArray, n_pixels_of_image: int) -> int:
-    """Return the label of the large piece of a scene with the least mean depth.
+    """Return the label of the nearest large piece of a scene, by the mean depth of the pieces.
 
     Parameters
     ----------
     depths
         Depth of each pixel of a piece, shape (k,), metres.
     labels
-        Piece of each of these pixels, from 0, shape (k,).
+        Label of the piece of each of these pixels, from 0, shape (k,).
     n_pixels_of_image
         Number of all pixels of the image.
 
@@ -307,7 +308,7 @@ def _nearest_large_piece(depths: FloatArray, labels: IntArray, n_pixels_of_image
     DepthError
         If no piece has a sufficient share of the image.
     """
-    # At twice the depth, a pixel covers four times the area.
+    # Relative areas of the pieces: at twice the depth, a pixel covers four times the area.
     areas = np.bincount(labels, weights=depths**2)
     n_pixels = np.bincount(labels)
     mean_depths = np.bincount(labels, weights=depths) / n_pixels

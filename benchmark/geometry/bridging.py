@@ -15,16 +15,16 @@ from benchmark.geometry.mesh import IntArray, Mesh
 
 
 def bridge_components(mesh: Mesh) -> tuple[Mesh, list[float]]:
-    """Join all components into one along their minimum spanning tree.
+    """Join all components of a mesh into one, along their minimum spanning tree.
 
-    The distance between two components is the shortest Euclidean distance between their vertices
-    (boundary vertices for an open component). Each link of the tree becomes a strip of two
-    triangles between one boundary edge at each end, so every edge has at most two faces. The edges
-    of a bridge replace the boundary edges that it uses, so another bridge can start at the same
-    vertex. The strip joins boundary edges that run in opposite directions, if possible, to keep the
-    orientation consistent. Coincident ends are welded, and one triangle closes the gap between
-    their boundary edges. A closed component is first opened by removing the smallest triangle at
-    the anchor.
+    The distance between two components is the shortest distance between their vertices, or between
+    their boundary vertices if they are open. Each link of the tree becomes a bridge: a strip of two
+    triangles between a boundary edge of either component. A bridge leaves boundary edges of its
+    own, so that another one can start at the same vertex, and no edge gets more than two faces. If
+    possible, the two boundary edges run in opposite directions, which keeps the orientation.
+
+    Two vertices at the same position become one. A closed component is first opened by removing the
+    smallest triangle at the end of the bridge.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def bridge_components(mesh: Mesh) -> tuple[Mesh, list[float]]:
 def _links(mesh: Mesh, labels: IntArray) -> Iterator[tuple[float, int, int]]:
     """Yield the links of the minimum spanning tree of the components, by Prim's algorithm [1957].
 
-    The tree grows from component 0: each link joins the nearest component that is still outside.
+    The tree grows from component 0: each link adds the nearest component that is still outside.
 
     Parameters
     ----------
@@ -66,19 +66,22 @@ def _links(mesh: Mesh, labels: IntArray) -> Iterator[tuple[float, int, int]]:
     ------
     gap : float
         Length of the link, in units of the mesh.
-    first, second : int
-        The vertices at its ends: of a component that is joined, and of the new one.
+    first : int
+        Vertex at its end in the tree.
+    second : int
+        Vertex at its end in the component that is added.
     """
+    # Anchors are the vertices at which a link may end.
     anchors = _anchor_candidates(mesh, labels)
     points = mesh.vertices[anchors]
     component_of = labels[anchors]
-    # Distance of each anchor to the joined components, and the nearest anchor of them.
+    # For each anchor, the nearest anchor in the tree, and its distance.
     gaps = np.full(len(anchors), np.inf)
     nearest = np.zeros(len(anchors), dtype=np.int64)
     newest_component = 0
     outside = np.flatnonzero(component_of != newest_component)
     while len(outside):
-        # Only the component that joined last can bring an anchor nearer.
+        # Only the newest component can be nearer to an anchor than the rest of the tree.
         members = np.flatnonzero(component_of == newest_component)
         distances, member_of = cKDTree(points[members]).query(points[outside])
         is_closer = distances < gaps[outside]
@@ -116,16 +119,17 @@ class _Builder:
     def bridge(self, first: int, second: int) -> None:
         """Join two components by a strip of triangles from vertex to vertex.
 
-        The strip connects a boundary edge at each vertex: four corners, two triangles. Vertices at
+        The strip connects a boundary edge at each of the two vertices by two triangles. Vertices at
         the same position become one, which leaves one triangle, or none.
 
         Parameters
         ----------
         first, second
-            Vertices of different components, which may have been replaced by others since.
+            Vertices of different components. Earlier bridges may have merged them with others.
         """
         first = self._resolve(first)
         second = self._resolve(second)
+        # The other ends of the two boundary edges.
         beside_first, beside_second = self._facing_edges(first, second)
         first_edge_runs_forward = self._runs(first, beside_first)
         if self._gap(first, second) == 0:
@@ -138,7 +142,8 @@ class _Builder:
             strip = [[beside_first, first, beside_second], [first, second, beside_second]]
         else:
             strip = [[beside_first, first, second], [beside_first, second, beside_second]]
-        # Two triangles at an edge are oriented alike if they run through it in opposite directions.
+        # Triangles at an edge are oriented alike if they run through it in opposite directions. The
+        # strip is listed for a first edge that its component runs through forward.
         for triangle in strip:
             if not first_edge_runs_forward:
                 triangle[:2] = triangle[1], triangle[0]

@@ -44,7 +44,13 @@ class Camera:
     up: tuple[float, float, float] = (0.0, 0.0, 1.0)
 
     def __post_init__(self) -> None:
-        """Normalise ``direction``, and make ``up`` a unit vector orthogonal to it."""
+        """Make ``direction`` a unit vector, and ``up`` a unit vector orthogonal to it.
+
+        Raises
+        ------
+        ConfigurationError
+            If one of them is zero or not finite, or if both are parallel.
+        """
         direction = np.asarray(self.direction, dtype=np.float64)
         up = np.asarray(self.up, dtype=np.float64)
         length = np.linalg.norm(direction)
@@ -59,6 +65,7 @@ class Camera:
             hint = "pass two finite vectors that are neither zero nor parallel"
             raise ConfigurationError(problem, hint)
         up = _normalised(up, height)
+        # The dataclass is frozen: plain assignments would raise an error.
         object.__setattr__(self, "direction", tuple(direction.tolist()))
         object.__setattr__(self, "up", tuple(up.tolist()))
 

@@ -63,12 +63,13 @@ _MOST_DECIMALS = 10
 
 
 def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
-    """Merge copies of vertices; remove triangles without area, duplicates and loose vertices.
+    """Remove the usual faults of mesh files.
 
-    Vertices within :data:`COPIES` of each other become one at their mean, and so do chains of such
-    vertices. This joins files that store each triangle or part separately, also where rounding
-    moved the copies. Where three corners of a triangle lie on a line, the triangles across its
-    longest side are split at the third: no border opens.
+    1. Vertices at (nearly) the same position are merged at their mean, so that triangles that are
+       stored separately become neighbours.
+    2. Triangles without area are removed. Where the corners of one lie on a line, the neighbour
+       across its longest side is split at its third corner, so that no gap opens.
+    3. Duplicates of triangles are removed, and vertices without triangles.
 
     Parameters
     ----------
@@ -80,10 +81,10 @@ def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
     Mesh
         The cleaned mesh; vertices and faces keep their relative order, except those of split
         triangles.
-    dict
-        Counts: ``vertices_before`` and ``faces_before``; what was removed: ``merged`` (copies of
-        vertices), ``degenerate_faces`` (two corners coincide, or no area), ``duplicate_faces`` and
-        ``unreferenced`` (vertices).
+    dict of str to int
+        The numbers ``vertices_before`` and ``faces_before``; and of what was removed, ``merged``
+        (vertices that were copies), ``degenerate_faces`` (without area), ``duplicate_faces`` and
+        ``unreferenced`` (vertices without triangles).
 
     Raises
     ------
@@ -93,14 +94,14 @@ def clean(mesh: Mesh) -> tuple[Mesh, dict[str, int]]:
         they are rounded.
     """
     surface = compact(mesh.vertices, mesh.faces)
-    extent_of(surface)
+    extent_of(surface)  # raises an error for a size that is zero or out of range
     _check_stray(surface.vertices)
     unit = np.sqrt(surface.area)
     distinct, place = _merge_copies(surface, COPIES * unit)
     faces = _proper(place[surface.faces])
     n_collapsed = mesh.n_faces - len(faces)
     faces, n_flat = _without_flat(distinct, faces, _FLAT * unit)
-    # Triangles with the same three corners are duplicates; the first of them stays.
+    # Triangles with the same three corners are duplicates, of which the first is kept.
     sorted_corners = np.sort(faces, axis=1)
     _, first_of_each = np.unique(sorted_corners, axis=0, return_index=True)
     single = np.sort(first_of_each)
@@ -150,8 +151,8 @@ def extent_of(mesh: Mesh) -> float:
     Raises
     ------
     InvalidMesh
-        If it is zero or out of range, or if the coordinates were single precision and so far from
-        the origin that rounding moved them visibly.
+        If the extent is zero or out of range, or if the coordinates were in single precision and so
+        far from the origin that rounding has moved them visibly.
     """
     extent = float(np.ptp(mesh.vertices, axis=0).max()) if mesh.n_vertices else 0.0
     least, largest = _EXTENTS
@@ -160,6 +161,7 @@ def extent_of(mesh: Mesh) -> float:
         raise InvalidMesh(problem, "pass a surface of positive size in a unit that fits it")
     farthest = np.abs(mesh.vertices).max(axis=0)  # along each axis
     rounding = farthest * np.finfo(np.float32).eps
+    # Coordinates along the axes on which single precision would round visibly.
     coarse = mesh.vertices[:, rounding > _COARSE * extent]
     if coarse.size and _were_single(coarse):
         problem = (
@@ -200,27 +202,28 @@ def _check_stray(vertices: Points) -> None:
 
 
 def make_manifold(mesh: Mesh) -> Mesh:
-    """Return a mesh with at most two faces per edge and one fan of faces per vertex.
+    """Return a mesh with at most two faces at each edge and one fan of faces around each vertex.
 
-    An edge with more than two faces keeps the two largest: internal walls and slivers are dropped,
-    and the surface around them stays connected. A vertex with several fans, of faces that are
-    connected through its edges, is split into one vertex per fan, at the same position.
+    Of an edge with more than two faces, the two largest are kept, which drops inner walls and
+    slivers. A fan consists of the faces around a vertex that are connected through its edges. A
+    vertex with several fans is split into one vertex for each fan, at the same position.
 
     Parameters
     ----------
     mesh
-        Any triangle mesh; it is returned itself if nothing is to change.
+        Any triangle mesh; it is returned itself if nothing has to change.
     """
     faces = mesh.faces.astype(np.int64)
     edges = mesh.edges
     if (edges.counts > 2).any():
+        # The rank of a face at each of its edges by area; only ranks 0 and 1 are kept.
         ranks = _ranks_at_edges(mesh)
         faces = faces[(ranks < 2).all(axis=1)]
         edges = edges_of(faces)
     fan_of_corner, vertex_of_fan = _fans(faces, edges)
     if len(faces) == mesh.n_faces and len(vertex_of_fan) == mesh.n_vertices:
         return mesh
-    # The fans become the vertices, in the order of those that they come from.
+    # Each fan becomes a vertex; they are sorted by the vertices that they come from.
     order = np.argsort(vertex_of_fan, kind="stable")
     place_of_fan = np.argsort(order)
     corners = place_of_fan[fan_of_corner].reshape(-1, 3)
@@ -243,28 +246,31 @@ def _ranks_at_edges(mesh: Mesh) -> IntArray:
 def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, int]:
     """Orient the triangles of each piece of a manifold mesh alike, and closed pieces outwards.
 
-    A piece is closed if its border is at most as long as the root of its area. An open piece, or
-    one without volume, keeps the orientation of most of its area.
+    A piece counts as closed if its border is at most as long as the root of its area. An open
+    piece, or one without volume, gets the orientation that most of its area has.
 
     Parameters
     ----------
     mesh
         A manifold mesh.
     areas
-        Area of each piece, shape (pieces,).
+        Area of each connected piece, shape (pieces,).
     piece
-        Piece of each triangle, from 0, shape (m,); both as from :func:`component_areas`.
+        Piece of each triangle, from 0, shape (m,).
 
     Returns
     -------
-    Mesh
-        The oriented mesh, or ``mesh`` itself if nothing is turned.
-    turned, one_sided : int
-        Number of turned triangles, and of pieces that cannot be oriented (such as a Moebius strip).
+    mesh : Mesh
+        The oriented mesh; the given object if no triangle is turned.
+    n_turned : int
+        Number of turned triangles.
+    n_one_sided : int
+        Number of pieces that cannot be oriented, such as a Moebius strip.
     """
     edges = mesh.edges
     starts, _ = sides_of(mesh.faces)
-    # Both sides of each inner edge, which run alike if their triangles are oriented differently.
+    # Each inner edge is a side of two triangles. If both sides run in the same direction, the
+    # triangles are oriented differently.
     inner = edges.first[edges.counts == 2]
     first = edges.grouped_sides[inner]
     second = edges.grouped_sides[inner + 1]
@@ -273,7 +279,7 @@ def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, i
     contradicts = runs_alike ^ (signs[first // 3] != signs[second // 3])
     n_one_sided = len(np.unique(piece[first[contradicts] // 3]))
 
-    # Now the triangles of a piece are alike; as a whole, it may still face the wrong way.
+    # Now the triangles of a piece are oriented alike, but the whole piece may face the wrong way.
     signs *= _signs_of_pieces(mesh, signs, areas, piece)[piece]
     turned = signs < 0
     if not turned.any():
@@ -285,21 +291,31 @@ def orient(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mesh, int, i
 def _signs_of_pieces(
     mesh: Mesh, signs: FloatArray, areas: FloatArray, piece: IntArray
 ) -> NDArray[np.integer]:
-    """Return -1 for each piece that is to be turned as a whole, else 1, shape (pieces,).
+    """Return -1 for each piece that must be turned as a whole, and 1 for the others.
 
-    A closed piece with a volume faces outwards; any other keeps the side of most of its area.
+    A closed piece with a volume is turned to face outwards. Any other piece is turned so that most
+    of its area is oriented as before.
 
     Parameters
     ----------
     mesh
         The mesh.
     signs
-        -1 for the triangles that are turned so that those of a piece are alike, else 1, shape (m,).
-    areas, piece
-        Area of each piece, and the piece of each triangle.
+        -1 for each triangle that is turned so that all triangles of its piece are oriented alike, 1
+        for the others, shape (m,).
+    areas
+        Area of each piece, shape (pieces,).
+    piece
+        Piece of each triangle, shape (m,).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (pieces,).
     """
     edges = mesh.edges
     starts, ends = sides_of(mesh.faces)
+    # Lengths of the borders of the pieces.
     rim = edges.grouped_sides[edges.first[edges.counts == 1]]
     lengths = np.linalg.norm(mesh.vertices[starts[rim]] - mesh.vertices[ends[rim]], axis=1)
     border = np.bincount(piece[rim // 3], lengths, len(areas))
@@ -385,11 +401,10 @@ def merge_duplicates(vertices: Points) -> tuple[Points, IntArray]:
 
 
 def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
-    """Merge vertices within a distance of each other, transitively, at their mean.
+    """Merge vertices that are connected by chains of short distances, at their mean.
 
-    Each distinct position counts once in a mean. Where copies were merged, rounding may have moved
-    others farther apart: vertices of borders that remain are merged within :data:`SEAM` times the
-    distance.
+    Where copies are merged, rounding may have moved others farther apart. Therefore vertices on the
+    borders that remain are merged once more, within :data:`SEAM` times the distance.
 
     Parameters
     ----------
@@ -410,13 +425,14 @@ def _merge_copies(surface: Mesh, distance: float) -> tuple[Points, IntArray]:
     InvalidMesh
         If most vertices lie that near to very many others.
     """
+    # Exact copies come first, so that each position counts once in a mean.
     distinct, place = merge_duplicates(surface.vertices)
     groups = _near_groups(distinct, distance)
     if groups is None:
         return distinct, place
     equally = np.ones(len(distinct))
     merged = weighted_means(distinct, equally, groups)
-    # Vertices of borders that are left, and the groups that the wider distance makes of them.
+    # The second pass, for the vertices on borders. Groups that it joins stand for the first one.
     rim = np.unique(edges_of(_proper(groups[place[surface.faces]])).boundary)
     rim_groups = _near_groups(merged[rim], SEAM * distance)
     if rim_groups is not None:
@@ -475,11 +491,11 @@ def _proper(faces: IntArray) -> IntArray:
 
 
 def _without_flat(vertices: Points, faces: IntArray, height: float) -> tuple[IntArray, int]:
-    """Remove flat triangles by splitting the triangles across their longest sides.
+    """Remove flat triangles, whose three corners lie on a line, without opening a gap.
 
-    The third corner of a flat triangle lies on its longest side. In each round, all triangles at
-    such a side are split at that corner, which leaves nothing of the flat one and opens no border.
-    Choices follow the positions of vertices, not their numbers.
+    The third corner of a flat triangle lies on its longest side. The triangles at that side are
+    split at the corner, which leaves nothing of the flat one. This is repeated in rounds. The
+    result depends on the positions of the vertices, but not on their order.
 
     Parameters
     ----------
@@ -502,7 +518,8 @@ def _without_flat(vertices: Points, faces: IntArray, height: float) -> tuple[Int
     InvalidMesh
         If flat triangles remain after :data:`_MOST_ROUNDS` rounds.
     """
-    # Numbers of the vertices; once a triangle is flat, vertices are sorted by their positions.
+    # If there is a flat triangle, vertices are sorted by position for the time of the rounds; this
+    # array maps their new indices to the given ones.
     order = np.arange(len(vertices))
     n_flat = 0
     for number in range(_MOST_ROUNDS):
@@ -528,39 +545,41 @@ def _flat_triangles(corners: FloatArray, height: float) -> tuple[IntArray, IntAr
 
 
 def _split_at_flat(faces: IntArray, flat: IntArray, longest: IntArray, n_vertices: int) -> IntArray:
-    """Split edges at the vertices of flat triangles that lie on them; one round.
+    """Split the triangles at the longest sides of flat triangles, in one round.
 
-    A triangle changes at most once in a round.
+    Each triangle is split at most once.
 
     Parameters
     ----------
     faces
         All triangles, shape (m, 3).
     flat
-        Indices of those that are flat, shape (k,).
+        Indices of the flat triangles, shape (k,).
     longest
-        The longest side of each flat one, 0 to 2: side s runs from corner s to corner s + 1.
+        The longest side of each flat triangle, shape (k,): side s runs from corner s to corner
+        s + 1 (modulo 3).
     n_vertices
         Number of vertices.
 
     Returns
     -------
     numpy.ndarray
-        The triangles afterwards; those that were split stand at the end.
+        The triangles afterwards, shape (l, 3); the halves of split ones stand at the end.
     """
     edges = edges_of(faces)
     edge_of_side = edges.of_sides.reshape(-1, 3)
     n_edges = len(edges.ends)
-    # The vertex at which each edge is split: the corner opposite the longest side of a flat
-    # triangle, the first of several. An edge that is not split has n_vertices.
+    # The vertex at which each edge is split: the third corner of a flat triangle, the one of the
+    # least index if there are several. The number n_vertices means that an edge is not split.
     middle_of_edge = np.full(n_edges, n_vertices)
     opposite_longest = faces[flat, (longest + 2) % 3]
     np.minimum.at(middle_of_edge, edge_of_side[flat, longest], opposite_longest)
-    # Of several edges of a triangle that would be split, only the first is.
+    # If several edges of a triangle would be split, only the first of them is.
     split_edges = np.where(middle_of_edge < n_vertices, np.arange(n_edges), n_edges)[edge_of_side]
     first_split = split_edges.min(axis=1, keepdims=True)
     middle_of_edge[edge_of_side[split_edges > first_split]] = n_vertices
 
+    # Each triangle at a split edge becomes two, between the middle and the opposite corner.
     face, side = np.nonzero(middle_of_edge[edge_of_side] < n_vertices)
     start = faces[face, side]
     end = faces[face, (side + 1) % 3]
@@ -569,21 +588,21 @@ def _split_at_flat(faces: IntArray, flat: IntArray, longest: IntArray, n_vertice
     halves = np.concatenate(
         [np.stack([start, middle, opposite]), np.stack([middle, end, opposite])], axis=1
     ).T
-    # A flat triangle is split at its own corner, so both of its halves have a corner twice.
+    # A flat triangle is split at its own corner: its halves have a corner twice, and are left out.
     return np.concatenate([np.delete(faces, face, axis=0), _proper(halves)])
 
 
 def _fans(faces: IntArray, edges: Edges) -> tuple[IntArray, IntArray]:
-    """Find the fans of a mesh: the faces around a vertex that are connected through its edges.
+    """Find the fans of a mesh: the sets of faces around a vertex that are connected by its edges.
 
-    A vertex of a manifold has one fan; one where two surfaces touch has two.
+    In a manifold, each vertex has one fan. A vertex at which two surfaces touch has two.
 
     Parameters
     ----------
     faces
         Triangles, shape (m, 3).
     edges
-        Their edges.
+        Edges of the triangles.
 
     Returns
     -------
@@ -592,14 +611,16 @@ def _fans(faces: IntArray, edges: Edges) -> tuple[IntArray, IntArray]:
     vertex_of_fan : numpy.ndarray
         Vertex of each fan, shape (fans,).
     """
-    # The corners at both ends of each side, shape (2, sides); that of the smaller vertex first.
+    # Number the corners of all triangles. Find the two at the ends of each side of a triangle,
+    # shape (2, sides), that of the smaller vertex first.
     vertex_of_corner = faces.ravel()
     corners = np.arange(len(vertex_of_corner)).reshape(-1, 3)
     ends = np.stack(sides_of(corners))
     smaller_first = vertex_of_corner[ends].argsort(axis=0)
     ends = np.take_along_axis(ends, smaller_first, axis=0)
 
-    # Each side of an edge is linked with the previous one of the same edge, at both ends.
+    # Triangles at an edge are in the same fan of both of its ends: link the corners of each side
+    # with those of the previous side on the same edge.
     sides = np.delete(edges.grouped_sides, edges.first)
     previous = np.delete(edges.grouped_sides, edges.first + edges.counts - 1)
     fan_of_corner = component_labels(

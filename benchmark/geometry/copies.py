@@ -34,21 +34,26 @@ _N_POINTS = 8000
 def check_copies(mesh: Mesh) -> None:
     """Raise ``InvalidMesh`` if a mesh holds a surface twice, such as another level of detail.
 
-    The mesh is divided into pieces, of which two are compared at a time. Faces are of one piece if
-    vertices at the same position connect them. As a coarser copy may share positions with its
-    original, a mesh of a single such piece is divided again, into faces that share vertices by
-    number, unless that leaves many pieces, as the seams of textures do.
+    The mesh is divided into connected pieces, and every two large pieces are compared.
+
+    Parameters
+    ----------
+    mesh
+        Any triangle mesh; one without faces, or with NaN, passes here and is refused elsewhere.
     """
     if not mesh.n_faces or not np.isfinite(mesh.vertices).all():
-        return  # which is refused elsewhere
-    # Pieces whose vertices lie at the same positions.
-    _, merged_vertex = merge_duplicates(mesh.vertices)
-    piece_of_face = _piece_of_face(merged_vertex[mesh.faces])
-    is_single = not piece_of_face.any()
-    if is_single:
-        # Pieces whose vertices have the same numbers; very many are patches of a texture.
+        return
+    # First pass, by position: faces are connected if they have a corner at the same place.
+    _, vertex_at_position = merge_duplicates(mesh.vertices)
+    piece_of_face = _piece_of_face(vertex_at_position[mesh.faces])
+    is_one_piece = not piece_of_face.any()
+    if is_one_piece:
+        # Second pass, by number: faces are connected if they have a vertex in common. A coarser
+        # copy keeps some positions of its original, which connect both in the first pass.
         piece_of_face = _piece_of_face(mesh.faces.astype(np.int64))
-        if piece_of_face.max() >= _MOST_PIECES:
+        # A texture cuts a surface into many patches, each with vertices of its own.
+        are_patches = piece_of_face.max() >= _MOST_PIECES
+        if are_patches:
             return
     if piece_of_face.any():
         _check_pieces(mesh, piece_of_face)
@@ -61,18 +66,19 @@ def _piece_of_face(faces: IntArray) -> IntArray:
 
 
 def _check_pieces(mesh: Mesh, piece_of_face: IntArray) -> None:
-    """Raise ``InvalidMesh`` if two large pieces of a mesh run along each other, as copies do.
+    """Raise ``InvalidMesh`` if two large pieces of a mesh lie along each other, as copies do.
 
-    Points are spread over each piece. Two pieces run along each other if more than half of the
-    points of each lie near the other.
+    Points are spread over each piece. Two pieces are copies if more than half of the points of
+    either piece lie near the other.
 
     Parameters
     ----------
     mesh
         The mesh.
     piece_of_face
-        Number of the piece of each triangle, from 0, shape (m,).
+        Piece of each triangle, from 0, shape (m,).
     """
+    # The largest pieces, without those that are too small to be copies.
     areas = np.bincount(piece_of_face, mesh.face_areas)
     largest = np.argsort(-areas, kind="stable")[:_MOST_PIECES]
     smallest_area = _SMALLEST_SHARE_OF_AREA * areas.sum()

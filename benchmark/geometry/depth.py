@@ -157,12 +157,12 @@ def common_half_width(half_widths: Sequence[float]) -> float:
 
 
 def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE) -> DepthImage:
-    """Render an orthographic depth image of a shape, which is moved to the centre of the frame.
+    """Render an orthographic depth image of a shape in the centre of the frame.
 
     Parameters
     ----------
     mesh
-        The shape; unreferenced vertices also count for the centre and the extent.
+        The shape. All vertices count for its centre and extent, also those without triangles.
     camera
         The viewing direction.
     half_width
@@ -173,9 +173,9 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
     Returns
     -------
     numpy.ndarray
-        Shape (size, size), float32: (far - z) / (far - near) in (0, 1) on the shape, 0 elsewhere.
-        With step = 2 half_width / size, the centre of pixel (r, c) lies at x = (c + 1/2) step -
-        half_width and y = half_width - (r + 1/2) step.
+        Shape (size, size), float32. On the shape, (far - z) / (far - near), between 0 at the far
+        and 1 at the near plane; 0 elsewhere. The centre of pixel (r, c) lies at x = (c + 1/2) step
+        - half_width and y = half_width - (r + 1/2) step, where step = 2 half_width / size.
 
     Raises
     ------
@@ -207,13 +207,12 @@ def render_depth(mesh: Mesh, camera: Camera, half_width: float, size: int = SIZE
 def back_project(
     depth: DepthImage, half_width: float, stride: int | None = None, jump: float = JUMP
 ) -> tuple[Mesh, dict[str, float]]:
-    """Return the surface behind a depth image as a single connected component.
+    """Convert a depth image to the visible surface, as a connected manifold with boundary.
 
-    Every ``stride``-th pixel becomes a vertex. Each 2 x 2 block of samples yields two triangles,
-    split along the diagonal with the smaller depth difference, or one if a sample is background.
-    Triangles with an edge across a depth jump are left out: they would join an arm to the chest
-    behind it. Separate pieces are bridged, so that no limb is lost, and the result is a manifold
-    with boundary.
+    Every ``stride``-th pixel becomes a vertex. Each square of four samples becomes two triangles,
+    or one if a sample is background. Triangles across a jump of depth are left out, because they
+    would join an arm to the chest behind it. Separate pieces are joined by bridges, so that no limb
+    is lost.
 
     Parameters
     ----------
@@ -232,11 +231,13 @@ def back_project(
     mesh : Mesh
         Open surface in camera coordinates and units of ``half_width``; the triangles face the
         camera.
-    report : dict
-        ``foreground`` pixels; the ``stride`` between samples; connected ``pieces`` kept and the
-        ``bridges`` between them; ``specks``, pieces dropped because they have fewer than ``SPECK``
-        vertices; ``lost_samples``, foreground samples missing from the surface, and ``lost_area``,
-        their fraction.
+    report : dict of str to float
+        - ``foreground``: number of pixels that show the shape;
+        - ``stride``: pixels between samples;
+        - ``pieces``, ``bridges``: number of connected pieces, and of bridges between them;
+        - ``specks``: number of pieces that were dropped, with fewer than ``SPECK`` vertices;
+        - ``lost_samples``, ``lost_area``: number of samples of the shape that are missing from the
+          surface, and their share.
 
     Raises
     ------
@@ -254,7 +255,7 @@ def back_project(
         problem = f"{foreground} pixels of foreground hold no piece of {SPECK} samples"
         hint = "check the half width of the data set or sample with a smaller stride"
         raise UnsupportedShape(problem, hint)
-    # Samples of the foreground that are in no piece; those where pieces were split count once.
+    # Samples that are in no piece. Where pieces touch, a sample has several vertices, counted once.
     sampled = int(np.count_nonzero(samples))
     lost = sampled - len(np.unique(mesh.vertices[:, :2], axis=0))
     mesh, gaps = bridge_components(mesh.with_vertices(mesh.vertices * half_width))
@@ -272,12 +273,17 @@ def back_project(
 def _count_foreground(depth: DepthImage) -> int:
     """Return the number of pixels of a depth image that show the shape.
 
+    Parameters
+    ----------
+    depth
+        Depth image, shape (size, size), with 0 as background.
+
     Raises
     ------
     InvalidMesh
         If the image is not square, or a pixel is not a number in [0, 1].
     UnsupportedShape
-        If there are none.
+        If no pixel shows the shape.
     """
     is_square = depth.ndim == 2 and depth.shape[0] == depth.shape[1]
     if not is_square or not ((depth >= 0) & (depth <= 1)).all():
@@ -321,9 +327,9 @@ def _sampled(depth: DepthImage, stride: int) -> tuple[FloatArray, Points]:
 def depth_surface(
     mesh: Mesh, camera: Camera, half_width: float, sensor: DepthSensor | None = None
 ) -> View:
-    """Return what a camera sees of a shape: its depth image, and the surface behind it.
+    """Return what a camera sees of a shape: its depth image, and the surface made from it.
 
-    See :func:`render_depth` and :func:`back_project`.
+    It combines :func:`render_depth` and :func:`back_project`.
 
     Parameters
     ----------
@@ -364,10 +370,10 @@ def depth_surface(
 
 
 def _triangulate(samples: Points, jump: float) -> Faces:
-    """Triangulate a grid of depths between neighbours; leave out triangles across a jump of depth.
+    """Triangulate a grid of depths, without triangles across a jump of depth.
 
-    Each square of four samples becomes two triangles, split along the diagonal whose ends differ
-    less in depth; if one of the samples is background, the other three become one.
+    Each square of four samples becomes two triangles. It is divided along the diagonal whose ends
+    differ less in depth. If one sample is background, the other three become one triangle.
 
     Parameters
     ----------
@@ -389,14 +395,14 @@ def _triangulate(samples: Points, jump: float) -> Faces:
     d = index[:-1, 1:].ravel()  # top right
     z = samples.ravel()
     seen = z > 0
-    # Exclude diagonals with a background end, so that the triangle of the other three corners
-    # survives.
+    # A diagonal that ends in the background is not taken. If one corner is background, the other
+    # diagonal then leaves the triangle of the three other corners.
     along_ac = np.where(seen[a] & seen[c], np.abs(z[a] - z[c]), np.inf)
     along_bd = np.where(seen[b] & seen[d], np.abs(z[b] - z[d]), np.inf)
     split_ac = (along_ac <= along_bd + _TIE)[:, np.newaxis]
     first = np.where(split_ac, np.stack([a, b, c], axis=1), np.stack([a, b, d], axis=1))
     second = np.where(split_ac, np.stack([a, c, d], axis=1), np.stack([b, c, d], axis=1))
-    # Both triangles of a square stand one after the other.
+    # Interleave them, so that both triangles of a square stand one after the other.
     faces = np.stack([first, second], axis=1).reshape(-1, 3)
     corners = z[faces]
     whole = seen[faces].all(axis=1) & (corners.max(axis=1) - corners.min(axis=1) <= jump)

@@ -32,15 +32,15 @@ def geodesic_graph(mesh: Mesh, windows: int | None = None) -> csr_array:
     """Return the graph of the straight geodesics between nearby vertices.
 
     Every shortest path on a triangle mesh is a chain of straight geodesics between vertices
-    [Mitchell, Mount and Papadimitriou 1987], so the graph of *all* straight geodesics yields exact
-    distances: the saddle vertex graph [Ying, Wang and He 2013]. As in that work, each vertex keeps
-    only the geodesics in its neighbourhood. From every vertex, the surrounding triangles are
-    unfolded strip by strip into the plane; a *window* is the cone of straight lines from the vertex
-    through a triangle side. A vertex inside the cone adds an arc of exactly its unfolded distance
-    and splits the window in two. Windows are followed breadth first, ring by ring, until at least
-    ``windows`` have been followed: the neighbourhood adapts to the size of the triangles and does
-    not depend on the face order. Each arc is a path on the surface, so distances are never too
-    short.
+    [Mitchell, Mount and Papadimitriou 1987]. The graph of *all* straight geodesics would therefore
+    yield exact distances: the saddle vertex graph [Ying, Wang and He 2013]. As in that work, only
+    geodesics in the neighbourhood of each vertex are kept. Each arc is a path on the surface, so
+    that distances are never too short.
+
+    The triangles around a vertex are unfolded into the plane. A *window* is the cone of straight
+    lines from the vertex through a side of a triangle. A vertex inside the cone adds an arc, and
+    splits the window in two. Windows are followed breadth first, ring by ring, until there are
+    ``windows`` of them, so that the neighbourhood adapts to the size of the triangles.
 
     Parameters
     ----------
@@ -61,7 +61,8 @@ def geodesic_graph(mesh: Mesh, windows: int | None = None) -> csr_array:
     if windows is None:
         skips_detours = _is_thin(mesh, sides)
         windows = WINDOWS_OF_THIN if skips_detours else WINDOWS
-    # The sides opposite vertex v are by_apex[offsets[v] : offsets[v + 1]].
+    # Group the sides by the vertex opposite: those of vertex v are
+    # by_apex[offsets[v] : offsets[v + 1]].
     by_apex = np.argsort(sides.apexes, kind="stable")
     n_opposite = np.bincount(sides.apexes, minlength=mesh.n_vertices)
     offsets = np.concatenate(([0], np.cumsum(n_opposite)))
@@ -134,27 +135,32 @@ def _ends_of_passages(sides: _Sides) -> IntArray:
 
 
 def _passages(sides: _Sides) -> tuple[IntArray, FloatArray]:
-    """Return where each passage from a triangle into its neighbour leads.
+    """Return what a straight line meets that enters a triangle through one of its sides.
 
-    A passage enters a triangle through its side PQ and leaves it by one of the other two sides,
-    past P or past Q. Passage 2 s enters through side s with P at its start, passage 2 s + 1 with P
-    at its end.
+    A *passage* is a way into a triangle through a side PQ. It reaches the third corner of the
+    triangle, the apex, and goes on through one of the other two sides: past P or past Q. Each side
+    s has two passages, which differ in the names of its ends: P is the start of the side in passage
+    2 s, and its end in passage 2 s + 1.
+
+    Parameters
+    ----------
+    sides
+        The sides of all triangles.
 
     Returns
     -------
     names : numpy.ndarray
-        The third corner, and the next passages past P and past Q, -1 where there is no triangle;
-        shape (passages, 3).
+        The vertex at the apex, the next passage past P and that past Q, -1 at a border; shape
+        (passages, 3).
     moves : numpy.ndarray
-        Coordinates of the third corner parallel and perpendicular to the vector from P to Q, in
-        units of its length, shape (passages, 2).
+        Coordinates of the apex along PQ and perpendicular to it, from P, in units of the length of
+        PQ; shape (passages, 2).
     """
-    # The other two sides of the triangle, seen from its neighbours: that from the end of the side
-    # to the apex, and that from the apex to its start.
+    # The other two sides of the triangle, as sides of its neighbours: that from the end of the side
+    # to the apex, and that from the apex to the start of the side.
     beyond_end = _turn(sides.twins, 1)
     beyond_start = _turn(sides.twins, 2)
-    # Third corner, and the passages into these neighbours past P and past Q: with P at the start of
-    # the side, and with P at its end.
+    # The columns of ``names`` with P at the start of the side, and with P at its end.
     forward = (
         sides.apexes,
         _passage(sides, beyond_start, sides.starts),
@@ -193,12 +199,15 @@ class _Sides:
     """
 
     def __init__(self, mesh: Mesh) -> None:
-        """Compute the geometry of all sides of the triangles of a mesh, and find their twins.
+        """Compute the geometry of all sides of the triangles of a mesh.
 
-        Sets the ``starts``, ``ends`` and ``apexes`` of the sides: the vertices at both ends and
-        opposite; ``lengths``; ``apex_x`` and ``apex_y``, the place of the apex along the side and
-        its distance from it; and ``twins``, the side of the neighbour at the same edge, -1 for
-        none. All have shape (3 m,).
+        Each triangle has three sides, so that all attributes have shape (3 m,):
+
+        - ``starts``, ``ends``: the vertices at both ends of a side;
+        - ``apexes``: the vertex opposite;
+        - ``lengths``: the length of the side;
+        - ``apex_x``, ``apex_y``: the position of the apex along the side, and its distance from it;
+        - ``twins``: the side of the neighbouring triangle at the same edge, -1 for none.
         """
         self.starts, self.ends = sides_of(mesh.faces)
         self.apexes = _turn(self.starts, 2)
@@ -209,7 +218,7 @@ class _Sides:
         self.apex_x = (towards_apex * along).sum(axis=1)
         self.apex_y = np.linalg.norm(towards_apex - self.apex_x[:, None] * along, axis=1)
 
-        # Both sides of each edge between two triangles, unless its ends coincide.
+        # Twins are the two sides at each edge between two triangles, unless its ends coincide.
         edges = mesh.edges
         inner = edges.first[edges.counts == 2]
         first = edges.grouped_sides[inner]
@@ -326,25 +335,31 @@ def _follow_windows(first_names, first_plane, passages, moves, ends, first, budg
 
 @njit(cache=True, nogil=True)
 def _begin_windows(names, ends, seen, best, queue, plane):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Write the windows through the sides opposite a source, and the distances of their ends.
+    """Begin the search from a source: write the windows through the sides opposite the source.
 
     Parameters
     ----------
     names
-        Ends P and Q of each side, and the passage through it, -1 for none; shape (sides, 3).
+        Ends P and Q of each of these sides, and the passage through it, -1 for none; shape (sides,
+        3).
     ends
-        Coordinates of P and of Q with the source at the origin, shape (sides, 4).
+        Coordinates of P and of Q in the plane with the source at the origin, shape (sides, 4).
     seen
         Written: the vertices that are reached.
     best
         Updated: the least squared distance of each vertex from the source; infinite if not reached.
-    queue, plane
-        Written: passage of each window; P, Q and the rays that bound it, shape (room, 8).
+    queue
+        Written: the passage of each window.
+    plane
+        Written: coordinates of P, of Q, and of the two rays that bound each window, shape (room,
+        8).
 
     Returns
     -------
-    n_seen, queued : int
-        Number of seen vertices, and of windows.
+    n_seen : int
+        Number of vertices in ``seen``.
+    queued : int
+        Number of windows in ``queue``.
     """
     n_seen = 0
     queued = 0
@@ -357,7 +372,8 @@ def _begin_windows(names, ends, seen, best, queue, plane):  # type: ignore[no-un
             (names[number, 0], p_x * p_x + p_y * p_y),
             (names[number, 1], q_x * q_x + q_y * q_y),
         ):
-            # A vertex counts as seen at its first distance; it is written in any case.
+            # A vertex is written in any case. The count advances, which keeps it, at its first
+            # distance.
             seen[n_seen] = vertex
             n_seen += (square < np.inf) & (best[vertex] == np.inf)
             best[vertex] = min(best[vertex], square)
@@ -376,10 +392,10 @@ def _enlarged(values, count):  # type: ignore[no-untyped-def]  # noqa: ANN001, A
 
 @njit(cache=True, nogil=True)
 def _is_detour(square_p, square_q, row):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Return whether each path through a window is longer than one by way of P or of Q.
+    """Return whether a window leads nowhere by a shortest path.
 
-    Then the shortest paths to all that lies behind the window pass elsewhere [Xin and Wang 2009,
-    theorem 3.2].
+    That is so if each path through the window is longer than a path by way of P or of Q, the ends
+    of its side [Xin and Wang 2009, theorem 3.2].
 
     Parameters
     ----------
@@ -391,8 +407,8 @@ def _is_detour(square_p, square_q, row):  # type: ignore[no-untyped-def]  # noqa
     """
     p_x, p_y, q_x, q_y = row[0], row[1], row[2], row[3]
     low_x, low_y, high_x, high_y = row[4], row[5], row[6], row[7]
-    # Of all points behind the window, those on the ray farthest from a vertex v gain least by a way
-    # through v: it is enough to compare both ways to where that ray crosses the side PQ.
+    # The vertex v is P, then Q. Of all points behind the window, those on the ray farthest from v
+    # gain least by a way through v. It is enough to compare both ways to where that ray crosses PQ.
     for square, v_x, v_y, ray_x, ray_y in (
         (square_p, p_x, p_y, high_x, high_y),
         (square_q, q_x, q_y, low_x, low_y),

@@ -98,10 +98,9 @@ def shortest_paths(graph: csr_array, sources: IntArray) -> FloatArray:
     """Return the lengths of the shortest paths from each source to all vertices.
 
     Sources are processed in blocks of neighbours. Dijkstra's algorithm from the first source of a
-    block yields a vertex order that is nearly correct for the whole block. Alternating forward and
-    backward Gauss-Seidel sweeps in that order relax the arcs for the whole block until convergence,
-    and skip unchanged vertices. Rounding is monotone, so the result does not depend on the grouping
-    of sources.
+    block sorts the vertices by distance, which is nearly the right order for the whole block. All
+    arcs are then relaxed in that order and its reverse, for the whole block at once, until nothing
+    changes. The result does not depend on how sources are grouped, because rounding is monotone.
 
     Parameters
     ----------
@@ -127,6 +126,7 @@ def shortest_paths(graph: csr_array, sources: IntArray) -> FloatArray:
     distances = np.empty((len(sources), n_vertices))
     waiting = np.arange(len(sources))
     while len(waiting):
+        # The next block: the sources that are nearest to the first one that waits.
         from_first = dijkstra(graph_in_units, indices=sources[waiting[0]])
         nearest = np.argsort(from_first[sources[waiting]], kind="stable")[:_BLOCK]
         block = waiting[nearest]
@@ -139,15 +139,17 @@ def shortest_paths(graph: csr_array, sources: IntArray) -> FloatArray:
 
 @njit(cache=True, nogil=True)
 def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
-    """Relax the arcs of a graph until no distance becomes shorter, for all sources at once.
+    """Compute shortest paths by relaxing all arcs until no distance becomes shorter.
 
     Parameters
     ----------
-    starts, heads, lengths
-        The graph in compressed rows: index of the first arc of each vertex, shape (n + 1,); head
-        and length of each arc, shape (arcs,).
+    starts
+        Index of the first arc of each vertex (compressed sparse rows), shape (n + 1,).
+    heads, lengths
+        Head and length of each arc, shape (arcs,).
     order
-        Vertices in the order of the first sweep, best by their distance, shape (n,).
+        Vertices in the order of the first sweep; it ends soonest if they are sorted by distance.
+        Shape (n,).
     sources
         Vertex indices, shape (k,).
 
@@ -167,6 +169,7 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
     while not settled:
         settled = True
         for vertex in order:
+            # Only neighbours that have changed since its last update can shorten a row.
             since = updated[vertex]
             clock += 1
             updated[vertex] = clock
@@ -184,35 +187,36 @@ def _relax(starts, heads, lengths, order, sources):  # type: ignore[no-untyped-d
 def _pull(rows, vertex, starts, heads, lengths, changed, since):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN202
     """Shorten the distances of one vertex by way of its neighbours; return whether any is shorter.
 
-    The distance of the vertex from a source is at most that of a neighbour plus the arc between
-    them.
+    For each source, the distance is at most that of a neighbour plus the arc between them.
 
     Parameters
     ----------
     rows
         Distance of each vertex from each source, shape (n, k); the row of the vertex is updated.
     vertex
-        The vertex.
-    starts, heads, lengths
-        The graph in compressed rows: index of the first arc of each vertex; head and length of each
-        arc.
+        Index of the vertex.
+    starts
+        Index of the first arc of each vertex (compressed sparse rows), shape (n + 1,).
+    heads, lengths
+        Head and length of each arc, shape (arcs,).
     changed
         Time at which the row of each vertex changed last, shape (n,).
     since
         Only neighbours that changed after this time count.
     """
-    # Arcs to neighbours that changed: each arc is written, and kept if the count then advances.
+    # Collect the arcs to neighbours that changed: each arc is written, and kept if the count
+    # advances, which is faster than a branch.
     arcs = np.empty(starts[vertex + 1] - starts[vertex] + 3, np.int64)
     n_arcs = 0
     for arc in range(starts[vertex], starts[vertex + 1]):
         arcs[n_arcs] = arc
         n_arcs += changed[heads[arc]] > since
-    # Filled up to a multiple of four with copies of the first. If no neighbour changed, that is no
-    # arc, but then none is used.
+    # Fill up to a multiple of four with copies of the first arc. If no neighbour changed, these
+    # entries hold nothing useful, but the loop below does not run.
     arcs[n_arcs : n_arcs + 3] = arcs[0]
     own = rows[vertex]
     improved = False
-    # Four neighbours at a time: the own row is read and written a quarter as often.
+    # Four neighbours at a time, so that the row of the vertex is read and written less often.
     for place in range(0, n_arcs, 4):
         arc_1 = arcs[place]
         arc_2 = arcs[place + 1]

@@ -60,11 +60,11 @@ class Laplacian:
 def cotangent_laplacian(mesh: Mesh) -> Laplacian:
     """Assemble the cotangent Laplacian [Pinkall and Polthier 1993, equation 10; Meyer et al. 2003].
 
-    Obtuse angles keep their negative cotangents, so the matrix is the exact finite element matrix
-    and positive semidefinite. Only slivers are modified: if the cotangent of an angle exceeds 1000,
-    all three cotangents of the triangle are scaled down together, which keeps its energy positive
-    semidefinite. Triangles with zero area contribute nothing. A vertex with (almost) no area gets a
-    millionth of the mean mass.
+    It is the finite element matrix of linear functions, and positive semidefinite: obtuse angles
+    keep their negative cotangents. Only extreme triangles are modified. If a cotangent exceeds
+    1000, all three of the triangle are scaled down together, which keeps the matrix semidefinite;
+    triangles without area count as 0. A vertex with almost no area gets a millionth of the mean
+    mass.
 
     Parameters
     ----------
@@ -86,7 +86,7 @@ def cotangent_laplacian(mesh: Mesh) -> Laplacian:
     if not mesh.area > 0:
         problem = "the mesh has no area"
         raise UnsupportedShape(problem, "pass a surface with at least one proper triangle")
-    # The cotangent at a corner weighs the opposite edge.
+    # The cotangent at a corner is the weight of the opposite edge, from start to end.
     weights = 0.5 * _cotangents(mesh).ravel()
     start = np.roll(mesh.faces, -1, axis=1).ravel()
     end = np.roll(mesh.faces, 1, axis=1).ravel()
@@ -103,8 +103,13 @@ def cotangent_laplacian(mesh: Mesh) -> Laplacian:
 def _cotangents(mesh: Mesh) -> FloatArray:
     """Return the cotangent of the angle at each corner of each triangle, shape (m, 3).
 
-    Triangles without area have 0. If a cotangent exceeds :data:`_LARGEST_COTANGENT`, those of its
-    triangle are scaled down together.
+    Triangles without area get 0. If a cotangent exceeds :data:`_LARGEST_COTANGENT`, all three of
+    its triangle are scaled down together.
+
+    Parameters
+    ----------
+    mesh
+        Any triangle mesh with m triangles.
     """
     corners = mesh.vertices[mesh.faces]
     towards_next = np.roll(corners, -1, axis=1) - corners
@@ -112,7 +117,8 @@ def _cotangents(mesh: Mesh) -> FloatArray:
     double_areas = 2.0 * mesh.face_areas
     longest_squared = (towards_next**2).sum(axis=2).max(axis=1)
     is_flat = double_areas <= np.finfo(np.float64).eps * longest_squared
-    # The dot product of two sides is |a| |b| cos, twice the area |a| |b| sin of the angle between.
+    # With the angle t between two sides a and b, their dot product is |a| |b| cos t, and twice the
+    # area is |a| |b| sin t: the cotangent is the first over the second.
     divisors = np.where(is_flat, np.inf, double_areas)[:, None]
     cotangents = (towards_next * towards_previous).sum(axis=2) / divisors
     largest = np.maximum(np.abs(cotangents).max(axis=1, keepdims=True), 1.0)
@@ -121,11 +127,10 @@ def _cotangents(mesh: Mesh) -> FloatArray:
 
 
 def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
-    """Solve ``stiffness @ f = value * mass * f`` for the smallest eigenvalues.
+    """Return the smallest eigenvalues of the Laplacian, and their eigenfunctions.
 
-    The solver is shift-and-invert Lanczos (ARPACK) on ``M^-1/2 S M^-1/2`` with a fixed start vector
-    for reproducible results (dense for small meshes or large ``k``). The sign of each function, and
-    the basis of a repeated eigenvalue, are arbitrary.
+    They solve ``stiffness @ f = value * mass * f``. The sign of each function is arbitrary, and so
+    is the basis of a repeated eigenvalue.
 
     Parameters
     ----------
@@ -154,14 +159,16 @@ def eigenpairs(laplacian: Laplacian, k: int) -> tuple[FloatArray, FloatArray]:
     if not 1 <= k <= count:
         problem = f"{k} eigenpairs of a mesh with {count} vertices"
         raise UnsupportedShape(problem, f"ask for 1 to {count}")
+    # The symmetric matrix M^-1/2 S M^-1/2 has the same eigenvalues, and eigenvectors M^1/2 f.
     inverse_root = 1.0 / np.sqrt(laplacian.mass)
     scaling = diags_array(inverse_root)
     symmetric = (scaling @ laplacian.stiffness @ scaling).tocsc()
     if k > count // 2 or count < _DENSE:
         values, vectors = np.linalg.eigh(symmetric.toarray())
     else:
-        # A shift slightly below 0, the least eigenvalue, makes the factorised matrix definite.
-        # Eigenvalues have the unit of 1 / area, and so has the shift.
+        # Shift-and-invert Lanczos (ARPACK), from a fixed vector for reproducible results. A shift
+        # slightly below 0, the least eigenvalue, makes the factorised matrix definite. Eigenvalues
+        # have the unit of 1 / area, and so has the shift.
         shift = -_SHIFT_IN_INVERSE_AREAS / laplacian.mass.sum()
         start = np.random.default_rng(0).standard_normal(count)
         values, vectors = eigsh(symmetric, k=k, sigma=shift, which="LM", v0=start, tol=0.0)

@@ -45,7 +45,14 @@ class Mesh:
     faces: Faces
 
     def __post_init__(self) -> None:
-        """Check both arrays, and replace them by read-only ones of the types of a mesh."""
+        """Check both arrays, and replace them by read-only arrays of float64 and int32.
+
+        Raises
+        ------
+        InvalidMesh
+            If an array has another shape or kind, a coordinate is not finite, or a face names a
+            vertex that is not there.
+        """
         vertices = _triples(self.vertices, "vertices", np.float64)
         faces = _triples(self.faces, "faces", np.int32)
         object.__setattr__(self, "vertices", vertices)
@@ -153,16 +160,16 @@ def _is_of_bytes(array: NDArray[Any]) -> bool:
 
 
 def _triples(array: ArrayLike, what: str, dtype: type[np.number]) -> NDArray[Any]:
-    """Check coordinates or vertex indices; return them as a read-only array of shape (count, 3).
+    """Return coordinates or vertex indices as a read-only array of shape (count, 3).
 
     Parameters
     ----------
     array
-        What a caller passes.
+        What a caller passes as vertices or faces. An empty array of any shape means none.
     what
-        What an error calls the array: ``"vertices"``.
+        What an error calls the array, such as ``"vertices"``.
     dtype
-        Type of the result: an integer type for indices, which are never made from floats.
+        Type of the result. An integer type means vertex indices, which are not made from floats.
 
     Raises
     ------
@@ -171,7 +178,8 @@ def _triples(array: ArrayLike, what: str, dtype: type[np.number]) -> NDArray[Any
         too large for the type.
     """
     try:
-        values = np.ma.filled(array, np.nan)  # of masked numbers
+        # Masked coordinates become NaN. Masked indices cannot, and raise a TypeError.
+        values = np.ma.filled(array, np.nan)
     except (TypeError, ValueError, RuntimeError) as error:
         problem = f"{what} are no array: {error}"
         raise InvalidMesh(problem, "pass an array of shape (count, 3)") from error
@@ -256,7 +264,8 @@ def edges_of(faces: NDArray[np.integer]) -> Edges:
         Vertex indices, shape (m, 3). Side 3 f + k runs from corner k of face f to the next corner.
     """
     starts, ends = sides_of(faces)
-    # Both ends of a side in one number, the smaller vertex first: equal for both sides of an edge.
+    # One number for both ends of a side, the smaller vertex first: all sides of an edge have the
+    # same number.
     base = int(faces.max(initial=0)) + 1
     keys = np.minimum(starts, ends) * base + np.maximum(starts, ends)
     edge_keys, of_sides, counts = np.unique(keys, return_inverse=True, return_counts=True)

@@ -184,7 +184,7 @@ def _decimated(parts: Mesh, n_vertices: int, whole_area: float) -> tuple[Mesh, f
     Parameters
     ----------
     parts
-        A manifold mesh, without the components that are dropped.
+        A manifold mesh, from which small components have been dropped.
     n_vertices
         Target number of vertices.
     whole_area
@@ -192,9 +192,9 @@ def _decimated(parts: Mesh, n_vertices: int, whole_area: float) -> tuple[Mesh, f
 
     Returns
     -------
-    Mesh
+    opened : Mesh
         The decimated manifold mesh.
-    float
+    lost : float
         Fraction of the whole area that is lost, rounded to 6 decimals.
 
     Raises
@@ -207,7 +207,8 @@ def _decimated(parts: Mesh, n_vertices: int, whole_area: float) -> tuple[Mesh, f
     if reduced is not parts:
         cleaned, _ = cleaning.clean(reduced)
         opened = cleaning.make_manifold(cleaned)
-    # Decimation itself smooths area away, which is no loss: only what is dropped before and after.
+    # Only area that is dropped before and after decimation counts as lost. Decimation itself makes
+    # the surface smoother and its area smaller, too, which is no loss.
     kept = parts.area / whole_area * (opened.area / reduced.area)
     lost = max(0.0, round(1 - kept, 6))
     if lost > cleaning.LARGEST_AREA_LOSS:
@@ -243,11 +244,9 @@ def _without_debris(mesh: Mesh, areas: FloatArray, piece: IntArray) -> tuple[Mes
 
 
 def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
-    """Collapse edges by least quadric error until about ``n_vertices`` remain.
+    """Collapse edges by least quadric error until about ``n_vertices`` vertices remain.
 
-    Topology is preserved; boundaries keep their shape, but not all their vertices. The face count
-    for a given vertex count depends on the boundary length after decimation, so the first target
-    assumes no boundary and the surplus vertices are removed in a few small steps.
+    Topology is preserved; boundaries keep their shape, but not all their vertices.
 
     Parameters
     ----------
@@ -263,14 +262,17 @@ def decimate(mesh: Mesh, n_vertices: int) -> Mesh:
     """
     if mesh.n_vertices <= n_vertices:
         return mesh
+    # MeshLab takes a target number of faces. That of a given number of vertices depends on how many
+    # edges remain at the boundary: the first target assumes none, and further rounds remove the
+    # surplus vertices.
     boundary = len(mesh.edges.boundary)
     target = mesh.n_faces + boundary - 2 * (mesh.n_vertices - n_vertices)
-    # Rounds end well within the largest miss.
+    # A quarter of the largest miss that is allowed ends the rounds.
     largest_surplus = _LARGEST_MISS * n_vertices / 4
     for _ in range(_MOST_ROUNDS):
         mesh = _collapse(mesh, target)
         surplus = mesh.n_vertices - n_vertices
-        # Each collapse removes two faces: topology allows no further one.
+        # A collapse removes two faces. If more are left over, topology allows no further collapse.
         is_stuck = mesh.n_faces > target + 2
         if surplus <= largest_surplus or is_stuck:
             break
@@ -289,12 +291,14 @@ def filtered(mesh: Mesh, name: str, **parameters: object) -> Mesh:
 
 
 def import_pymeshlab() -> Any:
-    """Return the package pymeshlab, imported where that is safe.
+    """Import the package pymeshlab, and return it.
+
+    Its first import must happen in the main thread: in any other, it corrupts memory.
 
     Raises
     ------
     ConfigurationError
-        If it would be imported first outside the main thread, or cannot be imported.
+        If it was not imported before and this is another thread, or if it cannot be imported.
     """
     if "pymeshlab" not in sys.modules and threading.current_thread() is not threading.main_thread():
         problem = (
@@ -311,9 +315,9 @@ def import_pymeshlab() -> Any:
 
 
 def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
-    """Collapse edges by quadric error until few faces remain, if the topology allows it.
+    """Collapse edges by least quadric error, down to a number of faces if the topology allows it.
 
-    All parameters of the filter of MeshLab are named, as their defaults differ between releases.
+    All parameters of MeshLab's filter are given, as their defaults differ between releases.
 
     Parameters
     ----------
@@ -342,7 +346,9 @@ def _collapse(mesh: Mesh, n_faces: int) -> Mesh:
 
 
 def isotropic_remesh(mesh: Mesh, edge: float, *, iterations: int, feature_degrees: float) -> Mesh:
-    """Re-mesh a surface with uniform edge length.
+    """Return a surface re-meshed with triangles of nearly equal edges.
+
+    All parameters of MeshLab's filter are given, as their defaults differ between releases.
 
     Parameters
     ----------

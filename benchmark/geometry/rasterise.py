@@ -53,10 +53,11 @@ def depth_buffer(points: ArrayLike, faces: ArrayLike, size: int, background: flo
 def draw_triangles(
     points: NDArray[np.float64], faces: NDArray[np.int32], image: DepthImage, behind: DepthImage
 ) -> None:
-    """Lower every pixel of ``image`` to the depth of the nearest triangle over its centre.
+    """Draw the depths of triangles into an image, in which the nearest one counts.
 
-    Triangles are drawn row by row, as spans between two of their edges. The view from behind is
-    drawn in the same pass, because a triangle covers the same pixels from both sides.
+    A triangle covers the pixels whose centres it contains. It is drawn row by row, as spans between
+    two of its edges. The view from behind is drawn in the same pass, because a triangle covers the
+    same pixels from both sides.
 
     Parameters
     ----------
@@ -123,7 +124,7 @@ def _draw_span(
     x1: float,
     z1: float,
 ) -> None:
-    """Lower the pixels of a row to the depths of a triangle, linear from one end to the other.
+    """Draw the span of a triangle in one row of an image, in which the least depth counts.
 
     Parameters
     ----------
@@ -131,10 +132,14 @@ def _draw_span(
         Depths of the nearest triangles so far, shape (height, width); changed in place.
     behind
         The same for the opposite camera, whose columns run the other way; without rows for none.
-    row, width
-        Number of the row, and number of columns of the image.
-    x0, z0, x1, z1
-        Column, in pixels, and depth at either end of the triangle in this row.
+    row
+        Number of the row.
+    width
+        Number of columns of the image.
+    x0, z0
+        Column in pixels, and depth, at one end of the span.
+    x1, z1
+        The same at its other end; depths are linear in between.
     """
     if x1 < x0:
         x0, x1 = x1, x0

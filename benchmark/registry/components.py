@@ -189,14 +189,14 @@ class Component:
         return not hasattr(self.load(), "canonicalise") and hasattr(self.load(), "describe")
 
     def load(self) -> Any:
-        """Import the class of this component.
+        """Import and return the class of this component.
 
         Raises
         ------
         ConfigurationError
-            If that fails, or the class has no ``info``.
+            If it cannot be imported, or has no ``info``.
         """
-        if self.given is not None:
+        if self.given is not None:  # an object of a Python program
             return type(self.given)
         module, _, attribute = self.target.rpartition(":")
         cls = getattr(load_module(self.target), attribute, None)
@@ -216,7 +216,7 @@ class Component:
         ConfigurationError
             If a package is missing, the class refuses the parameters, or the object lacks a method.
         """
-        if self.given is not None:
+        if self.given is not None:  # an object of a Python program
             return self.given
         missing = self.missing_packages()
         if missing:
@@ -226,7 +226,7 @@ class Component:
             created = self.load()(**self.parameters)
         except BenchmarkError:
             raise
-        except (Exception, SystemExit) as error:
+        except (Exception, SystemExit) as error:  # code of a user may raise anything
             hint = "give every parameter a valid default"
             if self.parameters:
                 hint = "choose other parameters"
@@ -308,7 +308,7 @@ def watching_component(
 
 
 def component_of(value: Any) -> Component:
-    """Return the component for something that a Python program passes as a method or scorer.
+    """Return the component for a method or scorer that a Python program passes.
 
     Parameters
     ----------
@@ -318,34 +318,38 @@ def component_of(value: Any) -> Component:
     Returns
     -------
     Component
-        An object of the suite or an installed package is known by its name and parameters. Any
-        other has a random identifier, so that no stored result is taken for its own.
+        A method of the suite or of an installed package is identified by its name and parameters,
+        so its stored results are found again. Any other object gets a random identifier.
 
     Raises
     ------
     ConfigurationError
-        If it is nothing of these kinds.
+        If the value is no method or scorer, or is a network with a model already loaded.
     """
     if isinstance(value, Component):
         return value
     value = _object_of(value)
     kind = _kind_of_object(value)
-    info = value.info
+    name = str(value.info.name)
     cls = type(value)
-    parameters = parameter_values(value)
-    attributes = getattr(value, "__dict__", None)
-    chosen = non_default_values(cls, parameters)
     target = f"{cls.__module__}:{cls.__qualname__}"
-    if hasattr(value, "train") and _has_more_than(parameters, attributes or {}):
-        problem = f"'{info.name}' has a model already, and a run looks for it"
+    parameters = parameter_values(value)
+    chosen = non_default_values(cls, parameters)
+    attributes = getattr(value, "__dict__", None)
+
+    learns = hasattr(value, "train")
+    if learns and _has_more_than(parameters, attributes or {}):
+        problem = f"'{value.info.name}' has a model already, and a run looks for it"
         raise ConfigurationError(problem, "pass it without one")
-    is_plain = attributes == parameters
-    if is_plain and is_installed(cls.__module__ or "__main__"):
-        return Component(kind, str(info.name), target, chosen)  # its name says all
-    # An object of the user depends on whatever the program may change, so it is never known again.
+
+    has_only_parameters = attributes == parameters
+    if has_only_parameters and is_installed(cls.__module__ or "__main__"):
+        return Component(kind, name, target, chosen)
+    # The results of any other object depend on whatever the program may change, so that no stored
+    # result may be taken for its own.
     return Component(
         kind,
-        str(info.name),
+        name,
         target,
         chosen,
         given=value,
@@ -355,12 +359,12 @@ def component_of(value: Any) -> Component:
 
 
 def _kind_of_object(value: Any) -> Kind:
-    """Return whether an object is a method or a scorer.
+    """Return ``"method"`` or ``"scorer"``, depending on which of the two an object is.
 
     Raises
     ------
     ConfigurationError
-        If it is neither.
+        If it is neither: it lacks a method, or its ``info``.
     """
     info = getattr(value, "info", None)
     kind: Kind = "scorer" if isinstance(info, ScorerInfo) else "method"
@@ -376,16 +380,17 @@ def _kind_of_object(value: Any) -> Kind:
 
 
 def _object_of(value: Any) -> Any:
-    """Make an object of what a Python program passes as a function or as a class.
+    """Return an object for a function or a class; return any other object itself.
 
-    A function from a shape to positions becomes a method of its name. Objects stay as they are.
+    A function from a shape to positions becomes a method with the name of the function.
 
     Raises
     ------
     ConfigurationError
         If a class cannot be created without arguments.
     """
-    if isinstance(value, FunctionType) and value.__name__ != "<lambda>":
+    is_named_function = isinstance(value, FunctionType) and value.__name__ != "<lambda>"
+    if is_named_function:
         title = value.__name__.replace("_", " ").strip()
         name = title.replace(" ", "-").lower()
         value = canonical_form(name=name, title=title.capitalize())(value)

@@ -22,9 +22,13 @@ _LETTER = re.compile(r"\\(?=[a-z]+\b)")
 
 
 def describe_parameters(documented: type) -> dict[str, str]:
-    """Return what the docstring of a class says of each of its parameters, each on one line.
+    """Return the description of each parameter of a class, on one line, by its name.
 
-    Docstrings of base classes count for parameters that the class does not describe.
+    Parameters
+    ----------
+    documented
+        The class, whose docstring follows numpydoc. Parameters that it does not describe are taken
+        from the docstrings of its base classes.
     """
     found: dict[str, str] = {}
     for base in documented.__mro__:

@@ -110,14 +110,15 @@ def by_name(kind: Kind, plugins: Iterable[Path] = ()) -> Known:
 
 
 def in_file(path: Path) -> list[Component]:
-    """Return the methods and scorers that a plugin file defines, in its order.
+    """Return the methods and scorers that a plugin file defines, in the order of the file.
 
-    They are its own classes with an ``info``; imported ones do not count.
+    These are the classes with an ``info`` that the file defines itself, not those that it imports.
 
     Raises
     ------
     ConfigurationError
-        If it is no Python file, cannot be imported, defines none, or a data set.
+        If the path is no Python file, or cannot be imported; if it defines no method and no scorer,
+        or makes a data set.
     """
     if path.suffix != ".py" or not path.is_file():
         raise ConfigurationError(f"there is no Python file {path}", "name the .py file of a plugin")

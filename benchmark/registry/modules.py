@@ -33,11 +33,16 @@ _importing = threading.RLock()
 
 
 def load_module(target: str) -> ModuleType:
-    """Import the module of a target: ``"baselines.gps:GPS"`` or ``"/path/smooth.py:Smooth"``.
+    """Import the module of a method or scorer, which may be a plugin file.
 
-    A plugin file gets a name of its own, so that ``random.py`` does not replace the standard
-    module. If its code, or a file that its methods name, was edited since it was imported, it is
-    imported again. What it prints goes to stderr.
+    A plugin file is imported again if it, or a file that its methods name, was edited since. What
+    it prints goes to stderr.
+
+    Parameters
+    ----------
+    target
+        Module or plugin file, and a class in it: ``"baselines.gps:GPS"`` or
+        ``"/path/smooth.py:Smooth"``.
 
     Raises
     ------
@@ -46,19 +51,20 @@ def load_module(target: str) -> ModuleType:
         another one, or it imports a module that is not in its code.
     """
     path = plugin_file(target)
+    # A plugin gets a name of its own, so that a file "random.py" does not replace Python's module.
     name = target.partition(":")[0] if path is None else _unique_name(path)
     try:
         if path is None:
             return importlib.import_module(name)
-        with _importing:
+        with _importing:  # a lock: threads import one plugin at a time
             imported = sys.modules.get(name)
             if imported and _imported.get(name) == _contents(target, named_files(imported)):
                 return imported
             with redirect_stdout(Printed()):
                 return _import_anew(target, name, path.resolve())
-    except UndeclaredFile:
+    except UndeclaredFile:  # says all that the user needs
         raise
-    except (Exception, SystemExit) as error:
+    except (Exception, SystemExit) as error:  # code of a user may raise anything
         problem = f"{path or name} cannot be imported: {locate(error)}"
         raise ConfigurationError(problem, _cure_of(error)) from error
 
@@ -101,23 +107,32 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
         Name that its module gets.
     path
         The file.
+
+    Raises
+    ------
+    UndeclaredFile
+        If the code reads a file that the plugin does not name.
     """
-    _imported.pop(name, None)  # until this ends well
+    # Forget the last import, also if this one fails.
+    _imported.pop(name, None)
     _check_helpers(path)
     importlib.invalidate_caches()
     _forget(set(sources_of(target)).difference(suite_sources()))
     contents = _contents(target)
     variables = dict(os.environ)
 
-    # The file may change the working folder, and read files that it names; others are an error.
+    # The working folder is restored, should the code change it.
     with chdir("."), watching(target) as declared:
         module = _execute(name, path)
+        # Files that the module names may be read; they are known only after its code has run.
         declared += [path.parent / file for file in named_files(module)]
+
+    # Other processes get the variables as they were: see ``environment``.
     for variable in {*variables, *os.environ}:
         if os.environ.get(variable) != variables.get(variable):
             _changed.setdefault(variable, variables.get(variable))
 
-    # Sources as they were before the import; files that the module names are known only now.
+    # Sources count as they were before the import, named files as they are now.
     _imported[name] = contents + _contents(target, named_files(module))[len(contents) :]
     return module
 

@@ -41,13 +41,17 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
         else:
             chosen += variants(name, known)
 
+    # All methods of each plugin file from which none was named.
     named_files = {component.plugin for component in chosen}
     for component in known.values():
         if component.plugin and component.plugin not in named_files:
             chosen.append(component)
 
+    # In the order of the tables; objects of the user, which are not known, come last.
     places = {name: place for place, name in enumerate(known)}
     chosen.sort(key=lambda component: places.get(component.base_name, len(places)))
+
+    # A method that is named twice is selected once.
     selected: dict[str, Component] = {}
     for component in chosen or known.values():
         same_name = selected.setdefault(component.name, component)
@@ -92,20 +96,25 @@ def variants(name: str, known: Mapping[str, Component]) -> list[Component]:
     Parameters
     ----------
     name
-        As ``"fast-mds[sweeps=1|5]"``, which stands for two.
+        Such as ``"fast-mds[sweeps=1|5]"``, which stands for two components.
     known
-        Components by name, which raise an error for an unknown name.
+        Components by name; looking up an unknown name raises an error.
+
+    Raises
+    ------
+    ConfigurationError
+        If the name or a parameter is unknown, or a combination of values is invalid.
     """
     base, inside = split_parameters(name)
     component = known[base]
-    by_variant: dict[str, Component] = {}
+    variants_by_name: dict[str, Component] = {}
     for parameters in combinations(inside):
         variant = component.with_parameters(parameters) if parameters else component
-        by_variant[variant.name] = variant
-    for variant in by_variant.values():
+        variants_by_name[variant.name] = variant
+    for variant in variants_by_name.values():
         if variant.parameters and not variant.missing_packages():
             variant.create()  # lets the class refuse invalid combinations now
-    return list(by_variant.values())
+    return list(variants_by_name.values())
 
 
 def components_named(name: str, plugins: Iterable[Path] = ()) -> list[Component]:
@@ -132,7 +141,7 @@ def components_named(name: str, plugins: Iterable[Path] = ()) -> list[Component]
     components: list[Component] = []
     if base in scorers:
         components += variants(name, scorers)
-    if base in methods or not components:  # methods[base] raises the error for an unknown name
+    if base in methods or not components:  # an unknown name raises an error here
         components = variants(name, methods) + components
     return components
 
