@@ -264,8 +264,7 @@ _REAL_PEOPLE = (
     "training bodies come to them is unknown, because clearance is a distance of phenotypes, which "
     "scans lack. Networks of folds are those of fold 0. The files hold no size (each is scaled to "
     "a longest side of 1), so every surface has an area of 1.8 square metres, in the frame of the "
-    "training bodies: area is at chance on complete surfaces, and networks learn nothing from "
-    "size."
+    "training bodies: area is near chance on complete surfaces, and size tells networks nothing."
 )
 
 _FAIR = "all methods on one depth view"
