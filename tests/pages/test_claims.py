@@ -189,7 +189,7 @@ def test_1_the_order_is_much_the_papers_in_dcg_and_ft(every_view):
         "| share of orders " + cells([thousandths(value) for value in alone]),
         "| share, four measures at once " + cells([thousandths(value) for value in together]),
         f"the correlation is {hundredths(among.DCG)} in DCG and {hundredths(among.FT)} in FT. "
-        f"Of all orders of the six, {reached.DCG:.0f} % and {reached.FT:.0f} % agree as well.",
+        f"Of all orders of the six, {reached.DCG:.0f} % and {reached.FT:.0f} % reach these.",
     )
 
 
