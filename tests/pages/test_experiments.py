@@ -91,7 +91,7 @@ def test_the_computation_of_the_networks_is_that_of_the_page(monkeypatch):
     ours = computation.training(*computation.NETWORKS[0]) / 1e6
     assert 200 < min(millions)[0] / ours < 300
     assert 2000 < max(millions)[1] / ours < 2500
-    assert "Two hundred to two thousand times as much" in " ".join(page.split())
+    assert "two hundred to two thousand times as much" in " ".join(page.split())
 
 
 def test_no_weight_matters_if_all_changes_are_tested_together():
