@@ -32,12 +32,16 @@ NEARER = 0.9
 #: Points of a surface that the parts of an alignment use: all starts, the best, the very best.
 _COARSE_POINTS = 60
 _POINTS = 200
-_FINE_POINTS = 600
+_FINE_POINTS = 400
 
-#: Steps of iterative closest points in each part.
-_COARSE_STEPS = 5
+#: Steps of iterative closest points in each part; after the first ones, most starts are left out.
+_FIRST_STEPS = 2
+_COARSE_STEPS = 3
 _STEPS = 6
 _FINE_STEPS = 5
+
+#: Rotations, and as many mirror images, that are left after the first steps.
+_LEFT = 8
 
 #: Coarse results of rotations, and as many of mirror images, that are refined, at most.
 _REFINED = 4
@@ -93,7 +97,7 @@ class Drawn:
 
     @cached_property
     def samples(self) -> Points:
-        """Some points, and how far each is from the centre of the body, shape (600, 4)."""
+        """Some points, and how far each is from the centre of the body, shape (400, 4)."""
         points = np.column_stack([self.mesh.vertices, self.values])
         chosen = np.linspace(0, len(points) - 1, _FINE_POINTS).astype(int)
         return np.asarray(points[chosen])
@@ -288,7 +292,9 @@ def alignments(
         starts = starts[np.linalg.det(starts) > 0]
     some = _thinned(points, _COARSE_POINTS)
     some_of_target = _thinned(target, _COARSE_POINTS)
-    coarse = _iterate_closest_points(some, some_of_target, starts, _COARSE_STEPS)
+    first = _iterate_closest_points(some, some_of_target, starts, _FIRST_STEPS)
+    left = first[_nearest_of_both_hands(_distances(some, some_of_target, first), first)]
+    coarse = _iterate_closest_points(some, some_of_target, left, _COARSE_STEPS)
     promising = coarse[_promising(_distances(some, some_of_target, coarse), coarse)]
     rotations = _iterate_closest_points(
         _thinned(points, _POINTS), _thinned(target, _POINTS), promising, _STEPS
@@ -299,6 +305,13 @@ def alignments(
 def _thinned(points: Points, n_points: int) -> Points:
     """Return every k-th point, so that about so many are left."""
     return points[:: max(1, len(points) // n_points)]
+
+
+def _nearest_of_both_hands(distances: NDArray[np.float64], rotations: Points) -> NDArray[np.intp]:
+    """Return the numbers of the nearest rotations, and of the nearest mirror images."""
+    order = np.argsort(distances, kind="stable")
+    mirrors = np.linalg.det(rotations[order]) < 0
+    return np.concatenate([order[~mirrors][:_LEFT], order[mirrors][:_LEFT]])
 
 
 def _promising(distances: NDArray[np.float64], rotations: Points) -> list[int]:
