@@ -188,7 +188,7 @@ def _pairs(
 
 
 def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
-    """Return whether a folder holds a finished model of this training.
+    """Check the model in a folder, and return whether it is the finished one of this training.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
     Raises
     ------
     ConfigurationError
-        If it holds the model of another training.
+        If the folder holds the model of another training.
     """
     if not (folder / CARD).is_file():
         return False

@@ -241,6 +241,7 @@ class Learned(TrainedNetwork):
         prediction = predict(self.model_folder, depth)
         if self.relief == "predicted":
             return prediction
+        # A flat relief lies in the middle of the frame.
         mask = prediction[-1]
         relief = mask * 0 + 0.5
         if self.relief == "average":

@@ -211,7 +211,7 @@ def _refined(
             for start in range(len(rotations)):
                 for side in range(2):
                     turn = np.zeros(3)
-                    # Half the angle approximates its tangent well enough.
+                    # For small angles, the tangent of half the angle is about half the angle.
                     turn[axis] = (side - 0.5) * steps[start]
                     candidates[side, start] = _turned(rotations[start], turn)
             flat_areas = _projected_areas(area_vectors, candidates.reshape(-1, 3, 3))

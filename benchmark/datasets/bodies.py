@@ -258,7 +258,7 @@ def _leg(
         """Return a rotation in the plane of walking, in degrees."""
         return Rotation.from_euler("x", angle, degrees=True)
 
-    # Each of the two bones of the thigh takes half of the roll, and a share of the flexion.
+    # The two bones of the thigh share the roll equally, and the flexion by a constant.
     half_roll = Rotation.from_euler("z", roll / 2, degrees=True)
     outwards = Rotation.from_euler("y", -abduction, degrees=True)
     return {

@@ -172,6 +172,7 @@ def _passages(sides: _Sides) -> tuple[IntArray, FloatArray]:
         _passage(sides, beyond_start, sides.apexes),
     )
     names = np.stack((*forward, *backward), axis=1).reshape(-1, 3)
+    # The apex as seen from the start of the side, and from its end.
     width = np.where(sides.lengths > 0, sides.lengths, 1.0)
     along = sides.apex_x / width
     beside = sides.apex_y / width

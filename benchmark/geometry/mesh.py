@@ -178,7 +178,7 @@ def _triples(array: ArrayLike, what: str, dtype: type[np.number]) -> NDArray[Any
         too large for the type.
     """
     try:
-        # Masked coordinates become NaN. Masked indices cannot, and raise a TypeError.
+        # Masked coordinates become NaN; masked indices cannot, and raise an error.
         values = np.ma.filled(array, np.nan)
     except (TypeError, ValueError, RuntimeError) as error:
         problem = f"{what} are no array: {error}"

@@ -19,12 +19,12 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
     Parameters
     ----------
     names
-        Names, optionally with parameters, of which ``|`` separates several values:
-        ``"fast-mds[sweeps=1|5]"``; ``"all"`` stands for all methods. In Python also objects,
-        classes and functions from a shape to positions. Without any, the methods of the plugin
-        files, or all methods if there are none.
+        Names of methods. A name may have parameters with one or more values, as in
+        ``"fast-mds[sweeps=1|5]"``; ``"all"`` stands for all methods. A Python program may also pass
+        objects, classes, and functions from a shape to positions. If nothing is named, the methods
+        of the plugin files are selected, or all methods if there are no files.
     plugins
-        Plugin files; if no method of a file is named, all of them are added.
+        Plugin files. If no method of a file is named, all methods of the file are selected.
 
     Raises
     ------
