@@ -141,6 +141,7 @@ figures: setup
 	$(BIN)/python results/experiments/canonical_depths.py
 	$(BIN)/python results/experiments/finding.py
 	$(DRAW)/effect.png -t III -d tosca $(call methods,$(SHOWN)) $(BODIES)
+	$(BIN)/python -m tools.stack_halves results/figures/effect.png results/figures/effect-narrow.png
 	$(DRAW)/david.png -t III -d tosca -m mesh-unfolding $(MEN)
 	$(BIN)/python -m benchmark run -d animals --quick --input mesh --subjects cat,michael,horse \
 	    -m identity $(call methods,$(CLASSICAL) $(FURTHER))

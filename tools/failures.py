@@ -115,10 +115,7 @@ def figure_of_failure(method: str, failure: Failure) -> Figure:
         if name != failure.query:
             form = turned_to(form_of(method, name), first)
         columns.append((name, [picture_of(drawn_shape(name)), picture_of(form)]))
-    figure = grid(columns, SIDE)
-    for place in figure.axes:
-        place.title.set_fontsize(NAME_SIZE)
-    return figure
+    return grid(columns, SIDE, title_size=NAME_SIZE)
 
 
 def picture_of(drawn: Drawn) -> object:

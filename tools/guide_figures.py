@@ -1,7 +1,7 @@
 """``python -m tools.guide_figures [RESULTS]``: draw the pictures of the guide from a quick run of
 the animals.
 
-They are transparent, with words in a grey that is read on white and on black.
+They are transparent, with words on white, so that they are read on light and on dark pages.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from benchmark.pipeline.records import Record
 from benchmark.report.drawing import shaded
 from benchmark.report.figures import figure_of_records
 from benchmark.report.forms import StoredForms
-from benchmark.report.grids import TEXT_WIDTH, grid
+from benchmark.report.grids import ON_WHITE, TEXT_WIDTH, TITLE_SIZE, grid
 from benchmark.report.play import play_data, play_galleries
 from benchmark.text import say
 from retrieval.cmbof import CMBOF
@@ -40,7 +40,7 @@ from tools.form_costs import METHODS
 
 FOLDER = Path(__file__).parents[1] / "results" / "figures"
 
-#: Grey with a contrast of 4.5 to white and of 4 to the black of dark pages.
+#: Grey of axes, with a contrast of 3 to white and to dark pages.
 GREY = "#767676"
 
 #: Shapes of the pictures of forms: three poses of a cat and of a man.
@@ -99,11 +99,7 @@ def write_play_data(results: Path) -> None:
 
 
 def save(figure: Figure, name: str, dpi: int = DPI) -> None:
-    """Write a figure without a background, its words in grey."""
-    for axes in figure.axes:
-        axes.title.set_color(GREY)
-        for text in axes.texts:
-            text.set_color(GREY)
+    """Write a figure without a background."""
     path = FOLDER / f"{name}.png"
     figure.savefig(path, dpi=dpi, transparent=True)
     with Image.open(path) as drawn:
@@ -209,16 +205,18 @@ def figure_of_words(forms: dict[str, Mesh]) -> Figure:
     counts = {title: word_counts(found, codebook) for title, found in features.items()}
     first = next(iter(counts.values()))
     words = np.argsort(-first, kind="stable")[:N_WORDS]
-    figure = Figure((TEXT_WIDTH, 2.4))
+    figure = Figure((TEXT_WIDTH / 2, 2.4))  # narrow, so that its words are read on a telephone
     rows: Any = figure.subplots(len(forms), 1, sharex=True, sharey=True)
     for axes, (title, of_words) in zip(rows, counts.items(), strict=True):
         axes.bar(range(N_WORDS), of_words[words], color="#3a82be")
-        axes.set_title(title, fontsize=7, loc="left", color=GREY)
+        axes.set_title(title, fontsize=TITLE_SIZE, loc="left", bbox=ON_WHITE)
         axes.yaxis.set_major_locator(MaxNLocator(3, integer=True))
-        axes.tick_params(labelsize=6, colors=GREY, bottom=False, labelbottom=False)
+        axes.tick_params(labelsize=TITLE_SIZE, color=GREY, bottom=False, labelbottom=False)
+        for label in axes.get_yticklabels():
+            label.set_bbox(ON_WHITE)
         axes.spines[["top", "right"]].set_visible(False)
         axes.spines[["left", "bottom"]].set_color(GREY)
-    figure.subplots_adjust(0.05, 0.03, 0.99, 0.92, 0, 0.55)
+    figure.subplots_adjust(0.09, 0.03, 0.99, 0.92, 0, 0.55)
     return figure
 
 

@@ -22,12 +22,18 @@ DPI = 300
 #: Size in points of titles and names in figures.
 TITLE_SIZE = 7
 
-#: Height in inches of a line of a title, and the room around all of its lines.
-_LINE_HEIGHT = TITLE_SIZE * 1.2 / 72
+#: Distance of the lines of a title in units of its size, and the room around them in inches.
+_LINE_SPACING = 1.2
 _ROOM_OF_TITLES = 0.12
+_POINTS_PER_INCH = 72
 
 #: What words stand on, so that they can be read on dark pages, too.
-ON_WHITE = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none"}
+ON_WHITE = {
+    "boxstyle": "round,pad=0.2",
+    "facecolor": "white",
+    "edgecolor": "none",
+    "antialiased": False,
+}
 
 #: Metadata by file extension, without the date and the version of matplotlib.
 _UNDATED: dict[str, dict[str, str | None]] = {
@@ -38,7 +44,10 @@ _UNDATED: dict[str, dict[str, str | None]] = {
 
 
 def grid(
-    columns: Sequence[tuple[str, Sequence[Any]]], side: float = 1.0, below: float = 0.0
+    columns: Sequence[tuple[str, Sequence[Any]]],
+    side: float = 1.0,
+    below: float = 0.0,
+    title_size: float = TITLE_SIZE,
 ) -> Figure:
     """Return a figure of pictures in columns, each column below its title.
 
@@ -53,10 +62,12 @@ def grid(
         Side of a picture in inches.
     below
         Room below each picture in inches, for words.
+    title_size
+        Size of the titles in points.
     """
     n_rows = max(len(pictures) for _, pictures in columns)
     of_pictures = n_rows * (side + below)
-    height = of_pictures + _height_of_titles([title for title, _ in columns])
+    height = of_pictures + _height_of_titles([title for title, _ in columns], title_size)
     figure = Figure((side * len(columns), height), facecolor="none")
     axes = figure.subplots(n_rows, len(columns), squeeze=False)
     figure.subplots_adjust(0, below / height, 1, of_pictures / height, 0, below / side)
@@ -64,7 +75,7 @@ def grid(
         place.axis("off")
     for places, (title, pictures) in zip(axes.T, columns, strict=True):
         if title:
-            places[0].set_title(title, fontsize=TITLE_SIZE, parse_math=False, bbox=ON_WHITE)
+            places[0].set_title(title, fontsize=title_size, parse_math=False, bbox=ON_WHITE)
         for place, picture in zip(places, pictures, strict=False):
             if picture is not None:
                 place.imshow(np.asarray(picture), cmap="gray")
@@ -72,11 +83,12 @@ def grid(
     return figure
 
 
-def _height_of_titles(titles: Sequence[str]) -> float:
+def _height_of_titles(titles: Sequence[str], size: float) -> float:
     """Return the inches that titles of one or more lines take; 0 without titles."""
     if not any(titles):
         return 0.0
-    return _ROOM_OF_TITLES + _LINE_HEIGHT * max(title.count("\n") + 1 for title in titles)
+    n_lines = max(title.count("\n") + 1 for title in titles)
+    return _ROOM_OF_TITLES + n_lines * _LINE_SPACING * size / _POINTS_PER_INCH
 
 
 def write_figure(figure: Figure, path: Path) -> None:

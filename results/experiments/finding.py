@@ -1,13 +1,16 @@
 """The finding in a picture: ``python results/experiments/finding.py``.
 
-Draws results/figures/finding.png and finding-dark.png from published records: DCG on TOSCA,
-complete surfaces, of the paper's eight canonical forms in the paper and here, of no form, surface
-area and ShapeDNA, with intervals over classes, and of a random order.
+Draws results/figures/finding.png from published records: DCG on TOSCA, complete surfaces, of the
+paper's eight canonical forms in the paper and here, of no form, surface area and ShapeDNA, with
+intervals over classes, and of a random order. It is drawn for light and dark pages, and again for
+the narrow screens of telephones.
 """
 
 from __future__ import annotations
 
+from itertools import product
 from pathlib import Path
+from textwrap import fill
 from typing import NamedTuple
 
 from matplotlib.axes import Axes
@@ -45,9 +48,15 @@ class Theme(NamedTuple):
 
 
 THEMES = {
-    "finding.png": Theme("#ffffff", "#1f2328", "#d1d9e0", "#2f6db5", "#b5482f"),
-    "finding-dark.png": Theme("#0d1117", "#e6edf3", "#3d444d", "#6cb0f5", "#f0926e"),
+    "": Theme("#ffffff", "#1f2328", "#d1d9e0", "#2f6db5", "#b5482f"),
+    "-dark": Theme("#0d1117", "#e6edf3", "#3d444d", "#6cb0f5", "#f0926e"),
 }
+
+#: Width and height in inches by the end of the name.
+SIZES = {"": (TEXT_WIDTH, 3.5), "-narrow": (TEXT_WIDTH / 2, 3.9)}
+
+#: Letters to the inch of the label of the axis.
+LETTERS_PER_INCH = 13
 
 
 class Line(NamedTuple):
@@ -79,10 +88,10 @@ def lines(view: TableView) -> list[Line]:
     ]
 
 
-def picture(view: TableView, theme: Theme) -> Figure:
+def picture(view: TableView, theme: Theme, size: tuple[float, float]) -> Figure:
     """Draw a line for each method on one axis."""
     drawn = lines(view)
-    figure = Figure((TEXT_WIDTH, 3.5), layout="constrained", facecolor=theme.page)
+    figure = Figure(size, layout="constrained", facecolor=theme.page)
     place = figure.subplots()
     places = [-number - 0.6 * (number >= len(CONTROLS)) for number in range(len(drawn))]
     for y, line in zip(places, drawn, strict=True):
@@ -95,19 +104,20 @@ def picture(view: TableView, theme: Theme) -> Figure:
     place.axvline(chance, color=theme.text, lw=1, ls=(0, (3, 3)), zorder=1)
     beside = {"va": "center", "fontsize": 8, "color": theme.text}
     place.text(chance + 0.006, places[-1], "random order", **beside)
-    place.set_xlabel(f"{MEASURE} on {view.title}, complete surfaces (higher is better)")
-    _explain(place, theme)
+    label = f"{MEASURE} on {view.title}, complete surfaces (higher is better)"
+    width, _ = size
+    figure.supxlabel(fill(label, round(LETTERS_PER_INCH * width)), color=theme.text, fontsize=9)
+    _explain(figure, place, theme)
     _style(place, theme)
     return figure
 
 
-def _explain(place: Axes, theme: Theme) -> None:
+def _explain(figure: Figure, place: Axes, theme: Theme) -> None:
     """Say above the axis what the marks are."""
     place.plot([], [], "o-", color=theme.ours, lw=2, ms=6.5, label="here, with 95 % interval")
     place.plot([], [], "D", mfc="none", mec=theme.paper, mew=1.5, ms=6, label="in the paper")
-    place.legend(
-        loc="lower left",
-        bbox_to_anchor=(0, 1),
+    figure.legend(
+        loc="outside upper center",
         ncols=2,
         frameon=False,
         fontsize=9,
@@ -120,7 +130,6 @@ def _style(place: Axes, theme: Theme) -> None:
     """Leave what a reader needs: names, the axis, and faint lines to read it by."""
     place.set_facecolor(theme.page)
     place.set_xlim(0.4, 1)
-    place.xaxis.label.set(color=theme.text, fontsize=9)
     place.grid(axis="x", color=theme.lines, lw=0.7)
     place.set_axisbelow(True)
     place.tick_params(length=0, labelsize=9, colors=theme.text)
@@ -132,8 +141,8 @@ def main() -> None:
     """Write the picture for both kinds of pages."""
     views = table_views(read_records(RESULTS, local=False), ["III"], datasets=["tosca"])
     (view,) = (view for view in views if view.table.identifier == "III")
-    for name, theme in THEMES.items():
-        write_figure(picture(view, theme), FIGURES / name)
+    for (narrow, size), (dark, theme) in product(SIZES.items(), THEMES.items()):
+        write_figure(picture(view, theme, size), FIGURES / f"finding{narrow}{dark}.png")
 
 
 if __name__ == "__main__":
