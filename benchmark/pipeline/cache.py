@@ -64,15 +64,14 @@ def storing(results: Path) -> Iterator[None]:
 
 @contextmanager
 def writing(results: Path) -> Iterator[None]:
-    """Hold the lock of a results folder while this process writes to it, as a context manager.
+    """Return a context in which no other process writes to a results folder.
 
-    There is one writer at a time; readers need no lock. What a former writer left half done is
-    removed.
+    Readers need no lock. Temporary files that an earlier writer left behind are removed.
 
     Raises
     ------
     StorageError
-        If another process is writing to it, or it cannot be written.
+        If another process is writing to the folder, or it cannot be written.
     """
     with storing(results):
         (results / RUNS / "records").mkdir(parents=True, exist_ok=True)
@@ -86,7 +85,7 @@ def writing(results: Path) -> Iterator[None]:
                 "wait for its end, or choose another --results DIR",
             ) from None
         except OSError:
-            pass  # a file system without locks
+            pass  # the file system has no locks: go on without
         sweep(results / RUNS)
         yield
 
@@ -114,8 +113,10 @@ class Cache:
 
         Parameters
         ----------
-        stage, key
-            The file.
+        stage
+            What the file holds, such as ``"forms"``.
+        key
+            Its name, without extension.
         without
             Names of arrays that are left out.
         only
@@ -129,7 +130,8 @@ class Cache:
         try:
             with zipfile.ZipFile(self._path(stage, key)) as archive:
                 names = {name.removesuffix(".npy") for name in archive.namelist()}
-                # The list of names has no checksum: its length stands in the comment.
+                # Each array has a checksum, but their list has none: it may have been cut. The
+                # comment of the archive says how many there are.
                 if archive.comment != str(len(names)).encode():
                     return None
                 wanted = names.intersection(only or names).difference(without)

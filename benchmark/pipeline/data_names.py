@@ -52,23 +52,26 @@ def records_of(records: Sequence[Record], words: Iterable[str]) -> list[Record]:
 
 
 def _records_of_word(records: Sequence[Record], word: str) -> list[Record]:
-    """Return the records of the data set that a user's word means: a name, or the path of a folder.
+    """Return the records of the data set that a user's word means.
 
     Parameters
     ----------
     records
         The records.
     word
-        The word. A folder also means results that were computed of it under another name.
+        Name of a data set, or path of a folder, such as ``"tosca"`` or ``"./scans"``.
 
     Raises
     ------
     ConfigurationError
-        If it names several data sets, such as two folders of one name.
+        If it means several data sets, such as two folders of one name.
     """
+    # Records that were computed from the folder of this path, if there is one.
     folder, _ = split_changes(word)
     path = path_of(word) if Path(folder).exists() else ""
     of_folder = [record for record in records if path and record.data.path == path]
+
+    # Records of other data of this name, unless the word is clearly a path.
     of_name: list[Record] = []
     is_path_of_data = bool(of_folder) and "/" in word
     if not is_path_of_data:

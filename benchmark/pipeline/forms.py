@@ -67,9 +67,10 @@ class SharedResults:
     def get_or_compute(self, key: Hashable, compute: Callable[[], Any]) -> Any:
         """Return a result that several methods need of a shape; compute it if it is missing.
 
-        Such results are the geodesic distances, which are charged to no method, and forms from
-        which other methods begin, which are charged to each method that uses them. The accounts of
-        this object are brought up to date.
+        The time of geodesic distances is charged to no method. That of a form from which other
+        methods begin is charged to each of them, whoever computed it. Both are added to the
+        accounts of this object, whose seconds are pairs: by the clock on the wall, and of the
+        processor.
 
         Parameters
         ----------
@@ -95,12 +96,12 @@ class SharedResults:
         if not is_known:
             result = self._compute_geodesics(compute) if is_geodesics else compute()
             self._results[identity] = _read_only(result), clock() - start
-        result, seconds = self._results[identity]  # by the clock on the wall, and of the processor
+        result, seconds = self._results[identity]
         if is_geodesics:
             self.seconds_of_geodesics = seconds
-            if not is_known:
+            if not is_known:  # they were just computed within the time of the method: subtract them
                 self.seconds_of_others = self.seconds_of_others + seconds
-        elif is_known:
+        elif is_known:  # the form was computed earlier: the method owes its time
             self.seconds_of_others = self.seconds_of_others - seconds
         if isinstance(result, CanonicalForm):
             return replace(result, notes=dict(result.notes))
@@ -145,15 +146,10 @@ def shape_of(
 def output_arrays(
     compute: Callable[[], CanonicalForm | FloatArray], shape: Shape, shared: SharedResults
 ) -> Arrays:
-    """Compute the form or the descriptor of a shape as arrays for the cache.
+    """Compute the form or the descriptor of a shape, as arrays for the cache.
 
-    Coordinates are rounded to single precision, an error of 1e-7 that is negligible for all
-    scorers. The scored form is therefore the same whether it was just computed or read from the
-    cache.
-
-    Seconds are pairs: by the clock on the wall, and of the processor. Geodesics are charged to no
-    method. A form of another method, from which this one begins, is charged to this one, whoever
-    computed it.
+    Coordinates are rounded to single precision here, so that a form is scored alike whether it was
+    just computed or read from the cache. The error of 1e-7 is negligible.
 
     Parameters
     ----------
@@ -162,17 +158,17 @@ def output_arrays(
     shape
         The shape.
     shared
-        Results that methods share. Its accounts of time are set to 0 before the computation, and
-        read after it.
+        Results that methods share, such as geodesics. Its accounts of their time are set to 0
+        before the computation, and read after it.
 
     Returns
     -------
     dict
-        ``vertices``, shape (n, 3), float32, and ``faces`` if they differ from those of the shape;
-        or ``descriptor``, shape (k,). ``note:...`` for each note of the method. If the method
-        refuses the shape, the reason and hint instead, as :func:`~benchmark.pipeline.stages.timed`
-        returns them. In any case the seconds of the method, those of geodesics that it used, and a
-        description of the machine.
+        Of a form, ``vertices``, shape (n, 3), float32, ``faces`` if they differ from those of the
+        shape, and ``note:...`` for each note of the method. Of a descriptor, ``descriptor``, shape
+        (k,). Of a refused shape, reason and hint, as :func:`~benchmark.pipeline.stages.timed`
+        returns them. In any case the seconds of the method and those of geodesics that it used,
+        both by the clock on the wall and of the processor, and a description of the machine.
     """
 
     def arrays_of() -> Arrays:
@@ -192,8 +188,8 @@ def output_arrays(
     arrays = {**timed(arrays_of)}
     if shared.seconds_of_geodesics.any():
         arrays[SECONDS + GEODESICS] = shared.seconds_of_geodesics
-    # What passed meanwhile but is not the method's: geodesics that were computed just now, less the
-    # forms of others that were known.
+    # Subtract the geodesics that were computed meanwhile; add the forms of other methods that were
+    # known before (their seconds count as negative).
     arrays[SECONDS] = arrays[SECONDS] - shared.seconds_of_others
     arrays[MACHINE] = np.asarray(describe_machine())
     return arrays

@@ -69,9 +69,9 @@ def merge_records(
 ) -> Merged:
     """Add the records of other results folders to one.
 
-    A result replaces a failure, and the later of two failures stays. Records of a folder with the
-    name, shapes and cameras of one here are of that one. No file is written that is there already,
-    except those of a row that is replaced.
+    Of two records of one row, a result replaces a failure, and the later of two failures stays.
+    Existing files stay as they are, except those of a row that is replaced. Folders of data with
+    the same name, shapes and cameras count as the same data, wherever they lie.
 
     Parameters
     ----------
@@ -80,9 +80,9 @@ def merge_records(
     results
         The one to add to.
     take
-        Which of two results of a row that differ is kept: ``"ours"`` or ``"theirs"``. By default
-        they are a conflict, and ours stays. Two folders that differ from each other stay in
-        conflict.
+        Which of two results of a row is kept that differ: ``"ours"`` or ``"theirs"``. By default,
+        ours stays, and they are returned as a conflict. So are results of two added folders that
+        differ from each other.
     rows
         The conflicts that ``take`` resolves, each by the name of its row or the key of one of its
         records; empty for all.
@@ -127,18 +127,18 @@ class _Merging:
     """
 
     def __init__(self, results: Path, take: Choice | None, rows: Collection[str]) -> None:
-        """Read the records that the results folder has; see :func:`merge_records`."""
+        """Read the records that the results folder has, to which others will be added."""
         self.results = results
         self.take = take
         self.rows = rows
         #: All records here by row; the last one counts.
         self.here: defaultdict[RowId, list[Record]] = defaultdict(list)
-        #: Row of each file, by its key; None of a file that is not used as a record.
+        #: Row of each record here, by its key; None for a file that cannot be read as a record.
         self.owners: dict[str, RowId | None] = {path.stem: None for path in local_files(results)}
         for record in sorted(read_files(local_files(results)), key=age_of):
             self.here[record.row].append(record)
             self.owners[record.key] = record.row
-        #: The record of each row that counts, here or added.
+        #: The record of each row that counts: the last one here, or one that was added.
         self.known = {row: records[-1] for row, records in self.here.items()}
         #: Shapes and classes of each gallery here, by its digest.
         self.facts_of_gallery = {
@@ -157,17 +157,17 @@ class _Merging:
         """Decide for each record of another folder whether it is added."""
         files = scan_files(local_files(folder))
         say_skipped(files.skipped)
-        self.n_skipped += len(files.skipped)
         records = sorted(files.records, key=age_of)
         last_records = last_of_rows(records)
-        rows = {record.row for record in records}
-        self.n_skipped += len(rows) - len(last_records)  # rows without a record that fits others
+        n_rows = len({record.row for record in records})
+        # Files that cannot be read; and rows whose records contradict those of other rows.
+        self.n_skipped += len(files.skipped) + n_rows - len(last_records)
         for record in last_records:
             moved = _with_data_here(record, self.known.values())
             self._add(_as_merged(moved, folder))
 
     def _add(self, record: Record) -> None:
-        """Add a record of another folder, unless ours is better or it has to be refused."""
+        """Add a record of another folder, unless the one here is better or it cannot be written."""
         known = self.known.get(record.row)
         if known is not None and not self._is_wanted(known, record):
             return
@@ -193,15 +193,16 @@ class _Merging:
         return self._is_taken(known, record)
 
     def _is_taken(self, known: Record, record: Record) -> bool:
-        """Return whether a result of another folder replaces ours, which differs from it.
+        """Return whether a result of another folder replaces the one here, as the user decides.
 
-        If the user has not decided this conflict, ours stays, and the conflict is noted.
+        If the user has not decided this conflict, the one here stays, and the conflict is noted.
         """
         names = {str(record.row), known.key, record.key}
         self.names_of_conflicts[record.row] |= names
-        is_chosen = not self.rows or not names.isdisjoint(self.rows)
-        is_between_folders = record.row in self.added  # "ours" is of a third folder
-        if self.take is None or not is_chosen or is_between_folders:
+        is_decided = not self.rows or not names.isdisjoint(self.rows)
+        # If the one here was added just now, from a third folder, it is not "ours".
+        is_between_folders = record.row in self.added
+        if self.take is None or not is_decided or is_between_folders:
             self.conflicts.append((known, record))
             return False
         if self.take == "ours":
@@ -221,14 +222,14 @@ class _Merging:
         return ""
 
     def check_rows(self) -> None:
-        """Check that each row that the user names is in one conflict.
+        """Check that each name for which the user decides conflicts belongs to one conflict.
 
         Raises
         ------
         ConfigurationError
-            If it is in none, or names the rows of several data sets.
+            If it belongs to none, or to the rows of several data sets.
         """
-        for name in self.rows:  # the name of a row, or the key of a record
+        for name in self.rows:  # of a row, or the key of a record
             rows = [row for row, names in self.names_of_conflicts.items() if name in names]
             if not rows:
                 conflicts = ", ".join(f"'{row}'" for row in self.names_of_conflicts)
@@ -278,20 +279,22 @@ def _plugins_of(record: Record) -> dict[str, str]:
 def _with_data_here(record: Record, known: Iterable[Record]) -> Record:
     """Return a record of another folder with the path that its data have here.
 
-    The data of a record are the same as those of another if name, shapes and cameras are. Of
-    several places of the same data, the one that was last used counts.
+    Data are the same as those of a record here if name, shapes and cameras are.
 
     Parameters
     ----------
     record
         The record.
     known
-        Records here, in the order in which they were made.
+        Records here, in the order in which they were made. If the same data lie at several paths,
+        the one that was used last counts.
     """
     paths: defaultdict[tuple[str, ...], list[str]] = defaultdict(list)
     for other in known:
         for side in other.sides:
             paths[_identity_of_data(side)].append(side.data.path)
+
+    # Queries and their gallery may be of different data.
     gallery = record.gallery_of_queries
     if gallery:
         gallery = _moved(gallery, paths[_identity_of_data(gallery)])
@@ -299,8 +302,9 @@ def _with_data_here(record: Record, known: Iterable[Record]) -> Record:
         msgspec.structs.replace(record, gallery_of_queries=gallery),
         paths[_identity_of_data(record)],
     )
-    if not record.result_key:
+    if not record.result_key:  # a job that could not run
         return record
+    # Paths are part of the key.
     return msgspec.structs.replace(record, key=key_at(record.result_key, record.row.paths))
 
 

@@ -88,14 +88,15 @@ def check_needs(info: MethodInfo, shape: Shape) -> None:
     Parameters
     ----------
     info
-        What the method says that it needs: ``"connected"`` surfaces, distances of all ``"pairs"``.
+        Declaration of the method. Its ``needs`` are empty, ``"connected"`` (a surface in one piece)
+        or also ``"pairs"`` (so few vertices that all distances between them are kept).
     shape
         The shape.
 
     Raises
     ------
     UnsupportedShape
-        If it has not.
+        If the shape has not what is needed.
     """
     if not info.needs:
         return
@@ -124,7 +125,7 @@ def check_needs(info: MethodInfo, shape: Shape) -> None:
 def compute_form(method: Method, shape: Shape) -> CanonicalForm:
     """Compute the canonical form of a shape, and check what the method returns.
 
-    The method may be a user's plugin, so that nothing it returns is taken for granted.
+    The method may be the plugin of a user, who may have returned anything.
 
     Parameters
     ----------
@@ -149,8 +150,8 @@ def compute_form(method: Method, shape: Shape) -> CanonicalForm:
     who = f"{_name(method)} returned no canonical form"
     try:
         form: object = method.canonicalise(shape)
-        mesh = form.mesh if isinstance(form, CanonicalForm) else None
-    except InvalidMesh as error:  # the shape is valid, so the method made it invalid
+        mesh = form.mesh if isinstance(form, CanonicalForm) else None  # this checks the arrays
+    except InvalidMesh as error:
         raise InvalidForm(f"{who}: {error.problem}", _FORM_HINT) from error
     if not isinstance(form, CanonicalForm) or mesh is None:
         problem = f"{who}: it is of type {type(form).__name__}, not CanonicalForm"
@@ -196,7 +197,7 @@ def compute_descriptor(method: Descriptor, shape: Shape) -> FloatArray:
 
 
 def compute_signature(scorer: Scorer, form: Mesh) -> SignatureArrays:
-    """Compute the signature of a form, and check what the scorer returns: named arrays.
+    """Compute the signature of a form, and check that it consists of named arrays.
 
     Raises
     ------
@@ -252,7 +253,7 @@ def make_distance_check(comparing: Descriptor | Scorer) -> Check:
 def _check_numbers(
     output: object, component: object, shape: tuple[int, ...], hint: str
 ) -> FloatArray:
-    """Return what a method or scorer computed as an array of finite real numbers.
+    """Return the output of a method or scorer as an array of floats, after checks.
 
     Parameters
     ----------
@@ -268,7 +269,7 @@ def _check_numbers(
     Raises
     ------
     InvalidForm
-        If it is anything else.
+        If it is no array of finite real numbers, or has another shape.
     """
     who = f"{_name(component)} returned"
     try:

@@ -152,19 +152,19 @@ class PreparedShapes:
 def frame_of(shapes: ShapeSet) -> float:
     """Return half the width of the square frame into which all views of a data set fit.
 
-    It is in units of the files. A shape without a surface has no part in it; without any shape, the
-    result is arbitrary.
+    It is in the unit of the mesh files. Shapes that cannot be read or have no surface are ignored;
+    if there are no others, the width is arbitrary.
     """
-    if shapes.half_width is not None:
+    if shapes.half_width is not None:  # the data set fixes it
         return shapes.half_width
 
     def fit(entry: Entry) -> Arrays:
-        """Return the width of the frame of one shape."""
+        """Return the width of the frame that one shape needs."""
         return {"width": np.asarray(fit_frame(shapes.load(entry), shapes.camera(entry)))}
 
     widths = []
     for entry in shapes.shapes:
-        fitted = timed(partial(fit, entry))  # a refused shape has no width
+        fitted = timed(partial(fit, entry))  # without "width" if the shape is refused
         if "width" in fitted:
             widths.append(float(fitted["width"]))
     return common_frame(widths)

@@ -61,28 +61,28 @@ class DamagedFiles(Exception):
 def rank(
     record: Record, cache: Cache, comparing: Descriptor | Scorer, check: Check
 ) -> tuple[dict[str, Any], Arrays]:
-    """Rank the shapes of a gallery by their distances, and score the rankings.
+    """Rank the shapes of a gallery by their distances from each query, and score the rankings.
 
-    All files of its shapes have been made. A shape without a result scores 0.
+    A shape that was refused has no distances, and scores 0 as a query.
 
     Parameters
     ----------
     record
         The record of the job without its outcome: shapes, classes and keys of their files.
     cache
-        The cached files.
+        The cached files, with the signature or descriptor of each shape.
     comparing
-        The scorer, or the descriptor that compares its own vectors.
+        The scorer, which compares signatures; or the method that compares its own descriptors.
     check
         Checks each matrix that it computes.
 
     Returns
     -------
-    dict
-        What the record says of the outcome.
-    dict
-        ``distances`` of the queries to the shapes of the gallery, those with a result alone, means
-        over the draws; empty if there are none.
+    content : dict
+        What the record says of the outcome: scores, refused shapes, notes and seconds.
+    arrays : dict
+        ``distances``, shape (queries, gallery): the mean over the draws of the scorer, of the
+        shapes that were not refused. Empty if all were.
 
     Raises
     ------
@@ -98,16 +98,16 @@ def rank(
         if not side.stages:
             return side.refusals, {}
 
-    # Without other queries, the gallery is compared with itself.
+    # Compare the queries with the gallery; without other queries, the gallery with itself.
     outputs = queries.last_arrays if record.gallery_of_queries else None
     matrices = distances(comparing, check, gallery.last_arrays, outputs)
 
-    # The distance of a shape is the least of its views.
+    # The distance of a shape that is seen in several views is the least of theirs.
     shapes, first_views = np.unique(gallery.shape_indices, return_index=True)
     if len(shapes) < len(gallery.stages):
         matrices = _nearest_views(matrices, first_views)
 
-    # Measures are taken of each draw, and the mean distances are kept.
+    # Measures are taken of each draw of the scorer, and the mean of the distances is kept.
     mean = _MeanOfMatrices()
     targets = record.targets
     if targets:
@@ -158,12 +158,12 @@ class _SideArrays:
 
 
 def _read(side: RankedShapes, cache: Cache) -> _SideArrays:
-    """Read the cached results of queries, or of a gallery.
+    """Read the cached files of the queries, or of the gallery.
 
     Parameters
     ----------
     side
-        Shapes with the keys of their files, for each view of a shape.
+        Queries or gallery: names of shapes, and keys of the files of each of their views.
     cache
         The cached files.
 
@@ -180,7 +180,8 @@ def _read(side: RankedShapes, cache: Cache) -> _SideArrays:
     arrays_of_side = _SideArrays(side.views)
     reasons: dict[int, tuple[Stage, str]] = {}
     damaged: list[tuple[Stage, str]] = []
-    # Each view has a file of each stage: prepared shape, form, signature. Surfaces are not needed.
+    # Each view has a file of each stage: prepared shape, form, signature. Of the first two, only
+    # notes and seconds are needed, not the surfaces.
     for index, view in enumerate(side.views_of_shapes):
         stages: dict[Stage, Arrays] = {}
         for stage, key in view.keys.items():
@@ -189,7 +190,7 @@ def _read(side: RankedShapes, cache: Cache) -> _SideArrays:
             if arrays is None:
                 damaged.append((stage, key))
                 continue
-            if REFUSED in arrays:  # no later stage has a file
+            if REFUSED in arrays:  # later stages have no file
                 reasons[index] = stage, "; ".join(filter(None, arrays[REFUSED].tolist()))
                 break
             stages[stage] = arrays
@@ -246,21 +247,21 @@ def distances(
     outputs: Sequence[Arrays],
     queries: Sequence[Arrays] | None = None,
 ) -> Iterator[NDArray[np.float64]]:
-    """Yield a matrix of distances for each draw of the scorer.
+    """Yield the matrix of distances of each draw of a scorer: queries (rows) to the gallery.
 
-    A scorer may draw at random, as a codebook; a descriptor has a single draw.
+    A scorer may use random numbers, for example for a codebook, and is then drawn several times.
 
     Parameters
     ----------
     comparing
-        The scorer, or the descriptor that compares its own vectors.
+        The scorer, which compares signatures; or the method that compares its own descriptors,
+        once.
     check
         Checks each matrix that it computes.
     outputs
-        Cached signatures, or vectors, of the gallery.
+        Cached signatures, or descriptors, of the gallery.
     queries
-        Those of queries that are compared with the gallery; without them, the gallery is compared
-        with itself.
+        Those of the queries; None compares the gallery with itself.
     """
     if queries is None and len(outputs) == 1:
         yield np.zeros((1, 1))
@@ -293,29 +294,29 @@ def distances_of_draw(
     draw: int = 0,
     queries: Sequence[Any] | None = None,
 ) -> NDArray[np.float64]:
-    """Return the dissimilarities of shapes to those of a gallery, for one draw of the scorer.
+    """Return the dissimilarities of queries to the shapes of a gallery, for one draw of a scorer.
 
-    A scorer or descriptor may have a method ``compare_to(queries, gallery, draw)``. Without it,
-    each query is compared as one more shape of the gallery, which costs a matrix of (N + 1) x (N +
-    1) dissimilarities for each.
+    If the scorer has a method ``compare_to(queries, gallery, draw)``, that is called. Otherwise
+    each query is compared as one more shape of the gallery, which costs (N + 1) x (N + 1)
+    dissimilarities a query.
 
     Parameters
     ----------
     comparing
-        The scorer, or the descriptor that compares its own vectors.
+        The scorer, which compares signatures; or the method that compares its own descriptors.
     check
         Checks the matrix that it computes.
     outputs
-        Signatures, or vectors, of the N shapes of the gallery.
+        Signatures, or descriptors, of the N shapes of the gallery.
     draw
-        Number of the draw, which a descriptor does not have.
+        Number of the draw; descriptors are compared without one.
     queries
-        Those of M queries, at least one; None for the gallery itself.
+        Those of M queries, at least one; None compares the gallery with itself.
 
     Returns
     -------
     numpy.ndarray
-        Shape (M, N), or (N, N) without queries. A row depends on no other query.
+        Shape (M, N), or (N, N) without queries. Each row is that of its query alone.
     """
     of_gallery = _copies(outputs)
     shape = len(of_gallery), len(of_gallery)
@@ -327,7 +328,7 @@ def distances_of_draw(
     if compare_to:
         matrix = compare_to(_copies(queries), of_gallery, draw)
         return check(matrix, (len(queries), len(of_gallery)))
-    # The last row, without its last entry, holds the distances of the query to the gallery.
+    # The query is the last shape: the last row, without its last entry, holds its distances.
     rows = []
     for query in queries:
         matrix = distances_of_draw(comparing, check, [*outputs, query], draw)
@@ -346,12 +347,15 @@ def _copy(output: Any) -> Any:
 
 
 def _summarise_notes(answered: Iterable[Mapping[Stage, Arrays]]) -> dict[str, dict[str, float]]:
-    """Return mean and maximum of each number that preparation or method noted on a shape.
+    """Return mean and maximum over all shapes of each number that was noted on them.
+
+    Notes are stored as arrays of one number, such as ``note:iterations``. A note with an infinite
+    or undefined value is left out.
 
     Parameters
     ----------
     answered
-        Cached arrays by stage, of each shape with a result.
+        For each shape with a result, its cached arrays by stage.
     """
     notes: defaultdict[str, list[float]] = defaultdict(list)
     for stages in answered:

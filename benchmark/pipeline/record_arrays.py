@@ -20,10 +20,7 @@ _READ = ("vertices", "faces", "vertex_map", "note:vertices_before")
 
 
 def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
-    """Return the distances that a record was scored by, of queries and shapes with a result.
-
-    They are means over the draws of the scorer, shape (queries, shapes of the gallery). Published
-    ones have single precision.
+    """Return the distances of queries to the shapes of the gallery, by which a record was scored.
 
     Parameters
     ----------
@@ -35,13 +32,18 @@ def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
     Returns
     -------
     numpy.ndarray or None
-        None if they are not here, or their file is damaged, which is said on stderr.
+        Shape (queries, shapes of the gallery), both without refused ones: means over the draws of
+        the scorer. Published ones have single precision. None if they are not stored here, or their
+        file is damaged, which is said on stderr.
     """
+    # Distances of a job that ran here.
     shape = len(record.answered), len(record.sides[-1].answered)
     arrays = Cache(results).read("records", record.key) or {}
     distances = arrays.get("distances")
     if distances is not None and distances.shape == shape:
         return distances
+
+    # Those that were published with the record.
     if not record.distances:
         return None
     path = published_distances(results, record.distances)

@@ -22,7 +22,7 @@ LARGEST_DIFFERENCE = 1e-6
 def find_contradiction(record: Record) -> str:
     """Say which fields of a record contradict each other, or cannot be true; "" if none do.
 
-    A record that was edited by hand, or put together wrongly, is told in this way.
+    This finds records that were edited by hand, or put together wrongly.
     """
     for side in record.sides:
         fault = _fault_of_shapes(side)
@@ -80,9 +80,9 @@ def _fault_of_shapes(side: RankedShapes) -> str:
 
 
 def _fault_of_names(side: RankedShapes) -> str:
-    """Say which name of a shape stands twice in a list, or in a list where it must not be.
+    """Say which name of a shape is listed twice, or in a list where it must not be; "" if none is.
 
-    "" if none does.
+    Unprepared shapes have to be among the refused ones, and these among the shapes.
     """
     refused = [name for name, _ in side.unsupported]
     lists = {"shape": side.shapes, "refused shape": refused, "unprepared shape": side.unprepared}
@@ -110,6 +110,7 @@ def _first_repeated(names: Sequence[str]) -> str | None:
 
 def _fault_of_scores(record: Record) -> str:
     """Say which scores of a record contradict its values per query; "" if none do."""
+    # A shape whose class has no other shape to find is no query.
     are_queries = record.are_queries
     n_lone = are_queries.count(False)
     n_queries = are_queries.count(True)

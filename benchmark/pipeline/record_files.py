@@ -57,19 +57,23 @@ def published_folder(results: Path) -> Path:
 def read_records(results: Path, *, local: bool = True, published: bool = True) -> list[Record]:
     """Read the records of a results folder, one for each row of a table, oldest first.
 
-    Published records stand for rows that did not run here, unless a record from here is of other
-    shapes of the same gallery. Damaged files and lines are named on stderr and passed over.
+    Records of jobs that ran here replace published ones of the same row. Damaged files and lines
+    are named on stderr and passed over.
 
     Parameters
     ----------
     results
         The results folder.
-    local, published
-        Whether to read records of jobs that ran here, and published ones.
+    local
+        Whether to read records of jobs that ran here.
+    published
+        Whether to read published records.
     """
     here: list[Record] = []
     if local:
         here = sorted(read_files(local_files(results)), key=age_of)
+
+    # Leave out published records of a gallery that holds other shapes here.
     digests = {record.gallery: record.gallery_digest for record in here}
     fitting: list[Record] = []
     if published:
@@ -96,19 +100,20 @@ def last_of_rows(records: Sequence[Record]) -> list[Record]:
 
 
 def _of_same_shapes(records: Sequence[Record]) -> list[Record]:
-    """Leave out records that name other shapes or classes than most records of their gallery do.
+    """Return the records that agree with most others on the shapes of their gallery.
 
-    The digest of a gallery is that of its shapes and classes, so one of these records is false. It
-    is named on stderr. Of two lists that are equally frequent, that of the oldest record counts.
+    Records with the same digest of a gallery must have the same shapes and classes. One that has
+    others is false: it is left out, and named on stderr.
     """
     lists_of_shapes = [facts_of_shapes(record) for record in records]
-    counts: defaultdict[str, Counter[str]] = defaultdict(Counter)
+    counts: defaultdict[str, Counter[str]] = defaultdict(Counter)  # of each list, by gallery
     for record, shapes in zip(records, lists_of_shapes, strict=True):
         counts[record.gallery_digest][shapes] += 1
 
     most_frequent = {}
     for gallery, count in counts.items():
-        most_frequent[gallery] = max(count, key=count.__getitem__)
+        most_frequent[gallery] = max(count, key=count.__getitem__)  # the first of several
+
     fitting = []
     for record, shapes in zip(records, lists_of_shapes, strict=True):
         if shapes == most_frequent[record.gallery_digest]:
@@ -163,13 +168,13 @@ def say_skipped(skipped: Iterable[SkippedRecord]) -> None:
 
 
 def scan_files(paths: Iterable[Path]) -> ScannedFiles:
-    """Read the records in files, and note the files and lines that are none.
+    """Read the records in files, and note the files and lines that hold none.
 
     Parameters
     ----------
     paths
-        Files. A ``.json`` file holds one record and is named by its key; a ``.jsonl`` file holds
-        one per line.
+        Files. A ``.json`` file holds one record, and its name is the key of that; a ``.jsonl`` file
+        holds one record a line.
     """
     records: list[Record] = []
     skipped: list[SkippedRecord] = []
@@ -179,12 +184,13 @@ def scan_files(paths: Iterable[Path]) -> ScannedFiles:
         except OSError as error:
             skipped.append(SkippedRecord(str(path), RecordError(str(error.strerror))))
             continue
+        # Texts of records by their place, for messages.
         if path.suffix == ".json":
             texts = {str(path): text}
             key = path.stem
         else:
             texts = {f"{path}:{number}": line for number, line in enumerate(text.splitlines(), 1)}
-            key = ""
+            key = ""  # any
         for place, text_of_record in texts.items():
             try:
                 records.append(_parse_named(text_of_record, key))
@@ -208,16 +214,16 @@ def _parse_named(text: bytes, key: str) -> Record:
 def parse_record(text: bytes) -> Record:
     """Return the record that a JSON text holds, after all checks.
 
-    A session reads the same texts again and again. Nothing may be changed in a record.
+    The record may be shared by several callers, so that nothing in it may be changed.
 
     Raises
     ------
     NewerRecord
         If its layout is of a newer major version.
     RecordError
-        If it is none, was changed after it was written, or contradicts itself.
+        If the text is no record, was changed after it was written, or contradicts itself.
     """
-    content, is_whole = _parse_content(text)
+    content, is_whole = _parse_content(text)  # whole: as it was written, by its checksum
     content = convert_older(content)
     if not is_whole:
         problem = "it is not a record: it was changed after it was written, or written by hand"
@@ -286,7 +292,7 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
     Raises
     ------
     StorageError
-        If it cannot be written, or its file holds a record in a newer layout.
+        If it cannot be written, or would replace a record of a newer version of the suite.
     """
     folder = results / RUNS / "records"
     newer_record = newer_record_at(results, record.key)
@@ -318,20 +324,25 @@ def newer_record_at(results: Path, key: str) -> str:
 def unneeded(
     results: Path, is_unwanted: Callable[[Record], bool], named: Collection[str] = ()
 ) -> tuple[list[Record], list[Path]]:
-    """Return the records to delete, and all files that nothing else needs.
-
-    Only records count that were made here.
+    """Return the records to delete, and all files that no other record needs.
 
     Parameters
     ----------
     results
-        The results folder.
+        The results folder, of which only jobs that ran here are considered.
     is_unwanted
         Returns whether a record is one to delete.
     named
-        Rows or keys of further records to delete. A key is the name of a file, which may be one
-        that is not used as a record; such files are kept otherwise, with all files whose keys they
-        hold.
+        Further records to delete, each by its row or its key, which is the name of its file.
+
+    Returns
+    -------
+    records : list of Record
+        The records to delete.
+    files : list of Path
+        Their files, and files of arrays that no record needs. A file that cannot be read as a
+        record, perhaps because it is of another version, is not among them unless it is named, nor
+        are the files of arrays whose keys it holds.
     """
     paths = local_files(results)
     records = sorted(read_files(paths), key=age_of)
@@ -342,21 +353,22 @@ def unneeded(
             unwanted.append(record)
         else:
             needed_files.update(_files_of(record))
+    files = [results / RUNS / "records" / f"{record.key}.json" for record in unwanted]
 
-    # Files that are not used as records are kept, unless they are named.
+    # Files that cannot be read as records.
     keys_of_records = {record.key for record in records}
-    others = [path for path in paths if path.stem not in keys_of_records]
+    unreadable = [path for path in paths if path.stem not in keys_of_records]
     kept_keys: set[str] = set()
-    for path in others:
-        if path.stem not in named:
+    for path in unreadable:
+        if path.stem in named:
+            files.append(path)
+        else:
             kept_keys |= _keys_in(path)
 
-    files = [results / RUNS / "records" / f"{record.key}.json" for record in unwanted]
-    files += [path for path in others if path.stem in named]
     files += _unneeded_arrays(results, needed_files, kept_keys)
     is_all_unwanted = len(unwanted) == len(records) and not kept_keys
     if is_all_unwanted and definitions_file(results).is_file():
-        files.append(definitions_file(results))
+        files.append(definitions_file(results))  # which explain the records
     return unwanted, files
 
 

@@ -114,9 +114,15 @@ def gather_unknown(content: Any, kind: type[msgspec.Struct]) -> Any:
     Parameters
     ----------
     content
-        A record, or a part of one, as it was read from JSON.
+        A record, or a part of one, as it was read from JSON. It is not changed.
     kind
         The type that it will be converted to.
+
+    Returns
+    -------
+    object
+        The content with its known fields, and one more that holds the unknown ones by name. What is
+        no JSON object is returned as it is.
     """
     if not isinstance(content, dict):
         return content
@@ -171,18 +177,19 @@ def _types_of_fields(kind: type[msgspec.Struct]) -> dict[str, Any]:
 
 
 def _gather_in_field(value: Any, kind: Any) -> Any:
-    """Do as :func:`gather_unknown` does for the parts that a field holds: one, a list or a dict.
+    """Return the value of a field, with the unknown fields of the parts in it gathered.
 
     Parameters
     ----------
     value
-        Value of the field.
+        Value of the field, as it was read from JSON.
     kind
-        Its type, such as ``list[Part]``; a field without parts stays as it is.
+        Type of the field: a part (a msgspec struct), ``list[Part]``, ``dict[str, Part]`` or ``Part
+        | None``. Values of any other type are returned as they are.
     """
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return gather_unknown(value, kind)
-    part = _part_in(kind)  # of list[Part], dict[str, Part] or Part | None
+    part = _part_in(kind)
     if part is None:
         return value
     if get_origin(kind) is list and isinstance(value, list):

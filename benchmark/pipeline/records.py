@@ -313,13 +313,10 @@ class Record(
 
     @property
     def are_queries(self) -> list[bool]:
-        """Whether each query has something to find: another shape of its class in the gallery.
-
-        Those that have not count nowhere.
-        """
-        gallery = self.gallery_of_queries or self
+        """Whether each shape has another shape of its class to find, and so counts as a query."""
+        gallery = self.gallery_of_queries or self  # by default, the shapes rank each other
         n_of_class = Counter(gallery.labels)
-        # A query is left out of its own results, as is a shape of its name in another gallery.
+        # The query itself is no result of its own, nor a shape of the same name and class.
         left_out: set[tuple[str, str]] = set()
         if not self.keeps_same_names:
             left_out = set(zip(gallery.shapes, gallery.labels, strict=True))

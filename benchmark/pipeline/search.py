@@ -79,30 +79,29 @@ def search(
     scorer: Scorer,
     without: Collection[str] = (),
 ) -> SearchResult:
-    """Rank the shapes of a finished gallery by their distance from a new shape.
+    """Rank the shapes of a gallery by their distances from a new shape.
 
     Parameters
     ----------
     results
         The results folder with the forms of the gallery.
     gallery
-        Queries or gallery of a record.
+        The shapes, with the keys of their files, as a record holds them.
     query
         The new shape, prepared as the shapes of the gallery.
     method, scorer
-        Method with its model, and scorer, of the record.
+        The method, with its trained model, and the scorer that made these files.
     without
-        Shapes of the gallery to leave out, such as the query itself.
+        Names of shapes of the gallery to leave out, such as the query itself.
 
     Raises
     ------
     ConfigurationError
-        If no form of the gallery is kept here.
+        If no form of the gallery is stored here.
     ShapeError
         If the query is refused.
     """
     output = require_result(compute_output(method, query, SharedResults()))
-    notes = _notes_of(output)
     form = None
     comparing: Descriptor | Scorer
     if isinstance(method, Method):
@@ -110,39 +109,76 @@ def search(
         of_query = require_result(sign(scorer, form))
         stage: Stage = "signatures"
         comparing = scorer
-    else:
+    else:  # it makes descriptors, which it compares itself
         of_query = output
         stage = "forms"
         comparing = method
 
-    # Compare the query with all views of the gallery, by each draw of the scorer.
     arrays_of_views = _read_gallery(Cache(results), gallery, stage, without)
     if not arrays_of_views:
         problem = f"no form of {gallery.gallery} is kept in {results}"
         raise ConfigurationError(problem, "run it again here")
     check = make_distance_check(comparing)
     matrices = distances(comparing, check, [*arrays_of_views.values()], [of_query])
-    of_views = np.concatenate([*matrices])
-    # Views of a shape follow each other; its distance is the least of theirs.
-    shape_of_view = [index // gallery.views for index in arrays_of_views]
-    shapes, first_views = np.unique(shape_of_view, return_index=True)
-    of_draws = np.minimum.reduceat(of_views, first_views, axis=1)
-    mean_distances = of_draws.mean(axis=0)
+    distances_of_views = np.concatenate([*matrices])  # (draws of the scorer, views)
+    shapes, of_draws = _distances_of_shapes(distances_of_views, [*arrays_of_views], gallery.views)
 
     # Shapes at equal distances keep the order of the gallery.
-    order = np.lexsort([shapes, mean_distances]).tolist()
+    mean_distances = of_draws.mean(axis=0)
+    order = np.lexsort([shapes, mean_distances])
     hits = [
         Hit(gallery.shapes[shapes[k]], gallery.labels[shapes[k]], float(mean_distances[k]))
-        for k in order
+        for k in order.tolist()
     ]
+    margins = _margins(hits, of_draws[:, order])
+    return SearchResult(hits, form, margins, _notes_of(output))
 
+
+def _distances_of_shapes(
+    distances_of_views: NDArray[np.float64], views: Sequence[int], n_views: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the distances of shapes: of each, the least distance of its views.
+
+    Parameters
+    ----------
+    distances_of_views
+        Shape (draws, v).
+    views
+        Index of each of the v views in the gallery, where the views of a shape follow each other.
+    n_views
+        Number of views of each shape in the gallery.
+
+    Returns
+    -------
+    shapes : numpy.ndarray
+        Indices of the s shapes with a view, ascending.
+    distances : numpy.ndarray
+        Shape (draws, s).
+    """
+    shape_of_view = [view // n_views for view in views]
+    shapes, first_views = np.unique(shape_of_view, return_index=True)
+    return shapes, np.minimum.reduceat(distances_of_views, first_views, axis=1)
+
+
+def _margins(hits: Sequence[Hit], of_draws: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return by how much the nearest class is before the second one, for each draw of the scorer.
+
+    Parameters
+    ----------
+    hits
+        The shapes, nearest first.
+    of_draws
+        Their distances, shape (draws, shapes).
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (draws,), relative to the mean distance of the second class; empty if there is none.
+    """
     second = _first_of_second_class(hits)
     if second is None:
-        margins = np.empty(0)
-    else:
-        difference = of_draws[:, order[second]] - of_draws[:, order[0]]
-        margins = difference / hits[second].distance
-    return SearchResult(hits, form, margins, notes)
+        return np.empty(0)
+    return np.asarray((of_draws[:, second] - of_draws[:, 0]) / hits[second].distance)
 
 
 def _read_gallery(

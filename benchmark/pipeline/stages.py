@@ -64,7 +64,7 @@ def clock() -> NDArray[np.float64]:
 
 
 def timed(compute: Callable[[], Arrays]) -> Arrays:
-    """Compute the arrays of a stage, and add the seconds that it took.
+    """Compute arrays for the cache, and add the seconds that this took.
 
     Parameters
     ----------
@@ -74,19 +74,20 @@ def timed(compute: Callable[[], Arrays]) -> Arrays:
     Returns
     -------
     dict
-        The arrays, or the reason and hint of the refusal, each with the seconds.
+        The arrays, or in their place the reason and hint of the refusal; and the seconds, by the
+        clock on the wall and of the processor.
 
     Raises
     ------
     InvalidForm, InvalidSignature
-        If a method or a scorer returned something else, which is not the fault of the shape.
+        If a method or a scorer returned no valid result.
     Incomplete
-        If memory or a read error is to blame, which may not happen again.
+        If the cause may pass, such as a lack of memory or a read error.
     """
     start = clock()
     try:
         arrays = compute()
-    except (InvalidForm, InvalidSignature):
+    except (InvalidForm, InvalidSignature):  # these are no faults of the shape
         raise
     except ShapeError as error:
         if _is_temporary(error):

@@ -17,7 +17,7 @@ PREPARED_VERTICES = 2000
 
 
 def prepare_mesh(source: Mesh) -> Arrays:
-    """Clean, join, decimate and scale a mesh.
+    """Prepare a mesh for methods: clean, join, decimate and scale it.
 
     Returns
     -------

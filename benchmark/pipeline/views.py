@@ -34,8 +34,9 @@ def prepare_view(
     Returns
     -------
     dict
-        As :func:`~benchmark.pipeline.surfaces.prepare_mesh`, of the visible surface, and ``depth``,
-        shape (500, 500), float32.
+        ``vertices`` and ``faces`` of the visible surface, of unit area; ``depth``, the image, shape
+        (500, 500), float32; ``source_area`` of the surface in squared file units; ``note:...`` for
+        each note of the rendering.
 
     Raises
     ------
@@ -48,7 +49,7 @@ def prepare_view(
     area = view.surface.area
     notes = {f"{NOTE}{name}": np.asarray(value) for name, value in view.report.items()}
     return {
-        "vertices": view.surface.vertices / np.sqrt(area),
+        "vertices": view.surface.vertices / np.sqrt(area),  # to unit area
         "faces": view.surface.faces,
         "depth": view.depth,
         "source_area": np.asarray(area),

@@ -46,13 +46,15 @@ def run_in_worker(task: Task, run: str, timeout: float, threads: int) -> list[tu
     threads
         Number of threads of the cluster, which share the memory.
     """
-    if getattr(_of_thread, "run", "") != run:
+    is_first_of_run = getattr(_of_thread, "run", "") != run
+    if is_first_of_run:
         if hasattr(_of_thread, "pool"):
-            _of_thread.pool.close()
+            _of_thread.pool.close()  # the process of the run before
         drop_stale_kernels()
         _of_thread.run = run
         _of_thread.pool = Pool(1, memory_per_process(threads), timeout)
-    queue = Queue(lambda step: True)
+
+    queue = Queue(lambda step: True)  # the outcome of every step is wanted
     queue.add(task)
     ended: list[tuple[Step, Outcome]] = []
     while len(ended) < len(task.steps):
@@ -77,13 +79,19 @@ class DaskPool:
     """
 
     def __init__(self, url: str, timeout: float) -> None:
-        """Connect to the scheduler of a dask cluster."""
+        """Connect to the scheduler of a dask cluster.
+
+        Raises
+        ------
+        ConfigurationError
+            If the package is not installed, or no scheduler answers.
+        """
         if find_spec("distributed") is None:
             problem = "--dask needs the package distributed"
             raise ConfigurationError(problem, "pip install 'dask[distributed]'")
         from distributed import Client
 
-        # This module reports errors itself.
+        # Errors are reported below, and by poll().
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
         try:
             self._client = Client(url, timeout=_CONNECTION_TIMEOUT, set_as_default=False)
@@ -92,7 +100,9 @@ class DaskPool:
             raise ConfigurationError(problem, "start one or correct --dask") from error
         self._timeout = timeout
         self._run = secrets.token_hex(8)
+        #: Tasks that were submitted and have not ended, by their future.
         self._tasks: dict[Any, Task] = {}
+        #: Which code the task needs that was submitted last.
         self._last_process = ""
 
     @property
@@ -123,7 +133,7 @@ class DaskPool:
         """Submit tasks of a queue until each thread of the cluster has enough."""
         threads = max(sum(self._client.nthreads().values()), 1)
         while len(self._tasks) < _TASKS_PER_THREAD * threads:
-            # Another task of the same process may find that at work.
+            # Prefer a task for the code of the last one: its process is running already.
             task = queue.take_any([self._last_process])
             if task is None:
                 return

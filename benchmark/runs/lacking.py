@@ -63,14 +63,18 @@ def lacking_models(
     data_root: Path | None = None,
     **data: Any,
 ) -> list[LackingModel]:
-    """Return the trained models that networks of a selection lack, and that this code can train.
+    """Return the missing models of the selected networks that can be trained here.
 
     Parameters
     ----------
     results
         The results folder, which may hold models.
-    methods, plugins, input
-        As for :func:`benchmark.runs.planning.plan_selection`.
+    methods
+        Names of methods, or objects from Python; all methods by default.
+    plugins
+        Plugin files that may define them.
+    input
+        ``"mesh"`` or ``"view"``; both by default.
     data_root
         Folder of the official data sets.
     **data
@@ -83,7 +87,7 @@ def lacking_models(
         for input_ in gallery.inputs:
             lacking = gallery.lacking(input_, selected, results / "models", named=is_named)
             for component, training in lacking:
-                # Rows of controls have the models of other rows.
+                # Several rows may need one model, which is listed once.
                 name = training.name, component.create().model_name
                 if name not in models:
                     models[name] = _lacking_model(component, training.name, data_root)

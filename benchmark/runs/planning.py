@@ -128,15 +128,14 @@ class Planned:
         Parameters
         ----------
         side
-            Queries or gallery, to which the view belongs. If a camera frame has to be fitted to all
-            of its views, the step that does so comes first.
+            Queries or gallery, to which the view belongs.
         view
             The view, with the keys of its files.
         model
             Trained model of the method for this shape, if it learns.
         """
         steps = []
-        if side.frame_key:
+        if side.frame_key:  # first, the camera's frame is fitted to all views
             steps.append(Step(self.job, side.source, "prepared", side.frame_key))
         card = model.card_digest if model else ""
         for stage, key in view.keys.items():
@@ -179,14 +178,18 @@ def plan_selection(
     in_this_process: bool = False,
     **data: Any,
 ) -> list[Planned]:
-    """List the jobs of what the command line, or a Python program, selects, with their states.
+    """List the selected jobs, each a method on a data set, with their states.
 
     Parameters
     ----------
     results
         The results folder.
-    methods, plugins, scorer
-        Names, or objects from Python; plugin files of methods and scorers.
+    methods
+        Names of methods, or objects from Python; all methods by default.
+    plugins
+        Plugin files that may define methods and scorers.
+    scorer
+        Name of the scorer, or an object from Python.
     input
         ``"mesh"`` or ``"view"``; both by default.
     seed
@@ -196,7 +199,7 @@ def plan_selection(
     records
         Records of the results folder; by default they are read.
     in_this_process
-        Whether plugins run in this process, and nothing of them is known again.
+        Whether plugins run in this process; their results are then not used again.
     **data
         Tables and data sets, as for :func:`~benchmark.protocols.galleries.galleries`.
 
@@ -221,7 +224,7 @@ def plan_selection(
             rows = gallery.rows(input_, selected_methods, results / "models", named=is_named)
             for job in planning.jobs(gallery, input_, rows):
                 key = job.record.key
-                if key in planned:  # another table shows the same shapes
+                if key in planned:  # two tables show the same job, which runs once
                     known = planned[key]
                     planned[key] = replace(known, galleries=(*known.galleries, gallery))
                 else:
@@ -235,17 +238,17 @@ def plan_selection(
 def _check_pair(record: Record) -> None:
     """Check that queries have something to find in a gallery of other shapes.
 
-    The gallery needs two classes, and a query another shape of its own class in it.
-
     Raises
     ------
     DatasetError
-        If they have not; the error names the classes of both.
+        If the gallery has one class alone, or no shape of the class of any query.
     """
     gallery = record.gallery_of_queries
-    if gallery is None:
+    if gallery is None:  # shapes rank each other, which was checked before
         return
-    if len({*gallery.labels}) >= 2 and any(record.are_queries):
+    has_classes = len({*gallery.labels}) >= 2
+    has_matches = any(record.are_queries)
+    if has_classes and has_matches:
         return
     of_queries = _first_classes(record.labels)
     of_gallery = _first_classes(gallery.labels)
@@ -292,6 +295,11 @@ def _shapes_of_side(gallery: Gallery, input_: Input, data_root: Path | None) -> 
     return _ShapesOfSide(gallery, shapes, keys, source)
 
 
+def _planned_side(side: _ShapesOfSide, models: Models) -> PlannedSide:
+    """Return the shapes on one side of a job, with the models of its method."""
+    return PlannedSide(side.gallery, side.source, side.shapes.frame_key, tuple(models))
+
+
 class _Trained(NamedTuple):
     """Models of the views on one side of a ranking, or why a job cannot run at these shapes.
 
@@ -334,7 +342,7 @@ class _Planning:
         Parameters
         ----------
         gallery
-            The shapes, which rank each other or, if it has another gallery, are queries to that.
+            The shapes. They rank each other, or are queries to another gallery that it names.
         input_
             ``"mesh"`` or ``"view"``.
         methods
@@ -342,6 +350,7 @@ class _Planning:
         """
         if not methods:
             return
+        # All methods get the same shapes, whose keys take long to compute.
         fields_of_shapes = gallery_facts(gallery, input_)
         data_root = gallery.data_root.absolute() if gallery.data_root else None
         sides = [_shapes_of_side(gallery, input_, data_root)]
@@ -363,7 +372,7 @@ class _Planning:
         fields_of_shapes
             Fields of its record that say which shapes it ranks; see :func:`gallery_facts`.
         sides
-            The queries, and the gallery if it is another.
+            The queries, and the gallery if its shapes are others.
         method
             The method.
         """
@@ -372,18 +381,18 @@ class _Planning:
         scorer = self.scorer if needs_scorer else None
         row = self._row(fields_of_shapes["input"], sides, method, scorer)
 
-        # Trained models, which may be missing; a method that does not learn has none.
+        # Find the trained models, some of which may be missing.
         trained = [_find_models(side, method, self.results / "models") for side in sides]
         models = [side.models for side in trained]
         seen = _seen_shapes(gallery, models[0])
 
-        # What its record will say, but for the outcome.
+        # Describe the job, as its record will.
         content = fields_of_shapes | self._describe(method, scorer)
         content["key"] = digest(["unavailable", row])
         content["seen"] = seen
         content["models"] = [model.summary() for model in _different_models(models)]
 
-        # Only a job that can run has keys of code and data; they tell whether it has run.
+        # A job that can run has a key of its code and data, which tells whether it has run already.
         before = self._records.get(row)
         codes: dict[Stage, PlannedCode | None] = {}
         state, reason = _obstacle(gallery, trained, seen)
@@ -395,14 +404,9 @@ class _Planning:
         job = Job(
             key=content["key"], row=row, method=method, scorer=self.scorer, results=self.results
         )
-        planned_sides = []
-        for side, models_of_side in zip(sides, models, strict=True):
-            planned_sides.append(
-                PlannedSide(side.gallery, side.source, side.shapes.frame_key, tuple(models_of_side))
-            )
         return Planned(
             job=job,
-            sides=tuple(planned_sides),
+            sides=tuple(map(_planned_side, sides, models)),
             codes=codes,
             galleries=(gallery,),
             record=record_of(content),
@@ -442,19 +446,24 @@ class _Planning:
             Identifies the row of a table; results of one row replace each other.
         fields_of_shapes
             Fields that say which shapes are ranked.
-        sides, models
-            The queries, and the gallery if it is another; and the trained model of each of their
-            views.
-        method, scorer
-            What is run; no scorer for a descriptor.
+        sides
+            The queries, and the gallery if its shapes are others.
+        models
+            For each side, the trained model of each view, or None.
+        method
+            The method.
+        scorer
+            The scorer; None for a descriptor, which compares shapes itself.
 
         Returns
         -------
         dict
-            ``key`` of the record and of its ``files``, and ``parts``: digests of code, data, models
-            and parameters by name, which tell later why a key changed.
+            ``key`` of the record; ``result_key``, the same without the places of folders on the
+            disk; ``files``, keys of the cached files by stage; ``parts``, digests of code, data,
+            models and parameters by name, which tell later why a key changed; and, for queries to
+            another gallery, ``against``, the fields of that.
         """
-        # Keys of the cached files, by side; and for each view, those of all its stages.
+        # For each side, the keys of the files by stage; for each view, the keys of all its stages.
         files_of_sides = []
         keys_of_views: list[tuple[str, ...]] = []
         for side, models_of_side in zip(sides, models, strict=True):
@@ -462,7 +471,7 @@ class _Planning:
             files_of_sides.append(files)
             keys_of_views += zip(*files.values(), strict=True)
 
-        # Whatever the record says is in its key, titles too; its place on the disk is not.
+        # All that determines the record is in its key, titles too, but no place on the disk.
         titles = [method.title, scorer.title if scorer else ""]
         result_key = digest(
             [
@@ -495,9 +504,10 @@ class _Planning:
         ----------
         record
             The last record; None if the row never ran.
-        key, parts
-            Key that a record of it would have now, and what this is computed from. If the key is
-            another one, the job is stale.
+        key
+            Key that the record would have now. If the last one has another key, the job is stale.
+        parts
+            Digests of what the key is computed from, by name.
 
         Returns
         -------
@@ -518,7 +528,7 @@ class _Planning:
             return "unavailable", f"{newer_record}; update the suite"
         if record is None:
             return "missing", "never run"
-        if record.parts.get("its code"):
+        if record.parts.get("its code"):  # code of which no digest is known
             reason = "it ran in the process of a program, or with -j 0, of which nothing is reused"
             return "stale", reason
         known = {**self._definitions, **definitions_of(parts.items())}
@@ -566,13 +576,18 @@ class _Planning:
     ) -> dict[str, list[str]]:
         """Return the keys of the cached files of each view, by stage.
 
+        The key of a file is a digest of all that it is computed from.
+
         Parameters
         ----------
-        prepared_keys, models
-            Key of the prepared shape, and trained model, of each view.
-        method, scorer
-            What is run; without a scorer, the method makes a descriptor, and there are no
-            signatures.
+        prepared_keys
+            Key of the prepared shape of each view.
+        models
+            Trained model for each view; None for a method that does not learn.
+        method
+            The method.
+        scorer
+            The scorer; None for a descriptor, whose files have no signatures ("").
         """
         forms = []
         for prepared_key, model in zip(prepared_keys, models, strict=True):
@@ -600,20 +615,24 @@ class _Planning:
     ) -> dict[str, str]:
         """Return everything that determines the scores, as digests and texts by name.
 
-        Users see the names when a result is stale: "gps.py, the camera changed".
+        The names are those that users see when a result is stale: "gps.py, the camera changed".
 
         Parameters
         ----------
-        sides, models
-            The queries, and the gallery if it is another; and the trained model of each of their
-            views.
-        method, scorer
-            What is run; no scorer for a descriptor.
+        sides
+            The queries, and the gallery if its shapes are others.
+        models
+            For each side, the trained model of each view, or None.
+        method
+            The method.
+        scorer
+            The scorer; None for a descriptor, which compares shapes itself.
         """
         parts = self._component_code(method) | self._code_of_forms | self._code_of_ranking
         if scorer:
             parts |= self._component_code(scorer)
-        for side in reversed(sides):  # the camera is that of the queries
+        # The queries come last: of two cameras, theirs is kept.
+        for side in reversed(sides):
             parts = side.shapes.code | parts | {"the camera": side.shapes.camera_key}
         for owner, component in (("its", method), ("the scorer's", self.scorer)):
             parts[f"{owner} title"] = component.info.title
@@ -645,7 +664,7 @@ def _different_models(models: Iterable[Models]) -> list[Model]:
 def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
     """Return the fields of a record that describe the shapes that it ranks.
 
-    If they are queries to another gallery, the fields of that are in ``against``.
+    If they are queries to another gallery, ``against`` has the same fields of that gallery.
 
     Parameters
     ----------
@@ -655,11 +674,11 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
         ``"mesh"`` or ``"view"``.
     """
     shapes = gallery.dataset
-    path = path_of(gallery.source)
+    path = path_of(gallery.source)  # "" for a set that is no folder of the user
     contents = [
         (entry.identifier, entry.subject, str(shapes.key(entry))) for entry in gallery.entries
     ]
-    # A folder of the user may have cameras, which are in no key of a shape.
+    # Cameras in a folder of the user are not in the keys of its shapes.
     settings: list[object] = []
     if path:
         settings.append(shapes.half_width)
@@ -688,7 +707,7 @@ def gallery_facts(gallery: Gallery, input_: Input) -> dict[str, Any]:
 
 
 def _facts_of_both(queries: Mapping[str, Any], gallery: Gallery, other: Gallery) -> dict[str, Any]:
-    """Return the fields of a record that describe the gallery in which its queries are sought.
+    """Return the further fields of a record whose queries are ranked in another gallery.
 
     Parameters
     ----------
@@ -697,7 +716,13 @@ def _facts_of_both(queries: Mapping[str, Any], gallery: Gallery, other: Gallery)
     gallery
         The queries.
     other
-        The gallery in which they are sought.
+        The gallery in which they are ranked.
+
+    Returns
+    -------
+    dict
+        ``against``, the fields of the other gallery; ``keeps_same_names``, whether a query may
+        match a shape of its own name; ``gallery_digest`` of both together.
     """
     against = gallery_facts(other, other.inputs[0])
     both = digest_of_both(
@@ -724,7 +749,7 @@ def _find_models(side: _ShapesOfSide, method: Component, trained_here: Path) -> 
     method
         The method; one that does not learn has None for each view.
     trained_here
-        Folder of models that the user trained, which precede those of the suite.
+        Folder of models that the user trained. They are preferred to those of the suite.
     """
     gallery = side.gallery
     no_models: Models = [None] * len(side.prepared_keys)
@@ -744,8 +769,9 @@ def _find_models(side: _ShapesOfSide, method: Component, trained_here: Path) -> 
     except (NoFolds, TooNear) as error:
         return _Trained(no_models, "unsupported", str(error))
     models: list[Model | None] = []
-    for entry in gallery.entries:  # a shape may be seen by several cameras
-        models += [model_by_shape.get(entry.identifier)] * gallery.n_views
+    for entry in gallery.entries:
+        model = model_by_shape.get(entry.identifier)
+        models += [model] * gallery.n_views  # all views of a shape have one model
     return _Trained(models)
 
 
@@ -774,17 +800,17 @@ def _seen_shapes(gallery: Gallery, models: Models) -> list[str]:
 def describe_change(
     before: Mapping[str, str], now: Mapping[str, str], known: Definitions | None = None
 ) -> str:
-    """Say what changed between two keys of a result: ``gps.py (GPS.canonicalise), numpy changed``.
+    """Say why the key of a result changed, such as ``gps.py (GPS.canonicalise), numpy changed``.
 
     Parameters
     ----------
     before, now
         Digests of what the key is computed from, by name: files of code, packages, data ...
     known
-        Digests of functions, classes and constants in files of the suite, which are named if they
-        changed.
+        Digests of functions, classes and constants in the files, by which those that changed can be
+        named.
     """
-    changed: dict[str, None] = {}  # several parts may have one name
+    changed: dict[str, None] = {}  # an ordered set: two files may have one name
     for name in sorted(before.keys() | now.keys()):
         old = before.get(name, "")
         new = now.get(name, "")
@@ -820,9 +846,8 @@ def estimate(
 ) -> Estimate:
     """Estimate how long the pending jobs of a plan take, as if nothing were in the cache.
 
-    The seconds of a shape are those that the same method took on the same gallery or data set,
-    otherwise its median over all galleries, with any parameters if need be. A file that several
-    jobs need counts once.
+    The estimate rests on the seconds a shape that earlier records of the same methods report. A
+    file that several jobs need counts once.
 
     Parameters
     ----------
@@ -841,9 +866,11 @@ def estimate(
     pending = [job.record for job in planned if job.is_pending]
     if not pending:
         return Estimate(0.0, 0)
+    # Later records count more, so that those from here stand last.
     known = read_records(published, local=False)
     known += [record for record in records if not record.published]
     finished = [record for record in known if record.seconds and not record.gallery_of_queries]
+
     unknown: set[str] = set()
     seconds_of_file: defaultdict[str, float] = defaultdict(float)  # several jobs may need a file
     seconds_of_ranking: dict[tuple[str, str], float] = {}
@@ -885,7 +912,10 @@ def _seconds_of_files(
 def _seconds_per_shape(
     job: Record, side: RankedShapes, finished: Sequence[Record]
 ) -> defaultdict[str, float]:
-    """Return how many seconds each stage of a job takes per shape, as far as it is known.
+    """Return how many seconds each stage of a job takes per shape, from similar jobs that ran.
+
+    They are those of the last job of the same method on the same gallery, or at least data set;
+    otherwise the median over all jobs of the method.
 
     Parameters
     ----------
@@ -894,8 +924,7 @@ def _seconds_per_shape(
     side
         Its queries or its gallery.
     finished
-        Records of jobs that ran. Those of the same method with the same parameters count first, and
-        of these the last one on the same gallery, or data set.
+        Records of jobs that ran, the latest ones last.
 
     Returns
     -------
@@ -904,14 +933,14 @@ def _seconds_per_shape(
     """
     same_input = [record for record in finished if record.input == side.input]
     similar = [record for record in same_input if record.method == job.method]
-    if not similar:  # with other parameters
+    if not similar:  # take the method with other parameters
         similar = [record for record in same_input if record.base_name == job.base_name]
-    nearest = [record for record in similar if record.gallery == side.gallery]
-    if not nearest:
-        nearest = [record for record in similar if record.data.name == side.data.name]
 
-    # The last record of the same data, or the median over all data.
-    used = nearest[-1:] or similar
+    of_same_data = [record for record in similar if record.gallery == side.gallery]
+    if not of_same_data:
+        of_same_data = [record for record in similar if record.data.name == side.data.name]
+
+    used = of_same_data[-1:] or similar
     all_seconds = [record.seconds for record in used]
     median: defaultdict[str, float] = defaultdict(float)
     for stage in set[str]().union(*all_seconds):

@@ -14,7 +14,7 @@ import msgspec
 from benchmark.errors import FILE, BenchmarkError
 from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import memory_per_process
-from benchmark.pipeline.cache import Cache, CachedFile, writing
+from benchmark.pipeline.cache import Cache, CachedFile, Stage, writing
 from benchmark.pipeline.code_store import keep_definitions
 from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.record_files import write_record
@@ -67,9 +67,9 @@ def run_jobs(
         Where the work is done, in place of ``size`` processes or a cluster. They are closed at the
         end.
     anew
-        Whether to compute everything although it is in the cache.
+        Whether to compute everything again, also what is in the cache.
     watch
-        Called several times a second.
+        Called with the progress several times a second.
 
     Raises
     ------
@@ -168,6 +168,7 @@ class _Run:
     """
 
     def __init__(self, jobs: Mapping[str, Planned], results: Path) -> None:
+        """Note the jobs; none of their steps is queued yet."""
         self._results = results
         self._open_jobs = OpenJobs(jobs)
         self._queue = Queue(self._open_jobs.is_wanted)
@@ -192,10 +193,7 @@ class _Run:
     def _begin(
         self, jobs: Sequence[Planned], retried: CachedFile | None = None
     ) -> Iterator[Record]:
-        """Queue the steps that make the missing files of some jobs, and end jobs that lack none.
-
-        A step takes the file of the step before it as its source, such as a form the prepared
-        shape.
+        """Queue the steps that make the missing files of some jobs.
 
         Parameters
         ----------
@@ -207,29 +205,55 @@ class _Run:
         Yields
         ------
         Record
-            Records of the jobs that have ended.
+            Records of the jobs that end at once.
         """
         exists = cache(Cache(self._results).has)
         missing: dict[CachedFile, _MissingFile] = {}
         for job in jobs:
-            for steps in job.steps():
-                source: CachedFile | None = None
-                for step in _steps_to_make(steps, retried):
-                    if source:
-                        self._open_jobs.add_made_from(source, step.file)
-                    if step.file == retried or not exists(*step.file):
-                        self._open_jobs.add_missing(job, step.file)
-                        missing_source = source if source in missing else None
-                        missing[step.file] = _MissingFile(step, missing_source)
-                    source = step.file
+            for steps in job.steps():  # of one view: prepared shape, form, signature
+                self._note_missing(job, _steps_to_make(steps, retried), exists, missing, retried)
         self._add_tasks(missing)
         for job in jobs:
             yield from self._finish(job)
 
+    def _note_missing(
+        self,
+        job: Planned,
+        steps: Iterable[Step],
+        exists: Callable[[Stage, str], bool],
+        missing: dict[CachedFile, _MissingFile],
+        retried: CachedFile | None,
+    ) -> None:
+        """Find the missing files of one view of a shape, and add them to those of other views.
+
+        Parameters
+        ----------
+        job
+            The job that needs the files.
+        steps
+            The steps that make them. Each takes the file of the one before as its source.
+        exists
+            Returns whether a file, given by stage and key, is in the cache.
+        missing
+            Gets the missing files.
+        retried
+            A file that is made again in any case; None for none.
+        """
+        source: CachedFile | None = None
+        for step in steps:
+            if source:
+                self._open_jobs.add_made_from(source, step.file)
+            if step.file == retried or not exists(*step.file):
+                self._open_jobs.add_missing(job, step.file)
+                missing_source = source if source in missing else None
+                missing[step.file] = _MissingFile(step, missing_source)
+            source = step.file
+
     def _add_tasks(self, missing: Mapping[CachedFile, _MissingFile]) -> None:
         """Divide the steps that make missing files into tasks, and queue those that can begin.
 
-        A task is run by one process. It cannot begin while a file that it takes is made by another.
+        A task is the work of one process. If it needs a file that another task makes, it waits for
+        that.
         """
         groups: defaultdict[tuple[object, ...], list[CachedFile]] = defaultdict(list)
         for file in missing:
@@ -244,28 +268,28 @@ class _Run:
                 self._queue.add(task)
 
     def _take(self, step: Step, outcome: Outcome) -> Iterator[Record]:
-        """Note the outcome of a step, and yield the records of the jobs that have ended by it.
-
-        A step that crashed, or whose result is uncertain, is tried once more.
+        """React to the outcome of a step, and yield the records of the jobs that end by it.
 
         Parameters
         ----------
         step
             A step that has ended.
         outcome
-            How it ended.
+            How it ended: ``"ok"``, ``"refused"`` (the shape), ``"incomplete"`` (for a reason that
+            may not occur again), ``"stopped"`` (the run), or as a method fails: ``"failed"``,
+            ``"crashed"``, ``"timeout"``, ``"memory"``, ``"unsupported"``.
 
         Raises
         ------
         BenchmarkError
-            If nothing more can run.
+            If nothing more can run, as on a full disk.
         """
-        if outcome.status == "stopped":  # nothing can run, as on a full disk
+        if outcome.status == "stopped":
             raise BenchmarkError(outcome.reason)
         if outcome.status in ("failed", "crashed", "incomplete"):
             outcome = self._without_blame(outcome)
         if outcome.status in ("incomplete", "crashed") and step.file not in self._retried:
-            yield from self._retry(step)
+            yield from self._retry(step)  # once
         elif outcome.status == "incomplete":
             yield from self._give_up(step, outcome)
         elif step.stage == "records" or outcome.status not in ("ok", "refused"):
@@ -274,7 +298,7 @@ class _Run:
                 yield self._end(job, outcome, step.view)
         elif outcome.status == "ok":
             yield from self._release(step.file, self._open_jobs.mark_made(step.file))
-        else:  # a refused shape counts 0, and the job goes on without it
+        else:  # a refused shape scores 0, and its jobs go on without it
             if step.stage == "prepared":
                 self._announce(step, outcome.reason)
             yield from self._release(step.file, self._open_jobs.mark_lost(step.file))
@@ -300,25 +324,25 @@ class _Run:
             yield from self._begin(jobs, step.file)
 
     def _give_up(self, step: Step, outcome: Outcome) -> Iterator[Record]:
-        """Leave the jobs incomplete that need the file of a step, after it was tried twice.
+        """Do without the result of a step that was tried twice; jobs that need it stay incomplete.
 
         Parameters
         ----------
         step
             The step.
         outcome
-            Why it has no result. It may hold for all files of the shape, as if its geodesics cannot
-            be computed.
+            Why it has no result. With ``of_shape``, no other method has a result of this shape
+            either, for example because its geodesics cannot be computed.
         """
         if step.stage == "prepared" or outcome.of_shape:
             self._announce(step, outcome.reason)
-        if step.stage == "records":
+        if step.stage == "records":  # the ranking of a job
             for job in self._open_jobs.waiting_for(step):
                 self._open_jobs.add_reason(job, outcome.reason)
                 yield from self._finish(job)
             return
         file = step.file
-        if outcome.of_shape:
+        if outcome.of_shape:  # all that is made from the prepared shape is lost
             file = CachedFile("prepared", step.keys["prepared"])
         yield from self._release(file, self._open_jobs.mark_lost(file, outcome.reason))
 
@@ -364,16 +388,16 @@ class _Run:
         return None
 
     def _end(self, job: Planned, outcome: Outcome, view: str = "") -> Record:
-        """Return the record of a job that has ended, and write it.
+        """Return the record of a job that has ended, and write it into the results folder.
 
-        It is not written over a record that says more, as that of an earlier success.
+        It is not written over a record that says more, such as that of an earlier success.
 
         Parameters
         ----------
         job, outcome
             The job, and how it ended.
         view
-            The view whose step failed; "" if that of no view did.
+            Name of the shape or view whose step failed; "" if it was the ranking of all.
         """
         content = msgspec.to_builtins(job.record)
         content["status"] = outcome.status

@@ -338,9 +338,10 @@ class Unrunnable(BenchmarkError):
 
 
 def _open_set(name: str, data_root: Path | None) -> ShapeSet:
-    """Open a data set that loads the mesh of a shape once for both inputs, surfaces and views.
+    """Open a data set that keeps the mesh it loaded last.
 
-    It is loaded again if its file has changed. Generated meshes take a second each.
+    Surface and view of a shape are prepared one after the other, and generating a mesh takes a
+    second. A mesh whose file has changed is loaded again.
 
     Raises
     ------
@@ -363,7 +364,7 @@ def _open_set(name: str, data_root: Path | None) -> ShapeSet:
 
     @lru_cache(maxsize=1)
     def load(entry: Entry, _key: object, _last_change: object) -> Any:
-        """Return the mesh of a shape, which is kept while its key and its file do not change."""
+        """Return the mesh of a shape; the unused arguments tell when it has changed."""
         return shapes.load(entry)
 
     def load_once(entry: Entry) -> Any:
@@ -390,7 +391,7 @@ class Work:
         self._shapes: dict[str, tuple[Shape, forms.SharedResults]] = {}
 
     def outcome(self, step: Step) -> Outcome:
-        """Run a step, and return how it ended; an error becomes an outcome.
+        """Run a step, and return how it ended; what it raises becomes an outcome, but for Ctrl-C.
 
         Raises
         ------
@@ -405,38 +406,36 @@ class Work:
             return self._make(step)
         except (KeyboardInterrupt, BdbQuit):
             raise
-        except (StorageError, Unrunnable) as error:
-            return Outcome("stopped", str(error))
-        except CodeChanged as error:
-            return Outcome("incomplete", str(error), ends_process=True)
         except DamagedFiles as error:
-            for file in error.files:
-                Cache(step.job.results).remove(*file)
-            problem = Incomplete(f"a file of {step.view or 'the gallery'} was damaged")
-            return Outcome("incomplete", str(problem))
-        except Incomplete as error:
-            reason = f"{step.view} {error}".strip()
-            has_no_geodesics = isinstance(error, forms.NoGeodesics)
-            return Outcome("incomplete", reason, of_shape=has_no_geodesics)
+            self._remove(step, error.files)
+            return _incomplete(f"a file of {step.view or 'the gallery'} was damaged")
         except BaseException as error:  # SystemExit included: a method must not end its worker
-            return _failure(step, error)
+            return _outcome_of_error(step, error)
+
+    def _remove(self, step: Step, files: Iterable[tuple[Stage, str]]) -> None:
+        """Remove damaged files from the cache, so that they are computed again."""
+        cache_of_run = Cache(step.job.results)
+        for stage, key in files:
+            cache_of_run.remove(stage, key)
 
     def _make(self, step: Step) -> Outcome:
-        """Compute the file of a step, unless it is in the cache.
+        """Compute the file of a step, unless it is in the cache, and return how that ended.
 
-        A file holds arrays, or the reason why the shape was refused. A refused shape remains so in
-        the stages that follow.
+        A form is computed from a prepared shape, and a signature from a form. A shape that was
+        refused in one stage, and so has a reason in place of arrays, is refused in all later ones.
         """
         source: Arrays = {}
         if step.stage == "forms":
             source = self._read(step, "prepared")
         elif step.stage == "signatures":
             source = self._read(step, "forms")
+
         arrays = source
         if REFUSED not in source:
             cache_of_run = Cache(step.job.results)
             arrays = cache_of_run.get(step.stage, step.key, lambda: self._compute(step))
             self._arrays[step.file] = arrays
+
         if REFUSED in arrays:
             reasons = arrays[REFUSED].tolist()
             return Outcome("refused", "; ".join(filter(None, reasons)))
@@ -446,7 +445,7 @@ class Work:
         """Return what a step makes."""
         with self._guarded(step):
             if step.stage == "prepared":
-                return self._prepare(step)
+                return self._prepare(step) if step.view else self._fit_frame(step)
             if step.stage == "forms":
                 return self._form(step)
             return self._signature(step)
@@ -479,44 +478,55 @@ class Work:
             self._arrays[file] = arrays
         return self._arrays[file]
 
-    def _prepare(self, step: Step) -> Arrays:
-        """Prepare the shape of a step; of a step without a shape, fit the frame of the camera.
-
-        The frame is a square that holds all shapes of a data set, seen by its camera.
+    def _fit_frame(self, step: Step) -> Arrays:
+        """Fit the frame of a camera: the square that holds all shapes of a data set.
 
         Raises
         ------
         Incomplete
-            If shape or camera are no longer those of the plan.
+            If the camera is no longer that of the plan.
         """
         prepared_shapes = self._context.prepared_shapes(step.source)
-        frame_key = prepared_shapes.frame_key
-        if not step.view:
-            if frame_key != step.key:
-                raise Incomplete(f"the camera was not prepared: the data set {CHANGED}")
-            return prepared_shapes.frame()
+        if prepared_shapes.frame_key != step.key:
+            raise Incomplete(f"the camera was not prepared: the data set {CHANGED}")
+        return prepared_shapes.frame()
+
+    def _prepare(self, step: Step) -> Arrays:
+        """Prepare the shape of a step: clean its mesh, or render a depth view of it.
+
+        Raises
+        ------
+        Incomplete
+            If the shape is no longer that of the plan.
+        """
+        prepared_shapes = self._context.prepared_shapes(step.source)
         entry = prepared_shapes.find(step.view, step.key)
         half_width = prepared_shapes.shapes.half_width or 0.0
-        if prepared_shapes.input == "view" and frame_key:
-            frame = self._read_file(step, CachedFile("prepared", frame_key))
+        if prepared_shapes.input == "view" and prepared_shapes.frame_key:
+            # The frame was fitted to all shapes by an earlier step.
+            frame = self._read_file(step, CachedFile("prepared", prepared_shapes.frame_key))
             half_width = float(frame["half_width"])
         return prepared_shapes.prepare(entry, half_width)
 
     def _form(self, step: Step) -> Arrays:
-        """Compute the form of a shape, or its descriptor.
-
-        Steps of one task share the shape, and with it what several methods need, such as geodesics.
-        """
+        """Compute the form of a shape, or its descriptor."""
         method = self._context.create_component(step)
+        shape, shared = self._shape_of(step)
+        shared.owner = step.component, step.model
+        return compute_output(method, shape, shared)
+
+    def _shape_of(self, step: Step) -> tuple[Shape, forms.SharedResults]:
+        """Return the shape of a step, and what methods share of it, such as its geodesics.
+
+        All steps of a task get the same objects.
+        """
         prepared_key = step.keys["prepared"]
         if prepared_key not in self._shapes:
             prepared = self._read(step, "prepared")
             shared = forms.SharedResults(self._context.uncharged)
             shape = forms.shape_of(prepared, step.view, step.job.row.seed, shared)
             self._shapes[prepared_key] = shape, shared
-        shape, shared = self._shapes[prepared_key]
-        shared.owner = step.component, step.model
-        return compute_output(method, shape, shared)
+        return self._shapes[prepared_key]
 
     def _signature(self, step: Step) -> Arrays:
         """Compute the signature of a form."""
@@ -527,20 +537,20 @@ class Work:
         return sign(scorer, forms.mesh_of(form, prepared))
 
     def _rank(self, step: Step, record: Record) -> Outcome:
-        """Rank the shapes of a job, keep the distances, and return its scores.
+        """Rank the shapes of a job, store their distances, and return their scores as outcome.
 
         Parameters
         ----------
         step
             The step, whose component compares shapes: a scorer, or a method that makes descriptors.
         record
-            Record of the job, which names the shapes and their files.
+            Record of the job, which names the shapes and their files, and lacks the scores.
         """
         cache_of_run = Cache(step.job.results)
         with self._guarded(step):
             scorer = self._context.create_component(step)
             content, arrays = rank(record, cache_of_run, scorer, make_distance_check(scorer))
-        if not arrays:
+        if not arrays:  # every shape was refused
             refused = content["unsupported"]
             name, reason = refused[0]
             problem = f"none of {len(refused)} shapes could be processed; {name}: {reason}"
@@ -559,22 +569,41 @@ def _watching(step: Step) -> AbstractContextManager[object]:
     return watching_component(step.component, allowed)
 
 
-def _failure(step: Step, error: BaseException) -> Outcome:
-    """Return the outcome of a step that raised an error which nobody expected.
+def _outcome_of_error(step: Step, error: BaseException) -> Outcome:
+    """Return the outcome of a step that raised an error.
 
-    Errors in preparation, which is the suite's, blame no method.
+    It is ``"stopped"`` if the whole run has to end, ``"incomplete"`` if the method is not to blame,
+    and a failure of the method otherwise.
     """
-    is_out_of_memory = isinstance(error, MemoryError)
-    if step.stage == "prepared":  # by the suite, so that no method is to blame
-        cause = "out of memory" if is_out_of_memory else locate(error)
-        problem = Incomplete(f"{step.view or 'the camera'} was not prepared: {cause}")
-        return Outcome("incomplete", str(problem))
-    if is_out_of_memory:
+    if isinstance(error, StorageError | Unrunnable):
+        return Outcome("stopped", str(error))
+    if isinstance(error, CodeChanged):
+        # This process may have imported the code before or after the change.
+        return Outcome("incomplete", str(error), ends_process=True)
+    if isinstance(error, Incomplete):
+        # Without geodesics, the other methods have no form of this shape either.
+        has_no_geodesics = isinstance(error, forms.NoGeodesics)
+        return Outcome("incomplete", f"{step.view} {error}".strip(), of_shape=has_no_geodesics)
+    if step.stage == "prepared":  # by the suite
+        cause = "out of memory" if isinstance(error, MemoryError) else locate(error)
+        return _incomplete(f"{step.view or 'the camera'} was not prepared: {cause}")
+    return _failure_of_method(error)
+
+
+def _incomplete(problem: str) -> Outcome:
+    """Return an outcome that no method is to blame for, with the advice to run again."""
+    return Outcome("incomplete", str(Incomplete(problem)))
+
+
+def _failure_of_method(error: BaseException) -> Outcome:
+    """Return the outcome of a step whose method or scorer raised an error."""
+    if isinstance(error, MemoryError):
         hint = "run with fewer jobs (-j 1) or on a larger machine"
         return Outcome("memory", f"out of memory; {hint}")
     if isinstance(error, BenchmarkError):
         return Outcome("failed", str(error))
-    return Outcome("failed", locate(error), clean_lines(traceback.format_exc()))
+    trace = clean_lines("".join(traceback.format_exception(error)))
+    return Outcome("failed", locate(error), trace)
 
 
 # The program of a worker
@@ -582,11 +611,12 @@ def _failure(step: Step, error: BaseException) -> Outcome:
 
 
 def serve(descriptor: int, memory: int, parent: int, suite: int) -> None:
-    """Run tasks in this process until the program that started it ends.
+    """Run tasks in this process, a worker, until the program that started it ends.
 
-    A task comes from a connection; the outcome of each of its steps is sent back. Before and after
-    work that counts against no time limit, its name and :data:`UNCHARGED_WORK_ENDS` are sent. The
-    process also ends after a task that found other code than the planned one.
+    A task is received from a connection, and the outcome of each of its steps is sent back. Work
+    that counts against no time limit is announced by its name when it begins, and by
+    :data:`UNCHARGED_WORK_ENDS` when it ends. The process also ends if its code is not that of the
+    plan.
 
     Parameters
     ----------
@@ -597,8 +627,7 @@ def serve(descriptor: int, memory: int, parent: int, suite: int) -> None:
     parent
         Identifier of the process that started it.
     suite
-        State of the source files of the suite when this process was started. If it is another one
-        now, the modules of this process may be some of before and some of after an edit.
+        State of the source files of the suite when this process was started.
     """
     _exit_when_ended(parent)
     watch_this_process()
@@ -606,6 +635,8 @@ def serve(descriptor: int, memory: int, parent: int, suite: int) -> None:
     connection = Connection(descriptor)
     _announce_compiling(connection)
     connection.send(UNCHARGED_WORK_ENDS)  # the start of this process was the first such work
+
+    # After an edit, some modules may have been imported before it, and some after it.
     if state_of_suite() != suite:
         reason = str(CodeChanged("the suite"))
         with suppress(EOFError, OSError):
@@ -613,8 +644,8 @@ def serve(descriptor: int, memory: int, parent: int, suite: int) -> None:
             connection.send(Outcome("incomplete", reason, ends_process=True))
         return
     context = RunContext(partial(_uncharged, connection))
-    printed = Printed()
-    # Methods may print; what they print is named after the step. The other end may close.
+    printed = Printed()  # what methods print is shown with the name of their step
+    # EOFError and OSError: the other end has closed the connection.
     with suppress(EOFError, OSError), redirect_stdout(printed):
         has_planned_code = True
         while has_planned_code:
@@ -638,11 +669,11 @@ def _serve_task(work: Work, connection: Connection, printed: Printed) -> bool:
     Parameters
     ----------
     work
-        The task.
+        The task, and what its steps share.
     connection
         Connection to the program that started this process.
     printed
-        Stands for stdout; what is printed is shown with the name of the step.
+        Takes what is printed to stdout, and shows it with the name of the step.
 
     Returns
     -------

@@ -108,7 +108,7 @@ class PlannedFiles:
     def _confirm(self) -> _Snapshot:
         """Check that all files have the contents of the plan, and return their state.
 
-        Contents are read only if something seems to have changed since the last time.
+        Contents are read only if sizes or times of files have changed since the last check.
 
         Raises
         ------
@@ -121,9 +121,9 @@ class PlannedFiles:
             return last
         snapshot = _Snapshot(self._files())
         self._check_contents()
-        changed = snapshot.changes()  # while the contents were read
-        if changed:
-            raise CodeChanged(listed(changed))
+        changed_meanwhile = snapshot.changes()
+        if changed_meanwhile:
+            raise CodeChanged(listed(changed_meanwhile))
         self._confirmed = snapshot
         return snapshot
 
@@ -136,10 +136,15 @@ class PlannedFiles:
             self._check_contents()
 
     def _files(self) -> list[Path]:
-        """Return the files on which the result of a step depends.
+        """Return the files on which the result of a step depends, each once.
 
-        They are the source of the component, all that it imports, the files that it names, and
-        those of its trained model.
+        They are the source of the method or scorer and of all that it imports, the data files that
+        it declares, and the card and weights of its trained model.
+
+        Raises
+        ------
+        CodeChanged
+            If its source can no longer be found.
         """
         sources: list[Path] = []
         try:
@@ -147,7 +152,7 @@ class PlannedFiles:
                 sources += sources_of(target)
         except BenchmarkError as error:
             raise CodeChanged(f"its code ({error.problem})") from error
-        folder = sources[0].parent  # of the component itself
+        folder = sources[0].parent  # declared files lie beside the source of the component
         files = [*sources, *(folder / name for name in self._code.files)]
         if self._model:
             files += [self._model / CARD, self._model / WEIGHTS]
@@ -159,9 +164,9 @@ class PlannedFiles:
         Raises
         ------
         CodeChanged
-            If not; the error names the files that differ.
+            If a file differs, is new or is missing; the error names it.
         """
-        planned = self._code.parts
+        planned = self._code.parts  # digests by name of the file
         try:
             current = _current_parts(self._code)
             changed = [name for name, part in planned.items() if current.get(name) != part]

@@ -147,11 +147,12 @@ class Worker:
         self._memory = memory
         self._timeout = timeout
         self._process: subprocess.Popen[bytes] | None = None
-        #: What the process of a plugin sees as the places of the user.
+        #: Empty folder that the process of a plugin sees as the user's home; "" for none.
         self._folder = ""
         self.task = Task(())
+        #: Steps of the task without an outcome, in their order.
         self.waiting: deque[Step] = deque()
-        #: Work under way that is charged to no method.
+        #: Names of the work under way that counts against no time limit, such as "geodesics".
         self._uncharged: list[str] = []
         self._countdown = _Countdown()
 
@@ -187,13 +188,13 @@ class Worker:
         return self._timeout
 
     def _start(self, process: str) -> None:
-        """Start the process of this worker.
+        """Start the process of this worker, and connect to it.
 
         Parameters
         ----------
         process
-            Name of the plugin whose code it will run; "" for the code of the suite. A plugin sees
-            an empty folder as the user's home.
+            Name of the plugin whose code it will run; "" for the code of the suite. The process of
+            a plugin sees an empty folder in place of the user's home.
 
         Raises
         ------
@@ -208,8 +209,8 @@ class Worker:
                 if process:  # of a plugin
                     self._folder = tempfile.mkdtemp(prefix=PREFIX)
                     variables = away_from_home(variables, self._folder)
-                # From one thread that never ends: the system ends a process with the thread that
-                # started it.
+                # The system ends the process together with the thread that starts it, so that one
+                # thread, which lasts as long as the program, starts all of them.
                 starting = _starter.submit(
                     subprocess.Popen,
                     [sys.executable, "-c", _PROGRAM, *map(str, arguments)],
@@ -230,21 +231,22 @@ class Worker:
         self._countdown.restart(is_limited=_UNLIMITED.isdisjoint(self._uncharged))
 
     def outcomes(self) -> Iterator[tuple[Step, Outcome]]:
-        """Yield the steps of this worker that have ended, each with its outcome.
+        """Yield the steps of this worker that have ended since the last call, with their outcomes.
 
-        If the process died, or took too long, the first step without an outcome is to blame.
+        If the process died, or took too long, the step at work ends with it.
         """
         process = self._process
         if process is None:
             return
         try:
             yield from self._received()
-        except Exception:  # it has ended, or what it runs wrote into the connection
+        except Exception:  # the process has ended, or a method wrote into the connection
+            # Wait a second for its own end, whose exit code then says more than that of a kill.
             with suppress(subprocess.TimeoutExpired):
                 process.wait(1)
             process.kill()
             process.wait()
-        if self._process is not process:  # closed, because it no longer holds the planned code
+        if self._process is not process:  # _received() has closed it, as its code is outdated
             return
 
         self._countdown.look()
@@ -256,21 +258,21 @@ class Worker:
             yield self._blame("timeout", reason)
 
     def _received(self) -> Iterator[tuple[Step, Outcome]]:
-        """Read the messages that have come, and yield steps with the outcomes among them.
+        """Read the messages that have come, and yield each outcome among them with its step.
 
-        Any other message says that work begins or ends which counts against no time limit.
+        The other messages tell when work begins and ends that counts against no time limit.
         """
         while self.waiting and self.connection.poll():
             content = self.connection.recv_bytes(_LONGEST_MESSAGE)
             message = pickle.loads(content)  # noqa: S301  # of a process of the same user
-            if isinstance(message, Outcome):
+            if isinstance(message, Outcome):  # steps end in their order
                 yield self.waiting.popleft(), message
                 if message.ends_process:
                     self.close()
                     return
             elif message is UNCHARGED_WORK_ENDS:
                 self._uncharged.pop()
-            else:
+            else:  # the name of such work, which begins
                 self._uncharged.append(message)
             self._restart_countdown()
 
@@ -286,10 +288,10 @@ class Worker:
         return self._blame(status, f"the process ended with {ending}")
 
     def _blame(self, status: str, reason: str) -> tuple[Step, Outcome]:
-        """Return the step at work with an outcome that blames its method.
+        """Return the step at work, and its outcome after the process died or was stopped.
 
-        No method is blamed for what the suite does, nor if the process was ended from outside: the
-        outcome is then ``"incomplete"``.
+        The method of the step is to blame, unless the suite was computing geodesics or preparing a
+        shape, or the process was ended from outside. The outcome is then ``"incomplete"``.
 
         Parameters
         ----------
@@ -298,13 +300,6 @@ class Worker:
             outside.
         reason
             The same in words.
-
-        Returns
-        -------
-        step : Step
-            The step, which no longer waits.
-        outcome : Outcome
-            How it ended.
         """
         step = self.waiting.popleft()
         in_geodesics = "geodesics" in self._uncharged
@@ -315,7 +310,8 @@ class Worker:
         elif status == "incomplete":
             work = ""
         else:
-            return step, Outcome(status, reason)
+            return step, Outcome(status, reason)  # the fault of the method
+
         subject = "the ranking" if self.task.record else step.view or "the camera"
         problem = Incomplete(f"{subject} has no result: {work}{reason}")
         return step, Outcome("incomplete", str(problem), of_shape=in_geodesics)
@@ -324,7 +320,8 @@ class Worker:
         """End the process and its children, close its connection, and delete its home folder."""
         if self._process is None:
             return
-        # The process leads a group, to which its children belong, but not in its first moments.
+        # Kill the group that the process leads, and with it its children. In its first moments it
+        # leads none, and has to be killed itself.
         with suppress(OSError):
             os.killpg(self._process.pid, signal.SIGKILL)
         with suppress(OSError):
@@ -372,13 +369,13 @@ class Pool:
         yield from self._work_here(queue)
         self._begin_tasks(queue)
         busy = self._busy
-        if busy:
+        if busy:  # pause until one of them sends something
             wait([worker.connection for worker in busy], POLL_SECONDS)
         for worker in busy:
             yield from worker.outcomes()
             if not worker.is_alive:
                 self._put_back(worker, queue)
-                worker.close()  # its children
+                worker.close()  # this ends its children, too
 
     def _work_here(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
         """Do the next task of objects of a program in this process."""
@@ -389,14 +386,14 @@ class Pool:
                 yield step, work.outcome(step)
 
     def _begin_tasks(self, queue: Queue) -> None:
-        """Give tasks to workers until all are busy, or no task is worth another process."""
+        """Give waiting tasks to workers, until all are busy or no task should begin now."""
         while len(self._busy) < self._size:
             idle = [worker for worker in self._workers if not worker.waiting]
             task = queue.take_any([worker.task.process for worker in idle])
             if task is None:
                 return
             worker = self._worker_for(task, idle, queue.count(task.process))
-            if worker is None:
+            if worker is None:  # it is faster to wait for a busy one
                 queue.add(task, first=True)
                 return
             worker.begin(task)
@@ -406,13 +403,13 @@ class Pool:
     def _worker_for(self, task: Task, idle: Sequence[Worker], n_waiting: int) -> Worker | None:
         """Return the worker for a task; None if the task had better wait for one that is busy.
 
-        The code of a plugin runs in a process of its own, which the suite and other plugins do not
-        use. An idle process of the suite is kept; one of another plugin is ended.
+        The suite and each plugin have processes of their own, because a plugin may change what is
+        in the memory of its process.
 
         Parameters
         ----------
         task
-            The task.
+            The task, of the suite or of a plugin.
         idle
             The workers without work.
         n_waiting
@@ -421,11 +418,16 @@ class Pool:
         for worker in idle:
             if worker.task.process == task.process:
                 return worker
+
+        # Starting a process takes seconds. Short tasks are done sooner by the busy ones.
         elapsed = [worker.elapsed for worker in self._busy if worker.task.process == task.process]
         if elapsed and max(elapsed) * n_waiting < _WORTH_A_PROCESS:
             return None
+
+        # Take the place of an idle process of another plugin, but keep those of the suite.
         for worker in idle:
-            if worker.task.process:  # of another plugin
+            is_of_plugin = worker.task.process != ""
+            if is_of_plugin:
                 return worker
         return Worker(self._memory, self._timeout)
 
