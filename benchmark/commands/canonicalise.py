@@ -245,7 +245,7 @@ def forms_of_frames(
     Parameters
     ----------
     frames
-        Depth images, each with the files of its camera and mask.
+        Depth images, each with its camera and mask.
     method
         Name of a method that accepts views.
     plugins
@@ -261,6 +261,7 @@ def forms_of_frames(
     maker = method_of_depth(method, tuple(plugins))
     for frame in frames:
         start = time.perf_counter()
+        # What remains None if the image or the object in it is refused.
         observed: ObservedObject | None = None
         form: Form | None = None
         refused: ShapeError | None = None

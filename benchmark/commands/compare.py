@@ -43,7 +43,8 @@ def compare(
     Returns
     -------
     pandas.DataFrame
-        A line for each measure of each pair; see :func:`benchmark.report.comparison.compare_rows`.
+        One line for each measure and pair of methods: scores, their difference with an interval,
+        p-values and verdicts; see :func:`benchmark.report.comparison.compare_rows`.
         ``attrs["notes"]`` says which records were left out.
 
     Raises
@@ -61,7 +62,7 @@ def compare(
         seed=seed,
         quick=quick,
         published=published,
-        failed=True,
+        failed=True,  # so that a method without scores is named in the error
     )
     frame = compare_rows(found.views, first, second)
     frame.attrs["notes"] = list(found.notes)

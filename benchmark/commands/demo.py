@@ -112,7 +112,7 @@ def demo(
     seed
         Seed of random choices.
     watched
-        Progress wrapper.
+        Wraps the list of forms while they are computed, to show progress, as ``tqdm`` does.
 
     Raises
     ------
@@ -136,7 +136,8 @@ def demo(
     surface: Shape | None = None
     for wanted in watched(_every_form(shapes, components)):
         if surface is None or surface.identifier != wanted.shape.name:
-            # All methods of a shape use its geodesics, which go with it, as they need much memory.
+            # Forms come shape by shape. All methods use the geodesics of the shape, which are
+            # forgotten with it, as they need much memory.
             surface = shape_of(prepared[wanted.shape.name], wanted.shape.name, seed)
         try:
             form = form_with_notes(makers[wanted.method.name], surface, {})
@@ -221,8 +222,8 @@ def _animal_in_two_poses() -> list[DemoShape]:
 def _shapes_of_files(meshes: Sequence[str | Path]) -> list[DemoShape]:
     """Read mesh files as shapes of a demo.
 
-    A shape is named after its file, and belongs to the class that this name says without the number
-    at its end: ``cat1.off`` and ``cat2.off`` show one subject.
+    A shape is named after its file. Its class is this name without a number at its end:
+    ``cat1.off`` and ``cat2.off`` are two poses of one subject.
 
     Raises
     ------
@@ -250,15 +251,16 @@ def _gallery(
 ) -> PlayGallery:
     """Return what the page shows: the shapes, and the form that each method made of each.
 
+    The page treats the shape itself as the form of a first method.
+
     Parameters
     ----------
     title
         Heading of the page.
     shapes, methods
-        What was computed.
+        The shapes and the methods.
     drawn
-        The shapes and forms to draw; a form that could not be computed is missing. The shape itself
-        is shown as the form of the first method.
+        The surfaces to draw, of shapes and forms. A form that could not be computed is missing.
     """
     shown_shapes = []
     for shape in shapes:

@@ -52,7 +52,7 @@ def as_distances(distances: object, n_rows: int = 0, n_columns: int = 0) -> Name
         A path, an array, or a pandas frame whose index or columns name the shapes. The diagonal of
         a square matrix may hold anything.
     n_rows, n_columns
-        Numbers of labels, which decide if the first row and column of a text file may be names or
+        Expected shape, by which names in the first row or column of a text file are told from
         distances; 0 columns for a square matrix.
 
     Raises
@@ -62,15 +62,15 @@ def as_distances(distances: object, n_rows: int = 0, n_columns: int = 0) -> Name
         ``n_columns`` is 0.
     """
     content: Any = distances
-    what = "the distances"
+    what = "the distances"  # in errors
     if isinstance(distances, str | Path):
         content = _read(Path(distances), n_rows, n_columns)
         what = str(distances)
     rows: tuple[str, ...] = ()
     columns: tuple[str, ...] = ()
     is_square = not n_columns
-    if hasattr(content, "columns"):
-        content, rows, columns = _without_names(content, is_square=is_square)
+    if hasattr(content, "columns"):  # a pandas frame
+        content, rows, columns = _values_and_names(content, is_square=is_square)
     try:
         matrix = _as_array(content, is_square=is_square)
     except Exception as error:  # of any library
@@ -110,7 +110,7 @@ def _check_is_matrix(matrix: NDArray[Any], what: str, content: Any, *, is_square
     Raises
     ------
     ConfigurationError
-        If it is not; the error says what was given.
+        If it is no such matrix, or holds whole numbers that floats cannot represent.
     """
     has_shape = matrix.ndim == 2 and (not is_square or matrix.shape[0] == matrix.shape[1])
     if has_shape and matrix.size and matrix.dtype.kind in "iufb":
@@ -128,33 +128,38 @@ def _check_is_matrix(matrix: NDArray[Any], what: str, content: Any, *, is_square
     raise ConfigurationError(f"{what}: {given} is no {needed} matrix", hint)
 
 
-def _without_names(frame: Any, *, is_square: bool) -> tuple[Any, tuple[str, ...], tuple[str, ...]]:
-    """Split a pandas frame of distances into its values and its names.
+def _values_and_names(
+    frame: Any, *, is_square: bool
+) -> tuple[NDArray[Any], tuple[str, ...], tuple[str, ...]]:
+    """Return the distances in a pandas frame, with the names of its rows and columns.
 
     Parameters
     ----------
     frame
-        The frame; an index of plain row numbers names nothing.
+        The frame. Pandas numbers rows and columns that were given no names: 0, 1, 2, ...
     is_square
-        Whether rows and columns are the same shapes. If so, one of both may name them, and columns
-        are brought into the order of the rows.
+        Whether rows and columns stand for the same shapes. The columns are then brought into the
+        order of the rows.
 
     Returns
     -------
-    values : array
-        The distances.
+    values : numpy.ndarray
+        The distances, shape (rows, columns).
     rows, columns : tuple of str
-        Names of rows and columns: of ``is_square`` the same, otherwise as they stand in the frame.
+        Names of rows and columns; their numbers as texts, if they have none.
 
     Raises
     ------
     ConfigurationError
-        If rows and columns of the same shapes have different names, or a name appears twice.
+        If rows and columns stand for the same shapes, but have different names, or a name appears
+        twice.
     """
     rows = names_of(frame.index)
     columns = names_of(frame.columns)
     if not is_square:
         return frame.to_numpy(), tuple(rows), tuple(columns)
+
+    # If only the rows or only the columns have names, these hold for both.
     if are_row_numbers(rows):
         rows = columns
     if are_row_numbers(columns):
@@ -179,7 +184,7 @@ def _read(path: Path, n_rows: int, n_columns: int) -> Any:
     path
         The file; its extension, and for ``.matrix`` its content, tell the format.
     n_rows, n_columns
-        As for :func:`as_distances`.
+        Expected shape; 0 columns for a square matrix.
 
     Returns
     -------
@@ -202,7 +207,8 @@ def _read(path: Path, n_rows: int, n_columns: int) -> Any:
             return _read_npz(content, n_rows, n_columns)
         if suffix == ".mat":
             return _read_mat(content, n_rows, n_columns)
-        # Binary, as the tools of Princeton write it; other programs write text with this extension.
+        # A binary file of the Princeton Shape Benchmark, unless it holds characters of numbers
+        # alone: other programs write text with this extension.
         if suffix == ".matrix" and content.translate(None, _NUMERALS):
             return _read_psb(content, n_rows, n_columns)
         return read_text_matrix(content, n_rows, n_columns, _HINT)
@@ -229,7 +235,7 @@ def _read_mat(content: bytes, n_rows: int, n_columns: int) -> Any:
 
 
 def _read_psb(content: bytes, n_rows: int, n_columns: int) -> NDArray[np.float32]:
-    """Read distances as tools of the Princeton Shape Benchmark write them: plain 4-byte floats.
+    """Return distances as the tools of the Princeton Shape Benchmark write them: 4-byte floats.
 
     Parameters
     ----------
@@ -248,7 +254,7 @@ def _read_psb(content: bytes, n_rows: int, n_columns: int) -> NDArray[np.float32
         side = math.isqrt(len(content) // 4)
         shape = (side, side)
     matrix = np.frombuffer(content, dtype="<f4").reshape(shape)
-    # Floats read in the wrong order of bytes are mostly tiny.
+    # Floats that were written with the highest byte first are read as tiny numbers.
     if ((matrix != 0) & (np.abs(matrix) < _SMALLEST)).any():
         raise ConfigurationError(
             f"it has numbers below {_SMALLEST}", "write it with the lowest byte first"
@@ -269,7 +275,12 @@ def _matrix_of(variables: Mapping[str, Any], n_rows: int, n_columns: int) -> Any
     Returns
     -------
     numpy.ndarray or pandas.DataFrame
-        A frame if another variable is a list of as many different texts, which names the shapes.
+        A frame if the matrix is square, and another variable lists the names of its shapes.
+
+    Raises
+    ------
+    ConfigurationError
+        If several matrices fit, or none, or another variable numbers the rows out of order.
     """
     from pandas import DataFrame
 
@@ -280,7 +291,7 @@ def _matrix_of(variables: Mapping[str, Any], n_rows: int, n_columns: int) -> Any
     }
     fitting = []
     for name, array in arrays.items():
-        expected = (n_rows, n_columns) if n_columns else array.shape[:1] * 2
+        expected = (n_rows, n_columns) if n_columns else array.shape[:1] * 2  # (n, n)
         if array.dtype.kind in "iuf" and array.shape == expected:
             fitting.append(name)
     matrix = arrays[_only(fitting)]

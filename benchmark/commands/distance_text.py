@@ -32,10 +32,10 @@ def read_text_matrix(content: bytes, n_rows: int, n_columns: int, hint: str) -> 
     content
         The text; values are separated by commas, semicolons, tabs or spaces.
     n_rows, n_columns
-        Numbers of labels, which decide if the first row and column may be names or distances; 0
-        columns for a square matrix.
+        Expected shape, by which names in the first row or column are told from numbers; 0 columns
+        for a square matrix.
     hint
-        What to do if it cannot be read, for the error.
+        Advice for the error if it cannot be read.
 
     Returns
     -------
@@ -48,7 +48,8 @@ def read_text_matrix(content: bytes, n_rows: int, n_columns: int, hint: str) -> 
         If the rows differ in length, or numbers have commas for points.
     """
     lines = lines_of(content)
-    matrix = _plain_numbers(lines)  # nearly every file, and much faster
+    # Most files hold numbers alone, which numpy reads much faster.
+    matrix = _plain_numbers(lines)
     if matrix is not None:
         expected = (n_rows, n_columns) if n_columns else (len(matrix), len(matrix))
         if matrix.shape == expected:
@@ -56,7 +57,7 @@ def read_text_matrix(content: bytes, n_rows: int, n_columns: int, hint: str) -> 
 
     rows = _rows_of(lines)
     if len(rows) > 1 and len(rows[0]) == len(rows[1]) - 1:
-        rows[0].insert(0, "")  # R leaves out the corner
+        rows[0].insert(0, "")  # R writes a first row without a cell above the names of the rows
     _check_widths(rows, lines, hint)
     if n_columns:
         has_head, has_names = _names_of_rectangle(rows, n_rows, n_columns)
@@ -153,14 +154,16 @@ def _check_widths(rows: TextRows, lines: Sequence[str], hint: str) -> None:
     lines
         The lines from which they come, for the error.
     hint
-        What to do, unless the rows look like a triangle, or like a matrix below a title.
+        Advice for the error, if there is none that fits better.
 
     Raises
     ------
     ConfigurationError
-        If they differ; the error says what the text seems to be.
+        If they differ; the error says what the text seems to be: one triangle of a matrix, or a
+        matrix below a title.
     """
     widths = [len(row) for row in rows]
+    # The first row is left out: it may have names, or no value of a triangle.
     differences = {after - before for before, after in pairwise(widths[1:])}
     if len(rows) > 3 and differences in ({1}, {-1}):
         problem = "its rows get longer or shorter, as in one triangle of a matrix"

@@ -123,12 +123,14 @@ def export(
     data_root
         Folder of the official data sets.
     watched
-        Progress wrapper.
+        Wraps the list of shapes while they are written, to show progress, as ``tqdm`` does.
 
     Returns
     -------
-    tuple of str, list of str
-        Names of the files; and a line for each shape that cannot be read, or seen, and is left out.
+    files : tuple of str
+        Names of the files.
+    problems : list of str
+        A line for each shape that is left out, as it cannot be read or no view shows it.
 
     Raises
     ------
@@ -138,11 +140,10 @@ def export(
         If the set is not here, or no mesh is readable.
     """
     dataset = open_dataset(name, data_folder(data_root))
-
-    unseen: list[str] = []
+    unseen: list[str] = []  # problems of views
 
     def describe(target: Path, written: Mapping[str, Entry]) -> Sequence[str]:
-        """Write views and the files about a set beside its shapes."""
+        """Write views and descriptions beside the meshes, and return the names of the files."""
         further: list[str] = []
         if views:
             further, problems = write_views(target, watched)
@@ -172,13 +173,13 @@ def _write_descriptions(
     dataset
         The set.
     name
-        Its name, with which the suite generates it again.
+        Name by which the suite generates the set again.
     folder
-        The folder, in which the meshes, the settings of the cameras and any views are already.
+        The folder. The meshes, the settings of the cameras and any views are written already.
     written
         The shapes by the name of their file.
     views
-        Names of the files of the views, if they are wanted.
+        Names of the files of the views; empty if there are none.
 
     Returns
     -------
@@ -374,17 +375,18 @@ def _address() -> str:
 
 
 def _croissant(dataset: ShapeSet, digests: Mapping[str, str]) -> dict[str, Any]:
-    """Return the description of a data set for machines, as JSON-LD of Croissant 1.0.
+    """Return a description of a data set for machines: Croissant 1.0, a vocabulary of JSON-LD.
 
     Parameters
     ----------
     dataset
         The set.
     digests
-        SHA-256 of each of its files.
+        SHA-256 of each of its files, by name.
     """
     holder = metadata(_PROJECT)["Author"]
     cited = f"{holder}, {_cited_title(dataset)}, version {version(_PROJECT)}, {RELEASED[:4]}"
+    # Record sets describe the columns of the CSV files.
     record_sets = [_record_set("shapes", "One record for each shape.", SHAPES, "file", _COLUMNS)]
     if CAMERAS in digests:
         says = "One record for each depth image."

@@ -37,21 +37,24 @@ COLUMNS = {
 
 
 def write_views(folder: Path, watched: Watched = iter) -> tuple[list[str], list[str]]:
-    """Write the depth image of each shape of an exported set, as methods get it, and its camera.
+    """Write the depth image of each shape of an exported set, and a table of their cameras.
 
-    Values are rounded to 16 bits, so that the last digits of a processor seldom show.
+    The images are those that methods get, as PNG files with 16 bits a pixel. Rounding hides most
+    differences between processors.
 
     Parameters
     ----------
     folder
         The folder of the set.
     watched
-        Progress wrapper.
+        Wraps the list of shapes while they are rendered, to show progress, as ``tqdm`` does.
 
     Returns
     -------
-    list of str, list of str
-        Names of the files; and a line for each shape that no view shows.
+    files : list of str
+        Names of the files.
+    problems : list of str
+        A line for each shape that no view shows.
     """
     shapes = folder_set(folder)
     half_width = frame_of(shapes)

@@ -87,9 +87,9 @@ def score_and_keep(
 def keep_distances(
     results: Path, evaluation: Evaluation, title: str, dataset: str, input_: Input
 ) -> Record:
-    """Store distances as a row beside those of a data set, and return its record.
+    """Store distances of another program as a row of the tables, and return its record.
 
-    A row of the same title is replaced.
+    The row stands beside those of methods on the same data. A row of the same title is replaced.
 
     Parameters
     ----------
@@ -112,11 +112,10 @@ def keep_distances(
     beside = record_beside(results, dataset, input_, title)
     record, matrix = record_of_distances(evaluation, beside, dataset, title=title, input_=input_)
     with writing(results):
-        replaced = None
-        for other in read_records(results, published=False):
-            if other.row == record.row:
-                replaced = other
-                break
+        same_row = [
+            other for other in read_records(results, published=False) if other.row == record.row
+        ]
+        replaced = same_row[0] if same_row else None
         _check_title(record, replaced)
         Cache(results).write("records", record.key, {"distances": matrix})
         write_record(results, record, replaced.key if replaced else "")
@@ -126,7 +125,7 @@ def keep_distances(
 def record_of_distances(
     evaluation: Evaluation, beside: Record | None, dataset: str, *, title: str, input_: Input
 ) -> tuple[Record, NDArray[np.float64]]:
-    """Return the record of distances that another program computed.
+    """Return a record of distances that another program computed, as if a method had made them.
 
     Parameters
     ----------
@@ -135,36 +134,35 @@ def record_of_distances(
     beside
         A record of the same shapes, beside whose row they will stand; None for a table of their
         own.
-    dataset, title, input_
-        As for :func:`keep_distances`.
+    dataset
+        Name of the data set or gallery.
+    title
+        Title of the row.
+    input_
+        Whether the distances are of surfaces or of views.
 
     Returns
     -------
     record : Record
-        Its scores, as if a method of the suite had made it.
+        The record, with the scores of the distances.
     matrix : numpy.ndarray
         The distances in the order of the record's shapes, shape (N, N).
 
     Raises
     ------
     ConfigurationError
-        If the shapes have no names, or differ from those of the record.
+        If the shapes have no names, or differ from those of the other record.
     """
-    if evaluation.queries.index.dtype.kind == "i":  # numbers of rows
-        hint = (
-            "name rows and columns in a CSV, or pass labels with lines 'name label' in the order "
-            "of the rows"
-        )
-        raise ConfigurationError(
-            "rows are paired by the names of shapes, and these distances have none", hint
-        )
-    labels = evaluation.queries["class"].to_dict()
+    _check_have_names(evaluation)
+    labels = evaluation.queries["class"].to_dict()  # by the name of the shape
     gallery = _fields_of_gallery(beside) if beside else _fields_of_new_gallery(dataset, labels)
     known = dict(zip(gallery["shapes"], gallery["labels"], strict=True))
     if known != labels:
         raise _other_shapes(known, labels, gallery["gallery"])
+    # Bring the shapes into the order of the other record.
     order = evaluation.queries.index.get_indexer(list(known))
     matrix = evaluation.distances[np.ix_(order, order)]
+
     code_of_measures = code_of_modules([STAGE_MODULES["records"]])
     digest_of_matrix = digest_of_bytes(matrix.tobytes())
     key = digest([gallery["gallery_digest"], input_, title, digest_of_matrix, code_of_measures])
@@ -199,10 +197,23 @@ def _other_shapes(
     return ConfigurationError(f"the shapes are not those of '{gallery}': {problem}", hint)
 
 
-def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Record | None:
-    """Return a record beside whose row an external one will be shown.
+def _check_have_names(evaluation: Evaluation) -> None:
+    """Raise ``ConfigurationError`` if the shapes of some distances have no names."""
+    are_row_numbers = evaluation.queries.index.dtype.kind == "i"
+    if are_row_numbers:
+        hint = (
+            "name rows and columns in a CSV, or pass labels with lines 'name label' in the order "
+            "of the rows"
+        )
+        raise ConfigurationError(
+            "rows are paired by the names of shapes, and these distances have none", hint
+        )
 
-    It tells which shapes the data set has.
+
+def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Record | None:
+    """Return the last record of a data set, beside whose row the row of another program will stand.
+
+    The record says which shapes the data set has.
 
     Parameters
     ----------
@@ -213,12 +224,12 @@ def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Rec
     input_
         Whether the row is of surfaces or of views.
     title
-        Title of the external row, which a former one of the same title is not beside.
+        Title of the new row. An earlier row of this title, which it replaces, is passed over.
 
     Returns
     -------
     Record or None
-        None if the name is that of no data set: it makes a table of its own.
+        None if there is no data set of this name: the row gets a table of its own.
 
     Raises
     ------
@@ -314,7 +325,7 @@ class ExternalForms:
 
 
 def forms_of(folder: Path, title: str) -> Component:
-    """Return a method that reads the forms which another program has written into a folder.
+    """Return a method whose forms are files that another program has written into a folder.
 
     Parameters
     ----------
@@ -330,6 +341,7 @@ def forms_of(folder: Path, title: str) -> Component:
     """
     if not folder.is_dir():
         raise ConfigurationError(f"{folder} is not a folder", "name the folder of the forms")
+    # If one of the files changes, the results are stale.
     files = tuple(sorted(str(path) for path in folder.resolve().rglob("*") if path.is_file()))
     info = MethodInfo(name=method_name(title), title=brief(title), family="external", files=files)
     return Component(

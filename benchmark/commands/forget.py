@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -49,32 +49,34 @@ def forget(
     results: str | Path = RESULTS,
     yes: bool = False,
 ) -> Forgotten:
-    """Delete the results of methods or data sets, and all files that no remaining record needs.
+    """Delete selected records, and all files that none of the other records needs.
 
-    A record that cannot be read stays, with the files that it names, unless ``records`` names it.
+    Select by method and data set, by record, or select only files. A file that cannot be read as a
+    record is kept, and so are the files that it names, unless ``records`` names it.
 
     Parameters
     ----------
     methods, data
-        Names of methods, and names or folders of data sets, whose results go.
+        Names of methods, and names or folders of data sets, whose records are deleted. If both are
+        given, those of these methods on these data sets are.
     records
-        Rows, or names of files without ``.json``, of the records that go.
+        Single records to delete, each by its row or by the name of its file without ``.json``.
     unused
-        Whether to select no record, so that only files go that no record needs.
+        Delete no record, only files that no record needs.
     results
         The results folder.
     yes
-        Whether to delete; by default, the result says what would be deleted.
+        Whether to delete. By default nothing is deleted, and the result says what would be.
 
     Returns
     -------
     Forgotten
-        What was deleted, or would be.
+        The records and files that were deleted, or would be.
 
     Raises
     ------
     ConfigurationError
-        If nothing or too much is selected, or nothing fits.
+        If not exactly one way to select is used, or the selection fits no record.
     """
     folder = Path(results)
     has_selection = bool(as_list(methods) or data)
@@ -85,6 +87,7 @@ def forget(
             "name methods with -m or data sets with -d, name records with --record, or pass "
             "--unused",
         )
+    # A selection that is wrong changes nothing in the folder, which need not exist.
     all_records = read_records(folder, published=False)
     _check_known(folder, all_records, records)
     selected_keys: set[str] = set()
@@ -99,10 +102,15 @@ def forget(
             raise ConfigurationError(problem, f"there are {', '.join(known) or 'no records'}")
         size = sum(path.stat().st_size for path in files)
         if yes:
-            with storing(folder):
-                for path in files:
-                    path.unlink(missing_ok=True)
+            _delete(files, folder)
     return Forgotten(tuple(unwanted), tuple(files), size)
+
+
+def _delete(files: Iterable[Path], folder: Path) -> None:
+    """Delete files of a results folder; raise ``StorageError`` if one cannot be deleted."""
+    with storing(folder):
+        for path in files:
+            path.unlink(missing_ok=True)
 
 
 def _keys_of_selection(

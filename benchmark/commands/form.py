@@ -84,18 +84,17 @@ class Form(CanonicalForm):
     def write(self, path: str | Path) -> list[str]:
         """Write the form as a mesh file.
 
-        OFF, OBJ and PLY keep coordinates in double precision. GLB has them in single precision and
-        colours by part. STL has the same triangles, whose corners it repeats.
-
         Parameters
         ----------
         path
-            The file; its extension says the format.
+            The file; its extension says the format. OFF, OBJ and PLY keep coordinates in double
+            precision. GLB has single precision, and colours by part. STL repeats the corners of
+            triangles.
 
         Returns
         -------
         list of str
-            Sentences on what the format does not keep.
+            Sentences on what the format does not keep; empty if it keeps everything.
 
         Raises
         ------
@@ -162,9 +161,10 @@ def check_writable(path: Path) -> None:
 
 
 def surface_html(form: Form) -> str:
-    """Return a form as HTML for a notebook: a picture, which a script makes a surface to turn.
+    """Return HTML that shows a form in a notebook, as a surface that can be turned.
 
-    The surface is thinned, and packed into the text, so that the HTML needs no network.
+    The surface is drawn by a script; where scripts do not run, a picture of it is seen. The HTML
+    needs no network: it holds the script, and a thinned surface as text.
     """
     from scipy.spatial import cKDTree
 
@@ -176,7 +176,8 @@ def surface_html(form: Form) -> str:
     small = mesh
     if mesh.n_vertices > _VERTICES:
         small = decimate(mesh, _VERTICES)
-    _, nearest = cKDTree(mesh.vertices).query(small.vertices)  # for the colours of its vertices
+    # Vertices of the thinned mesh have the colour of the nearest vertex of the form.
+    _, nearest = cKDTree(mesh.vertices).query(small.vertices)
     surface: dict[str, Any] = {
         "points": _packed(centred(small).vertices.astype("<f4")),
         "faces": _packed(small.faces.astype("<u2")),
@@ -185,7 +186,7 @@ def surface_html(form: Form) -> str:
     }
     picture = base64.b64encode(form.picture()).decode("ascii")
     script = files("benchmark.commands").joinpath("surface.js").read_text(encoding="utf-8")
-    # A frame of its own keeps the script apart from those of the notebook.
+    # An inline frame keeps the script apart from those of the notebook.
     page = (
         f"<body style='margin:0'><img width='{_PIXELS}' height='{_PIXELS}' "
         f"src='data:image/webp;base64,{picture}' alt='{escape(form.title, quote=True)}'>"

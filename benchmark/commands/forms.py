@@ -143,8 +143,10 @@ def form_of_object(
         The method; see :func:`method_of_depth`.
     name
         Identifier of the shape.
-    half_width, seed
-        As in :func:`canonical_form_of_depth`.
+    half_width
+        Half the side of the square frame that must contain the object, in metres.
+    seed
+        Seed of all random choices.
 
     Returns
     -------
@@ -165,6 +167,7 @@ def form_of_object(
     if n_pieces > 1:
         notes["joined_pieces"] = n_pieces
     form = form_with_notes(maker, shape, notes)
+    # Doubts come from the segmentation, the size of the object, and the method ("" for none).
     doubts = [f"{what}; {hint}" for what, hint in observed.doubts]
     doubts += [small_for_person(shape, maker), str(form.notes.get("doubt", ""))]
     doubt = "; ".join(filter(None, doubts))
@@ -215,7 +218,7 @@ def form_of_surface(
 
 
 def form_with_notes(maker: Method, shape: Shape, first: Mapping[str, float | str]) -> Form:
-    """Compute the form of a shape, with notes on it.
+    """Compute the form of a shape, with notes of the method on it.
 
     Parameters
     ----------
@@ -224,7 +227,7 @@ def form_with_notes(maker: Method, shape: Shape, first: Mapping[str, float | str
     shape
         The prepared shape.
     first
-        Notes that precede those of the method.
+        Further notes by name, which stand before those of the method.
     """
     form = compute_form(maker, shape)
     notes = dict(first)
@@ -232,7 +235,7 @@ def form_with_notes(maker: Method, shape: Shape, first: Mapping[str, float | str
         notes[name] = str(note) if isinstance(note, str) else float(note)
     notes.update(measured_fit(maker, shape))
     body = None
-    if np.array_equal(form.faces, shape.mesh.faces):
+    if np.array_equal(form.faces, shape.mesh.faces):  # the form is the shape with moved vertices
         body = shape.mesh
     title = f"{shape.identifier}, {maker.info.title}"
     return Form(form.vertices, form.faces, notes, body=body, title=title)

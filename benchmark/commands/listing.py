@@ -88,7 +88,7 @@ def parameters_of(component: Component) -> dict[str, str]:
 
 
 def details_of(component: Component) -> dict[str, str | list[str]]:
-    """Return what ``describe`` says of a method or a scorer: texts, and lists of texts, by name."""
+    """Return the details of a method or a scorer, by name: texts, and lists of texts."""
     info = component.info
     is_method = component.kind == "method"
     details: dict[str, str | list[str]] = {
@@ -124,15 +124,21 @@ def _kind_of(component: Component) -> str:
 
 
 def _facts_of(name: str, component: Component) -> dict[str, str]:
-    """Return one line of the list of methods or scorers.
+    """Return what the list of methods or scorers says of one of them.
 
     Parameters
     ----------
     name
-        Name of the component.
+        Its name.
     component
-        The method or scorer. If it cannot be imported, its state is "broken", and its summary the
-        reason.
+        The method or scorer.
+
+    Returns
+    -------
+    dict of str
+        ``name``, ``title``, ``family`` of a method, ``state`` and ``summary``. The state is
+        ``"available"``, ``"needs ..."`` for missing packages, or ``"broken"`` if it cannot be
+        imported; the summary then says why.
     """
     try:
         facts = {"name": name, "title": component.info.title}
@@ -153,12 +159,12 @@ def _facts_of(name: str, component: Component) -> dict[str, str]:
 
 
 def _datasets(root: Path | None) -> _Facts:
-    """Return one line for each data set, official or generated.
+    """Return facts about each data set, official or generated, as texts by name.
 
     Parameters
     ----------
     root
-        Folder of the official sets, which tells those that are present.
+        Folder of the official sets, in which they are looked for.
     """
     return [
         {
@@ -191,11 +197,11 @@ def _tables(root: Path | None) -> _Facts:
 
 
 def _models(results: Path) -> _Facts:
-    """Return one line for each finished model, with where it comes from and how it was trained.
+    """Return facts about each finished model: where it comes from, and how it was trained.
 
-    Models that were trained here precede those of the suite.
+    Models that were trained here come first.
     """
-    origins = {results / "models": "trained here"}  # by the folder of the models
+    origins = {results / "models": "trained here"}  # of the models in a folder
     for component in by_name("method").values():
         if not component.learns:
             continue
@@ -205,7 +211,7 @@ def _models(results: Path) -> _Facts:
             origins.setdefault(folder, "shipped" if is_shipped else MODELS_VARIABLE)
     models = []
     for folder, origin in origins.items():
-        for path in sorted(folder.glob(f"*/*/{CARD}")):
+        for path in sorted(folder.glob(f"*/*/{CARD}")):  # TRAINING/MODEL
             model = path.parent
             facts = {"training": model.parent.name, "model": model.name, "origin": origin}
             models.append({**facts, **_card_facts(model)})

@@ -19,7 +19,7 @@ TAKEN = (
 
 
 def as_mesh(given: Any, faces: Any = None) -> Mesh:
-    """Return a mesh that another library holds, or that is in a file.
+    """Return a mesh of another library, or in a file, as a mesh of the suite.
 
     Vertices keep their order.
 
@@ -54,26 +54,26 @@ def as_mesh(given: Any, faces: Any = None) -> Mesh:
 
 
 def _vertices_and_triangles(given: Any) -> tuple[Any, Any]:
-    """Return the arrays that an object of another library holds, a mesh or a cloud of points.
+    """Return the arrays of a mesh, or of a cloud of points, of another library.
 
-    Objects are told by their attributes, so that no library has to be imported.
+    The library is recognised by attributes of the object, so that none has to be imported.
 
     Returns
     -------
     vertices, triangles : array or None
         Coordinates, and vertex indices of the corners; None for what the object lacks.
     """
-    if hasattr(given, "to_legacy"):  # tensors of Open3D
+    if hasattr(given, "to_legacy"):  # a mesh of Open3D that is held in tensors
         given = given.to_legacy()
     if hasattr(given, "vertex_matrix"):  # PyMeshLab
         return given.vertex_matrix(), given.face_matrix()
     vertices = getattr(given, "vertices", None)
     if vertices is None:
         return None, None
-    faces = getattr(given, "faces", None)  # trimesh; its triangles are corners
+    faces = getattr(given, "faces", None)  # trimesh, whose ``triangles`` are coordinates
     if faces is not None:
         return vertices, faces
-    return vertices, getattr(given, "triangles", None)
+    return vertices, getattr(given, "triangles", None)  # Open3D
 
 
 def _array(values: Any) -> Any:

@@ -75,12 +75,13 @@ def fetch_models(
     names
         ``"TRAINING"`` or ``"TRAINING/MODEL"``, such as ``"people-fold-0"``; all by default.
     watched
-        Progress wrapper.
+        Wraps the list of models while they are fetched, to show progress, as ``tqdm`` does.
 
     Returns
     -------
     FetchedModels
-        The folder; names of models that are new and that were there; and problems, by name.
+        The folder, the names of new models and of those that were there, and for each model that
+        could not be fetched the reason.
 
     Raises
     ------
@@ -92,7 +93,7 @@ def fetch_models(
     folder = Path(os.environ.get(MODELS_VARIABLE) or SHIPPED)
     fetched: list[str] = []
     present: list[str] = []
-    problems: dict[str, str] = {}
+    problems: dict[str, str] = {}  # why a model could not be fetched
     for model in watched(_chosen_models(names)):
         try:
             is_new = _fetch_model(model, read, folder)
@@ -204,7 +205,7 @@ def _downloaded(address: str) -> bytes:
     Raises
     ------
     _NotFetched
-        If it cannot be had, or ends too early.
+        If the server does not answer or has no such file, or the connection breaks.
     """
     request = Request(address, headers={"User-Agent": "canonical-forms-benchmark"})  # noqa: S310
     try:

@@ -146,12 +146,12 @@ class Plan:
         ]
 
     def _folders_that_are_gone(self) -> Iterable[str]:
-        """Say which folders results come from that are no longer there.
+        """Say which folders are gone whose results are still stored.
 
-        Named are those that had the name of a data set of this plan, such as a folder that was
-        moved: its rows would stand beside those of the new place.
+        This is so after a folder of data was moved: the old rows would stand in tables beside those
+        of the new place, under the same name.
         """
-        present = {}  # folder of each data set, by its name
+        present = {}  # folder of each data set of this plan, by its name
         for job in self.jobs:
             data = job.record.data
             if data.path:
@@ -162,7 +162,7 @@ class Plan:
             if present.get(data.name, data.path) != data.path:
                 elsewhere.add(data.path)
         for path in sorted(elsewhere):
-            # Of a path that no system allows, Path.exists raises an error.
+            # Path.exists would raise an error for a path that the system does not allow.
             if not os.path.exists(split_changes(path)[0]):  # noqa: PTH110
                 forget = shlex.join(["forget", "-d", path])
                 yield f"{path} is no longer there; its rows stay in tables until '{forget}'"
@@ -189,7 +189,7 @@ class Plan:
             )
 
     def problems_of_files(self) -> list[str]:
-        """Say which files in the folders of users cannot be read, or are no shapes."""
+        """Say which files in the data folders of the user cannot be read, or are not used."""
         folders: dict[str, ShapeSet] = {}
         for job in self.jobs:
             for gallery in job.galleries:
@@ -333,12 +333,22 @@ def lacking(
     data_root: str | Path | None = None,
     quick: bool = False,
 ) -> list[LackingModel]:
-    """Return the models that the networks of a selection lack, and that this code can train.
+    """Return the missing models of the selected networks that can be trained here.
 
     Parameters
     ----------
-    data, methods, tables, input, plugins, results, data_root, quick
-        As for :func:`plan`.
+    data, methods, tables
+        Data sets, methods and tables that are selected; empty for all.
+    input
+        ``"mesh"`` or ``"view"``; both by default.
+    plugins
+        Plugin files that may define methods.
+    results
+        The results folder, which may hold models.
+    data_root
+        Folder of the official data sets.
+    quick
+        Whether a quick run is meant.
     """
     return lacking_models(
         Path(results),

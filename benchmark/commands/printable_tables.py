@@ -76,7 +76,7 @@ class Tables:
     def write(
         self, folder: str | Path, formats: Sequence[str] = TABLE_FORMATS, *, force: bool = False
     ) -> list[str]:
-        """Write the tables as files, and return the names of these.
+        """Write the tables as files, and return the names of the files.
 
         Parameters
         ----------
@@ -99,6 +99,7 @@ class Tables:
             verdicts=self.has_verdicts,
             robustness=self.has_robustness,
         )
+        # A list of the files and their digests, by which later writes find edited ones.
         listed = f"written{scored_by(self.records).suffix}.json"
         write_files(Path(folder), files, force=force, listed=listed)
         return list(files)

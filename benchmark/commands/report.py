@@ -99,12 +99,12 @@ def draw_tables(
     results: Path = RESULTS,
     data_root: Path | None = None,
 ) -> None:
-    """Draw a figure of the first of some tables, and write it as a picture.
+    """Draw a figure of a table, and write it as a picture.
 
     Parameters
     ----------
     selected
-        The tables.
+        Tables, of which the first is drawn.
     path
         The picture; its extension says the format.
     kind

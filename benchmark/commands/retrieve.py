@@ -349,7 +349,7 @@ def _finished(
     component
         The method.
     which
-        Options of ``run`` that select the gallery, for the error.
+        Options with which ``run`` computes these forms, for the error.
     input_
         Whether the forms are of surfaces or of views.
 
@@ -373,9 +373,9 @@ def _finished(
 
 
 def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> Any:
-    """Return a method, with the trained model that made the forms of a gallery.
+    """Return a method with the trained model by which a query is mapped.
 
-    A query has to be mapped by the same model as the shapes that it is compared with.
+    It has to be the model that made the forms of the gallery.
 
     Parameters
     ----------
@@ -384,16 +384,16 @@ def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> An
     job
         The finished job of the gallery, which names the model of each shape.
     itself
-        Name of the query, if it is one of the shapes of the gallery; then its model is taken.
+        Names of the query in the gallery, whose model is taken; empty for a new query.
 
     Raises
     ------
     ConfigurationError
-        If a new query is compared with forms of several models, as those of folds are.
+        If a new query is compared with forms of several models, such as one for each fold.
     """
     model_of_shape = dict(zip(job.record.shapes, job.models, strict=True))
     models = {model_of_shape[name] for name in itself}
-    if not models:  # a new query
+    if not models:
         models = set(model_of_shape.values())
     if len(models) > 1:
         problem = (
@@ -413,9 +413,9 @@ def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> An
 def _inputs(
     query: str, component: Component, wanted: Input | None, *, is_view: bool
 ) -> tuple[Input, Input]:
-    """Return whether the query, and the gallery, are taken as surfaces or as depth views.
+    """Decide whether query and gallery are compared as surfaces or as depth views.
 
-    The gallery is taken like the query unless the user wants otherwise.
+    The gallery is taken like the query, unless the user wants otherwise.
 
     Parameters
     ----------
@@ -436,8 +436,9 @@ def _inputs(
     Raises
     ------
     ConfigurationError
-        If the method does not accept one of both.
+        If the method does not accept the query, or the gallery, in this way.
     """
+    # A query that is a surface can be seen as a view, if the method accepts views alone.
     of_query: Input = "mesh"
     if is_view or "mesh" not in component.info.inputs:
         of_query = "view"

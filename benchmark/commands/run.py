@@ -55,10 +55,10 @@ def run(
     again: bool = False,
     watch: Callable[[Any], object] | None = None,
 ) -> DataFrame:
-    """Run the jobs of a selection that have no record, and return all of them.
+    """Run methods on data sets, unless they have run before, and return one row per job.
 
-    Your own objects and functions run in this process, everything else in workers, as on the
-    command line.
+    Your own objects and functions run in this process, and in each call. All other methods run in
+    worker processes, and their results are kept.
 
     Parameters
     ----------
@@ -66,22 +66,25 @@ def run(
         Names or folders of data sets.
     methods
         Names, objects, classes, and functions from a shape to positions; all methods by default.
-        Your own objects and functions run in each call; what those of a plugin file made is kept.
     input
-        Complete surfaces, or one depth view of each.
-    scorer, plugins
-        Name of the scorer; plugin files of methods and scorers.
-    results, data_root
-        The results folder; the folder of the official data sets, by default
-        ``CANONICAL_FORMS_DATA``.
+        ``"mesh"`` for complete surfaces, ``"view"`` for one depth view of each.
+    scorer
+        Name of the scorer.
+    plugins
+        Plugin files that define methods and scorers.
+    results
+        The results folder.
+    data_root
+        Folder of the official data sets, by default ``CANONICAL_FORMS_DATA``.
     quick
         Whether to leave out most poses.
-    gallery, same_names
-        Name or folder of the shapes that are ranked for the data, which are queries, and whether
-        one of the same name is left out; by default all other shapes of the data.
+    gallery
+        Name or folder of other shapes, in which the data are queries; by default, the data rank
+        each other.
     gallery_views
-        Number of cameras around each shape that show the gallery, by default the data, to views; 0
-        for none.
+        Number of cameras around each shape of the gallery, if the queries are views; 0 for none.
+    same_names
+        Whether a shape of the gallery is left out if it has the name of the query.
     seed
         Base seed.
     again
@@ -187,17 +190,18 @@ def tables_of_run(
         The plan of the run.
     records
         All records after the run; see :func:`records_after`.
-    quick, scorer, seed
-        As for :func:`benchmark.plan`.
+    quick
+        Whether the run left out most poses.
+    scorer, seed
+        Scorer and base seed of the run.
     """
-    # Both are labelled at once, so that two folders of one name get different labels.
+    # All records are labelled at once, so that two folders of one name get different labels.
     labelled = label_data_sets([*records, *(job.record for job in plan.jobs)])
     all_records = labelled[: len(records)]
     of_run = labelled[len(records) :]
-
     identifiers, datasets = _places_of_jobs(plan.jobs, of_run)
 
-    # All records of the same galleries, also from earlier runs.
+    # Take all records of the same galleries, also from earlier runs.
     galleries = {(record.gallery, record.input) for record in of_run}
     chosen = chosen_records(all_records, quick=quick, scorer=scorer, seed=seed)
     chosen = [record for record in chosen if (record.gallery, record.input) in galleries]
@@ -213,14 +217,14 @@ def tables_of_run(
 def _places_of_jobs(
     jobs: Sequence[Planned], records: Sequence[Record]
 ) -> tuple[set[str], set[str]]:
-    """Return where jobs have rows.
+    """Return in which tables jobs have rows, and of which data sets these are.
 
     Parameters
     ----------
     jobs
         The jobs.
     records
-        Their records, whose data have unique names.
+        The record of each job; two data sets never have one name.
 
     Returns
     -------
@@ -236,14 +240,14 @@ def _places_of_jobs(
             table = gallery.table
             if not table.is_robustness:
                 datasets.add(record.data.name)
-            if table not in TABLES:
+            if table not in TABLES:  # it was made for this data set
                 table = own_table(record.data.name, fold_of(record))
             identifiers.add(table.identifier)
     return identifiers, datasets
 
 
 def _lines_of_progress() -> Callable[[Any], None]:
-    """Return a function that prints the state of a run on stderr, at most every few seconds."""
+    """Return a function that is called often, and prints how far a run is every few seconds."""
     last = -math.inf
 
     def watch(state: Any) -> None:

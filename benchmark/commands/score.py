@@ -98,20 +98,18 @@ def score(distances: object, labels: object, order: str = "", gallery: object = 
     >>> benchmark.score(distances, ["cat", "cat", "dog", "dog"]).scores.loc["NN", "score"]
     1.0
     """
-    given = [labels] if gallery is None else [labels, gallery]
-    matrix, sides = _joined(distances, order, given)
-    rows = sides[0]
-    targets = None  # each query ranks the others
-    if gallery is None:
+    if gallery is None:  # each shape is a query that ranks the others
+        matrix, (rows,) = _joined(distances, order, [labels])
         _check_classes(set(rows.classes))
-    else:
-        in_gallery = _classes_of_gallery(sides[1].classes)
-        _check_classes({*rows.classes, *in_gallery})
-        if len(in_gallery) == 1:
-            problem = "the gallery holds one shape, so every ranking is perfect"
-            raise ConfigurationError(problem, "pass the labels of a larger gallery")
-        targets = Targets(in_gallery)
-    return _evaluation(matrix, rows, targets)
+        return _evaluation(matrix, rows, targets=None)
+
+    matrix, (rows, columns) = _joined(distances, order, [labels, gallery])
+    in_gallery = _classes_of_gallery(columns.classes)
+    _check_classes({*rows.classes, *in_gallery})
+    if len(in_gallery) == 1:
+        problem = "the gallery holds one shape, so every ranking is perfect"
+        raise ConfigurationError(problem, "pass the labels of a larger gallery")
+    return _evaluation(matrix, rows, Targets(in_gallery))
 
 
 def _classes_of_gallery(classes: Sequence[str]) -> list[str]:
@@ -135,11 +133,16 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
     ----------
     matrix
         The distances, with a row for each query and a column for each shape of the gallery. If both
-        are the same, its diagonal is set to 0.
+        are the same shapes, the diagonal is set to 0 in place.
     rows
         Names and classes of the queries.
     targets
         The gallery; None if it is the queries.
+
+    Raises
+    ------
+    ConfigurationError
+        If each shape is farthest from itself, so that the distances must be similarities.
 
     Warns
     -----
@@ -154,8 +157,9 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
         np.fill_diagonal(matrix, 0)
         n_results -= 1
     scores = evaluate(matrix, rows.classes, targets=targets)
+
     # Shapes that have nothing to find are no queries: their measures are NaN.
-    values = np.column_stack(list(scores.per_query.values()))
+    values = np.column_stack(list(scores.per_query.values()))  # (shapes, measures)
     is_query = ~np.isnan(values[:, 0])
     values = values[is_query]
     query_classes = list(compress(rows.classes, is_query))
@@ -173,7 +177,7 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
         few = f"no intervals: the queries are of {n_classes} classes, fewer than {FEWEST_CLASSES}"
         notes.append(few)
 
-    # Scores at or below chance raise doubts; so does an interval of few classes.
+    # Nearest neighbours that are not clearly above chance, by their interval, raise doubts.
     low, high = class_intervals(values[:, :1], query_classes, fewest=2)[0]
     chance = table.loc["NN", "chance"]
     if targets is None and not low > chance:
@@ -222,7 +226,7 @@ def _notes_on_shapes(n_shapes: int, n_lone: int) -> list[str]:
 
 
 def _notes_on_queries(matrix: NDArray[np.float64], n_lone: int) -> list[str]:
-    """Say what queries another gallery can answer, and whether it may hold some of them.
+    """Say how many queries have an answer in another gallery, and how many it may hold itself.
 
     Parameters
     ----------
@@ -270,8 +274,11 @@ def _joined(
 
     Parameters
     ----------
-    distances, order
-        As for :func:`score`.
+    distances
+        An array, a pandas frame whose index and columns name the shapes, or a file.
+    order
+        Order in which rows without names list the labels, such as ``"natural"``; "" if there is one
+        only.
     given
         Labels of the rows; and those of the columns, if these are other shapes.
 
@@ -289,8 +296,9 @@ def _joined(
     """
     all_labels = [as_labels(labels) for labels in given]
     sizes = [len(labels.classes) for labels in all_labels]
-    matrix, *all_names = as_distances(distances, *sizes)
+    matrix, *all_names = as_distances(distances, *sizes)  # names of rows, and of columns
     _check_order(order, all_labels, has_names=any(all_names))
+    # Files of the Princeton Shape Benchmark.
     is_psb = isinstance(distances, str | Path) and Path(distances).suffix.lower() == ".matrix"
     sides = []
     for labels, names, what, count in zip(
@@ -341,12 +349,13 @@ def _side(labels: ShapeLabels, names: tuple[str, ...], order: str) -> _Side:
     Parameters
     ----------
     labels
-        Their classes: by name, or in the order of a list.
+        The classes: a mapping by name, or a list.
     names
-        Names that the distances give them, by which they are joined; none or row numbers if they
-        have no names.
+        Names that the distances give to the rows, by which both are joined; empty, or row numbers,
+        if they give none.
     order
-        Which order of the labels the rows have, if they have no names; "" if there is one only.
+        Which of the orders of the labels the rows have, if they have no names; "" if there is one
+        only.
 
     Raises
     ------
@@ -356,7 +365,7 @@ def _side(labels: ShapeLabels, names: tuple[str, ...], order: str) -> _Side:
     if are_row_numbers(names):
         names = ()
     classes = labels.classes
-    if isinstance(classes, dict):
+    if isinstance(classes, dict):  # by name
         unknown = [name for name in names if name not in classes]
         if unknown:
             problem = f"shapes without a label: {len(unknown)}, the first is '{unknown[0]}'"
@@ -374,19 +383,19 @@ def _side(labels: ShapeLabels, names: tuple[str, ...], order: str) -> _Side:
 
 
 def _ordered(orders: Mapping[str, Sequence[str]], order: str) -> tuple[str, ...]:
-    """Return the names of rows that have none themselves.
+    """Return the names of all shapes in the order of the rows, which have no names themselves.
 
     Parameters
     ----------
     orders
-        The names in each order in which programs list such shapes, by the name of the order.
+        The names in each order in which programs may list them, such as ``"natural"``.
     order
-        The order that the user names; "" if they say nothing.
+        The order that the user chose; "" if they chose none.
 
     Raises
     ------
     ConfigurationError
-        If the user says nothing, and the orders differ.
+        If the user chose none, and the orders differ; the error shows where.
     """
     if order:
         return tuple(orders[order])

@@ -59,7 +59,7 @@ def shadowed_folders(names: Iterable[str], data_root: Path | None) -> list[str]:
     names
         Names of data sets, as users write them.
     data_root
-        Folder of the official data sets, whose sub-folders are meant.
+        Folder of the official data sets. A name of one of its sub-folders is not reported.
     """
     notes = []
     for name in names:
@@ -75,7 +75,7 @@ def shadowed_folders(names: Iterable[str], data_root: Path | None) -> list[str]:
 
 
 def outcome(record: Record) -> str:
-    """Return the scores of a record, and its times a shape, on one line; if it has none, why."""
+    """Return the scores of a record and the time a shape took on one line; without scores, why."""
     if record.status != "ok":
         return brief(record.reason)
     scores = " ".join(f"{column.title} {column.cell(record)}" for column in PRINTED_SCORES)
@@ -138,13 +138,13 @@ class RecordSelection:
         return not (self.tables or self.methods or self.data or self.input or self.quick)
 
     def records(self, *, failed: bool = False) -> SelectedRecords:
-        """Return the records that the selection means, and sentences on those that it leaves out.
+        """Return the selected records, and sentences on those that are left out.
 
         Parameters
         ----------
         failed
-            Whether to keep methods that have scores on no data at all. Otherwise only those are
-            kept that were selected, or are rows of the paper.
+            Whether to keep methods that have no scores on any data. By default, they are kept only
+            if they were selected by name, or are rows of the paper.
 
         Raises
         ------
@@ -159,7 +159,7 @@ class RecordSelection:
 
         of_data = records_of(all_records, self.data) if self.data else all_records
         of_input = [record for record in of_data if self.input in (None, record.input)]
-        # A quick run, with some of the poses alone, is shown if asked for, or if there is no other.
+        # Quick runs, which leave out most poses, are shown if asked for, or if there are no others.
         full = chosen_records(of_input, scorer=self.scorer, seed=self.seed)
         quick = chosen_records(of_input, quick=True, scorer=self.scorer, seed=self.seed)
         records = quick
@@ -176,22 +176,23 @@ class RecordSelection:
     def _without_failing(
         self, records: list[Record], notes: list[str], every: Iterable[Record]
     ) -> SelectedRecords:
-        """Leave out the records of methods that fail in every job, unless nothing else is left.
+        """Leave out methods that fail in every job, and say so in the notes.
 
-        Methods that were selected, and rows of the paper, stay.
+        Methods that were selected by name, and rows of the paper, stay. If nothing else is left,
+        all records stay.
 
         Parameters
         ----------
         records
             Records of the selection.
         notes
-            Sentences on others that were left out before.
+            Sentences on records that were left out before.
         every
             All records, which say whether a method has scores anywhere.
         """
         scored = {row_of(record) for record in every if record.status == "ok"}
         shown = []
-        hidden = {}
+        hidden = {}  # reason by method
         for record in records:
             row = row_of(record)
             if row in scored or row in TITLES or is_of_methods(record, self.methods):
@@ -237,7 +238,7 @@ class RecordSelection:
         """Say how many jobs of other scorers or seeds there are, and which options show them."""
         others = [
             record
-            for record in records
+            for record in records  # descriptors have no scorer
             if record.scorer not in (self.scorer, "") or record.seed != self.seed
         ]
         if not others:

@@ -82,14 +82,15 @@ def _with_orders_of_numbers(classes: dict[str, str] | list[str]) -> ShapeLabels:
 
 
 def _folder_labels(folder: Path) -> ShapeLabels:
-    """Read the classes of the shapes in a folder, and the orders in which programs list them.
+    """Return the classes of the shapes in a folder, and the orders in which programs list them.
 
     Returns
     -------
     ShapeLabels
-        Class of each shape by name. Orders: ``"listing"``, as Python sorts paths; ``"natural"``,
-        with cat2 before cat10; and, if the folder has a ``.cla`` file, the order of its ``"list"``
-        and of its ``"number"``.
+        Class of each shape by name. Its orders are ``"listing"``, in which Python sorts paths;
+        ``"natural"``, with cat2 before cat10; and, if the folder has a ``.cla`` file of the
+        Princeton Shape Benchmark, ``"list"``, as it lists them, and ``"number"``, as it numbers
+        them.
     """
     from benchmark.datasets.base import natural_key
     from benchmark.datasets.folder import class_list, folder_set, read_cla
@@ -103,7 +104,8 @@ def _folder_labels(folder: Path) -> ShapeLabels:
     }
     cla_file = class_list([folder])
     if cla_file:
-        numbers = list(read_cla(cla_file))  # in the order of the file
+        # The shapes of such a folder are sorted by their numbers.
+        numbers = list(read_cla(cla_file))  # in the order of the list
         by_number = dict(zip(sorted(numbers), classes, strict=True))
         orders["natural"] = sorted(classes, key=natural_key)
         orders["list"] = [by_number[number] for number in numbers]

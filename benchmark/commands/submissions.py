@@ -124,7 +124,8 @@ def submitted_rows(folder: str | Path, results: str | Path) -> SubmittedRows:
     Returns
     -------
     SubmittedRows
-        A record for each submission that can be scored, and a sentence on each of all.
+        A record for each submission that can be scored, a sentence on every submission, and the
+        folders of those that cannot be scored.
 
     Raises
     ------
@@ -193,8 +194,24 @@ def read_submission(path: Path) -> Submission:
 
     input_ = facts.get("input", "mesh")
     check_known("input", [input_], ("mesh", "view"))
+    return Submission(path.parent, facts, input_, _scored_path(path.parent, facts))
 
-    # What is scored: a file of distances, or a folder of forms, within the submission.
+
+def _scored_path(folder: Path, facts: Mapping[str, Any]) -> Path:
+    """Return the path of what is scored: a file of distances, or a folder of forms.
+
+    Parameters
+    ----------
+    folder
+        Folder of the submission, in which it has to lie.
+    facts
+        Values of the ``submission.toml`` by key.
+
+    Raises
+    ------
+    ConfigurationError
+        If both or none are named, or the path leads out of the folder, or nothing is there.
+    """
     given = [key for key in SCORED if key in facts]
     if len(given) != 1:
         raise ConfigurationError(
@@ -203,13 +220,13 @@ def read_submission(path: Path) -> Submission:
         )
     kind = given[0]
     name = facts[kind]
-    scored = path.parent / name
-    if not scored.resolve().is_relative_to(path.parent.resolve()):
+    scored = folder / name
+    if not scored.resolve().is_relative_to(folder.resolve()):
         raise ConfigurationError(f"{name} lies outside of it", "put it into its folder")
     is_there = scored.is_dir() if kind == "forms" else scored.is_file()
     if not is_there:
         raise ConfigurationError(f"its {kind} {name} are not there", "add them")
-    return Submission(path.parent, facts, input_, scored)
+    return scored
 
 
 def _check_links(folder: Path) -> None:
@@ -245,7 +262,7 @@ def score_submission(submission: Submission, results: Path) -> Record:
     submission
         What it says of itself, and its distances or forms.
     results
-        The results folder, which has rows of the data set and so knows its shapes.
+        The results folder. Its records of the data set say which shapes this has.
 
     Raises
     ------
@@ -267,6 +284,7 @@ def score_submission(submission: Submission, results: Path) -> Record:
         record, _ = record_of_distances(
             evaluation, beside, data, title=submission.title, input_=submission.input
         )
+    # Shapes of classes on which the method was trained decide no claim.
     seen_classes = set(submission.facts["seen"])
     labelled = zip(record.shapes, record.labels, strict=True)
     seen_shapes = [shape for shape, label in labelled if label in seen_classes]
@@ -282,12 +300,12 @@ def _score_forms(submission: Submission, results: Path) -> Record:
     submission
         The submission, with a folder of forms.
     results
-        The results folder, in which a folder keeps what is computed.
+        The results folder. What is computed is kept in a folder of its own there.
 
     Raises
     ------
     ConfigurationError
-        If the forms cannot be scored.
+        If the forms have no scores; the error says why.
     """
     planned = plan(
         [submission.facts["data"]],

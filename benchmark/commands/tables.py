@@ -51,14 +51,15 @@ def tables(
         If nothing fits the selection, or a name is unknown.
     """
     submitted: tuple[Record, ...] = ()
-    told: tuple[str, ...] = ()
+    notes_on_submissions: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
     if submissions is not None:
-        from benchmark.commands.submissions import submitted_rows  # whose forms need the runner
+        # This imports all that runs methods, which other tables do without.
+        from benchmark.commands.submissions import submitted_rows
 
         rows = submitted_rows(submissions, results)
         submitted = rows.records
-        told = rows.notes
+        notes_on_submissions = rows.notes
         refused = rows.refused
     selection = RecordSelection(
         results=Path(results),
@@ -76,7 +77,7 @@ def tables(
     return Tables(
         tuple(selection.views(records, paper=paper)),
         tuple(records),
-        (*notes, *told),
+        (*notes, *notes_on_submissions),
         refused,
         has_robustness=selection.is_whole or "robustness" in selection.tables,
         has_verdicts=selection.is_whole,

@@ -60,9 +60,8 @@ def train(
         If the method does not learn, or an option is unknown.
     """
     component = select_one(method, [Path(path) for path in plugins])
-    learner: Any = None
-    if component.learns:
-        learner = component.create()
+    # A method that can be trained may still lack something else that a learner needs.
+    learner: Any = component.create() if component.learns else None
     if not isinstance(learner, Learner):
         raise ConfigurationError(
             f"method '{method}' is not a learner", "choose one, such as 'learned'"
