@@ -16,12 +16,12 @@ _INDENT = 28
 
 
 def print_check(target: str, plugins: Sequence[Path], timeout: float, *, traceback: bool) -> bool:
-    """Check plugins, and print what each check finds.
+    """Check whether methods or scorers keep their contract, and print what each check finds.
 
     Parameters
     ----------
     target
-        Path of a plugin file, or name of a method or scorer.
+        Path of a plugin file, all of whose methods and scorers are checked, or name of one.
     plugins
         Plugin files that may define it.
     timeout
@@ -34,7 +34,7 @@ def print_check(target: str, plugins: Sequence[Path], timeout: float, *, traceba
     bool
         Whether no check failed.
     """
-    faulthandler.enable(2)  # names the line of a crash
+    faulthandler.enable(2)  # prints to stderr at which line the process crashed
     outcomes = Counter[str]()
     for component in components_named(target, plugins):
         for finding in check(component, timeout):

@@ -34,7 +34,7 @@ def write_demo(
     Returns
     -------
     bool
-        Whether each method made a form of each mesh.
+        Whether each method made a form of each mesh; other methods and meshes are on the page.
     """
     announce_compilation()
     page = demo(

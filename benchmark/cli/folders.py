@@ -22,7 +22,7 @@ def print_merge(
     take: Literal["ours", "theirs"] | None,
     rows: Sequence[str],
 ) -> bool:
-    """Join results folders, and print what became of each record.
+    """Add results folders to another one, and print which records were not simply added.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def print_merge(
         say(f"the one here stays; to take the other: python -m benchmark {command}")
     for refused in merged.refused:
         say(f"not taken: {refused.record.row}: {refused.reason}")
-    n_lost = len(merged.refused) + merged.n_skipped
+    n_lost = len(merged.refused) + merged.n_skipped  # skipped: files that cannot be read
     counts = [
         f"{len(merged.added)} added",
         f"{merged.known} known",
@@ -71,23 +71,23 @@ def _command_that_takes(existing: Record, other: Record, results: Path) -> str:
 def delete_results(
     selection: Selection, records: Sequence[str], *, unused: bool, is_confirmed: bool
 ) -> None:
-    """Delete stored results, and print them; without confirmation, only print them.
+    """Delete stored results, and print which; without confirmation, only print which.
 
     Parameters
     ----------
     selection
-        Methods and data sets whose results are meant, and the results folder.
+        Methods and data sets whose results are deleted, and the results folder.
     records
-        Rows or keys of single records that are meant.
+        Rows or keys of single records that are deleted.
     unused
-        Whether files are meant that no record names.
+        Whether only files are deleted that no record names.
     is_confirmed
-        Whether to delete them.
+        Whether the user has confirmed the command.
 
     Raises
     ------
     ConfigurationError
-        If it is not confirmed: the command ends with an error, since it has not done its work.
+        If the user has not: a command that deletes nothing has to end with an error.
     """
     forgotten = forget(
         selection.methods,

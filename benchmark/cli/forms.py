@@ -37,7 +37,7 @@ def write_forms(paths: Sequence[Path], method: str, options: Selection, output: 
     Parameters
     ----------
     paths
-        A mesh file; or depth images, or folders of them.
+        One mesh file, or depth images and folders of them.
     method
         Name of the method.
     options
@@ -48,7 +48,7 @@ def write_forms(paths: Sequence[Path], method: str, options: Selection, output: 
     Returns
     -------
     bool
-        Whether each image has a form.
+        Whether the mesh, or each image, has a form.
 
     Raises
     ------
@@ -62,7 +62,8 @@ def write_forms(paths: Sequence[Path], method: str, options: Selection, output: 
         say(f"{method}: {warning}", err=True)
     camera = _camera(options)
     source = paths[0]
-    if len(paths) > 1 or not is_mesh_file(source):
+    are_images = len(paths) > 1 or not is_mesh_file(source)
+    if are_images:
         return _write_forms_of_frames(
             frames_of_paths(paths, camera), paths, method, options, output
         )
@@ -84,8 +85,8 @@ def _check_are_files(paths: Sequence[Path]) -> None:
 def _write_form_of_mesh(source: Path, method: str, options: Selection, output: Path) -> None:
     """Write the canonical form of a mesh, and print facts about it.
 
-    A picture is drawn if it is asked for. A text file beside the form says which vertex of the mesh
-    is nearest to each of its own.
+    If its vertices are not those of the mesh, a text file beside it has the number of the nearest
+    vertex of the mesh for each vertex of the form.
 
     Parameters
     ----------
@@ -94,19 +95,24 @@ def _write_form_of_mesh(source: Path, method: str, options: Selection, output: P
     method
         Name of the method.
     options
-        Seed, plugins, and file of the picture.
+        Seed, plugins, and file of a picture; none is drawn by default.
     output
         File of the form; its extension says the format.
+
+    Raises
+    ------
+    ConfigurationError
+        If the form would replace the mesh.
     """
     _check_targets(output, options.picture)
     if output.exists() and output.samefile(source):
         raise ConfigurationError(f"{output} is the mesh itself", "name another file with -o")
     form = form_of_file(source, method, plugins=options.plugins, seed=options.seed)
-    not_kept = form.write(output)
+    not_kept = form.write(output)  # what the format cannot hold, in words
     if options.picture is not None:
         _draw_mesh(source, form, options.picture)
     facts = [f"{output}: {len(form.vertices)} vertices", *facts_of(form.notes), *not_kept]
-    if form.vertex_map is not None and output.suffix.lower() != ".stl":
+    if form.vertex_map is not None and output.suffix.lower() != ".stl":  # STL has no vertices
         numbers = output.with_suffix(".vertices.txt")
         write_text(numbers, "".join(f"{number}\n" for number in form.vertex_map))
         facts.append(f"the nearest of the file, counted from 0, in {numbers}")
@@ -149,7 +155,7 @@ def _write_forms_of_frames(
 ) -> bool:
     """Write the canonical forms of the objects in depth images, and print one line for each.
 
-    A single image that is refused ends the command with its error; one of several is counted.
+    If a single image is refused, its error is raised. If one of several is, the others go on.
 
     Parameters
     ----------
@@ -185,6 +191,7 @@ def _write_forms_of_frames(
             say(f"{count}{made.frame.image}: {made.error}")
         else:
             first, *facts = _write_form_of_frame(made, file, picture)
+            # Beside many forms, no facts but doubts are printed.
             doubts = [fact for fact in facts if fact.startswith("doubt")]
             say(", ".join([count + first, *doubts]))
     if n_failures:
@@ -207,10 +214,7 @@ def _write_form_of_frame(of_frame: FormOfFrame, target: Path, picture: Path | No
 def _outputs(
     frames: Sequence[FrameFiles], paths: Sequence[Path], output: Path, picture: Path | None
 ) -> list[tuple[Path, Path | None]]:
-    """Return where the form and the picture of each image are written.
-
-    For one image that was named itself, they are the files that the user names. Several images have
-    files of their names in folders, which have the sub-folders of the images.
+    """Return the paths to which the form and the picture of each image are written.
 
     Parameters
     ----------
@@ -219,7 +223,9 @@ def _outputs(
     paths
         What the user named: images, or folders of them.
     output, picture
-        File or folder of the forms, and of the pictures; None for no pictures.
+        Where forms and pictures go; None for no pictures. For one image that the user named, they
+        are files. Otherwise they are folders, in which the files have the names and sub-folders of
+        the images, such as ``forms/day1/frame3.off`` for ``images/day1/frame3.png``.
 
     Raises
     ------
@@ -266,7 +272,7 @@ def print_matches(
     query
         A mesh file or a depth image.
     name
-        Name or folder of the data set that is the gallery.
+        Name or folder of the data set in which similar shapes are sought.
     method
         Name of the method.
     options
@@ -276,7 +282,7 @@ def print_matches(
     input_
         Whether the gallery is of surfaces or of views; by default like the query.
     """
-    from benchmark.commands.retrieve import retrieve  # a form needs no galleries
+    from benchmark.commands.retrieve import retrieve  # not imported for canonicalise, which is fast
 
     announce_compilation()
     check_ending(options.picture)

@@ -68,7 +68,7 @@ def program() -> None:
     watch_this_process()
     _open_streams()
     try:
-        Path.cwd()
+        Path.cwd()  # most commands need it
     except FileNotFoundError:
         _end("error: the working folder was removed; go to one that exists", USAGE)
     try:

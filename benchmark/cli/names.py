@@ -31,12 +31,12 @@ _NUMBERS = ("shapes", "classes")
 
 
 def print_list(what: KindOfName, selection: Selection, *, as_json: bool) -> None:
-    """Print all names of a kind, such as methods or data sets, with facts about each.
+    """Print all names of a kind, with facts about each.
 
     Parameters
     ----------
     what
-        The kind.
+        The kind, such as ``"methods"`` or ``"datasets"``.
     selection
         Plugins, results folder and folder of the official data.
     as_json
@@ -51,11 +51,13 @@ def print_list(what: KindOfName, selection: Selection, *, as_json: bool) -> None
     if as_json:
         say_lines(json.dumps(rows, indent=1))
         return
+    # A terminal shows the most important facts alone.
     columns = _COLUMNS.get(what, tuple(rows[0]))
     lines = [[*columns], *(_values_of(row, columns) for row in rows)]
     if what == "tables":
         lines = [[name, f"{data}: {caption}"] for name, data, caption in lines]
-    whole = range(len(lines[0]) - 1)  # the last column is a sentence, which may wrap
+    # The last column is a sentence, which may be wrapped; the others are not.
+    whole = range(len(lines[0]) - 1)
     numbers = [columns.index(name) for name in _NUMBERS if name in columns]
     say_table(lines, whole, numbers)
 
@@ -77,7 +79,7 @@ def print_description(name: str, plugins: Sequence[Path], *, as_json: bool) -> N
     Parameters
     ----------
     name
-        Its name.
+        Name of the method or scorer.
     plugins
         Plugin files that may define it.
     as_json
@@ -95,11 +97,12 @@ def print_description(name: str, plugins: Sequence[Path], *, as_json: bool) -> N
     rows = [(f"  {fact}", text) for fact, text in facts.items() if text]
     if not parameters:
         rows.append(("  parameters", "none"))
-    say_table(rows, whole=(0,))
-    if parameters:
-        say("  parameters")
-        meanings = describe_parameters(component.load())
-        rows = []
-        for parameter, value in parameters.items():
-            rows.append((f"    {parameter} = {value}", meanings.get(parameter, "")))
         say_table(rows, whole=(0,))
+        return
+    say_table(rows, whole=(0,))
+    say("  parameters")
+    meanings = describe_parameters(component.load())
+    rows = []
+    for parameter, value in parameters.items():
+        rows.append((f"    {parameter} = {value}", meanings.get(parameter, "")))
+    say_table(rows, whole=(0,))

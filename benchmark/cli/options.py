@@ -243,10 +243,11 @@ class Selection(Struct, frozen=True, kw_only=True):
 def verb(
     *names: str, app: Typer = cli
 ) -> Callable[[Callable[..., bool | None]], Callable[..., None]]:
-    """Return a decorator that adds a function as a verb.
+    """Return a decorator that makes a function a verb of the command line.
 
-    The first argument of the function is a :class:`Selection`. The verb is called like the function
-    up to its first underscore. The exit code is 1 if the function returns False: not all went well.
+    The first argument of the function is a :class:`Selection`, all others become options of the
+    verb. The function ``tables_verb`` makes the verb ``tables``. If it returns False, because not
+    all went well, the exit code is 1.
 
     Parameters
     ----------
@@ -264,8 +265,7 @@ def verb(
     ]
 
     def decorate(function: Callable[..., bool | None]) -> Callable[..., None]:
-        """Add a function as a verb: all parameters but the first become its options."""
-        _, *own = signature(function, eval_str=True).parameters.values()
+        """Add a function to the application as a verb."""
 
         @wraps(function)
         def run(**values: Any) -> None:
@@ -274,13 +274,26 @@ def verb(
             if function(selection, **values) is False:
                 raise Exit(1)
 
-        parameters = [parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in own]
-        parameters = [*of_selection, *parameters]
-        parameters.sort(key=lambda parameter: parameter.default is not Parameter.empty)
-        # Typer reads the options of a verb from the signature of its function.
-        run.__signature__ = Signature(parameters)  # type: ignore[attr-defined]
-        run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+        _, *own = signature(function, eval_str=True).parameters.values()
+        _set_parameters(run, [*of_selection, *own])
         name, _, _ = function.__name__.partition("_")
         return app.command(name, cls=Verb)(run)
 
     return decorate
+
+
+def _set_parameters(function: Callable[..., None], parameters: Iterable[Parameter]) -> None:
+    """Give a function with ``**values`` a signature, from which Typer makes options.
+
+    Parameters
+    ----------
+    function
+        The function, which is changed.
+    parameters
+        What it takes, as keywords. Those without a default come first: they are positional on the
+        command line.
+    """
+    keywords = [parameter.replace(kind=Parameter.KEYWORD_ONLY) for parameter in parameters]
+    keywords.sort(key=lambda parameter: parameter.default is not Parameter.empty)
+    function.__signature__ = Signature(keywords)  # type: ignore[attr-defined]
+    function.__annotations__ = {parameter.name: parameter.annotation for parameter in keywords}

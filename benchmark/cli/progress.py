@@ -39,14 +39,16 @@ class Bar:
     """
 
     def __init__(self, n_jobs: int, expected: float, console: Console | None = None) -> None:
-        """Show a bar on a terminal; elsewhere, lines are printed now and then."""
+        """Prepare a bar for a terminal; elsewhere it stays hidden, and lines are printed."""
         self._n_jobs = n_jobs
         self._expected = expected
         self._n_ended = 0
         self._state = State(0, 0)
         self._start = time.monotonic()
         self._last_line = self._start
+        # Beside the bar stand the counts, and in the rest of the line what is being done.
         console = console or Console(file=sys.stderr)
+        is_shown = n_jobs > 0 and console.is_terminal
         rest = Column(ratio=1, no_wrap=True, overflow="ellipsis")
         self._bar = Progress(
             BarColumn(_BAR_WIDTH),
@@ -54,7 +56,7 @@ class Bar:
             TextColumn("{task.description}", table_column=rest, markup=False),
             console=console,
             expand=True,
-            disable=not (n_jobs and console.is_terminal),
+            disable=not is_shown,
         )
         self._task = self._bar.add_task("starting", total=None, counts=self._counts())
 
@@ -79,6 +81,7 @@ class Bar:
             counts=counts,
             description=working,
         )
+        # Without a terminal, print a line now and then.
         now = time.monotonic()
         if self._bar.disable and now - self._last_line >= SECONDS_BETWEEN_LINES:
             self._last_line = now
@@ -139,7 +142,7 @@ def counting(
         BarColumn(_BAR_WIDTH),
         TimeRemainingColumn(),
     )
-    last_line = -SECONDS_BETWEEN_LINES
+    last_line = -SECONDS_BETWEEN_LINES  # so that the first line is printed at once
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task(clean_text(what), total=len(items))
         for number, item in enumerate(items, 1):

@@ -77,7 +77,7 @@ def draw_figure(
     *,
     force: bool,
 ) -> None:
-    """Draw a figure of the first table of a selection, and write it as a picture.
+    """Draw a figure of the first of the selected tables, and write it as a picture.
 
     Parameters
     ----------
@@ -116,14 +116,16 @@ def draw_figure(
 
 
 def print_comparison(selection: Selection, first: str, second: str, format: str) -> None:
-    """Print how a method differs from another one, or from every row of its tables.
+    """Print how a method differs from another one, or from all others in its tables.
 
     Parameters
     ----------
     selection
         Which records to compare.
-    first, second
-        Names of the methods; "" compares with all others.
+    first
+        Name of the method.
+    second
+        Name of the other method; "" for all others.
     format
         ``"csv"``, ``"json"``, or text for people.
     """
@@ -144,18 +146,27 @@ def print_comparison(selection: Selection, first: str, second: str, format: str)
 
 
 def _print_details(differences: DataFrame, first: str, second: str) -> None:
-    """Print the differences of two rows in full."""
+    """Print all differences between the scores of two methods.
+
+    Parameters
+    ----------
+    differences
+        One line for each measure and column of a table.
+    first, second
+        Names of the methods.
+    """
     from benchmark.report.comparison import LEGEND, details
 
     say(f"A: {first}")
     say(f"B: {second}")
     say("A - B above 0: A scores higher.")
-    for heading, of_place in details(differences):
+    for heading, grids in details(differences):  # by column of a table
         say()
         say(heading)
-        for rows in of_place:
+        for rows in grids:
             say_table(rows, whole=range(4))
-    if differences.p.notna().any():
+    has_tests = differences.p.notna().any()
+    if has_tests:
         say()
         for line in LEGEND:
             say(line)

@@ -133,6 +133,8 @@ def run_selection(
     """
     if not selection.is_something:
         raise ConfigurationError("nothing is selected", "pass --all, or choose with -t, -d or -m")
+
+    # Train missing models first, so that the plan finds them.
     if train:
         models = _lacking(selection, plan(**selection.arguments(OF_JOBS)))
         _say_lacking(models)
@@ -177,7 +179,7 @@ def _print_results(planned: Plan, records: Sequence[Record], selection: Selectio
 
 
 def _announce(planned: Plan) -> None:
-    """Print before a run what it will do, what it cannot do, and what users should know of it."""
+    """Print before a run how many jobs it has, which ones it leaves out, and what may surprise."""
     for note in [*planned.notes, *planned.announcements()]:
         say(note, err=True)
     _say_refused(planned)
@@ -214,14 +216,15 @@ def _run(planned: Plan, size: int, dask: str, timeout: float) -> list[Record]:
     list of Record
         The records of the jobs that ran.
     """
+    # Some jobs may have no estimate: they count as much as the mean of the others.
     n_pending = len(planned.pending)
-    n_processes = max(1, size)
-    # The estimate leaves out jobs of which nothing is known: they count as much as others.
     n_estimated = max(1, n_pending - planned.estimate.unknown)
     processor_seconds = planned.estimate.seconds * n_pending / n_estimated
+    seconds = processor_seconds / max(1, size)
+
     records = []
     longest = max((len(planned.names[job.record.key]) for job in planned.pending), default=0)
-    with Bar(n_pending, processor_seconds / n_processes) as bar:
+    with Bar(n_pending, seconds) as bar:
         finished = run_plan(planned, size=size, timeout=timeout, dask=dask, watch=bar.watch)
         for record in finished:
             name = planned.names[record.key]
@@ -289,7 +292,7 @@ def _say_lacking(models: Sequence[LackingModel]) -> None:
     counts = Counter(base_name(model.method) for model in models)
     names = ", ".join(f"{count} of {name}" for name, count in counts.items())
 
-    # Of some models, nobody has measured the training.
+    # For some models, the time of the training is not known.
     known_seconds = [model.seconds for model in models if model.seconds is not None]
     duration = f"about {_roughly(sum(known_seconds))} of processor time"
     n_unknown = len(models) - len(known_seconds)
@@ -315,17 +318,13 @@ def _fate(job: Planned) -> str:
 
 
 def _say_counts(jobs: Sequence[Planned]) -> None:
-    """Print how many jobs there are on each data set, by what will become of them, instead of each.
+    """Print how many jobs of each data set will run, are done, or cannot run; then why.
 
-    Below stands why jobs cannot run, or have to run again.
+    This takes the place of a list of all jobs.
     """
     counts = defaultdict[tuple[str, str], Counter[str]](Counter)  # by data set and input
-    reasons = defaultdict[tuple[str, str], list[str]](list)  # methods by state and reason
     for job in jobs:
-        fate = _fate(job)
-        counts[job.record.gallery, job.record.input][fate] += 1
-        if fate == "not possible" or job.state in ("stale", "failed"):
-            reasons[job.state, brief(job.reason)].append(job.record.method)
+        counts[job.record.gallery, job.record.input][_fate(job)] += 1
     total = sum(counts.values(), Counter[str]())
     fates = [fate for fate in _FATES if total[fate]]
     rows = [["data", "input", *fates]]
@@ -333,6 +332,15 @@ def _say_counts(jobs: Sequence[Planned]) -> None:
         numbers = [str(count[fate] or "").rjust(len(fate)) for fate in fates]
         rows.append([*place, *numbers])
     say_table(rows, whole=range(1, 2 + len(fates)))
+    _say_reasons(jobs)
+
+
+def _say_reasons(jobs: Sequence[Planned]) -> None:
+    """Print why jobs cannot run, or have to run again, each reason once with its methods."""
+    reasons = defaultdict[tuple[str, str], list[str]](list)  # methods by state and reason
+    for job in jobs:
+        if _fate(job) == "not possible" or job.state in ("stale", "failed"):
+            reasons[job.state, brief(job.reason)].append(job.record.method)
     for (state, reason), methods in reasons.items():
         number = counted(len(methods), "job")
         say(f"{state}: {listed(dict.fromkeys(methods))} ({number}): {reason}")

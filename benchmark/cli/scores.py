@@ -53,10 +53,18 @@ def print_kept_scores(
 
     Parameters
     ----------
-    distances, labels, order, gallery
-        As for :func:`benchmark.score`; a row that is kept has no other gallery.
-    title, dataset
-        Title of the row, and name of the data set beside whose rows it stands.
+    distances
+        File with a matrix of distances.
+    labels
+        File with the class of each shape, or folder of shapes.
+    order
+        Order of rows without names, such as ``"natural"``; "" if there is one only.
+    gallery
+        File with the classes of other columns, with which a row cannot be kept; None for none.
+    title
+        Title of the row.
+    dataset
+        Name of the data set beside whose rows it stands.
     format
         ``"csv"``, ``"json"``, ``"latex"``, or text for people.
     results
