@@ -297,6 +297,11 @@ class Score(NamedTuple):
 def scores_frame(records: Iterable[Record]) -> DataFrame:
     """Return all scores of all tables, one value a line, beside those that the paper prints.
 
+    Parameters
+    ----------
+    records
+        Records of finished jobs.
+
     Returns
     -------
     pandas.DataFrame
@@ -308,21 +313,20 @@ def scores_frame(records: Iterable[Record]) -> DataFrame:
     from pandas import DataFrame
 
     scores: list[Score] = []
-    with_paper = set[
-        tuple[str, str]
-    ]()  # tables, and their data sets, for which the paper has scores
+    with_paper: set[tuple[str, str]] = set()  # table and data set, if the paper has scores
     for record in records:
         dataset = record.data.name
         for table in tables_of(dataset, fold_of(record)):
+            # A table of queries in another gallery repeats no scores of shapes in their own one.
             if table.is_cross and not record.gallery_of_queries:
-                continue  # it shows scores of another table
+                continue
             scores += _scores_of_record(table.identifier, record)
             if table.has_paper:
                 with_paper.add((table.identifier, dataset))
     for numeral, dataset in sorted(with_paper):
         scores += _scores_of_paper(numeral, dataset)
     frame = DataFrame(scores, columns=Score._fields)
-    # Lines that differ in nothing but the value come from several trainings with one seed each.
+    # A mean over lines that differ in the value alone: they are of several trainings of a network.
     *all_but_value, value = Score._fields
     return frame.groupby(all_but_value, sort=False, as_index=False)[value].mean()
 

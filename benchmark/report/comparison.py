@@ -95,10 +95,10 @@ def _check_have_scores(views: Iterable[TableView], names: Iterable[str]) -> None
     Raises
     ------
     ConfigurationError
-        If a method has none; the error says so if it has scores of another version of the data.
+        If a method has none, or only scores of another version of the data.
     """
-    with_scores = set[str]()
-    of_other_data: list[str] = []
+    with_scores: set[str] = set()
+    of_other_data: list[str] = []  # such as "gps on tosca, mesh"
     for view in views:
         with_scores.update(row.method for row in view.rows if row.scored)
         of_other_data += view.left_out
@@ -123,13 +123,13 @@ def _frames(view: TableView, column: str, first: str, second: str) -> Iterator[D
     column
         Title of the column.
     first
-        Name of the method; nothing is yielded if it has no scores in the column.
+        Name of the method. If it has no scores in the column, nothing is yielded.
     second
         Name of the only method to compare it with; "" for all.
     """
     rows = {row.method: row for row in view.rows if column in row.scored}
     if first not in rows:
-        return  # another column has its scores
+        return
     others = [name for name in rows if name != first]
     if second:
         others = [name for name in rows if name == second]
@@ -252,11 +252,11 @@ class _Pair:
         -------
         dict
             Columns of a frame with one line per measure: both scores, their difference with the
-            ends of its interval (``low``, ``high``), p-values and verdicts; and numbers that hold
-            for all lines. ``p`` is of the test with all methods of the table, ``p_alone`` of that
-            with this pair.
+            ends of its interval (``low``, ``high``), p-values and verdicts; and numbers of rows,
+            queries and classes, which are the same in all lines. ``p`` is from a test of all
+            methods of the table at once, ``p_alone`` from a test of these two.
         """
-        # Measures of each query have the shape (queries, measures).
+        # Scores of the two methods for each query, shape (queries, measures).
         mine = self.mine.values[self.queries]
         other = self.other.values[self.queries]
         gains = mine - other
@@ -264,6 +264,7 @@ class _Pair:
         score = mine.sum(axis=0) / max(1, n_queries)
         other_score = other.sum(axis=0) / max(1, n_queries)
 
+        # P-values of all pairs of methods, of which one is this pair.
         p_values = self.tests.p_values(self.family, self.seen, self.queries, self.labels)
         p = p_values[self.family.index(self.first), self.family.index(self.second)]
         p_alone = sign_flip_test(gains, self.labels)
@@ -294,13 +295,13 @@ class _Pair:
         Parameters
         ----------
         p_values, differences
-            Outcome of the test, and difference of the mean scores, by measure.
+            P-value, and difference of the mean scores, of each measure.
 
         Returns
         -------
         str or numpy.ndarray
-            One text per measure: not significant, significant but no larger than the scatter, or
-            above it. A single text if nothing can be decided, which says why.
+            One text per measure: not significant, significant but within the scatter of repeated
+            codebooks or trainings, or above it. If nothing can be decided, a single text says why.
         """
         n_classes = len(set(self.labels))
         if self.mine.missing or self.other.missing:

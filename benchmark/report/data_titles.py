@@ -26,13 +26,13 @@ from benchmark.text import brief
 def data_title(record: Record) -> str:
     """Return what tables call the data of a record.
 
-    Generated data that stand in for an official set say so, and so do files that only have the
-    names of an official set, but not its content.
+    The title says so if the data are generated ones that stand in for an official set, or files
+    that have the names of an official set but not its content.
 
     Parameters
     ----------
     record
-        A record, which knows the digests of its data.
+        A record, which holds digests of its data.
     """
     data = record.data
     if data.stand_in_for:
@@ -46,7 +46,7 @@ def data_title(record: Record) -> str:
         return brief(data.title)
     copy = known_copy(record)
     title = copy.title if copy else f"files named like {official.title}, unverified"
-    # What follows the title of the set in that of the data says how the set was changed.
+    # In the title of the data, words behind that of the set say how it was changed, as by noise.
     _, is_titled, change = data.title.partition(official.title)
     if is_titled:
         title += change
@@ -84,8 +84,8 @@ def known_copy(record: Record) -> KnownCopy | None:
 def _ranks(record: Record, copy: KnownCopy) -> bool:
     """Return whether a record was computed from the files of a known copy of an official data set.
 
-    The copy publishes a digest of each file. The digest that the record keeps of its gallery is
-    computed again from these, and compared.
+    The digests of the files of the copy are known. From these, the digest of the gallery is
+    computed that the record should have.
 
     Parameters
     ----------
@@ -122,7 +122,8 @@ def _digest(ranked: RankedShapes, copy: KnownCopy) -> str:
     Parameters
     ----------
     ranked
-        Names, classes and data set of the shapes; the name of the set says how it was changed.
+        Names, classes and data set of the shapes. The name of the set says how its meshes were
+        changed, such as ``tosca[noise=2]``.
     copy
         Digests of the files of a copy of an official set.
 
@@ -133,7 +134,7 @@ def _digest(ranked: RankedShapes, copy: KnownCopy) -> str:
     """
     try:
         _, changes = split_changes(ranked.data.name)
-    except ConfigurationError:  # a change that this version does not know
+    except ConfigurationError:
         return ""
     named = zip(ranked.shapes, ranked.labels, strict=False)
     entries = [Entry(name, label, "") for name, label in named]

@@ -92,30 +92,31 @@ def shaded(
     values: NDArray[np.float64] | None = None,
     frame: Points | None = None,
 ) -> Image.Image:
-    """Draw a mesh as a camera sees it; its surroundings are transparent.
+    """Draw a mesh with light and shade, on a transparent background.
 
     Parameters
     ----------
     mesh
         The surface.
     camera
-        The camera.
+        The camera that sees it.
     size
         Pixels per side.
     values
         Value of each vertex from 0 to 1, shown as colour; None for one colour.
     frame
-        Points that the picture has room for, shape (n, 3); by default those of the mesh.
+        Points that fill the picture, shape (n, 3); by default those of the mesh.
     """
     framed = mesh.vertices if frame is None else frame
     scaled = _in_picture(mesh.vertices, framed, camera)
-    # Draw it larger than asked; the picture is reduced at the end, which smooths its edges.
+    # Draw it with more pixels than asked for; it is reduced at the end, which smooths its edges.
     fine = size * _FINER
     columns = (1 + scaled[:, 0]) * fine / 2
     rows = (1 - scaled[:, 1]) * fine / 2
     pixels = np.column_stack([columns, rows, -scaled[:, 2]])
     depth = depth_buffer(pixels, mesh.faces, fine, np.inf).astype(np.float64)
     is_surface = np.isfinite(depth)
+
     picture = np.zeros((fine, fine, 4))  # red, green, blue and opacity from 0 to 1
     if is_surface.any():
         colours = _PLAIN
@@ -167,11 +168,11 @@ def _surface_colours(
     scaled
         Vertices as the camera sees them, shape (v, 3); the image is [-1, 1] x [-1, 1].
     depth
-        Depth of each pixel of the image, square.
+        Depth of each pixel of the image, shape (side, side).
     is_surface
-        The n pixels that show the surface.
+        The n pixels that show the surface, shape (side, side).
     values
-        Value of each vertex from 0 to 1.
+        Value of each vertex from 0 to 1, shape (v,).
 
     Returns
     -------
@@ -180,10 +181,10 @@ def _surface_colours(
     """
     side = len(depth)
     rows, columns = np.nonzero(is_surface)
-    # Pixels of a block are reduced to one pixel of the picture: the colour of the first serves all.
+    # Each block of pixels will become one pixel, so that all of it gets the colour of its first.
     blocks = rows // _FINER * side + columns // _FINER
     _, first, block = np.unique(blocks, return_index=True, return_inverse=True)
-    points = np.column_stack(
+    points = np.column_stack(  # the surface at the middle of each pixel
         [(columns + 0.5) * 2 / side - 1, 1 - (rows + 0.5) * 2 / side, -depth[is_surface]]
     )
     n_nearest = min(3, len(scaled))

@@ -93,8 +93,8 @@ MISSED = "#8c2318"
 def rows_of_figures(view: TableView) -> list[tuple[TableRow, RowScores]]:
     """Return the rows that a figure draws, each with its scores in one column of the table.
 
-    It is the first column in which the row has scores. The title of a row names the column if it is
-    not the first one of the table.
+    They are those of the first column in which the row has scores. The title of a row names this
+    column if it is not the first one of the table.
     """
     rows = []
     for row in view.printed_rows:
@@ -128,8 +128,8 @@ def class_means(view: TableView) -> DataFrame:
 def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
     """Draw a map of the shapes for each method: the nearer two points, the more alike their forms.
 
-    Only the order of the distances is kept. Lines lead from each shape to the middle of its class.
-    A ring marks a shape whose nearest match is of another class.
+    Distances on the map have about the same order as those of the forms. Lines lead from each shape
+    to the middle of its class. A ring marks a shape whose nearest match is of another class.
 
     Parameters
     ----------
@@ -167,25 +167,26 @@ def map_figure(view: TableView, forms: StoredForms, page: str = "") -> Figure:
 
 
 def _draw_map(place: Axes, record: Record, matrix: NDArray[np.float64], page: str) -> None:
-    """Draw the map of one method; see :func:`map_figure`.
+    """Draw the shapes as points on the map of one method; see :func:`map_figure`.
 
     Parameters
     ----------
     place
         Axes to draw into.
     record
-        Names and classes of the n shapes.
+        Names and classes of all shapes, and which n of them have a form.
     matrix
-        Distances between the shapes that have a form, shape (n, n).
+        Distances between these, shape (n, n).
     page
         Address to which the points link; "" for no links.
     """
     labels = np.array(record.labels)[record.answered]
+    # A shape is missed if the nearest other shape is of another class.
     without_itself = matrix + np.diag(np.full(len(matrix), np.inf))
     is_missed = labels[without_itself.argmin(axis=1)] != labels
     points = _positions(matrix)
     classes = np.unique(record.labels)
-    class_colours = np.resize(COLOURS, len(classes))
+    class_colours = np.resize(COLOURS, len(classes))  # repeated if there are more classes
 
     # There is room to name some classes: those with the most missed shapes.
     by_misses = sorted(np.unique(labels), key=lambda label: -is_missed[labels == label].sum())
@@ -193,8 +194,7 @@ def _draw_map(place: Axes, record: Record, matrix: NDArray[np.float64], page: st
     for number, label in enumerate(by_misses):
         of_class = points[labels == label]
         centre = of_class.mean(axis=0)
-        lines = np.stack([np.broadcast_to(centre, of_class.shape), of_class], axis=1)
-        place.add_collection(LineCollection([*lines], colors=GREY, lw=0.5, zorder=0))
+        _draw_lines(place, centre, of_class)
         if number < _NAMED_CLASSES:
             colour = str(class_colours[np.searchsorted(classes, label)])
             name = brief(label, _NAME_LETTERS)
@@ -226,6 +226,12 @@ class _ClassName(NamedTuple):
     colour: str
 
 
+def _draw_lines(place: Axes, centre: NDArray[np.float64], points: Points) -> None:
+    """Draw a thin line from a centre to each of some points, below all points."""
+    lines = np.stack([np.broadcast_to(centre, points.shape), points], axis=1)
+    place.add_collection(LineCollection([*lines], colors=GREY, lw=0.5, zorder=0))
+
+
 def _write_names(place: Axes, names: Iterable[_ClassName], points: Points) -> None:
     """Write the names of classes above their points, moved up where they would overlap.
 
@@ -236,7 +242,7 @@ def _write_names(place: Axes, names: Iterable[_ClassName], points: Points) -> No
     names
         Text, position and colour of each name.
     points
-        All points of the map, shape (n, 2): the size of letters is estimated from their extent.
+        All points of the map, shape (n, 2). Their extent tells how large letters are on the map.
     """
     height = _LETTER_HEIGHT * np.ptp(points[:, 1])
     letter_width = _LETTER_WIDTH * np.ptp(points[:, 0])
@@ -274,7 +280,7 @@ def _overlaps(
 
 
 def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()) -> Figure:
-    """Draw poses of subjects and their forms, methods across, poses down.
+    """Draw poses of subjects (rows) and the forms that methods make of them (columns).
 
     Each form is turned to that of the first pose.
 
@@ -308,7 +314,7 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
 def figure_of_records(
     records: Mapping[str, Record], forms: StoredForms, shapes: Sequence[str] = ()
 ) -> Figure:
-    """Draw poses of subjects and what each method makes of them; see :func:`forms_figure`.
+    """Draw poses of subjects and the forms that methods make of them.
 
     Each subject has a column with its shapes, and one for each method with their forms.
 
@@ -332,7 +338,7 @@ def figure_of_records(
     check_known("shape", names, labels)
     subjects = list(dict.fromkeys(labels[name] for name in names))
 
-    # A shape or form that is not stored is None; a column without any is left out.
+    # Shapes and forms that are not stored are None.
     columns: list[_Column] = []
     columns_of_forms: list[_Column] = []
     for subject in subjects:
@@ -349,7 +355,7 @@ def figure_of_records(
         raise ConfigurationError(
             "no forms of these shapes are stored here", "run the methods here, then draw again"
         )
-    columns = [column for column in columns if any(column.drawn)]
+    columns = [column for column in columns if any(column.drawn)]  # leave out empty ones
     return _pictures(columns, UPRIGHT if first.input == "mesh" else OBLIQUE)
 
 
@@ -361,7 +367,7 @@ class _Column(NamedTuple):
 
 
 def _pictures(columns: Sequence[_Column], camera: Camera) -> Figure:
-    """Draw columns of surfaces; those of a column share one scale and one centre.
+    """Draw columns of surfaces; those of a column have one scale and one centre.
 
     Parameters
     ----------
@@ -373,6 +379,7 @@ def _pictures(columns: Sequence[_Column], camera: Camera) -> Figure:
     side = min(TEXT_WIDTH / len(columns), _LARGEST_SIDE)  # inches
     panels = []
     for column in columns:
+        # Each picture has room for all surfaces of the column.
         frame = np.concatenate([surface.mesh.vertices for surface in column.drawn if surface])
         n_pixels = round(side * DPI)
         pictures = [_picture(surface, camera, n_pixels, frame) for surface in column.drawn]

@@ -24,20 +24,21 @@ _VERTICES = 2000
 
 
 def forms_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
-    """Add pictures of some shapes and their forms, and return what ``forms.html`` shows.
+    """Add pictures of some shapes and their forms to the report, and return what its page shows.
 
     Parameters
     ----------
     pages
-        The report.
+        The report, to which files are added.
     view
         A table with a single column.
 
     Returns
     -------
     dict
-        ``title`` of the column, names of the ``shapes``, and ``rows``: title, anchor, and forms,
-        of which those that are not stored are empty. It is empty if no form is stored.
+        What the template ``forms.html`` reads: ``title`` of the column, names of the ``shapes``,
+        and ``rows`` of title, anchor and forms. A form that is not stored is an empty dict. Nothing
+        if no form is stored.
     """
     records = first_records(view)
     if not records:
@@ -71,9 +72,10 @@ def _surfaces(
     pages
         The report, to which files are added.
     name
-        Begin of the names of the files.
+        First part of the names of the files.
     by
-        Follows the name of the shape in the description of a picture, as " by GPS"; "" for shapes.
+        Says which method made the forms, for descriptions of the pictures: " by GPS"; "" for the
+        shapes themselves.
     shapes, drawn
         Names of the shapes, and the surface of each; None if none is stored.
 
@@ -95,7 +97,7 @@ def _surfaces(
 
 
 def _surface(pages: Pages, name: str, says: str, drawn: Drawn) -> dict[str, Any]:
-    """Add a surface to the report, as a picture and as a thinned mesh to turn.
+    """Add a surface to the report, as a picture and as a mesh that the user can turn.
 
     Parameters
     ----------
@@ -114,6 +116,7 @@ def _surface(pages: Pages, name: str, says: str, drawn: Drawn) -> dict[str, Any]
         Addresses of the ``picture`` and of the ``mesh``, the description, and how the surface was
         aligned.
     """
+    # The mesh is thinned; its vertices have the colour of the nearest vertex of the surface.
     small = drawn.mesh
     if small.n_vertices > _VERTICES:
         small = decimate(small, _VERTICES)

@@ -157,9 +157,9 @@ class Line:
 
 
 def blocks(view: TableView) -> Iterator[tuple[str, list[Line]]]:
-    """Yield the blocks of a table, such as its canonical forms: the heading, and its lines.
+    """Yield the blocks of rows of a table, such as canonical forms: a heading, and the lines.
 
-    The last block is the row of a random order, without a heading.
+    The last block has no heading, and one line: the scores of a random order.
     """
     has_mixed_inputs = all(column.has_mixed_inputs for column in view.columns)
     groups = score_groups(view)
@@ -224,8 +224,8 @@ def _cells(view: TableView, group: Group, row: TableRow) -> list[Cell]:
     Returns
     -------
     list of Cell
-        One per column with score, mark and range over folds; a single one that says why there are
-        no scores, if so.
+        One per column, with score, mark and range over folds. If the row has no scores, a single
+        cell that says why.
     """
     if not view.scores(row, group.title):
         return [Cell(_why_empty(group.title, row))]
@@ -288,7 +288,7 @@ def _joined_folds(cells: Iterable[Cell]) -> str:
 
 
 def markdown(view: TableView) -> str:
-    """Return a table as Markdown of at most 100 columns: caption, cells, and a list of notes.
+    """Return a table as Markdown: caption, cells, and a list of notes, in lines of 100 characters.
 
     A row with ranges over folds has a second line for them.
     """
@@ -359,8 +359,8 @@ _LATEX_STYLES = {
 def latex(view: TableView) -> str:
     r"""Return a table as LaTeX, to be read by ``\input``.
 
-    It fits one column of a two-column paper if it can, and else spans both (``table*``). The paper
-    has to load booktabs and tabularx.
+    A narrow table fits one column of a two-column paper, a wide one spans both (``table*``). The
+    paper has to load booktabs and tabularx.
     """
     groups = score_groups(view)
     all_blocks = list(blocks(view))
@@ -426,7 +426,7 @@ def _latex_size(*, is_wide: bool, has_folds: bool) -> str:
 
 def _latex_head(groups: Sequence[Group]) -> list[str]:
     """Return the lines of the head: headings of groups, rules below these, titles of columns."""
-    # Behind the groups of scores stand measured quantities, such as seconds, without a heading.
+    # The last columns are measured quantities, such as seconds, which have no heading of a group.
     blank = [""] * len(PRINTED_QUANTITIES)
     measured = [column.title for column in PRINTED_QUANTITIES]
     headings = [_spread(_latex_heading(group.title), group) for group in groups]
@@ -466,8 +466,9 @@ def _latex_body(
     groups
         Groups of columns with scores.
     every
-        Heading and rows of each block; a block without a heading has "".
+        Heading and rows of each block; "" for no heading.
     """
+    # Title, scores, and measured quantities.
     n_columns = 1 + sum(len(group.columns) for group in groups) + len(PRINTED_QUANTITIES)
     for heading, lines in every:
         yield r"\midrule"
@@ -555,14 +556,14 @@ _ROBUSTNESS_MEASURE = "NN"
 
 
 def robustness_markdown(records: Iterable[Record]) -> str:
-    """Return the table of robustness: how well methods retrieve shapes of damaged data.
+    """Return a table of how well methods retrieve shapes whose meshes were damaged.
 
-    It has a line for each change of a data set and its strength, and a column for each of some
-    methods. "" if no changed set has a result.
+    It has a line for each kind of damage, such as noise or holes, and its strength, and a column
+    for each of some methods. "" if there is no result for damaged shapes.
     """
     known = [record for record in records if _is_of_robustness(record)]
     scores = _scores_by_change(known)
-    # A set that has no changed one beside it, as TOSCA alone, is not shown.
+    # Data sets that were never changed are left out.
     changed_sets = [change.base for change in sorted(scores) if change.kind]
     changes = [change for change in sorted(scores) if change.base in changed_sets]
     if not changes:

@@ -237,10 +237,9 @@ def centred(mesh: Mesh) -> Mesh:
 
 
 def turned_to(form: Drawn, target: Drawn) -> Drawn:
-    """Return a form, turned to face as another one does.
+    """Return a form, turned so that it lies as near as possible to another one.
 
-    Of all rotations that bring it equally near, the smallest is taken. It is mirrored if that
-    brings it clearly nearer.
+    It is mirrored if that brings it clearly nearer.
 
     Parameters
     ----------
@@ -256,7 +255,7 @@ def turned_to(form: Drawn, target: Drawn) -> Drawn:
     distances = distances[mirrors == is_mirrored]
     rotations = rotations[mirrors == is_mirrored]
     # Front and back of a body hardly differ. Of all rotations that bring it about as near as the
-    # best one, take the smallest: the trace of a rotation falls with its angle.
+    # best one, take the one by the smallest angle: it has the largest trace.
     near = rotations[NEARER * distances <= distances.min() + 1e-6]
     smallest = near[np.trace(near, axis1=1, axis2=2).argmax()]
     (rotation,) = _iterate_closest_points(form.samples, target.samples, smallest[None], _FINE_STEPS)

@@ -55,7 +55,7 @@ def table_notes(view: TableView) -> list[str]:
     """
     rows = view.printed_rows
     without_networks = _columns_without_networks(view)
-    # A sentence is left out if there is nothing to fill into it.
+    # What is filled into each sentence; without anything, the sentence is left out.
     facts = {
         "{}": " ".join([view.scored_by.note, *_data_and_columns(view)]).strip(),
         "No form of a surface: {}.": listed(_networks_without(rows, without_networks)),
@@ -111,12 +111,12 @@ def _networks_without(rows: Iterable[TableRow], columns: set[str]) -> list[str]:
 
 
 def leads(view: TableView) -> list[str]:
-    """Return one sentence for each column of a table: which row leads, and how clearly.
+    """Return one sentence for each column of a table, on the rows that lead their blocks.
 
-    A row leads its block, such as the canonical forms. How clearly is the number of other rows of
-    the block that are significantly worse.
+    A block is a group of rows such as the canonical forms. The sentence says how many other rows of
+    the block are significantly worse.
     """
-    parts_of_columns: dict[str, list[str]] = {}  # by title of the column
+    parts_of_columns: dict[str, list[str]] = {}  # of the sentence, by title of the column
     for (title, block), tested in view.tests.items():
         if tested.n_classes < FEWEST_CLASSES:
             parts_of_columns[title] = [f"{tested.n_classes} classes decide nothing here"]
@@ -179,11 +179,12 @@ def _undecided(view: TableView) -> Iterable[str]:
     printed = {row.method for row in view.printed_rows}
     undecided: dict[str, None] = {}  # an ordered set
     for (title, block), tested in view.tests.items():
-        if len(printed & tested.rivals.keys()) < 2:
+        if len(printed & tested.rivals.keys()) < 2:  # there is nothing to compare
             continue
         if tested.n_classes < FEWEST_CLASSES:
             undecided[f"{title} (not decidable: {tested.n_classes} classes)"] = None
         elif not tested.is_above_scatter.any():
+            # Of networks that were trained once, the scatter is not known, and counts as infinite.
             scatter = scatter_of([*tested.rivals.values()])
             alone = ": one training each" if np.isinf(scatter.least[0]) else ""
             undecided[f"{BLOCKS[block]} ({title}{alone})"] = None
@@ -209,7 +210,7 @@ def _data_and_columns(view: TableView) -> Iterator[str]:
 
 
 def _remarks_on_table(view: TableView) -> Iterator[str]:
-    """Yield sentences on what a table shows, as far as its caption does not say it."""
+    """Yield sentences on what a table shows, beyond its caption."""
     if view.table.remark:
         yield view.table.remark
     if any(column.has_mixed_inputs for column in view.columns):
@@ -241,13 +242,13 @@ def _printed_places(view: TableView) -> Iterator[tuple[TableRow, GalleryGroup]]:
 
 
 def _spread_over_draws(view: TableView, column: GalleryGroup) -> Iterator[str]:
-    """Say how much the scores of a column vary over draws of the data.
+    """Yield how much the scores of a column vary over draws of generated data.
 
-    Generated data are drawn several times, with different random bodies; such a column shows means
-    over draws. Nothing is yielded for other columns.
+    Some data sets are generated several times, with other random bodies, and their column shows
+    means. For other columns, nothing is yielded.
     """
     rows = [(row, row.scored[column.title]) for row in view.rows if column.title in row.scored]
-    numbers_of_draws = [len(scores.records) for _, scores in rows]
+    numbers_of_draws = [len(scores.records) for _, scores in rows]  # of each row
     n_draws = max(numbers_of_draws, default=0)
     if not column.over_draws or n_draws < 2:
         return
@@ -311,12 +312,13 @@ def _why_no_scores(row: TableRow, column: str, without_networks: Container[str])
     str
         The reason; "" if the row has scores, or is not meant to have any.
     """
+    # A record of a failure says more than all that follows.
     if column in row.failed:
         failed = row.failed[column][0]
         return f"{failed.status}: {brief(short_reason(failed.reason))}"
     if column in row.scored or (row.kind == "network" and column in without_networks):
         return ""
-    if row.records or row.failed:
+    if row.records or row.failed:  # in other columns
         return "not run, or the method does not take this input"
     if row.kind == "network":
         return "no model was trained for this data, or it was not run"
@@ -334,8 +336,8 @@ def _missing_galleries(rows: Iterable[TableRow]) -> Iterator[str]:
 def _unreadable(view: TableView, rows: Sequence[TableRow]) -> Iterator[str]:
     """Name the shapes that no method could use, because their files cannot be read or prepared.
 
-    Behind the name of a shape stands in which columns and inputs it is so, where a table has
-    several.
+    If the table has several columns or inputs, those in which this is so follow the name, such as
+    ``cat3 in TOSCA, view``.
 
     Parameters
     ----------
@@ -418,8 +420,8 @@ def _trained_once(rows: Iterable[TableRow]) -> Iterator[str]:
 def _merged(rows: Iterable[TableRow]) -> Iterator[str]:
     """Name the rows whose records were merged from other results folders.
 
-    Behind a row stand the folders, by their last two parts, and the plugins that made the records,
-    each with the digest of its file.
+    In parentheses follow the last two parts of the path of each folder, and the plugins that made
+    the records, each with the digest of its file.
     """
     for row in rows:
         folders: dict[str, None] = {}  # ordered sets
@@ -453,9 +455,9 @@ def _published(rows: Iterable[TableRow]) -> str:
 
 
 def _moved_ranks(view: TableView) -> str:
-    """Name the rows that a second scorer ranks differently, by three places or more.
+    """Name the rows whose rank by a second scorer differs by three places or more.
 
-    "" for a table without ranks by a second scorer.
+    "" for a table that shows no ranks by a second scorer.
     """
     if not view.has_ranks:
         return ""

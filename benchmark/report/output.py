@@ -33,10 +33,10 @@ def table_files(
     verdicts: bool = True,
     robustness: bool = True,
 ) -> dict[str, str]:
-    """Return tables in several formats, as texts by file name.
+    """Return tables in several formats, as texts by the name of their file.
 
-    LaTeX and Markdown have a file for each table, CSV and JSON one for all. The names of files say
-    if another scorer or seed than the default was used.
+    LaTeX and Markdown have a file for each table, CSV and JSON one for all. If another scorer or
+    seed than the default was used, the names of the files say so.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def table_files(
         files[f"scores{suffix}.csv"] = scores.to_csv(index=False, float_format="%.6f")
     if "json" in formats:
         files[f"tables{suffix}.json"] = json.dumps(as_json(views), indent=1) + "\n"
-    return {name: text for name, text in files.items() if text}
+    return {name: text for name, text in files.items() if text}  # without empty files
 
 
 def write_files(
@@ -79,7 +79,10 @@ def write_files(
     force: bool = False,
     listed: str = WRITTEN_LIST,
 ) -> None:
-    """Write files into a folder, and remove others that the last command wrote there.
+    """Write files into a folder, and remove those of the last time that are not written again.
+
+    A list in the folder keeps the digest of each file, by which files are found that the user has
+    edited since. These are never removed, and replaced only by ``force``.
 
     Parameters
     ----------
@@ -90,7 +93,7 @@ def write_files(
     force
         Whether to replace files that were edited or come from elsewhere.
     listed
-        Name of the list of these files; files of another list are left alone.
+        Name of the list. Files of other lists in the folder are left alone.
 
     Raises
     ------
@@ -98,7 +101,7 @@ def write_files(
         Before anything is written, if a file would be replaced that was edited or that no command
         has written.
     """
-    contents = {}
+    contents: dict[str, bytes] = {}
     for name, text in files.items():
         contents[name] = text.encode() if isinstance(text, str) else text
     digests = {name: hashlib.sha256(contents[name]).hexdigest() for name in sorted(contents)}
@@ -131,15 +134,18 @@ def _write_bytes(path: Path, data: bytes) -> None:
 
 
 def _earlier(path: Path) -> dict[str, str]:
-    """Read the list of the files that the last command wrote: their digests by name.
+    """Return the digests of the files that the last command wrote, by name.
 
-    A missing or damaged list is an empty one. Names that lead out of the folder of the list are
-    left out: what is listed may be deleted.
+    Parameters
+    ----------
+    path
+        The list of these files. If it is missing or damaged, it counts as empty.
     """
     try:
         listed = msgspec.json.decode(read_file(path), type=dict[str, str])
     except (OSError, msgspec.DecodeError, UnicodeError):
         return {}
+    # Listed files may be deleted: leave out names that lead out of the folder of the list.
     root = path.parent.resolve()
     return {
         name: digest

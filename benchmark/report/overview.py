@@ -45,7 +45,7 @@ class _Cell(NamedTuple):
 
 
 def matrix_of(pages: Pages, views: Iterable[TableView]) -> dict[str, Any]:
-    """Return the content of the overview: rows of methods, a column for each data set.
+    """Return the content of the overview: a row for each method, a column for each data set.
 
     Parameters
     ----------
@@ -57,15 +57,18 @@ def matrix_of(pages: Pages, views: Iterable[TableView]) -> dict[str, Any]:
     Returns
     -------
     dict
-        What the template ``matrix.html`` reads. ``columns``: label, name of the page, table and
-        column of each; ``groups``: number of columns of each group; ``rows``: by block and title of
-        a row its cell in each column, or None; ``leads``: sentences on the rows that lead.
+        What the template ``matrix.html`` reads: ``columns`` (for each its label, the name of its
+        page, its table, and its column there), ``groups`` (number of columns by heading), ``rows``
+        (by block and title of the row, its cell in each column, or None) and ``leads`` (sentences
+        on the rows that lead).
     """
+    # The same column may stand in several tables; the first one counts.
     columns: dict[_Place, _ColumnOfTable] = {}
     for view in views:
         for column in view.columns:
             columns.setdefault(_place(view, column), _ColumnOfTable(view, column))
-    places = sorted(columns, key=lambda place: place.group)  # stable
+    # Columns of a group keep their order, as sorting is stable.
+    places = sorted(columns, key=lambda place: place.group)
     headings = []
     for place in places:
         view, column = columns[place]
@@ -88,6 +91,7 @@ def _place(view: TableView, column: GalleryGroup) -> _Place:
 
     Columns are grouped by what is compared: surfaces, depth views, or views with surfaces.
     """
+    # The label names the data, and their part if the column does not show all of them.
     label = data_label(view)
     if view.table.is_ablation:
         label += ", ablation"
@@ -143,9 +147,6 @@ def _cells_of_column(
 ) -> dict[str, _Cell]:
     """Return the cells of one column of the overview, by the title of their row.
 
-    Networks take depth views. In a column of complete surfaces they therefore have scores of views,
-    which are left out if the views of these data have a column of their own.
-
     Parameters
     ----------
     block
@@ -153,7 +154,8 @@ def _cells_of_column(
     column
         A column with its table.
     has_own_views
-        Whether there is a column for views of the same data.
+        Whether the overview has a column for depth views of the same data. Scores of views, such as
+        those of networks, are then left out of a column of complete surfaces.
     """
     title = column.column.title
     cells = {}
@@ -169,14 +171,15 @@ def _cells_of_column(
 
 
 def _leads(columns: Mapping[_Place, _ColumnOfTable]) -> list[str]:
-    """Return sentences on the rows that are clearly above all other rows of their block.
+    """Return a sentence on each row that is clearly above all other rows of its block.
 
-    Clearly: significantly, and by more than repeated trainings or codebooks differ. A sentence
-    names all the data on which a row leads.
+    Clearly means significantly, and by more than repeated trainings or codebooks differ. The
+    sentence names all the data on which the row leads.
     """
-    labels = defaultdict[str, list[str]](list)
+    labels = defaultdict[str, list[str]](list)  # of the data, by first part of the sentence
     for place, (view, column) in sorted(columns.items()):
         for (title, block), tested in view.tests.items():
+            # Networks see views, also in a column of surfaces.
             is_of_views = place.group == _OF_SURFACES and block == "network"
             if title != column.title or is_of_views:
                 continue

@@ -65,7 +65,7 @@ def report_files(
     if galleries:
         pages.files[PLAY_PAGE] = play_page(galleries, back="index.html")
     titles = [_add_table(pages, view) for view in views if pages.main(view) is view]
-    # It is made last: it links to pages that tables have added.
+    # The first page is made last, because it links to pages that were added for the tables.
     pages.add(
         "index.html",
         "index.html",
@@ -73,7 +73,7 @@ def report_files(
         stem="index",
         matrix=matrix_of(pages, views),
     )
-    if len(views) == 1:
+    if len(views) == 1:  # no overview is needed
         pages.files["index.html"] = pages.files[f"{views[0].stem}.html"]
     if any("Forms" in of_table.values() for of_table in titles):
         pages.files["plotly.min.js"] = get_plotlyjs()
@@ -96,7 +96,7 @@ def _records_of(views: Iterable[TableView]) -> list[Record]:
 def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     """Add the pages of one table to the report: its scores, forms and queries.
 
-    A page without content is left out, as that of forms if none are stored.
+    A page without content is left out, for example that of forms if none are stored.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
         Titles of the added pages by address.
     """
     say(f"table {label_of_table(view)}", err=True)
-    # Pages have a section for each column: a facet is the table with this column alone.
+    # Each page has a section for each column. A facet is the table with one of its columns alone.
     facets = [replace(view, columns=(column,)) for column in view.columns]
     forms = _without_empty(forms_of_column(pages, facet) for facet in facets)
     queries = _without_empty(queries_of_column(pages, facet) for facet in facets)
@@ -119,13 +119,12 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     scores["classes"] = [(facet.columns[0].title, class_means(facet)) for facet in facets]
     scores["maps"] = _add_maps(pages, facets)
     _add_published_pictures(pages, view, scores["pictures"])
-    # The page of the main table leads to those of the same data seen by other cameras.
     scores["matrix"] = {}
-    of_other_cameras = [other for other in pages.views if pages.main(other) is view]
-    if len(of_other_cameras) > 1:
-        scores["matrix"] = matrix_of(pages, of_other_cameras)
+    of_same_data = [other for other in pages.views if pages.main(other) is view]
+    if len(of_same_data) > 1:  # seen by several cameras, whose pages it leads to
+        scores["matrix"] = matrix_of(pages, of_same_data)
 
-    # A table has up to three pages, by the end of their address.
+    # Up to three pages, by the end of their address.
     contents = {"": scores, "-forms": {"facets": forms}, "-queries": {"facets": queries}}
     contents = {ending: content for ending, content in contents.items() if any(content.values())}
     titles = {f"{view.stem}{ending}.html": PAGES_OF_TABLE[ending] for ending in contents}
@@ -169,6 +168,7 @@ def _add_map(pages: Pages, view: TableView) -> str:
     except ConfigurationError:
         return ""
     file = f"{view.stem}-map-{file_name(title.replace(' ', '-'))}.svg"
+    # Links of matplotlib open new windows; these shall open in that of the page.
     svg = figure_bytes(figure, ".svg")
     pages.files[file] = svg.replace(b'target="_blank"', b'target="_top"')
     return file
@@ -203,16 +203,17 @@ def _content_of_scores(
     forms: Sequence[Mapping[str, Any]] = (),
     queries: Sequence[Mapping[str, Any]] = (),
 ) -> dict[str, Any]:
-    """Return what the template ``table.html`` reads of a table.
+    """Return what the template ``table.html`` reads of a table, by name.
 
     Parameters
     ----------
     view
         The table.
     forms, queries
-        Content of the pages of forms and queries, one for each column: their rows link there.
+        Content of the pages of forms and of queries, one item for each column. Rows of the table
+        link to the rows (anchors) of these pages.
     """
-    # A row shows the first picture of its forms, and links to places (anchors) of other pages.
+    # A row shows the first picture of its forms.
     pictures: dict[str, str] = {}
     for facet in forms:
         for _, anchor, forms_of_row in facet["rows"]:

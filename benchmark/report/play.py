@@ -140,7 +140,7 @@ def play_data(galleries: Sequence[PlayGallery]) -> tuple[dict[str, Any], str]:
     Parameters
     ----------
     galleries
-        Methods, shapes and forms of each data set; those without a shape are left out.
+        Methods, shapes and forms of each data set. Galleries without a shape are left out.
 
     Returns
     -------
@@ -207,10 +207,10 @@ def play_galleries(
 
 
 def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]]:
-    """Return the records whose forms are stored here, grouped by gallery.
+    """Return the records whose forms are stored here, one list for each gallery.
 
-    A method has one record in a group, of complete surfaces rather than views. The shapes
-    themselves come first, records of views last.
+    A list has one record for each method, if possible of complete surfaces rather than views. The
+    shapes themselves come first, records of views last.
     """
     groups: dict[str, dict[str, Record]] = {}  # by gallery and method
     for record in filter(_has_forms, records):
@@ -272,6 +272,8 @@ def _gallery(records: Sequence[Record], forms: StoredForms, most_surfaces: int) 
 
 def _chosen(labels: Sequence[str], most: int) -> list[int]:
     """Choose shapes for which there is room, with the same number of poses of each class.
+
+    For example, of two classes with 10 and 3 poses, and room for 8, it chooses 5 and 3.
 
     Parameters
     ----------
@@ -350,8 +352,8 @@ def _ranked(record: Record, folder: Path, names: Sequence[str]) -> list[list[int
     Returns
     -------
     list of list of int
-        For each shape, the indices of the others in ``names``, nearest first. An empty list for a
-        shape without a form; no list at all if no distances are stored.
+        For each shape, the indices of the others in ``names``, nearest first; empty for a shape
+        without a form. No list at all if no distances are stored.
     """
     matrix = read_distances(folder, record)
     if matrix is None:

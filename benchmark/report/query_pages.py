@@ -109,27 +109,28 @@ class _QueryRow:
 
 
 def queries_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
-    """Add pictures of shapes and of failed queries, and return what ``queries.html`` shows.
+    """Add pictures of queries and their matches to the report, and return what its page shows.
 
     Parameters
     ----------
     pages
-        The report.
+        The report, to which files are added.
     view
         A table with a single column.
 
     Returns
     -------
     dict
-        ``title`` of the column; ``queries``, refused and missed ones first, with the outcome of
-        each row; ``rows``: title and anchor; ``kept``: see :func:`kept_pose`; ``refused`` shapes
-        with reasons; ``data`` for the script. It is empty if no distances are stored.
+        What the template ``queries.html`` reads: ``title`` of the column; ``queries``, those that
+        methods refuse or miss first, with the outcome of each method; ``rows``, title and anchor of
+        each method; ``kept``, see :func:`kept_pose`; ``refused`` shapes with reasons; ``data`` for
+        the script. Nothing if no distances are stored.
     """
     rows = _rows(pages, view)
     if not rows:
         return {}
-    first = rows[0].record
-    # All rows rank the same shapes. A shape that has nothing to find is no query.
+    first = rows[0].record  # all rows rank the same shapes
+    # A shape that has nothing to find has no score, and is no query.
     queries = [number for number, score in enumerate(first.per_query[MEASURE]) if score is not None]
     outcomes = {number: _outcomes_of(number, rows) for number in queries}
     worst = {number: min(of_query).state for number, of_query in outcomes.items()}
@@ -138,7 +139,7 @@ def queries_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
         """Return what queries are sorted by: the worst outcome, then the sum of scores."""
         return worst[number], sum(outcome.score for outcome in outcomes[number])
 
-    # The hardest come first. Forms are drawn for some of those that a row misses.
+    # The hardest come first. Pictures of forms are added for the first of those that a row misses.
     order = sorted(queries, key=hardness)
     missed = [number for number in order if worst[number] < _HIT][:_HARDEST]
     of_rows = [(row.title, row.nearest, _pictures_of_missed(pages, row, missed)) for row in rows]
@@ -175,21 +176,18 @@ def _rows(pages: Pages, view: TableView) -> list[_QueryRow]:
 def nearest_matches(record: Record, matrix: NDArray[np.float64]) -> Nearest:
     """Return the nearest shapes of the gallery for each query that has a form.
 
-    The first match of the right class is always among them, at whatever rank. The query itself is
-    left out.
-
     Parameters
     ----------
     record
         Names and classes of queries and gallery.
     matrix
-        Distances of the queries to the shapes of the gallery, both those with a form alone.
+        Distances of the queries (rows) to the shapes of the gallery (columns), both without those
+        that have no form.
 
     Returns
     -------
     dict
-        By index of a query, its matches: index of the shape, rank from 1, and distance in units of
-        that to the first match of the right class.
+        Matches by the index of the query, which is not among them; see :func:`_matches`.
     """
     gallery = record.sides[-1]
     numbers = np.array(gallery.answered)  # index in the gallery of each column of the matrix
@@ -200,20 +198,40 @@ def nearest_matches(record: Record, matrix: NDArray[np.float64]) -> Nearest:
         order = np.argsort(distances, kind="stable")
         if not record.keeps_same_names:
             order = order[shapes[order] != record.shapes[query]]
-        ranks = list(range(min(_N_MATCHES, len(order))))
-        unit = 0.0
-        right_ranks = np.flatnonzero(labels[order] == record.labels[query])
-        if len(right_ranks):
-            first_right = int(right_ranks[0])
-            unit = float(distances[order[first_right]])
-            if first_right >= _N_MATCHES:
-                ranks.append(first_right)
-        matches[query] = []
-        for rank in ranks:
-            column = order[rank]
-            ratio = _ratio(distances[column], unit)
-            matches[query].append(Match(int(numbers[column]), rank + 1, ratio))
+        is_right = labels[order] == record.labels[query]
+        matches[query] = _matches(numbers[order], distances[order], is_right)
     return matches
+
+
+def _matches(
+    numbers: NDArray[np.int64], distances: NDArray[np.float64], is_right: NDArray[np.bool_]
+) -> list[Match]:
+    """Return the first shapes of a ranking, and the first one of the right class, at any rank.
+
+    Parameters
+    ----------
+    numbers
+        Indices of the shapes of the gallery, nearest first.
+    distances
+        Their distances from the query.
+    is_right
+        Whether they are of the class of the query.
+
+    Returns
+    -------
+    list of Match
+        Index of the shape, its rank, counted from 1, and its distance in units of that of the first
+        shape of the right class.
+    """
+    ranks = list(range(min(_N_MATCHES, len(numbers))))
+    unit = 0.0
+    right_ranks = np.flatnonzero(is_right)
+    if len(right_ranks):
+        first_right = int(right_ranks[0])
+        unit = float(distances[first_right])
+        if first_right >= _N_MATCHES:
+            ranks.append(first_right)
+    return [Match(int(numbers[rank]), rank + 1, _ratio(distances[rank], unit)) for rank in ranks]
 
 
 def _ratio(distance: float, unit: float) -> float | None:
@@ -226,7 +244,7 @@ def _ratio(distance: float, unit: float) -> float | None:
 def kept_pose(record: Record, nearest: Nearest) -> list[float]:
     """Return how often a wrong match has the pose of its query, and how often it would by chance.
 
-    A match of the same pose but another class means that the form has kept the pose.
+    If wrong matches often have the same pose, the forms have kept the pose, which they should not.
 
     Parameters
     ----------
@@ -239,8 +257,9 @@ def kept_pose(record: Record, nearest: Nearest) -> list[float]:
     Returns
     -------
     list of float
-        Share of the wrong matches that have the pose of their query, and the mean share of it among
-        the shapes of other classes; empty if poses have no names, or no query fails.
+        Share of the wrong matches that have the pose of their query, and the mean share of shapes
+        with this pose among all shapes of other classes. Empty if names do not tell poses, or no
+        query has a wrong match.
     """
     poses = [_poses(side) for side in record.sides]
     if not all(poses):
@@ -252,7 +271,7 @@ def kept_pose(record: Record, nearest: Nearest) -> list[float]:
     shares_by_chance = []
     for query, matches in nearest.items():
         is_of_other_class = labels != record.labels[query]
-        if not matches or not is_of_other_class[matches[0].number]:
+        if not matches or not is_of_other_class[matches[0].number]:  # the nearest match is right
             continue
         pose = of_queries[query]
         keeps_pose.append(in_gallery[matches[0].number] == pose)
@@ -313,6 +332,7 @@ def _pictures_of_missed(pages: Pages, row: _QueryRow, missed: Sequence[int]) -> 
         Files of the pictures by index of the shape; empty if no forms are stored.
     """
     record = row.record
+    # Shapes that are drawn: queries, and their matches unless these are of another gallery.
     numbers = {query for query in missed if query in row.nearest}
     if len(record.sides) == 1:
         for query in missed:

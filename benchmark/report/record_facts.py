@@ -120,9 +120,10 @@ class ScoredBy:
 
 
 def scored_by(records: Iterable[Record]) -> ScoredBy:
-    """Return what tables say about the scorer and the seed of their records.
+    """Return how a table names the scorer and the seed of its records.
 
-    Nothing is said of the default scorer and seed but in the note.
+    They are named in a note below the table and, unless they are the default ones, in the caption
+    and in the names of files.
     """
     records = list(records)
     if not records:

@@ -93,7 +93,7 @@ class Results:
     ) -> str:
         """Return the key of the finished job of a method on a data set.
 
-        If several scorers ranked it and none is named, it is the job of the default scorer, CM-BOF.
+        If several scorers ranked it, and none is named, the job of the default scorer is returned.
 
         Parameters
         ----------
@@ -119,6 +119,7 @@ class Results:
         wanted = {"method": method, "dataset": dataset, "input": input, "fold": fold}
         for column, value in wanted.items():
             jobs = jobs[jobs[column] == value]
+        # Descriptors have no scorer ("").
         of_scorer = jobs[jobs["scorer"].isin(["", scorer or DEFAULT_SCORER])]
         if scorer or len(of_scorer):
             jobs = of_scorer
@@ -174,6 +175,7 @@ class Results:
         vertex_map = read_vertex_map(self.folder, record, shape)
         if vertex_map is None:
             return form
+        # Put the vertices into the order of the file, if all of its vertices are there.
         numbers, are_all = vertex_map  # place in the file of each vertex of the form
         if not are_all:
             return form
@@ -198,14 +200,14 @@ class Results:
         return np.sort(numbers) if are_all else numbers
 
     def matches(self, job: str, query: str, count: int = 5) -> DataFrame:
-        """Return the shapes that a job finds nearest to one.
+        """Return the shapes that a job finds nearest to a query.
 
         Parameters
         ----------
         job
             Key of the job.
         query
-            Name of the shape, which is not among its matches.
+            Name of the query, a shape of the data set. It is not among its matches.
         count
             Number of matches.
 

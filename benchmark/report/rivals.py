@@ -55,18 +55,19 @@ class ComparedRivals:
         return len({*first.labels})
 
     def marks(self) -> dict[str, dict[str, str]]:
-        """Return how the score of each row is marked in its block, by method and measure.
+        """Return how the score of each row is marked, by method and measure.
 
-        ``"bold"``: the best. ``"italic"``: the best is not significantly better. ``"scatter"``: the
-        best is significantly better, but by no more than repeated codebooks or trainings differ.
-        "": worse.
+        The best row is marked ``"bold"``. A row that is not significantly worse is ``"italic"``. A
+        row that is, but by no more than repeated codebooks or trainings differ, is ``"scatter"``.
+        All others have the mark "".
         """
         means = _means(self.rivals.values())
         is_best = means >= means.max(axis=0) - SAME
-        # Both tests have the shape (rows, rows, measures): take the best row of each measure.
+        # Of both tests, shape (rows, rows, measures), take the best row of each measure.
         best = is_best.argmax(axis=0)[None, None]
         is_worse = np.take_along_axis(self.is_significant, best, axis=0)[0]
         is_above = np.take_along_axis(self.is_above_scatter, best, axis=0)[0]
+        # Stronger marks replace weaker ones.
         marks = np.where(is_above, "", "scatter")
         marks[~is_worse] = "italic"
         marks[is_best] = "bold"
@@ -103,11 +104,11 @@ class Scatter(NamedTuple):
 
 
 def scatter_of(rows: Sequence[RowScores]) -> Scatter:
-    """Return by how much scores differ that only chance tells apart.
+    """Return by how much the scores of some rows may differ by chance.
 
-    For forms, it is twice the standard error of a difference of two scores over the draws of the
-    codebook. Between networks, it is at least the range of the scores of a row over its seeds and
-    folds.
+    The scorer draws random codebooks: two scores differ by chance up to twice the standard error of
+    their difference. Networks are trained with random seeds: their scores differ by chance up to
+    the range over seeds and folds, too.
 
     Parameters
     ----------
@@ -117,8 +118,8 @@ def scatter_of(rows: Sequence[RowScores]) -> Scatter:
     Returns
     -------
     Scatter
-        Least difference that counts, by measure, and where it comes from; infinite if all networks
-        were trained once.
+        The largest difference that may be chance, by measure, and its cause in words. It is
+        infinite if all rows are networks that were trained once.
     """
     records_of_rows = [row.all_records for row in rows]
     squared_errors = [_squared_error(records) for records in records_of_rows]

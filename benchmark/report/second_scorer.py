@@ -32,8 +32,8 @@ def ranks_by_both(
 ) -> dict[str, dict[str, Ranks]]:
     """Return the ranks of methods by the default scorer and by a second one, by method and measure.
 
-    Those of the second scorer are published with the suite. A method has ranks where its score by
-    the default scorer is the published one, which shows that both scorers judged the same forms.
+    Scores by the second scorer are published with the suite. They are used only for methods whose
+    score by the default scorer is the published one, so that both scorers judged the same forms.
 
     Parameters
     ----------

@@ -30,10 +30,10 @@ _BRIGHTEST = 0.9
 
 
 def frame_picture(depths: Depths, mask: Mask, surface: Mesh, form: Mesh) -> Figure:
-    """Draw what became of a frame of a depth camera, as four pictures side by side.
+    """Draw an image of a depth camera and the canonical form of its object, side by side.
 
-    They are the depths, the object in them, and its canonical form as a depth image and as a
-    surface.
+    The four pictures are the depths, the object in them, and its canonical form as a depth image
+    and as a surface.
 
     Parameters
     ----------

@@ -218,7 +218,8 @@ def _size(samples: Sequence[Record]) -> str:
     Parameters
     ----------
     samples
-        One record of each gallery whose scores the column shows the mean of.
+        One record of each gallery over which the column shows the mean, such as draws of one data
+        set. They are of the same size.
     """
     first = samples[0]
     labels = ranked_classes(first)  # of queries that have something to find

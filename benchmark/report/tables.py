@@ -50,7 +50,7 @@ def table_views(
     *,
     paper: bool = False,
 ) -> list[TableView]:
-    """Return the tables that records fill.
+    """Return the tables that records fill, one for each table and data set.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ def table_views(
         Records of one scorer and seed, one a job; see
         :func:`benchmark.report.record_facts.chosen_records`.
     tables
-        Identifiers of tables, whose companions are added; empty for all.
+        Identifiers of tables; empty for all. Tables that accompany them are added.
     methods
         Methods whose rows are printed; empty for all. Marks and verdicts do not depend on it.
     datasets
@@ -87,7 +87,7 @@ def table_views(
 def _records_by_table(
     records: Iterable[Record], wanted: frozenset[str], names: frozenset[str]
 ) -> dict[tuple[Table, str], list[Record]]:
-    """Sort records by the table that they fill, and the data set that the table is printed for.
+    """Sort records by the table that they fill, and the data set that it is printed for.
 
     Parameters
     ----------
@@ -96,21 +96,21 @@ def _records_by_table(
     wanted
         Identifiers of tables; empty for all.
     names
-        Names of data sets; empty for all that are not changed: changed ones stand in the table of
-        robustness.
+        Names of data sets; empty for all. Damaged ones, such as ``tosca[noise=2]``, have to be
+        named, as they stand in the table of robustness by default.
 
     Returns
     -------
     dict
-        Records by table and name of the data set. Of several stand-ins, such as random draws, whose
-        scores a table averages, it is the first.
+        Records by table and name of the data set. If the table shows means over several data sets,
+        such as random draws, it is the name of the first.
     """
     by_table: dict[tuple[Table, str], list[Record]] = {}
     for record in records:
         name = record.data.name
         for table in tables_of(name, fold_of(record)):
             has_wanted_data = name in names
-            if not names:
+            if not names:  # views of a gallery are a change, too, but no damage
                 has_wanted_data = table.is_cross or not change_of(name)
             is_wanted = not wanted or not wanted.isdisjoint({table.identifier, table.part_of})
             if has_wanted_data and is_wanted:
@@ -221,10 +221,9 @@ class _RecordsOfTable:
         return {column: self._galleries_of(column) for column in self.table.columns}
 
     def _galleries_of(self, column: GalleryGroup) -> list[str]:
-        """Return the names of the galleries whose scores a column shows the mean of.
+        """Return the names of the galleries over which a column shows the mean.
 
-        They are the folds of one data set, or random draws of it. In a quick run, which has the
-        first fold alone, others are left out.
+        They are the folds of a data set, or random draws of it. A quick run has the first alone.
         """
         sets: tuple[str, ...] = (self.dataset,)
         if column.over_draws and self.dataset in self.table.stand_ins:
@@ -261,7 +260,7 @@ def _with_labels(records: Sequence[Record]) -> Record:
 def _view(
     records: _RecordsOfTable, methods: frozenset[str], by: ScoredBy, *, prints_unrun: bool
 ) -> TableView:
-    """Return one table with all of its rows, some of which may have no scores.
+    """Return one table with all of its rows, of which some may have no scores.
 
     Parameters
     ----------
@@ -275,7 +274,7 @@ def _view(
         Whether to print methods of the paper that never ran.
     """
     table = records.table
-    printed: Mapping[str, Mapping[str, float]] = {}
+    printed: Mapping[str, Mapping[str, float]] = {}  # scores in the paper, by method
     if table.has_paper and not records.quick:
         printed = PRINTED[table.identifier]
     rows = _rows(records, printed, methods)
@@ -340,17 +339,17 @@ def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> T
     method
         Name of the method, with its parameters.
     records
-        Its records; a method of the paper that never ran has none, and a row without scores.
+        Its records; none for a method of the paper that never ran.
     of_table
-        All records of the table, which say what galleries its columns have.
+        All records of the table, which say over which galleries its columns are means.
     """
-    if not records:
+    if not records:  # a row without scores
         block: Block = "network" if method.startswith("learned") else "form"
         return TableRow(method, TITLES.get(method, method), block, {})
     block = block_of(records[0])
     first = min(records, key=lambda record: len(record.method))  # with the fewest parameters
 
-    # In each column, the row has scores, or records that say why it has none.
+    # Sort the records by column: those with scores, and those that say why there are none.
     scored = {}
     failed = {}
     for column, galleries in of_table.galleries.items():
@@ -381,14 +380,17 @@ def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> T
 
 
 def _title(method: str, own: str, scores: Iterable[RowScores]) -> str:
-    """Return the title of a row, which says so if the method treats depth views in another way.
+    """Return the title of a row.
+
+    Some methods treat depth views differently from complete surfaces; if the row has scores of
+    views, its title says how.
 
     Parameters
     ----------
     method
         Name of the method with parameters.
     own
-        Title that the method gives itself, for methods that have none in the tables.
+        Title that the method gives itself, which is used if the suite has no title for it.
     scores
         Scores of the row in all columns.
     """
@@ -401,7 +403,7 @@ def _title(method: str, own: str, scores: Iterable[RowScores]) -> str:
     words = ON_VIEWS[base]
     if "mesh" in inputs:
         words = f"views: {words}"
-    if title.endswith(")"):  # it has parameters
+    if title.endswith(")"):  # parameters stand there already
         return f"{title.removesuffix(')')}, {words})"
     return f"{title} ({words})"
 
@@ -458,10 +460,10 @@ def _scores(
 
 
 def _excused(rows: Sequence[TableRow]) -> list[TableRow]:
-    """Return rows that know which refused shapes do not keep them from a comparison.
+    """Return rows that know which of the shapes they lack do not keep them from a comparison.
 
-    A row that lacks a shape cannot be compared with rows that have it. If all rows of a block lack
-    it, as after a file that cannot be read, it keeps none of them from the others.
+    A row that lacks a shape cannot be compared with rows that have it. But if all rows of a block
+    lack it, because its file cannot be read, they can be compared on the others.
     """
     refused_by_all: dict[tuple[str, Block], frozenset[str]] = {}  # by column and block
     for row in rows:
@@ -481,8 +483,8 @@ def _excused(rows: Sequence[TableRow]) -> list[TableRow]:
 def _arranged(rows: Sequence[TableRow], known: Iterable[str]) -> list[TableRow]:
     """Return the rows of a table in their order: by block, then known methods first.
 
-    Several rows of one method with different parameters, a *sweep*, are sorted by the values of
-    these, and each shows the values of all of them in its title.
+    Rows of one method with different parameters are sorted by the values of these, and the title
+    of each shows the values of all parameters in which they differ.
 
     Parameters
     ----------
@@ -492,6 +494,7 @@ def _arranged(rows: Sequence[TableRow], known: Iterable[str]) -> list[TableRow]:
         Names of methods in their order.
     """
     order = {method: number for number, method in enumerate(dict.fromkeys(known))}
+    # Parameters in which rows of a method differ, by method; dicts are used as ordered sets.
     swept = defaultdict[str, dict[str, None]](dict)
     for row in rows:
         if row.method not in TITLES:

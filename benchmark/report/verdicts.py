@@ -42,19 +42,18 @@ TOLERANCE = 0.05
 
 
 def classical_figures(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame] | None:
-    """Return the figures of classical methods that the paper prints for TOSCA, and ours.
+    """Return the scores of classical methods in Table III of the paper, and ours.
 
     Parameters
     ----------
     views
-        Tables of ours.
+        Our tables.
 
     Returns
     -------
     printed, ours : pandas.DataFrame
-        The same methods (rows) and measures (columns), for complete surfaces: Table III of the
-        paper. Ours are NaN where a result is missing. None in place of both, if no table is of
-        TOSCA.
+        Scores of methods (rows) by measures (columns), for complete surfaces of TOSCA. Ours are NaN
+        where a result is missing. Instead of both, None if none of our tables is of TOSCA.
     """
     view = table_of_tosca(views)
     if view is None:
@@ -83,25 +82,25 @@ def is_near(printed: NDArray[np.float64], ours: NDArray[np.float64]) -> NDArray[
 def _reproduced_by_chance(printed: DataFrame, ours: DataFrame) -> str:
     """Say how many of the paper's figures would be reproduced without computing anything right.
 
-    Tried are: our rows exchanged in all ways, the mean of all our rows, and one constant for each
-    measure. Beside them stands how far our rows have the order of the paper's. "" if one of our
-    rows lacks a result.
+    This is tried with our rows exchanged in all ways, with the mean of our rows, and with the best
+    constant for each measure. The sentence also tells how our rows correlate in rank with those of
+    the paper. It is "" if one of our rows lacks a result.
 
     Parameters
     ----------
     printed, ours
-        From :func:`classical_figures`: methods by measures.
+        Scores in the paper and ours, shape (methods, measures).
     """
     if ours.isna().any(axis=None):
         return ""
     values = printed.to_numpy()
-    # How many measures of each printed row are reproduced by each of our rows, in all exchanges.
+    # near[i, j]: how many measures of printed row i are reproduced by our row j.
     near = is_near(values[:, None], ours.to_numpy()).sum(axis=2)
     exchanges = np.array(list(permutations(range(len(ours)))))
     counts = near[range(len(ours)), exchanges].sum(axis=1)
     n_ours = near.trace()
 
-    # The constant that reproduces most lies just above one of the figures, by the tolerance.
+    # A constant that reproduces most figures can be found among the figures plus the tolerance.
     n_by_mean = is_near(values, ours.mean().to_numpy()).sum()
     n_by_constants = is_near(values[:, None], values + TOLERANCE).sum(axis=0).max(axis=0).sum()
 
@@ -174,10 +173,10 @@ UNVERIFIED = DecisionWords(
 
 
 def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
-    """Judge whether our scores bear out a claim of the paper.
+    """Judge whether our scores bear out a claim of the paper: that one method scores best.
 
-    A claim says that one method scores better than others. It is tested on the queries of classes
-    from which none of these methods has seen a shape in training.
+    The claim is tested on queries of those classes from which none of the methods has seen a shape
+    in training.
 
     Parameters
     ----------
@@ -198,8 +197,8 @@ def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
     if not rows:
         return AssessedClaim(claim, "not comparable", view.title)
 
-    # All rows rank the same shapes.
-    labels = rows[0].labels
+    # Leave out the queries of classes seen in training.
+    labels = rows[0].labels  # all rows rank the same shapes
     seen_classes = frozenset[str]().union(*(row.seen_classes for row in rows))
     unseen = [index for index, label in enumerate(labels) if label not in seen_classes]
     if not unseen:
@@ -228,11 +227,11 @@ _COLUMN_OF_SUBJECTS = "5 subjects"
 
 
 def _rows_of_claim(claim: Claim, view: TableView) -> list[RowScores]:
-    """Return the scores of the methods that a claim compares, the better one first.
+    """Return the scores of the methods that a claim compares, the claimed better one first.
 
-    They stand in the column of the five subjects, if the table has it, else in its first column.
-    The list is empty if a method has no complete scores there.
+    The list is empty if one of the methods has no complete scores.
     """
+    # In the column of the five subjects, if the table has it; else in its first column.
     title = view.columns[0].title
     if _COLUMN_OF_SUBJECTS in view.groups:
         title = _COLUMN_OF_SUBJECTS
@@ -299,8 +298,9 @@ def _leads(
 ) -> _Leads:
     """Return by how much a method leads before others, and how certain that is.
 
-    Networks are trained several times. Each choice of one training for each row has to agree in
-    significance and, fold by fold, in sign.
+    Networks were trained several times, with other seeds and on other folds. A lead is certain only
+    if it is significant for every choice of one training for each row, and has the same sign in
+    every fold.
 
     Parameters
     ----------
@@ -311,14 +311,14 @@ def _leads(
     queries, measures
         Indices of the queries and measures to compare.
     """
-    # Queries come fold by fold; without a network, there is one fold.
+    # Queries are listed fold by fold. Without a network, all are in one fold.
     has_network = any(block_of(row.all_records[0]) == "network" for row in rows)
     sizes_of_folds = [len(rows[0].labels)]
     if has_network:
         sizes_of_folds = [len(query_measures(records)) for records in rows[0].records.values()]
     fold_of_query = np.repeat(np.arange(len(sizes_of_folds)), sizes_of_folds)[queries]
 
-    # Leads have the shape (other methods, measures).
+    # Leads, summed over the queries, have the shape (other methods, measures).
     chosen = np.ix_(queries, measures)
     lead = _total_leads(np.array([row.values[chosen] for row in rows]))
     least = scatter_of(rows).least[measures]
@@ -359,9 +359,9 @@ def claims(views: Sequence[TableView]) -> list[AssessedClaim]:
 
 
 def verdicts_markdown(views: Sequence[TableView]) -> str:
-    """Return as Markdown what our scores say of the paper: its figures, then its claims.
+    """Return as Markdown what our scores say of the paper: first its figures, then its claims.
 
-    "" if none of the tables is one of the suite's.
+    "" if all tables are of the user's own data.
     """
     if not any(view.table in TABLES for view in views):
         return ""
