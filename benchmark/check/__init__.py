@@ -52,14 +52,15 @@ class Finding:
 def check(component: Component, limit: float = LIMIT) -> Iterator[Finding]:
     """Check whether a method or scorer keeps its contract, and yield each finding at once.
 
-    If there is no answer, or two answers differ, the remaining checks are left out.
+    If it gives no answer, or different ones for the same shape, the remaining checks are left out.
 
     Parameters
     ----------
     component
         The method or scorer.
     limit
-        Seconds after which this process ends, and says at which line a check was.
+        Seconds that a check may take. After them, this process ends, and prints the line of code at
+        which the check was.
     """
     missing = component.missing_packages()
     if missing:
@@ -95,11 +96,13 @@ def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Fi
     name
         Name of the check.
     run
-        Runs it on a case; returns what it found in words, or raises why it failed or was skipped.
+        Runs it on a case, and returns in words what it found, or raises why it failed or was
+        skipped.
     case
         The method or scorer, with shapes to try it on.
     limit
-        Seconds after which this process ends, and says at which line the check was.
+        Seconds that the check may take. After them, this process ends, and prints the line of code
+        at which the check was.
     """
     faulthandler.dump_traceback_later(limit, exit=True, file=2)
     try:
@@ -109,6 +112,7 @@ def _find(name: str, run: Callable[[Case], str], case: Case, limit: float) -> Fi
     except SkippedCheck as reason:
         return Finding(name, "skipped", str(reason))
     except (Exception, SystemExit) as error:
+        # The message of an error that a check raises itself says everything.
         says_all = isinstance(error, FailedCheck | InvalidForm | InvalidSignature)
         trace = "" if says_all else clean_lines("".join(traceback.format_exception(error)))
         return Finding(name, "failed", " ".join(explained(error).split()), trace)

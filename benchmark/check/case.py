@@ -111,21 +111,21 @@ class Case:
     def shape(
         self, bend: float = BENDS[0], mesh: Mesh | None = None, seed: int = 0, name: str = "figure"
     ) -> Shape:
-        """Return the reference figure as input of the method; of a network, with its depth image.
+        """Return the reference figure as input of the method.
 
         Parameters
         ----------
         bend
             How far the figure is bent.
         mesh
-            A mesh to take in its place.
+            A mesh to take in place of the figure.
         seed
             Seed of random choices.
         name
             Identifier of the shape.
         """
         depth = None
-        if self.reads_images:
+        if self.reads_images:  # a network needs a depth image, too
             seen = view(bend)
             depth = seen.depth
             mesh = mesh or seen.mesh
@@ -134,7 +134,7 @@ class Case:
             identifier=f"{name} {bend}",
             mesh=mesh,
             depth=depth,
-            # Bending preserves the area, and equal areas would leave nothing to compare.
+            # Bending preserves the area. Methods that compare areas need different ones.
             source_area=(1 + bend) * mesh.area,
             seed=seed,
         )
@@ -210,21 +210,22 @@ def fresh_process(case: Case, limit: float) -> Iterator[None]:
 
 
 def _serve(case: Case, connection: Connection, limit: float) -> None:
-    """Compute the answers for the figure again in a fresh process, and send them.
+    """Compute the answers for the figure in a fresh process, and send them to the first one.
 
-    They are compared with those of the first process: nothing may depend on what was computed
-    before. So other shapes are treated first.
+    Both processes must find the same, whatever was computed before, so that this one treats other
+    shapes first.
 
     Parameters
     ----------
     case
         The method or scorer, with shapes to try it on.
     connection
-        Gets the model of a learner, then gives the answers, or the error as text.
+        Connection to the first process: from there comes the folder of the model of a learner, or
+        None; to there go the answers, or an error as text.
     limit
         Seconds after which the process ends.
     """
-    case.fresh.close()
+    case.fresh.close()  # the other end of the connection
     with suppress(EOFError, KeyboardInterrupt), redirect_stdout(Printed()):
         case.model = connection.recv()
         faulthandler.dump_traceback_later(limit, exit=True, file=2)

@@ -153,7 +153,7 @@ def _require_unchanged(
 
 
 def _require_similar(case: Case, change: Callable[[Mesh], Mesh], hint: str) -> str:
-    """Check that a scorer finds forms and their changed copies much the same.
+    """Check that a scorer finds each form nearly equal to a changed copy of it.
 
     Parameters
     ----------
@@ -172,16 +172,16 @@ def _require_similar(case: Case, change: Callable[[Mesh], Mesh], hint: str) -> s
     Raises
     ------
     FailedCheck
-        If a copy differs by more than a small share of that.
+        If a form differs from its copy by more than a small share of that.
     """
     shapes = [case.shape(bend) for bend in BENDS]
     copies = [case.shape(mesh=change(shape.mesh)) for shape in shapes]
     n = len(shapes)
     distances = case.dissimilarities([*shapes, *copies])
-    # Blocks of the matrix: shapes to each other, and shapes to copies.
+    # The first n rows are of the forms; the first n columns of the forms, the others of the copies.
     to_others = distances[:n, :n][~np.eye(n, dtype=bool)].min()
     to_copy = np.diag(distances[:n, n:]).max()
-    if not to_copy <= _SHARE * to_others:
+    if not to_copy <= _SHARE * to_others:  # also if one of both is NaN
         problem = f"a form differs from itself by {to_copy:.3g}, from others by {to_others:.3g}"
         raise FailedCheck(f"{problem}: {hint}")
     ratio = to_copy / to_others if to_others else 0.0
@@ -201,14 +201,15 @@ def _require_comparable(case: Case) -> None:
 
 
 def _learner_to_train(case: Case) -> Learner:
-    """Return the learner of a case, whose model has a valid folder name and a known split.
+    """Return the learner of a case, after checks of what it declares.
 
     Raises
     ------
     SkippedCheck
-        If it has a model already.
+        If it has a trained model already.
     FailedCheck
-        If it is no such learner.
+        If it lacks something that a learner has, or the name of its model cannot be that of a
+        folder, or its split is unknown.
     """
     learner = case.component.create()
     trained_model = getattr(learner, "model_folder", None)
@@ -225,7 +226,18 @@ def _learner_to_train(case: Case) -> Learner:
 
 
 def _training(case: Case) -> str:
-    """Check that a learner trains a model, keeps a finished one, and can load it."""
+    """Check that a learner trains a model, keeps a finished one, and can load it.
+
+    Returns
+    -------
+    str
+        What was found, in words.
+
+    Raises
+    ------
+    FailedCheck
+        If the model is trained anew, its card is wrong, or it cannot be loaded.
+    """
     learner = _learner_to_train(case)
     model = case.folder / TRAINING / learner.model_name
     data = training_on_figure()
@@ -292,7 +304,14 @@ def _answer(case: Case) -> str:
 
 
 def _repeatable(case: Case) -> str:
-    """Check that a second answer for a shape is the same, at once and after other shapes."""
+    """Check that a second answer for a shape is the same, at once and after other shapes.
+
+    Returns
+    -------
+    str
+        What was found, in words.
+    """
+    # At once.
     first = case.reference
     second = case.answer(case.shape())
     differ_by_signs = _difference(np.abs(first), np.abs(second)) <= REPEAT_TOLERANCE
@@ -302,6 +321,8 @@ def _repeatable(case: Case) -> str:
         "keep no state"
     )
     _require_same(first, second, f"two runs on one shape {verb}; {cure}")
+
+    # In another process, after other shapes.
     hint = "the answer differs if another shape comes first; keep no state between shapes"
     expected_answers = [first, *case.compared()]
     for expected, answer in zip(expected_answers, case.answers_after_another(), strict=True):
@@ -328,8 +349,7 @@ def _seed(case: Case) -> str:
 def _relabelling(case: Case) -> str:
     """Check that the numbering of vertices and faces does not matter.
 
-    A scorer, or another component that compares shapes, is tried with one random order, others with
-    several.
+    Random orders are tried: several, or one if shapes have to be compared, which takes longer.
     """
     if case.is_random:
         raise SkippedCheck("the answer is random")
@@ -379,8 +399,8 @@ def _motion(case: Case) -> str:
 def _scale(case: Case) -> str:
     """Check that the answer for a scaled shape is what the method declares.
 
-    An ``"invariant"`` answer stays, an ``"equivariant"`` form is scaled, too. An equivariant
-    descriptor may change in any way: its dissimilarities have to keep their ratios.
+    An ``"invariant"`` form or descriptor must not change. An ``"equivariant"`` form must be scaled
+    as the shape. An equivariant descriptor may change, but the ratios of dissimilarities must not.
     """
     _require_comparable(case)
     declared = case.component.info.scale
@@ -410,7 +430,7 @@ def _scale(case: Case) -> str:
 def _dissimilarities(case: Case) -> str:
     """Check that dissimilarities are symmetric, reproducible, and tell shapes apart.
 
-    Those of one draw, not several, must not depend on the order of the shapes either.
+    Unless the scorer draws at random, they must not depend on the order of the shapes either.
     """
     shapes = [case.shape(bend) for bend in BENDS]
     if case.is_scorer:
@@ -422,11 +442,11 @@ def _dissimilarities(case: Case) -> str:
         if not largest > 0:
             problem = f"does not distinguish any of {len(shapes)} shapes"
             raise FailedCheck(f"{problem}; compare properties that differ")
-    again = case.dissimilarities(shapes, draws - 1)
+    again = case.dissimilarities(shapes, draws - 1)  # those of the last draw
     _require_same(distances, again, "dissimilarities differ between calls; seed by 'draw'")
     if draws == 1:
-        # Rotated by one, because distances between positions, |i - j|, are the same in reverse
-        # order.
+        # The order is rotated, not reversed: a scorer that returns the differences of positions,
+        # |i - j|, would return the same ones in reverse order.
         rotated = case.dissimilarities([*shapes[1:], shapes[0]])
         turned = np.roll(rotated, 1, axis=(0, 1))
         hint = "depends on the order of the shapes; treat all pairs alike"

@@ -67,8 +67,8 @@ def awkward() -> dict[str, Mesh]:
 def training_on_figure() -> TrainingData:
     """Return training data for a check: depth images of the figure in its poses.
 
-    The first pose is the canonical one. There is no test, and validation is on the same images: a
-    check looks at how a model is trained and stored, not at how good it is.
+    The first pose is the canonical one. The same images serve for validation, and none for a test,
+    because a check looks at how a model is trained and stored, not at how good it is.
     """
     names = tuple(f"figure {bend}" for bend in BENDS)
 

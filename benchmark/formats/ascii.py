@@ -59,9 +59,9 @@ def filled_lines(text: bytes) -> list[bytes]:
 
 
 def parse_numbers(text: bytes) -> FloatArray:
-    """Parse decimal numbers between blanks.
+    """Parse decimal numbers that are separated by blanks.
 
-    Unlike Python itself, this refuses ``1_0`` and digits of other scripts.
+    Unlike ``float``, this refuses ``1_0`` and digits of other scripts.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ def parse_numbers(text: bytes) -> FloatArray:
     Raises
     ------
     ValueError
-        If anything else stands there; the message quotes the first such word.
+        If a word is no number; the message quotes the first one.
     UnreadableMesh
         If the numbers have decimal commas.
     """
@@ -96,15 +96,13 @@ def parse_numbers(text: bytes) -> FloatArray:
 def parse_table(lines: Sequence[bytes], widths: Collection[int] = (3,)) -> FloatArray:
     """Parse lines of coordinates, and return the first three numbers of each, shape (lines, 3).
 
-    Further numbers are colours or normals; a fourth number alone is the weight of homogeneous
-    coordinates, which must be 1.
-
     Parameters
     ----------
     lines
         The lines.
     widths
-        How many numbers a line may have.
+        How many numbers a line may have. Those after the third are colours or normals, and ignored.
+        If there are four, the last is the weight of homogeneous coordinates, which must be 1.
 
     Raises
     ------
@@ -117,7 +115,7 @@ def parse_table(lines: Sequence[bytes], widths: Collection[int] = (3,)) -> Float
         raise ValueError(f"a line has {counted(min(other), 'number')}, not {min(widths)}")
     if 4 in counts and (_fourth_numbers(lines) != 1).any():
         raise ValueError("a line has a fourth number, which is not 1")
-    if len(counts) == 1:
+    if len(counts) == 1:  # nearly always: read all numbers at once
         table = parse_numbers(b" ".join(lines)).reshape(len(lines), counts.pop())
         return table[:, :3]
     first_three = [b" ".join(line.split()[:3]) for line in lines]

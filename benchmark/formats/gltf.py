@@ -113,7 +113,7 @@ def _check_extensions(tree: Mapping[str, Any], text: bytes) -> None:
 
 
 def _joined(surfaces: Iterable[Surface]) -> Surface:
-    """Return several surfaces as one, whose vertices are numbered one after the other.
+    """Return several surfaces as one: all vertices, and all faces with new numbers of vertices.
 
     Raises
     ------
@@ -155,12 +155,15 @@ def buffer_files(path: Path) -> list[Path]:
 def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
     """Split a glTF file into its description and its numbers.
 
+    A text file holds the description alone. A binary file (GLB) has a header, then a chunk with the
+    description, then one with numbers. Before each chunk stands its length.
+
     Returns
     -------
     text : bytes
         The description, as JSON.
     binary : bytes or None
-        The numbers of a binary file; None if there are none, or the file is text.
+        The numbers of a binary file; None if there are none.
 
     Raises
     ------
@@ -173,7 +176,7 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
     if version != 2 or size > len(data):
         raise ValueError(f"version {version}, {size} bytes announced, but it holds {len(data)}")
     chunks = []
-    position = _FILE_HEADER
+    position = _FILE_HEADER  # lengths of headers in bytes
     while position + _CHUNK_HEADER <= size:
         (length,) = struct.unpack_from("<I", data, position)
         start = position + _CHUNK_HEADER
@@ -258,7 +261,7 @@ class _File:
         self._read: dict[int, bytes] = {}
 
     def surfaces(self) -> Iterator[Surface]:
-        """Yield vertices and triangles of each mesh of the default scene, in the place of its node.
+        """Yield vertices and triangles of each part of the default scene, in world coordinates.
 
         Raises
         ------
@@ -275,6 +278,8 @@ class _File:
                 raise _posed("skin")
             if any(node.get("weights", mesh.get("weights", []))):
                 raise _posed("weights")
+            # The transform of the node is a 4 x 4 matrix. If it mirrors, so that surfaces turn
+            # inside out, the corners of faces are reversed.
             linear = transform[:3, :3]
             is_mirrored = np.linalg.det(transform) < 0
             for primitive in mesh["primitives"]:
@@ -286,7 +291,7 @@ class _File:
     def _roots(self, nodes: list[Node]) -> Iterable[int]:
         """Return the numbers of the nodes at the top of the default scene.
 
-        Without scenes, these are the nodes that are not below another one.
+        In a file without scenes, they are the nodes that are no children of another node.
 
         Parameters
         ----------
@@ -307,20 +312,21 @@ class _File:
         below: set[int] = set()
         for node in nodes:
             below.update(node.get("children", []))
-            # Coarser levels of detail of the node.
+            # The extension for levels of detail names coarser versions of the node.
             below.update(node.get("extensions", {}).get("MSFT_lod", {}).get("ids", []))
         return set(range(len(nodes))) - below
 
     def _primitive(self, primitive: dict[str, Any]) -> Surface:
-        """Return vertices, shape (n, 3), and triangles, shape (m, 3), of a primitive of a mesh.
+        """Return vertices, shape (n, 3), and triangles, shape (m, 3), of a part of a mesh.
 
         Points and lines have no triangles.
 
         Parameters
         ----------
         primitive
-            Its ``attributes`` with the ``POSITION`` of vertices, optionally ``indices``, the
-            corners of its triangles, both as numbers of accessors; and its ``mode``.
+            The part: in ``attributes``, the ``POSITION`` of vertices; optionally ``indices``, the
+            corners of triangles; and its ``mode``. Positions and indices are given by the number of
+            an accessor.
 
         Raises
         ------
@@ -328,6 +334,7 @@ class _File:
             If it is a strip or a fan of triangles.
         """
         vertices = self._accessor(primitive["attributes"]["POSITION"])
+        # Without indices, three vertices each are a triangle.
         corners: NDArray[Any] = np.arange(len(vertices))
         if primitive.get("indices") is not None:
             corners = self._accessor(primitive["indices"])[:, 0]
@@ -343,11 +350,14 @@ class _File:
     def _accessor(self, number: int) -> FloatArray:
         """Return the numbers that an accessor describes, as floats, shape (count, width).
 
+        An accessor is a table within a buffer: it has the type of the numbers, how many of them a
+        row holds, the number of rows, and the place of the first. Its view has the part of the
+        buffer, and how far rows are apart.
+
         Parameters
         ----------
         number
-            Number of the accessor. It says where rows begin in a buffer, how many there are, how
-            many numbers of which type a row holds, and how far rows are apart.
+            Number of the accessor.
 
         Raises
         ------
@@ -362,7 +372,6 @@ class _File:
             raise UnreadableMesh(problem, "export it in full")
         if "bufferView" not in accessor:
             raise UnreadableMesh(f"accessor {number} has no data", "export it in full")
-        # The accessor describes rows of numbers, its view the part of a buffer in which they lie.
         number_type = np.dtype(_TYPES[accessor["componentType"]])
         n_rows = accessor["count"]
         width = _WIDTHS[accessor["type"]]
@@ -373,6 +382,7 @@ class _File:
         row_size = number_type.itemsize * width
         stride = view.get("byteStride", row_size)
         content = self._buffer(view["buffer"])[start : start + size]
+        # Read the rows where they lie, in steps of the stride.
         end = offset + stride * (n_rows - 1) + row_size
         if stride < row_size or len(content) < max(size, end):
             raise ValueError(f"buffer {view['buffer']} is cut off")
@@ -380,6 +390,7 @@ class _File:
             (n_rows, width), number_type, content, offset, (stride, number_type.itemsize)
         )
         result = rows.astype(np.float64)
+        # Whole numbers may stand for fractions from -1 or 0 to 1.
         if accessor.get("normalized") and number_type.kind != "f":
             result = np.maximum(result / np.iinfo(number_type).max, -1)
         return result

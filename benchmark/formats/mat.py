@@ -43,6 +43,7 @@ def read(data: bytes, _: Path) -> MeshArrays:
         raise ValueError("X, Y and Z are no real numbers, or TRIV has not three columns")
     if len({fields[axis].size for axis in "XYZ"}) > 1:
         raise ValueError("X, Y and Z differ in length")
+    # MATLAB counts down columns first.
     columns = [fields[axis].ravel(order="F") for axis in "XYZ"]
     vertices = np.stack(columns, axis=1).astype(np.float64)
     return vertices, whole_numbers(fields["TRIV"].astype(np.float64))

@@ -57,7 +57,7 @@ def read(data: bytes, _: Path) -> MeshArrays:
     UnreadableMesh
         If it has lines that change the shape and are not read.
     """
-    text = plain_text(data).replace(b"\\\n", b" ")
+    text = plain_text(data).replace(b"\\\n", b" ")  # a backslash continues a line
     vertices = list(_VERTEX.finditer(text))
     polygons = list(_FACE.finditer(text))
     if not vertices:
@@ -71,7 +71,7 @@ def read(data: bytes, _: Path) -> MeshArrays:
     # Numbers behind a slash are those of textures and normals.
     words = re.sub(rb"/\S*", b"", b" ".join(polygon[1] for polygon in polygons))
     indices = whole_numbers(parse_numbers(words))
-    # Negative numbers count back from the last vertex before the polygon.
+    # Negative numbers count back from the last vertex before the polygon: -1 is that vertex.
     vertex_starts = np.array([vertex.start() for vertex in vertices])
     face_starts = np.array([polygon.start() for polygon in polygons], dtype=np.int64)
     n_vertices_before = np.repeat(np.searchsorted(vertex_starts, face_starts), sizes)

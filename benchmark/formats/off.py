@@ -45,9 +45,11 @@ def read(data: bytes, _: Path) -> MeshArrays:
     -------
     vertices : numpy.ndarray
         Shape (n, 3).
-    corners, sizes : numpy.ndarray
-        Vertices of all polygons one after the other, and the number of corners of each; of
-        triangles alone, one array of shape (m, 3).
+    corners : numpy.ndarray
+        Vertices of all polygons one after the other, shape (k,). If all are triangles, it may be
+        an array of shape (m, 3), and sizes are left out.
+    sizes : numpy.ndarray
+        Number of corners of each polygon, shape (m,).
 
     Raises
     ------
@@ -120,12 +122,12 @@ def _counted_polygons(lines: Sequence[bytes]) -> tuple[IntArray, IntArray]:
 
 
 def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> MeshArrays | None:
-    """Read an OFF file of coordinates and triangles, without colours.
+    """Read the vertices and triangles of an OFF file, if it holds nothing else.
 
     Parameters
     ----------
     body
-        What follows the header.
+        All bytes behind the header.
     n_vertices, n_faces
         Numbers that the header announces.
 
@@ -138,6 +140,7 @@ def _triangle_mesh(body: bytes, n_vertices: int, n_faces: int) -> MeshArrays | N
         numbers = parse_numbers(body)
     except ValueError:
         return None
+    # Three numbers a vertex; four a triangle, of which the first is 3.
     n_coordinates = 3 * n_vertices
     if len(numbers) != n_coordinates + 4 * n_faces:
         return None

@@ -91,9 +91,11 @@ def read(data: bytes, _: Path) -> MeshArrays:
     -------
     vertices : numpy.ndarray
         Shape (n, 3).
-    corners, sizes : numpy.ndarray
-        Vertices of all polygons one after the other, counted from 0, and the number of corners of
-        each polygon; empty corners alone for a point cloud.
+    corners : numpy.ndarray
+        Vertices of all polygons one after the other, counted from 0, shape (k,); empty for a point
+        cloud, without sizes.
+    sizes : numpy.ndarray
+        Number of corners of each polygon, shape (m,).
 
     Raises
     ------
@@ -112,7 +114,7 @@ def read(data: bytes, _: Path) -> MeshArrays:
     if is_text:
         lines = filled_lines(plain_text(body))
         body = parse_numbers(b" ".join(lines)).tobytes()
-    # From here on, the numbers of a text are read like those of a binary file.
+    # The numbers of a text are now floats in bytes, and read like those of a binary file.
     runs = _runs(elements, body)
     if is_text:
         _check_lines(lines, runs)
@@ -157,6 +159,9 @@ def _split_header(data: bytes) -> tuple[list[str], bytes]:
 
 def _elements(lines: Sequence[str]) -> tuple[list[_Element], bool]:
     """Parse the header of a PLY file.
+
+    It says how numbers are written (``format``), and names each ``element``, such as ``vertex``,
+    with the number of its rows and the fields (``property``) of a row. A field may be a list.
 
     Parameters
     ----------
@@ -229,8 +234,8 @@ def _check_lines(lines: Sequence[bytes], runs: Mapping[str, Sequence[Run]]) -> N
 def _element_runs(data: bytes, at: int, element: _Element) -> list[Run]:
     """Return the rows of an element in runs: consecutive rows whose lists have equal lengths.
 
-    Rows with lists, such as the corners of a polygon, vary in length, so they are read as arrays
-    only where they do not.
+    A row may hold lists, such as the corners of a polygon. Only rows with lists of the same lengths
+    can be read as one array, which is much faster.
 
     Parameters
     ----------
@@ -253,7 +258,7 @@ def _element_runs(data: bytes, at: int, element: _Element) -> list[Run]:
     """
     runs: list[Run] = []
     n_left = element.n_rows
-    longest = n_left
+    longest = n_left  # number of rows that are tried as a run
     while n_left or not runs:
         row, lengths = _row_at(data, at, element, n_left)
         n_that_fit = (len(data) - at) // max(row.itemsize, 1)
@@ -261,8 +266,8 @@ def _element_runs(data: bytes, at: int, element: _Element) -> list[Run]:
         if n_left and not (n_rows and row.itemsize):
             raise ValueError(f"{n_left} rows of {element.name} announced, but it ends before them")
         run = np.frombuffer(data, row, n_rows, at) if n_rows else np.empty(0, row)
-        # The run ends before the first row whose lists have other lengths. The next one is tried
-        # with one row, then twice as many each time, so that short runs cost little.
+        # The run ends before the first row whose lists have other lengths. After a run that was
+        # too long, one row is tried, then twice as many each time: short runs cost little.
         differs = np.zeros(len(run), dtype=bool)
         for name, length in lengths.items():
             differs |= run[name] != length
@@ -284,13 +289,13 @@ def _row_at(
     Parameters
     ----------
     data
-        Numbers of the file.
+        Bytes of the file behind the header.
     at
-        Where the row begins.
+        Place in the bytes at which the row begins.
     element
-        Name and fields.
+        Name and fields of the row.
     count
-        Number of rows from there; if it is 0, lists are empty.
+        Number of rows from there. If it is 0, lists count as empty.
 
     Returns
     -------
@@ -298,6 +303,11 @@ def _row_at(
         Fields of the row; before each list stands its length, as ``"NAME size"``.
     lengths : dict
         Length of each list by the name of the field that holds it.
+
+    Raises
+    ------
+    ValueError
+        If the length of a list is no whole number.
     """
     layout: list[Any] = []
     lengths: dict[str, int] = {}
@@ -305,7 +315,7 @@ def _row_at(
         if not field.size_type:
             layout.append((field.name, field.type))
             continue
-        # Where a list begins is known from the layout so far; its length stands there.
+        # A list begins behind the fields before it, with its length.
         name = f"{field.name} size"
         layout.append((name, field.size_type))
         lengths[name] = 0

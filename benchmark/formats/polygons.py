@@ -42,11 +42,11 @@ def count_from_0(corners: IntArray, n_vertices: int, first: int) -> IntArray:
     Raises
     ------
     InvalidMesh
-        If vertices are missing, or the file evidently counts the other way.
+        If vertices are missing, or the file evidently counts from the other number.
     """
     low = int(corners.min())
     high = int(corners.max())
-    other = 1 - first
+    other = 1 - first  # 1 or 0
     fits = first <= low and high < n_vertices + first
     if not fits and other <= low and high < n_vertices + other:
         hint = "subtract 1 from each corner" if other else "add 1 to each corner"
@@ -68,8 +68,8 @@ def split_polygons(vertices: Points, corners: IntArray, sizes: IntArray) -> IntA
     corners
         Vertices of all polygons one after the other, shape (k,).
     sizes
-        Number of corners of each polygon, shape (p,); those without corners, as some exporters
-        write, are left out.
+        Number of corners of each polygon, shape (p,). Some exporters write polygons without
+        corners, which are left out.
 
     Returns
     -------
@@ -87,7 +87,7 @@ def split_polygons(vertices: Points, corners: IntArray, sizes: IntArray) -> IntA
         size = counted(int(sizes[too_few[0]]), "corner")
         problem = f"face {too_few[0] + 1} of {len(sizes)} has {size}"
         raise InvalidMesh(problem, "drop faces of fewer than three corners")
-    starts = np.cumsum(sizes) - sizes
+    starts = np.cumsum(sizes) - sizes  # place of the first corner of each polygon
     centres = _fan_centres(vertices, corners, starts, sizes)
     blind = np.flatnonzero(centres < 0)
     if blind.size:
@@ -143,12 +143,12 @@ def _fan_centres(
     numpy.ndarray
         Place of that corner in its polygon, from 0; -1 if there is none, shape (p,).
     """
-    centres = np.zeros(len(sizes), dtype=np.int64)
+    centres = np.zeros(len(sizes), dtype=np.int64)  # any corner of a triangle sees the others
     extent = np.abs(vertices).max() or 1.0  # products of coordinates stay in range
     if not np.isfinite(extent):
-        return centres  # this is refused as a mesh
-    # Polygons of equal size are tried together, in blocks that fit in memory; large ones one by
-    # one, with a method that tries few corners.
+        return centres  # such vertices are refused later
+    # Polygons with many corners are tried one by one, with a method that tries few corners. Others
+    # of equal size are tried together, in blocks that fit in memory.
     for size in np.unique(sizes[sizes > 3]):
         of_size = np.flatnonzero(sizes == size)
         if size > _MOST_CORNERS:
@@ -194,9 +194,10 @@ def _looks_ahead(polygons: Points, corner: int) -> NDArray[np.bool_]:
 def _seeing_corner(polygon: Points) -> int:
     """Return the first corner of a large polygon whose fan of triangles nowhere folds back.
 
-    How far the triangle of a side and a corner faces like the polygon is linear in the position of
-    the corner, and so is a sum over sides. If a corner does not see some sides, all corners are
-    left out for which the sum over these sides alone is too far behind.
+    A corner sees a side if the triangle of both faces like the polygon. By how much it does is a
+    linear function of the position of the corner, and so is the sum over several sides. If a corner
+    does not see some sides, it is cheap to evaluate their sum at all other corners, and to leave
+    out those at which it is too negative.
 
     Parameters
     ----------
@@ -217,7 +218,7 @@ def _seeing_corner(polygon: Points) -> int:
     offsets = normals @ whole_normal
     most_folded = _FOLDED * (whole_normal @ whole_normal)
     untried = np.arange(len(polygon))
-    n_fans = 0
+    n_fans = 0  # that were tried in full, which is slow
     for _ in range(_MOST_TRIES):
         if not untried.size or n_fans == _MOST_FANS:
             return -1
@@ -226,7 +227,7 @@ def _seeing_corner(polygon: Points) -> int:
         ahead = offsets + slopes @ centred[corner]
         is_behind = ahead < 0
         if -ahead[is_behind].sum() > most_folded:
-            # The sum over the sides that this corner does not see excludes other corners, too.
+            # Leave out corners that cannot see the sides which this corner does not see.
             offset = offsets[is_behind].sum()
             slope = slopes[is_behind].sum(axis=0)
             untried = untried[offset + centred[untried] @ slope >= -most_folded]

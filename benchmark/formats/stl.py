@@ -68,13 +68,13 @@ def _ascii_corners(data: bytes) -> FloatArray:
     if b"endsolid" not in data[-200:].lower():
         raise ValueError("it does not end with 'endsolid'")
     text = plain_text(data).partition(b"\n")[2].lower()
-    # The three numbers of each corner; nothing at the end of each facet.
+    # Texts of three numbers for each corner; an empty text for the end of each facet.
     corners = _CORNER_OR_END.findall(text)
     if not corners and b"endfacet" in data.lower():
         problem = "its line breaks are missing"
         raise UnreadableMesh(problem, "write each facet, loop and vertex on its own line")
     ends = np.flatnonzero([not corner for corner in corners])
-    n_corners = np.diff(ends, prepend=-1) - 1
+    n_corners = np.diff(ends, prepend=-1) - 1  # of each facet
     wrong = np.flatnonzero(n_corners != 3)
     if wrong.size:
         number = counted(int(n_corners[wrong[0]]), "vertex", "vertices")

@@ -36,7 +36,7 @@ def read(data: bytes, path: Path) -> MeshArrays:
     ValueError
         If it is not clear whether the triangles count from 0 or from 1.
     UnreadableMesh
-        If there is no such file beside it, or it is damaged.
+        If there is no ``.tri`` file beside it, or that is damaged.
     """
     vertices = parse_table(filled_lines(plain_text(data)))
     companion = triangle_file(path)
@@ -44,6 +44,7 @@ def read(data: bytes, path: Path) -> MeshArrays:
         triangles = read_unpacked(companion)
         faces = parse_table(filled_lines(plain_text(triangles)))
         check_end(triangles, whole_numbers(faces), len(vertices))
+    # Vertex 0 tells that they count from 0, vertex n that they count from 1.
     first = int(faces.min())
     last = int(faces.max())
     if first > 0 and last < len(vertices):

@@ -175,8 +175,8 @@ class Gallery:
         method
             The method.
         is_wanted
-            Whether the user named it: it is then tested in every table that is not about other
-            networks.
+            Whether the user named it, or it is a plugin. It then has a row in every table, except
+            that a table of networks has rows of networks alone.
         """
         if self.is_split and not _is_seen_in_mixed_column(method, input_):
             return False
@@ -186,6 +186,7 @@ class Gallery:
         if not self.table.includes(name) or name in self.table.omits:
             return False
         is_quick_row = name in QUICK_ROWS
+        # On damaged data, and in quick runs, a few methods stand for all.
         if self._is_change_of_table() and not (is_quick_row or method.learns):
             return False
         return is_quick_row or not self.quick
@@ -198,25 +199,24 @@ class Gallery:
     def _trainings(
         self, method: Component, trained_here: Path | None, is_wanted: bool
     ) -> Iterator[Component]:
-        """Yield a method, once for each of its trained models that has a row.
-
-        A network may have been trained with other seeds, and the paper's network also as printed.
+        """Yield a method once for each of its trained models that has a row.
 
         Parameters
         ----------
         method
-            The method.
+            The method. One that does not learn is yielded once.
         trained_here
             Folder of models that the user trained, beside those of the suite.
         is_wanted
-            Whether the user named it: it is then yielded even without a model, so that this is
-            said.
+            Whether the user named it. It is then yielded even without a model: the row says so.
         """
         is_papers = method.base_name == NETWORK
         if not method.learns or is_papers or is_wanted or self._has_models(method, trained_here):
             yield method
         if not method.learns or self._is_fixed(method):
             return
+
+        # Trainings with other seeds, and that of the paper's network as the paper prints it.
         variants: list[dict[str, object]] = []
         if hasattr(method.load(), "training_seed"):
             variants += [{"training_seed": seed} for seed in SEEDS]
@@ -266,9 +266,10 @@ class Gallery:
     def _lacking_of(
         self, method: Component, trained_here: Path | None
     ) -> Iterator[tuple[Component, Training]]:
-        """Yield the trainings that are missing for rows of a network, each with the row.
+        """Yield the missing trainings of a network that this code can do, each with its row.
 
-        Rows of a network differ in seed and configuration.
+        A network may have several rows, of other seeds or another configuration, which need models
+        of their own.
 
         Parameters
         ----------
@@ -287,7 +288,7 @@ class Gallery:
                 continue
             by_shape = trainings_by_shape(learner, self.dataset, self.entries, self.data_root)
             for training in dict.fromkeys(by_shape.values()):
-                can_be_trained = training.dataset and not training.is_frozen
+                can_be_trained = training.dataset and not training.is_frozen  # its data exist
                 if not can_be_trained:
                     continue
                 rows = [variant] if is_fixed else _with_seeds(variant, learner, training.name)
@@ -333,11 +334,11 @@ def galleries(
     gallery_views: int = 0,
     same_names: bool = False,
 ) -> list[Gallery]:
-    """Return the galleries of a selection.
+    """Return the selected galleries: the shapes on which each column of a table ranks methods.
 
-    The paper's data set is used if it is available and its stand-in otherwise, never both in one
-    table. A table that accompanies another one is omitted if the data set lacks its classes, unless
-    it was selected by name.
+    Each table uses the paper's data set if that is available, and its generated stand-in otherwise.
+    A table that accompanies another one is left out if the data set lacks its classes, unless it
+    was selected by name.
 
     Parameters
     ----------
@@ -350,12 +351,16 @@ def galleries(
         The folder of the official data sets.
     quick
         Use at most :data:`QUICK_POSES` poses of each subject, and only the first fold.
-    subjects, input
-        Subjects, or the input, that are meant; all of them by default.
-    gallery, gallery_views, same_names
-        Data set of the gallery whose queries the data sets are, which lacks shapes with the name of
-        the query for ``same_names``. With ``gallery_views``, it is rendered from so many cameras
-        around each shape; by default it is the data set.
+    subjects
+        Subjects that are used; all by default.
+    input
+        ``"mesh"`` or ``"view"``; both by default.
+    gallery
+        Data set in which the shapes of ``datasets`` are queries; by default, these rank each other.
+    gallery_views
+        Number of cameras around each shape from which the gallery is rendered; 0 for none.
+    same_names
+        Whether a shape of the gallery is left out if it has the name of the query.
 
     Raises
     ------
@@ -388,14 +393,18 @@ def galleries(
 def _table_of_queries(name: str, gallery: str, gallery_views: int, *, same_names: bool) -> Table:
     """Return a table for a data set whose shapes are queries to another gallery.
 
-    Its title names the gallery.
+    Its title names the gallery, such as "12 cameras around tosca".
 
     Parameters
     ----------
     name
         Name or folder of the data set.
-    gallery, gallery_views, same_names
-        As for :func:`galleries`.
+    gallery
+        Name or folder of the gallery; "" for the data set itself.
+    gallery_views
+        Number of cameras around each shape from which the gallery is rendered; 0 for none.
+    same_names
+        Whether a shape of the gallery is left out if it has the name of the query.
     """
     words = []
     if gallery_views:
@@ -408,7 +417,7 @@ def _table_of_queries(name: str, gallery: str, gallery_views: int, *, same_names
     table = own_table(table_name(name), f"{AGAINST}{''.join(words)}")
     keeps_same_names = bool(gallery) and not same_names
     table = replace(table, gallery=gallery, keeps_same_names=keeps_same_names)
-    if gallery_views:  # which shows views alone
+    if gallery_views:  # leave out the column of complete surfaces
         columns = table.columns[1:]
         table = replace(table, columns=columns, cameras=f"[cameras={gallery_views}]")
     return table
@@ -443,7 +452,7 @@ def _of_input(chosen: Sequence[Gallery], input_: Input) -> list[Gallery]:
 def _of_tables(
     wanted: Sequence[str], sets: Sequence[str], data_root: Path | None, *, quick: bool
 ) -> list[Gallery]:
-    """Return the galleries of tables that a user selects by their names, or by names of data sets.
+    """Return the galleries of the tables that are selected by name, or by the data that they use.
 
     Parameters
     ----------
@@ -490,11 +499,23 @@ def _of_tables(
 def _tables_with_data(
     wanted: Sequence[str], sets: Sequence[str], data_root: Path | None, *, quick: bool
 ) -> list[tuple[Table, str]]:
-    """Return the selected tables, each with the name of a data set; see :func:`_of_tables`."""
+    """Return the selected tables, each with the name of a data set.
+
+    Parameters
+    ----------
+    wanted
+        Identifiers of tables; empty for all.
+    sets
+        Names of data sets; empty for the one that each table uses, if that is available.
+    data_root
+        The folder of the official data sets.
+    quick
+        Whether to leave out tables that quick runs do not have.
+    """
     selected = [table for table in TABLES if _is_selected(table, wanted, sets, quick)]
     with_data: list[tuple[Table, str]] = []
     if sets:
-        for name in sets:
+        for name in sets:  # one that no table uses gets a table of its own
             with_data += [(table, name) for table in _tables_of(name, selected, own=not wanted)]
         return with_data
     for table in selected:
@@ -551,7 +572,8 @@ def _galleries(
     data_root
         The folder of the official data sets.
     quick
-        Whether to take some poses alone, and, if a column has folds, such columns alone.
+        Whether to take some poses alone. If the table has columns over folds, the others are then
+        left out.
     """
     columns = table.columns
     if quick:
@@ -598,9 +620,9 @@ def _galleries_of_set(
     data_root
         The folder of the official data sets.
     is_first
-        Whether it is the first data set of the column: networks see no other.
+        Whether it is the first data set of the column. Networks are tested on no other.
     quick
-        Whether to take three poses of each subject at most, and the first fold alone.
+        Whether to take a few poses of each subject, and the first fold alone.
 
     Raises
     ------
@@ -663,18 +685,18 @@ def _shapes_of_part(dataset: ShapeSet, part: str) -> tuple[Entry, ...]:
 def _gallery_of_queries(
     table: Table, source: str, part: str, data_root: Path | None, *, quick: bool
 ) -> Gallery:
-    """Return the gallery in which the shapes of a table are sought.
+    """Return the gallery in which the shapes of a table are queries.
 
-    By default, it is made of their own data set, of complete surfaces if it has these.
+    It holds complete surfaces, if its data set has any, or views from several cameras.
 
     Parameters
     ----------
     table
-        The table, which may name another data set.
+        The table, which may name the data set of the gallery.
     source
-        Data set of the queries.
+        Data set of the queries, and of the gallery if the table names no other.
     part
-        Part of the table, which may say from how many cameras the gallery is seen.
+        Column of the table, which may say from how many cameras the gallery is seen.
     data_root
         The folder of the official data sets.
     quick
@@ -682,8 +704,9 @@ def _gallery_of_queries(
     """
     name = table.gallery or source
     dataset = open_dataset(name, data_root)
+    # Take off changes such as "[noise=2]" of depth views, until the set has complete surfaces.
     while "mesh" not in dataset.inputs and split_changes(name)[1]:
-        name, _, _ = name.rpartition("[")  # the last change, which is one of views alone
+        name, _, _ = name.rpartition("[")
         dataset = open_dataset(name, data_root)
     entries = thinned(dataset.shapes, QUICK_POSES) if quick else dataset.shapes
     cameras = CAMERAS.get(part, table.cameras)

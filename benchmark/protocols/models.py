@@ -105,20 +105,27 @@ class Model:
         self._check_tested(training, data_root)
 
     def _check_clearance(self, dataset: str, training: Training) -> None:
-        """Check that a model was trained on no body that is near one of a data set to be tested.
+        """Check that a model was trained on no body that resembles a subject of its test.
 
-        Bodies are near if their parameters differ by less than ``CLEARANCE``. The card of a model
-        says how near its training bodies come to the subjects of each data set.
+        Bodies resemble each other if their parameters differ by less than ``CLEARANCE``. The card
+        of a model says how near its training bodies come to the subjects of data sets.
+
+        Parameters
+        ----------
+        dataset
+            Name of the data set on which the model is tested.
+        training
+            The training of the model.
 
         Raises
         ------
         TooNear
-            If it was, or may have been.
+            If it was trained on such a body, or may have been.
         """
         subjects = set_of_subjects(dataset)
         if not subjects.startswith((*TESTED, "animals")):
             return
-        # Without a word on the card, only random bodies may be near.
+        # If the card says nothing of the data set, only a training on random bodies may be near.
         clearance = 0.0 if training.is_sampled else CLEARANCE
         verb = "may have"
         for name in (catalogued(dataset) or "", subjects):
@@ -164,19 +171,21 @@ def find_models(
 ) -> dict[str, Model]:
     """Find the trained model of a method for each of some shapes.
 
-    A method may have a model for each fold: each shape then gets that which was trained without its
-    subject.
+    A method may have been trained once for each fold. A shape then gets the model that was trained
+    without its subject.
 
     Parameters
     ----------
     spec
         The method.
-    dataset, entries
-        The data set, and those of its shapes that need a model.
+    dataset
+        The data set of the shapes.
+    entries
+        The shapes that need a model.
     data_root
         The folder of the official data sets.
     trained_here
-        Folder of the models that were trained here, which take precedence over shipped ones.
+        Folder of the models that were trained here. They are preferred to those of the suite.
 
     Returns
     -------
@@ -186,8 +195,7 @@ def find_models(
     Raises
     ------
     MissingModel
-        If a model is missing or unusable; for a missing one, the hint is the command that trains
-        it.
+        If a model is missing, with the command that trains it as hint, or cannot be used.
     NoFolds
         If the learner has a model for each fold, but the data set has no folds.
     TooNear

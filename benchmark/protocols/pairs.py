@@ -61,7 +61,7 @@ def trainings_of(learner: Learner, target: str, data_root: Path | None) -> list[
 def data_of_training(training: Training, data_root: Path | None, say: Say) -> TrainingData:
     """Return the training data of a network: depth images of shapes and of their canonical poses.
 
-    Images are rendered when they are read.
+    They are rendered later, when the training reads them.
 
     Parameters
     ----------
@@ -90,6 +90,7 @@ def data_of_training(training: Training, data_root: Path | None, say: Say) -> Tr
     subjects = _subjects(trained)
     tested_subjects = _subjects(tested)
     _check_subjects(training.name, subjects, tested_subjects)
+    # The training sees its shapes, and the canonical pose of each of their subjects.
     canonical = canonical_shapes(dataset)
     canonical_of_subjects = [canonical[subject] for subject in subjects]
     seen = dict.fromkeys([*trained, *canonical_of_subjects])
@@ -140,7 +141,7 @@ def _check_subjects(name: str, trained: Iterable[str], tested: Iterable[str]) ->
     Raises
     ------
     ConfigurationError
-        If not; the error names some of the subjects.
+        If there are no subjects, or some of the test, which the error names.
     """
     trained = set(trained)
     if not trained:
@@ -160,12 +161,13 @@ def _sampled(frame: ShapeSet, say: Say) -> TrainingData:
     Parameters
     ----------
     frame
-        Data set whose frame the images have, so that a network for it can be trained on them.
+        Data set on which the network will be used. Images get the frame of its views.
     say
         Called with a message about each shape of the validation that cannot be rendered.
     """
     half_width = frame_of(frame)
     validation_set, held_out = _validation()
+    # The recipe, with a digest of the code, says whether images on disk are still the same.
     code = code_digest(sampled.__name__)
     names = tuple(f"sample-{number}" for number in range(sampled.N_BODIES))
     bodies = Bodies(
@@ -226,9 +228,10 @@ def _rendered(
     """
     canonical = canonical_shapes(dataset)
 
-    @lru_cache(maxsize=32)  # the shapes of a subject are adjacent, and share a target
+    # Shapes of one subject follow each other, and have one target, which is rendered once.
+    @lru_cache(maxsize=32)
     def render(entry: Entry) -> NDArray[np.float32]:
-        """Return the view of a shape."""
+        """Return the depth image of a shape."""
         mesh = dataset.load(entry)
         view = prepare_view(mesh, dataset.camera(entry), half_width, dataset.sensor(entry))
         return view["depth"]

@@ -167,7 +167,7 @@ _OWN = "own-"
 
 
 def own_training(folder: Path, hold_out: Sequence[str]) -> Training:
-    """Return a training on a user's folder of shapes, without some of its subjects.
+    """Return a training on a user's folder of shapes; some subjects are kept for the test.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def own_training(folder: Path, hold_out: Sequence[str]) -> Training:
     Raises
     ------
     ConfigurationError
-        If no subject is held out, an unknown one is, or none remains.
+        If no subject is held out, none remains, or a name is unknown.
     DatasetError
         If the folder has no shapes.
     """
@@ -191,6 +191,7 @@ def own_training(folder: Path, hold_out: Sequence[str]) -> Training:
         purpose = "train on" if hold_out else "test"
         problem = f"{folder} has no subject left to {purpose}"
         raise ConfigurationError(problem, "hold out some")
+    # The name of the training becomes that of a folder.
     name = _OWN + re.sub("[^A-Za-z0-9-]+", "-", folder.resolve().name).strip("-")
     return Training(name, str(folder), Part(rest), Part(tuple(hold_out)))
 
@@ -218,9 +219,9 @@ def trainings_by_shape(
 ) -> dict[str, Training]:
     """Return for each shape the training whose model maps it.
 
-    A learner may be trained several times, once for each fold of its data set. Each shape then gets
-    the fold in which its subject was kept for the test. Shapes of other data sets are in no fold
-    and get the first one; the model's card says whether it may be tested on them.
+    A learner may be trained several times, once for each fold of its data set. A shape then gets
+    the training for which its subject was kept as a test. Shapes of other data sets are in no fold,
+    and get the first training.
 
     Parameters
     ----------
@@ -248,8 +249,8 @@ def trainings_by_shape(
     trainings = _trainings_for(learner, dataset.name, data_root)
     first = trainings[0]
     training_of_shape: dict[str, Training] = {}
-    if len(trainings) > 1:
-        # Folds are parts of the data set that was trained on; the given one may have other shapes.
+    if len(trainings) > 1:  # one for each fold
+        # Folds are parts of the data set of the training, which may have other shapes.
         trained_on = dataset
         if dataset.name != first.dataset:
             trained_on = open_dataset(first.dataset, data_root)
@@ -261,10 +262,6 @@ def trainings_by_shape(
 
 def _trainings_for(learner: Learner, dataset: str, data_root: Path | None) -> list[Training]:
     """Return the trainings whose models a learner uses for a data set, one for each fold.
-
-    Data sets of people without folds are unrelated to all folds of the synthetic humans, so the
-    model of the first fold is used: that of the official synthetic humans for the official scans of
-    people, if available, else that of the generated ones.
 
     Parameters
     ----------
@@ -278,13 +275,14 @@ def _trainings_for(learner: Learner, dataset: str, data_root: Path | None) -> li
     Raises
     ------
     NoFolds
-        If it needs folds of subjects and of poses, and the data set has none.
+        If the learner needs folds of subjects and of poses, and the data set has none.
     """
     chosen_by_user = getattr(learner, "training", "")  # a parameter of some learners
     if chosen_by_user:
         return [find_training(chosen_by_user)]
     if learner.split == "sampled":
         return [TRAININGS[getattr(learner, "default_training", SAMPLED_PEOPLE)]]
+    # Data with folds: each fold has a training, such as "people-fold-0".
     subjects = set_of_subjects(dataset)
     kind = "strict" if learner.split == "strict" else "fold"
     of_folds = [
@@ -296,6 +294,8 @@ def _trainings_for(learner: Learner, dataset: str, data_root: Path | None) -> li
         raise NoFolds(
             f"the set '{dataset}' has no folds of subjects and poses", "use the synthetic humans"
         )
+    # Data without folds. Other people are unrelated to all folds of the synthetic humans, so that
+    # the model of the first fold can be tested on them.
     if subjects in ("tosca", "animals"):
         return [TRAININGS[f"{subjects}-III"]]
     if subjects == "shrec14-real" and is_present("shrec14-synthetic", data_root):

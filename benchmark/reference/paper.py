@@ -152,12 +152,12 @@ _COMMAND = re.compile(r"\\(?!url\b|emph\b)[A-Za-z]{3,}|\^\^")  # ^^5c is a backs
 
 
 def source_of(cite: str) -> str:
-    """Return a citation as text: authors (year). Title. Source.
+    """Return a citation as text, such as "A. Author and B. Author (2014). Title. Journal".
 
     Parameters
     ----------
     cite
-        A BibTeX entry, or the key of one in the bibliography; without an entry, it is returned.
+        A BibTeX entry, or the key of one in the bibliography. A text that is neither is returned.
     """
     _, entry = entry_of(cite)
     fields = {}
