@@ -219,7 +219,7 @@ def _scored_path(folder: Path, facts: Mapping[str, Any]) -> Path:
             'write distances = "FILE" or forms = "FOLDER"',
         )
     kind = given[0]
-    name = facts[kind]
+    name: str = facts[kind]
     scored = folder / name
     if not scored.resolve().is_relative_to(folder.resolve()):
         raise ConfigurationError(f"{name} lies outside of it", "put it into its folder")
