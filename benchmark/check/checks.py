@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from inspect import signature
 from pathlib import Path
@@ -418,7 +418,7 @@ def _scale(case: Case) -> str:
         factor = _SCALE if is_equivariant else 1.0
         return _require_same_form(case.reference, case.answer(scaled[0]), hint, factor)
 
-    # An equivariant descriptor: compare dissimilarities, in units of the largest.
+    # Of an equivariant descriptor, dissimilarities are compared, in units of the largest.
     before = case.dissimilarities([case.shape(bend) for bend in BENDS])
     after = case.dissimilarities(scaled)
     if not (before.max() > 0 and after.max() > 0):
@@ -445,16 +445,36 @@ def _dissimilarities(case: Case) -> str:
     again = case.dissimilarities(shapes, draws - 1)  # those of the last draw
     _require_same(distances, again, "dissimilarities differ between calls; seed by 'draw'")
     if draws == 1:
-        # The order is rotated, not reversed: a scorer that returns the differences of positions,
-        # |i - j|, would return the same ones in reverse order.
-        rotated = case.dissimilarities([*shapes[1:], shapes[0]])
-        turned = np.roll(rotated, 1, axis=(0, 1))
-        hint = "depends on the order of the shapes; treat all pairs alike"
-        _require_same_form(distances.ravel(), turned.ravel(), hint)
+        _require_any_order(case, shapes, distances)
     to_copy = case.dissimilarities([*shapes, shapes[0]])[0, -1]
     if not to_copy <= _SHARE * largest:
         raise FailedCheck("a shape is far from its copy; return distances, not similarities")
     return f"symmetric, zero diagonal, largest {largest:.3g}"
+
+
+def _require_any_order(case: Case, shapes: Sequence[Shape], distances: FloatArray) -> None:
+    """Check that dissimilarities do not depend on the order of the shapes.
+
+    Parameters
+    ----------
+    case
+        The component that compares shapes.
+    shapes
+        The shapes.
+    distances
+        Their dissimilarities, in this order.
+
+    Raises
+    ------
+    FailedCheck
+        If they differ in another order.
+    """
+    # The order is rotated, not reversed: a scorer that returns the differences of positions,
+    # |i - j|, would return the same ones in reverse order.
+    rotated = case.dissimilarities([*shapes[1:], shapes[0]])
+    turned = np.roll(rotated, 1, axis=(0, 1))
+    hint = "depends on the order of the shapes; treat all pairs alike"
+    _require_same_form(distances.ravel(), turned.ravel(), hint)
 
 
 def _awkward(case: Case) -> str:

@@ -185,15 +185,14 @@ def _write_forms_of_frames(
         return True
     n_failures = 0
     for number, (made, (file, picture)) in enumerate(zip(forms, outputs, strict=True), 1):
-        count = f"{number} of {len(frames)}  "
         if made.form is None:
             n_failures += 1
-            say(f"{count}{made.frame.image}: {made.error}")
+            line = f"{made.frame.image}: {made.error}"
         else:
             first, *facts = _write_form_of_frame(made, file, picture)
-            # Beside many forms, no facts but doubts are printed.
             doubts = [fact for fact in facts if fact.startswith("doubt")]
-            say(", ".join([count + first, *doubts]))
+            line = ", ".join([first, *doubts])  # other facts are left out beside many forms
+        say(f"{number} of {len(frames)}  {line}")
     if n_failures:
         say(f"{n_failures} of {len(frames)} images have no form", err=True)
     return n_failures == 0

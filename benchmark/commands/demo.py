@@ -128,9 +128,9 @@ def demo(
     makers = {component.name: form_maker(component) for component in components}
     shapes = _shapes_of_files(meshes) if meshes else _animal_in_two_poses()
     prepared = {shape.name: _prepared(shape) for shape in shapes}
-    bodies = {}
-    for shape in shapes:
-        bodies[shape.name] = drawn_from(_mesh_of(prepared[shape.name]), shape.camera)
+    bodies = {
+        shape.name: drawn_from(_mesh_of(prepared[shape.name]), shape.camera) for shape in shapes
+    }
     drawn = _Drawn(bodies=bodies)
 
     surface: Shape | None = None

@@ -160,12 +160,8 @@ def check_writable(path: Path) -> None:
         )
 
 
-def surface_html(form: Form) -> str:
-    """Return HTML that shows a form in a notebook, as a surface that can be turned.
-
-    The surface is drawn by a script; where scripts do not run, a picture of it is seen. The HTML
-    needs no network: it holds the script, and a thinned surface as text.
-    """
+def _thinned_surface(form: Form) -> dict[str, Any]:
+    """Return what the script of a notebook draws: a thinned form, its colours, and its position."""
     from scipy.spatial import cKDTree
 
     from benchmark.geometry.preparation import decimate
@@ -178,12 +174,21 @@ def surface_html(form: Form) -> str:
         small = decimate(mesh, _VERTICES)
     # Vertices of the thinned mesh have the colour of the nearest vertex of the form.
     _, nearest = cKDTree(mesh.vertices).query(small.vertices)
-    surface: dict[str, Any] = {
+    return {
         "points": _packed(centred(small).vertices.astype("<f4")),
         "faces": _packed(small.faces.astype("<u2")),
         "colours": _packed(colours_of(form.outwardness[nearest])[:, :3]),
         "turn": OBLIQUE.rotation.tolist(),
     }
+
+
+def surface_html(form: Form) -> str:
+    """Return HTML that shows a form in a notebook, as a surface that can be turned.
+
+    The surface is drawn by a script; where scripts do not run, a picture of it is seen. The HTML
+    needs no network: it holds the script, and the surface as text.
+    """
+    surface = _thinned_surface(form)
     picture = base64.b64encode(form.picture()).decode("ascii")
     script = files("benchmark.commands").joinpath("surface.js").read_text(encoding="utf-8")
     # An inline frame keeps the script apart from those of the notebook.

@@ -358,18 +358,19 @@ def _finished(
     ConfigurationError
         If no job is finished, or code or data have changed since; the error says what to run.
     """
+    jobs = [job for job in planned if job.record.sides[-1].gallery == shapes.name]
+    job = jobs[0] if jobs else None
+    if job is not None and job.state == "finished":
+        return job
     command = (
         f"run `python -m benchmark run -m {component.name} -d {shlex.quote(name)} {which}` first"
     )
-    jobs = [job for job in planned if job.record.sides[-1].gallery == shapes.name]
-    if jobs and jobs[0].state == "stale":
-        raise ConfigurationError(f"the gallery is stale: {jobs[0].reason}", command)
-    if not jobs or jobs[0].state != "finished":
-        why = f": {jobs[0].reason}" if jobs else ""
-        raise ConfigurationError(
-            f"no form of {shapes.name} {input_} {component.name} is kept{why}", command
-        )
-    return jobs[0]
+    if job is not None and job.state == "stale":
+        raise ConfigurationError(f"the gallery is stale: {job.reason}", command)
+    why = f": {job.reason}" if job is not None else ""
+    raise ConfigurationError(
+        f"no form of {shapes.name} {input_} {component.name} is kept{why}", command
+    )
 
 
 def _with_model(component: Component, job: Planned, itself: Sequence[str]) -> Any:
@@ -444,11 +445,15 @@ def _inputs(
         of_query = "view"
     of_gallery = wanted or of_query
     for input_ in (of_query, of_gallery):
-        if input_ not in component.info.inputs:
-            accepted = " and ".join(_IN_WORDS[name] for name in component.info.inputs)
-            problem = (
-                f"method '{component.name}' needs {accepted}, and {query} is compared with "
-                f"{_IN_WORDS[input_]}"
-            )
-            raise ConfigurationError(problem, f"choose a method that accepts {_IN_WORDS[input_]}")
+        _check_accepts(component, input_, query)
     return of_query, of_gallery
+
+
+def _check_accepts(component: Component, input_: Input, query: str) -> None:
+    """Raise ``ConfigurationError`` if a method does not accept what a query is compared with."""
+    if input_ in component.info.inputs:
+        return
+    accepted = " and ".join(_IN_WORDS[name] for name in component.info.inputs)
+    needed = _IN_WORDS[input_]
+    problem = f"method '{component.name}' needs {accepted}, and {query} is compared with {needed}"
+    raise ConfigurationError(problem, f"choose a method that accepts {needed}")

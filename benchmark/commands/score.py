@@ -6,7 +6,7 @@ With ties, scores are means over orders.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import compress
 from pathlib import Path
@@ -172,10 +172,7 @@ def _evaluation(matrix: NDArray[np.float64], rows: _Side, targets: Targets | Non
         notes = _notes_on_shapes(len(matrix), scores.lone_queries)
     else:
         notes = _notes_on_queries(matrix, scores.lone_queries)
-    n_classes = len(set(query_classes))
-    if n_classes < FEWEST_CLASSES:
-        few = f"no intervals: the queries are of {n_classes} classes, fewer than {FEWEST_CLASSES}"
-        notes.append(few)
+    notes += _note_on_classes(query_classes)
 
     # Nearest neighbours that are not clearly above chance, by their interval, raise doubts.
     low, high = class_intervals(values[:, :1], query_classes, fewest=2)[0]
@@ -245,6 +242,14 @@ def _notes_on_queries(matrix: NDArray[np.float64], n_lone: int) -> list[str]:
             f"{n_copies} queries are at distance 0 of a shape: if the gallery holds them, omit it"
         )
     return notes
+
+
+def _note_on_classes(labels: Iterable[str]) -> list[str]:
+    """Say that the queries are of too few classes for intervals, if they are."""
+    n_classes = len(set(labels))
+    if n_classes >= FEWEST_CLASSES:
+        return []
+    return [f"no intervals: the queries are of {n_classes} classes, fewer than {FEWEST_CLASSES}"]
 
 
 def _check_diagonal(diagonal: NDArray[np.float64], matrix: NDArray[np.float64]) -> None:

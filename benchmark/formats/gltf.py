@@ -372,28 +372,43 @@ class _File:
             raise UnreadableMesh(problem, "export it in full")
         if "bufferView" not in accessor:
             raise UnreadableMesh(f"accessor {number} has no data", "export it in full")
+        rows = self._rows(accessor)
+        result = rows.astype(np.float64)
+        # Whole numbers may stand for fractions from -1 or 0 to 1.
+        if accessor.get("normalized") and rows.dtype.kind != "f":
+            result = np.maximum(result / np.iinfo(rows.dtype).max, -1)
+        return result
+
+    def _rows(self, accessor: dict[str, Any]) -> NDArray[Any]:
+        """Return the numbers of an accessor as they lie in the buffer, shape (count, width).
+
+        Parameters
+        ----------
+        accessor
+            Type and place of the numbers.
+
+        Raises
+        ------
+        ValueError
+            If the buffer is cut off.
+        """
         number_type = np.dtype(_TYPES[accessor["componentType"]])
         n_rows = accessor["count"]
         width = _WIDTHS[accessor["type"]]
-        offset = accessor.get("byteOffset", 0)
+        offset = accessor.get("byteOffset", 0)  # of the first row, within the view
         view = self._tree["bufferViews"][accessor["bufferView"]]
         start = view.get("byteOffset", 0)
         size = view["byteLength"]
         row_size = number_type.itemsize * width
-        stride = view.get("byteStride", row_size)
+        stride = view.get("byteStride", row_size)  # from one row to the next
         content = self._buffer(view["buffer"])[start : start + size]
-        # Read the rows where they lie, in steps of the stride.
         end = offset + stride * (n_rows - 1) + row_size
         if stride < row_size or len(content) < max(size, end):
             raise ValueError(f"buffer {view['buffer']} is cut off")
         rows: NDArray[Any] = np.ndarray(
             (n_rows, width), number_type, content, offset, (stride, number_type.itemsize)
         )
-        result = rows.astype(np.float64)
-        # Whole numbers may stand for fractions from -1 or 0 to 1.
-        if accessor.get("normalized") and number_type.kind != "f":
-            result = np.maximum(result / np.iinfo(number_type).max, -1)
-        return result
+        return rows
 
     def _buffer(self, number: int) -> bytes:
         """Return the bytes of a buffer, which are read once."""

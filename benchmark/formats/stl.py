@@ -6,6 +6,7 @@ Corners at exactly the same position become a single vertex; vertices are counte
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -73,13 +74,18 @@ def _ascii_corners(data: bytes) -> FloatArray:
     if not corners and b"endfacet" in data.lower():
         problem = "its line breaks are missing"
         raise UnreadableMesh(problem, "write each facet, loop and vertex on its own line")
+    _check_facets(corners)
+    return parse_numbers(b" ".join(corners))
+
+
+def _check_facets(corners: Sequence[bytes]) -> None:
+    """Raise ``ValueError`` if a facet has other than three corners; an empty text ends each."""
     ends = np.flatnonzero([not corner for corner in corners])
     n_corners = np.diff(ends, prepend=-1) - 1  # of each facet
     wrong = np.flatnonzero(n_corners != 3)
     if wrong.size:
         number = counted(int(n_corners[wrong[0]]), "vertex", "vertices")
         raise ValueError(f"facet {wrong[0] + 1} of {len(ends)} has {number}")
-    return parse_numbers(b" ".join(corners))
 
 
 FORMAT = Format(

@@ -338,20 +338,17 @@ def figure_of_records(
     check_known("shape", names, labels)
     subjects = list(dict.fromkeys(labels[name] for name in names))
 
-    # Shapes and forms that are not stored are None.
     columns: list[_Column] = []
-    columns_of_forms: list[_Column] = []
+    has_forms = False
     for subject in subjects:
         poses = [name for name in names if labels[name] == subject]
         heading = clean_text(subject) if len(subjects) > 1 else "Shape"
-        shapes_of_subject = _Column(heading, [forms.shape(first, name) for name in poses])
-        forms_of_subject = []
+        columns.append(_Column(heading, [forms.shape(first, name) for name in poses]))
         for title, record in records.items():
-            drawn = [forms.form(record, name) for name in poses]
-            forms_of_subject.append(_Column(title, drawn))
-        columns += [shapes_of_subject, *forms_of_subject]
-        columns_of_forms += forms_of_subject
-    if not any(any(column.drawn) for column in columns_of_forms):
+            column = _Column(title, [forms.form(record, name) for name in poses])
+            columns.append(column)
+            has_forms = has_forms or any(column.drawn)
+    if not has_forms:
         raise ConfigurationError(
             "no forms of these shapes are stored here", "run the methods here, then draw again"
         )

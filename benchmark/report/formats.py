@@ -292,17 +292,7 @@ def markdown(view: TableView) -> str:
 
     A row with ranges over folds has a second line for them.
     """
-    body: list[list[str]] = []
-    for heading, lines in blocks(view):
-        if heading:
-            body.append([f"**{heading}**"])
-        for line in lines:
-            title = markdown_text(line.title) if heading else f"*{line.title}*"
-            measured = [cell.text for cell in line.measured]
-            body.append([title, *map(_joined, line.groups), *measured])
-            if line.has_folds:
-                body.append(["", *map(_joined_folds, line.groups)])
-    table = markdown_table(_markdown_head(view), body)
+    table = markdown_table(_markdown_head(view), [*_markdown_body(view)])
     caption = f"**Table {markdown_text(view.table.identifier)}.** {markdown_text(view.caption)}."
     notes: list[str] = []
     for note in table_notes(view):
@@ -354,6 +344,19 @@ _LATEX_STYLES = {
     "scatter": "({})",
     "": "{}",
 }
+
+
+def _markdown_body(view: TableView) -> Iterator[list[str]]:
+    """Yield the cells of the lines of a table as Markdown, with a line for each heading."""
+    for heading, lines in blocks(view):
+        if heading:
+            yield [f"**{heading}**"]
+        for line in lines:
+            title = markdown_text(line.title) if heading else f"*{line.title}*"
+            measured = [cell.text for cell in line.measured]
+            yield [title, *map(_joined, line.groups), *measured]
+            if line.has_folds:
+                yield ["", *map(_joined_folds, line.groups)]
 
 
 def latex(view: TableView) -> str:
@@ -569,7 +572,7 @@ def robustness_markdown(records: Iterable[Record]) -> str:
     if not changes:
         return ""
 
-    # One column for each method that has scores.
+    # Kind and strength of the change, then one column for each method that has scores.
     columns = [
         Column[DataChange]("change", lambda change: change.kind or "unchanged", "Change"),
         Column[DataChange]("strength", lambda change: change.strength, "strength"),

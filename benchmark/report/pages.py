@@ -124,16 +124,38 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     if len(of_same_data) > 1:  # seen by several cameras, whose pages it leads to
         scores["matrix"] = matrix_of(pages, of_same_data)
 
-    # Up to three pages, by the end of their address.
     contents = {"": scores, "-forms": {"facets": forms}, "-queries": {"facets": queries}}
-    contents = {ending: content for ending, content in contents.items() if any(content.values())}
-    titles = {f"{view.stem}{ending}.html": PAGES_OF_TABLE[ending] for ending in contents}
-    for (address, title), (ending, content) in zip(titles.items(), contents.items(), strict=True):
+    return _add_pages(pages, view, contents)
+
+
+def _add_pages(
+    pages: Pages, view: TableView, contents: Mapping[str, Mapping[str, Any]]
+) -> dict[str, str]:
+    """Add those pages of a table to the report that have content, each with links to the others.
+
+    Parameters
+    ----------
+    pages
+        The report.
+    view
+        The table.
+    contents
+        What the template of each page reads, by the end of the address of the page.
+
+    Returns
+    -------
+    dict
+        Titles of the added pages by address.
+    """
+    endings = [ending for ending, content in contents.items() if any(content.values())]
+    titles = {f"{view.stem}{ending}.html": PAGES_OF_TABLE[ending] for ending in endings}
+    for ending, (address, title) in zip(endings, titles.items(), strict=True):
         heading = heading_of_table(view)
         if ending:
             heading += f": {title.lower()}"
         template = f"{title.lower()}.html"
         window = f"{title} | {label_of_table(view)}"
+        content = contents[ending]
         pages.add(address, template, heading, window, kinds=titles, stem=view.stem, **content)
     return titles
 

@@ -133,20 +133,15 @@ def queries_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
     # A shape that has nothing to find has no score, and is no query.
     queries = [number for number, score in enumerate(first.per_query[MEASURE]) if score is not None]
     outcomes = {number: _outcomes_of(number, rows) for number in queries}
-    worst = {number: min(of_query).state for number, of_query in outcomes.items()}
 
-    def hardness(number: int) -> tuple[int, float]:
-        """Return what queries are sorted by: the worst outcome, then the sum of scores."""
-        return worst[number], sum(outcome.score for outcome in outcomes[number])
-
-    # The hardest come first. Pictures of forms are added for the first of those that a row misses.
-    order = sorted(queries, key=hardness)
-    missed = [number for number in order if worst[number] < _HIT][:_HARDEST]
+    # The hardest come first. Pictures of forms are added for some of those that a row misses.
+    order = sorted(queries, key=lambda number: _hardness(outcomes[number]))
+    missed = [number for number in order if not _is_fine(outcomes[number])][:_HARDEST]
     of_rows = [(row.title, row.nearest, _pictures_of_missed(pages, row, missed)) for row in rows]
     lines = []
     for number in order:
-        is_fine = worst[number] == _HIT
-        lines.append({"number": number, "cells": outcomes[number], "is_fine": is_fine})
+        cells = outcomes[number]
+        lines.append({"number": number, "cells": cells, "is_fine": _is_fine(cells)})
     return {
         "title": view.columns[0].title,
         "queries": lines,
@@ -160,6 +155,16 @@ def queries_of_column(pages: Pages, view: TableView) -> dict[str, Any]:
 def _outcomes_of(number: int, rows: Iterable[_QueryRow]) -> list[_Outcome]:
     """Return what each row does with a query."""
     return [row.outcomes[number] for row in rows]
+
+
+def _is_fine(outcomes: Iterable[_Outcome]) -> bool:
+    """Return whether all rows find a query's match."""
+    return all(outcome.state == _HIT for outcome in outcomes)
+
+
+def _hardness(outcomes: Sequence[_Outcome]) -> tuple[int, float]:
+    """Return what queries are sorted by: the worst outcome, then the sum of scores."""
+    return min(outcomes).state, sum(outcome.score for outcome in outcomes)
 
 
 def _rows(pages: Pages, view: TableView) -> list[_QueryRow]:

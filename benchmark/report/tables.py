@@ -349,20 +349,7 @@ def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> T
     block = block_of(records[0])
     first = min(records, key=lambda record: len(record.method))  # with the fewest parameters
 
-    # Sort the records by column: those with scores, and those that say why there are none.
-    scored = {}
-    failed = {}
-    for column, galleries in of_table.galleries.items():
-        # Networks were trained for the first random draw of the data alone.
-        names = galleries[:1] if block == "network" and column.over_draws else galleries
-        of_column = _records_of_column(records, column, block, names)
-        ranked = by_gallery(record for record in of_column if record.status == "ok")
-        if ranked:
-            scored[column.title] = _scores(ranked, names, of_table.labels)
-        without_scores = [record for record in of_column if record.status != "ok"]
-        if without_scores:
-            failed[column.title] = without_scores
-
+    scored, failed = _scores_by_column(records, block, of_table)
     chosen = {
         name: value
         for name, value in first.parameters.items()
@@ -377,6 +364,42 @@ def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> T
         parameters=chosen,
         defaults=first.defaults,
     )
+
+
+def _scores_by_column(
+    records: Sequence[Record], block: Block, of_table: _RecordsOfTable
+) -> tuple[dict[str, RowScores], dict[str, list[Record]]]:
+    """Return the scores of a row by the title of the column, and records that have none.
+
+    Parameters
+    ----------
+    records
+        All records of the row.
+    block
+        Its block, such as ``"network"``.
+    of_table
+        All records of the table, which say over which galleries its columns are means.
+
+    Returns
+    -------
+    scored : dict
+        Scores by the title of the column.
+    failed : dict
+        Records that say why there are no scores, by the title of the column.
+    """
+    scored = {}
+    failed = {}
+    for column, galleries in of_table.galleries.items():
+        # Networks were trained for the first random draw of the data alone.
+        names = galleries[:1] if block == "network" and column.over_draws else galleries
+        of_column = _records_of_column(records, column, block, names)
+        ranked = by_gallery(record for record in of_column if record.status == "ok")
+        if ranked:
+            scored[column.title] = _scores(ranked, names, of_table.labels)
+        without_scores = [record for record in of_column if record.status != "ok"]
+        if without_scores:
+            failed[column.title] = without_scores
+    return scored, failed
 
 
 def _title(method: str, own: str, scores: Iterable[RowScores]) -> str:

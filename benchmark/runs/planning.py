@@ -866,11 +866,7 @@ def estimate(
     pending = [job.record for job in planned if job.is_pending]
     if not pending:
         return Estimate(0.0, 0)
-    # Later records count more, so that those from here stand last.
-    known = read_records(published, local=False)
-    known += [record for record in records if not record.published]
-    finished = [record for record in known if record.seconds and not record.gallery_of_queries]
-
+    finished = _timed_records(records, published)
     unknown: set[str] = set()
     seconds_of_file: defaultdict[str, float] = defaultdict(float)  # several jobs may need a file
     seconds_of_ranking: dict[tuple[str, str], float] = {}
@@ -886,6 +882,16 @@ def estimate(
 
     total = sum(seconds_of_file.values()) + sum(seconds_of_ranking.values())
     return Estimate(total, len(unknown))
+
+
+def _timed_records(records: Iterable[Record], published: Path) -> list[Record]:
+    """Return records that say how long their jobs took, the published ones before those from here.
+
+    Records of queries to another gallery are left out, as the time of these is not that of a shape.
+    """
+    known = read_records(published, local=False)
+    known += [record for record in records if not record.published]
+    return [record for record in known if record.seconds and not record.gallery_of_queries]
 
 
 def _seconds_of_files(
