@@ -258,27 +258,57 @@ def _element_runs(data: bytes, at: int, element: _Element) -> list[Run]:
     """
     runs: list[Run] = []
     n_left = element.n_rows
-    longest = n_left  # number of rows that are tried as a run
+    n_tried = n_left
     while n_left or not runs:
-        row, lengths = _row_at(data, at, element, n_left)
-        n_that_fit = (len(data) - at) // max(row.itemsize, 1)
-        n_rows = min(n_left, longest, n_that_fit)
-        if n_left and not (n_rows and row.itemsize):
-            raise ValueError(f"{n_left} rows of {element.name} announced, but it ends before them")
-        run = np.frombuffer(data, row, n_rows, at) if n_rows else np.empty(0, row)
-        # The run ends before the first row whose lists have other lengths. After a run that was
-        # too long, one row is tried, then twice as many each time: short runs cost little.
-        differs = np.zeros(len(run), dtype=bool)
-        for name, length in lengths.items():
-            differs |= run[name] != length
-        longest *= 2
-        if differs.any():
-            run = run[: differs.argmax()]
-            longest = 1
+        run, is_cut = _run_at(data, at, element, n_left, n_tried)
+        # After a cut, one row is tried, then twice as many each time: short runs cost little.
+        n_tried = 1 if is_cut else 2 * n_tried
         runs.append(run)
         at += run.nbytes
         n_left -= len(run)
     return runs
+
+
+def _run_at(data: bytes, at: int, element: _Element, n_left: int, n_tried: int) -> tuple[Run, bool]:
+    """Return the rows from a place on whose lists have the lengths of those of the first row.
+
+    Parameters
+    ----------
+    data
+        Numbers of the file.
+    at
+        Where the first row begins.
+    element
+        Name and fields of a row.
+    n_left
+        Number of rows from there on.
+    n_tried
+        Largest number of rows to return.
+
+    Returns
+    -------
+    run : numpy.ndarray
+        Structured array of the rows.
+    is_cut : bool
+        Whether it ends because the lists of the next row have other lengths.
+
+    Raises
+    ------
+    ValueError
+        If the data end before the first row does.
+    """
+    row, lengths = _row_at(data, at, element, n_left)
+    n_that_fit = (len(data) - at) // max(row.itemsize, 1)
+    n_rows = min(n_left, n_tried, n_that_fit)
+    if n_left and not (n_rows and row.itemsize):
+        raise ValueError(f"{n_left} rows of {element.name} announced, but it ends before them")
+    run = np.frombuffer(data, row, n_rows, at) if n_rows else np.empty(0, row)
+    differs = np.zeros(len(run), dtype=bool)
+    for name, length in lengths.items():
+        differs |= run[name] != length
+    if differs.any():
+        return run[: differs.argmax()], True
+    return run, False
 
 
 def _row_at(

@@ -331,9 +331,7 @@ def _leads(
     for trainings in choices:
         values = np.array([training[chosen] for training in trainings])
         is_significant &= permutation_test(values, labels)[0, 1:] < ALPHA
-        for fold in np.unique(fold_of_query):
-            lead_of_fold = _total_leads(values[:, fold_of_query == fold])
-            has_one_sign &= np.sign(lead_of_fold) == np.sign(lead)
+        has_one_sign &= _has_sign_in_folds(values, fold_of_query, np.sign(lead))
 
     n_trainings = len(choices) * len(sizes_of_folds) if has_network else 0
     is_decided = is_significant & is_above_scatter & has_one_sign
@@ -356,6 +354,32 @@ def claims(views: Sequence[TableView]) -> list[AssessedClaim]:
         identifier = "IV" if claim.table == "IV" else f"{claim.table}-view"
         judged.append(assess(claim, first.get(identifier)))
     return judged
+
+
+def _has_sign_in_folds(
+    values: NDArray[np.float64], fold_of_query: NDArray[np.int64], sign: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """Return whether a method leads, or trails, in every fold alike.
+
+    Parameters
+    ----------
+    values
+        Scores of the method, then of the others, shape (methods, queries, measures).
+    fold_of_query
+        Number of the fold of each query.
+    sign
+        Sign of the lead before each other method, shape (other methods, measures).
+
+    Returns
+    -------
+    numpy.ndarray
+        Whether the lead has this sign in every fold, shape (other methods, measures).
+    """
+    has_sign = np.ones(sign.shape, dtype=bool)
+    for fold in np.unique(fold_of_query):
+        lead_of_fold = _total_leads(values[:, fold_of_query == fold])
+        has_sign &= np.sign(lead_of_fold) == sign
+    return has_sign
 
 
 def verdicts_markdown(views: Sequence[TableView]) -> str:

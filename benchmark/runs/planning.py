@@ -386,7 +386,7 @@ class _Planning:
         models = [side.models for side in trained]
         seen = _seen_shapes(gallery, models[0])
 
-        # Describe the job, as its record will.
+        # The fields of its record, without an outcome.
         content = fields_of_shapes | self._describe(method, scorer)
         content["key"] = digest(["unavailable", row])
         content["seen"] = seen
