@@ -194,10 +194,10 @@ def _looks_ahead(polygons: Points, corner: int) -> NDArray[np.bool_]:
 def _seeing_corner(polygon: Points) -> int:
     """Return the first corner of a large polygon whose fan of triangles nowhere folds back.
 
-    A corner sees a side if the triangle of both faces like the polygon. By how much it does is a
-    linear function of the position of the corner, and so is the sum over several sides. If a corner
-    does not see some sides, it is cheap to evaluate their sum at all other corners, and to leave
-    out those at which it is too negative.
+    The triangle of side i and a corner at c faces like the polygon if ``offsets[i] + slopes[i] @
+    c`` is positive. In a fan, only few and small triangles may face the other way, so that the sum
+    of the negative numbers is bounded. If a corner exceeds the bound, the sum over its negative
+    sides, which is linear in c, also excludes other corners, without a look at each side.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def _seeing_corner(polygon: Points) -> int:
     following = np.roll(centred, -1, axis=0)
     normals = np.cross(centred, following)
     whole_normal = normals.sum(axis=0)
-    # The triangle of a side and a corner c faces like the polygon by offset + slope c.
+    # Of each side: by how much its triangle with a corner faces like the polygon.
     slopes = np.cross(whole_normal, following - centred)
     offsets = normals @ whole_normal
     most_folded = _FOLDED * (whole_normal @ whole_normal)

@@ -369,7 +369,7 @@ def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> T
 def _scores_by_column(
     records: Sequence[Record], block: Block, of_table: _RecordsOfTable
 ) -> tuple[dict[str, RowScores], dict[str, list[Record]]]:
-    """Return the scores of a row by the title of the column, and records that have none.
+    """Return the scores of a row in each column, and in each column its records without scores.
 
     Parameters
     ----------

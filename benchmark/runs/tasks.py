@@ -391,7 +391,7 @@ class Work:
         self._shapes: dict[str, tuple[Shape, forms.SharedResults]] = {}
 
     def outcome(self, step: Step) -> Outcome:
-        """Run a step, and return how it ended; what it raises becomes an outcome, but for Ctrl-C.
+        """Run a step, and return how it ended; an error of the step becomes an outcome, too.
 
         Raises
         ------
