@@ -207,8 +207,16 @@ def apart(one: Points, other: Points) -> float:
 
 
 def measure(code: str, folder: Path, names: Sequence[str]) -> None:
-    """Add the errors of frames, or all, under all damages to the table; undamaged forms are kept in
-    a folder.
+    """Add the errors of frames under all damages to the table.
+
+    Parameters
+    ----------
+    code
+        Name of the code that runs, such as ``"before"``.
+    folder
+        Folder that keeps the forms of undamaged frames.
+    names
+        Names of frames; empty for all.
     """
     rows = []
     again = dict(generated(1, names))
@@ -264,6 +272,8 @@ def kept(path: Path) -> Seen:
 def judge() -> None:
     """Print the errors by kind of damage, and what the rule says of each."""
     table = pandas.read_csv(TABLE)
+    # A damage is repaired if errors are at most twice those of another measurement of the frame;
+    # for resized frames, twice those of halved ones, if these are larger.
     repeat = table[(table["code"] == AFTER) & (table["damage"] == "repeat")]
     halving = table[(table["code"] == AFTER) & (table["damage"] == "halved")]
     limit = repeat[[*METHODS]].median()

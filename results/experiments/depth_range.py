@@ -44,22 +44,35 @@ from learned.surface import open_surface
 from retrieval.cmbof import CMBOF
 from retrieval.measures import score_draws
 
+#: Bodies on which models are judged, and data on which they were trained.
 JUDGES = "people[n=12]"
 TRAINED = "people[draw=0]"
+
+#: Pixels a side, epochs of a training, and how many of these are early ones.
 RESOLUTION = 128
 EPOCHS = 60
 EARLY = 12
+
 SCORES = Path(__file__).with_name("depth-range.csv")
 MEASURES = ("NN", "FT", "ST", "DCG")
+
+#: Epochs of the long training, and those after which its weights are judged.
 LONG = 250
 AT = (60, 120, 180, 250)
+
+#: Settings: what is judged. ``EARLIER`` was trained on depths as they are, ``NEW`` on stretched
+#: ones; the others replace the depth that ``NEW`` predicts, or divide that of ``EARLIER``.
 EARLIER = "earlier"
 DIVIDED = "earlier depth / f"
 NEW = "stretched"
 AVERAGE = "average body"
 FLAT = "flat"
 TRUE = "true depth"
+
+#: Settings that ``NEW`` has to exceed if it sees more than the range of depths and a mean body.
 CONTROLS = (DIVIDED, AVERAGE)
+
+#: Epochs and seed with which the network as printed is trained further.
 FURTHER = 50
 FURTHER_SEED = 1
 AS_PRINTED = Learned.shipped_models / "people-fold-0" / "as_printed-seed0"
@@ -339,26 +352,38 @@ def lengthen(results: Path, earlier: Path) -> None:
 def judge() -> None:
     """Print the scores of every training and control, the paired differences, and what follows."""
     scores = pandas.read_csv(SCORES)
-    short = scores[scores["epochs"] == EPOCHS]
-    means = short.groupby(["fold", "seed", "setting"], sort=False)[[*MEASURES, "error"]].mean()
+    judge_short_trainings(scores[scores["epochs"] == EPOCHS])
+    judge_further_trainings(scores[scores["epochs"] == FURTHER])
+    judge_long_training(scores[(scores["epochs"] < 0) & (scores["setting"] == NEW)])
+
+
+def judge_short_trainings(scores: pandas.DataFrame) -> None:
+    """Print how far stretched targets exceed other settings, and what the rule says.
+
+    Parameters
+    ----------
+    scores
+        One line for each body, fold, seed and setting.
+    """
+    means = scores.groupby(["fold", "seed", "setting"], sort=False)[[*MEASURES, "error"]].mean()
     print(
         means.round(4).to_string(),
         means.groupby("setting", sort=False).mean().round(4).to_string(),
         sep="\n\n",
     )
+    of_trainings = means["FT"].unstack("setting")
+    of_bodies = scores.groupby(["setting", "body"])["FT"].mean().unstack("setting")
     exceeds = {}
     for other in (EARLIER, *CONTROLS, FLAT, TRUE):
-        pairs = means["FT"].unstack("setting")[[NEW, other]]
-        gain = (pairs[NEW] - pairs[other]).to_numpy()
-        bodies = short.groupby(["setting", "body"])["FT"].mean().unstack("setting")
-        each = (bodies[NEW] - bodies[other]).to_numpy()
-        unit, of_bodies = (values.std(ddof=1) / len(values) ** 0.5 for values in (gain, each))
-        reach = student.ppf(0.975, len(each) - 1) * of_bodies
+        gain = (of_trainings[NEW] - of_trainings[other]).to_numpy()
+        gain_of_body = (of_bodies[NEW] - of_bodies[other]).to_numpy()
+        unit = standard_error(gain)
+        reach = student.ppf(0.975, len(gain_of_body) - 1) * standard_error(gain_of_body)
         exceeds[other] = gain.mean() >= student.ppf(0.975, len(gain) - 1) * unit
         print(
             f"{NEW} - {other}: FT {gain.mean():+.4f}, "
-            f"{gain.mean() / unit:.2f} standard errors of {len(gain)} pairs, "
-            f"over bodies {each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}"
+            f"{gain.mean() / unit:.2f} standard errors of {len(gain)} pairs, over bodies "
+            f"{gain_of_body.mean() - reach:+.4f} to {gain_of_body.mean() + reach:+.4f}"
         )
     errors = means["error"].groupby("setting").mean()
     print("is kept:", exceeds[EARLIER])
@@ -367,39 +392,52 @@ def judge() -> None:
         "sees the relief:",
         exceeds[EARLIER] and all(exceeds[name] for name in CONTROLS) and is_below,
     )
-    further = (
-        scores[scores["epochs"] == FURTHER]
-        .groupby(["setting", "body"])["FT"]
-        .mean()
-        .unstack("setting")
-    )
+
+
+def standard_error(values: NDArray[np.float64]) -> float:
+    """Return the standard error of a mean."""
+    return float(values.std(ddof=1) / len(values) ** 0.5)
+
+
+def judge_further_trainings(scores: pandas.DataFrame) -> None:
+    """Print how far stretched targets exceed others, if the network as printed is trained further.
+
+    Parameters
+    ----------
+    scores
+        One line for each body and setting.
+    """
+    further = scores.groupby(["setting", "body"])["FT"].mean().unstack("setting")
     mine = f"as printed, then {NEW}: {NEW}"
     others = [
         f"as printed, then as-they-are: {NEW}",
         *(f"as printed, then {NEW}: {each}" for each in CONTROLS),
     ]
-    for other in others if {mine, *others} <= {*further} else ():
+    if not {mine, *others} <= {*further}:  # not all have run
+        return
+    for other in others:
         each = further[mine] - further[other]
         reach = student.ppf(0.975, len(each) - 1) * each.sem()
         print(
             f"{mine} - {other}: FT over bodies "
             f"{each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}"
         )
-    long = (
-        scores[(scores["epochs"] < 0) & (scores["setting"] == NEW)]
-        .groupby("epochs")["FT"]
-        .agg(["mean", "sem"])
-    )
-    if len(long) == len(AT):
-        best = long.loc[long["mean"].idxmax()]
-        print(
-            "epochs:",
-            -max(
-                epochs
-                for epochs, row in long.iterrows()
-                if row["mean"] >= best["mean"] - best["sem"]
-            ),
-        )
+
+
+def judge_long_training(scores: pandas.DataFrame) -> None:
+    """Print the fewest epochs after which a long training is within a standard error of its best.
+
+    Parameters
+    ----------
+    scores
+        One line for each body and number of epochs, which is negative for a long training.
+    """
+    of_epochs = scores.groupby("epochs")["FT"].agg(["mean", "sem"])
+    if len(of_epochs) < len(AT):
+        return
+    best = of_epochs.loc[of_epochs["mean"].idxmax()]
+    is_near_best = of_epochs["mean"] >= best["mean"] - best["sem"]
+    print("epochs:", -of_epochs.index[is_near_best].max())
 
 
 if __name__ == "__main__":
