@@ -147,7 +147,7 @@ def run_selection(
         in_this_process=in_this_process,
     )
     _announce(planned)
-    if not dask:  # whose workers have kernels of their own
+    if not dask:  # the workers of a cluster compile kernels for themselves
         compile_kernels_of(planned)
     if size is None:
         size = available_cores()

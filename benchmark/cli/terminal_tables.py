@@ -121,8 +121,19 @@ def _align(words: Sequence[Text]) -> None:
 
 
 def _tables(names: _Column, columns: Iterable[_Column], room: int) -> Iterator[Table | NewLine]:
-    """Yield the columns in tables of at most some characters, each with the names of the rows."""
+    """Yield a wide table in parts that fit a terminal, each with the names of the rows.
+
+    Parameters
+    ----------
+    names
+        The first column, with the names of the rows. It is wrapped where there is little room.
+    columns
+        The other columns, which are not wrapped.
+    room
+        Characters on a line of the terminal.
+    """
     least = min(names.width, _LEAST_NAMES)
+    # Add columns to a part until the next one does not fit.
     parts: list[list[_Column]] = [[]]
     used = least
     for column in columns:

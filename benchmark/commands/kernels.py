@@ -81,16 +81,17 @@ class KernelUse(NamedTuple):
 
 
 def kernel_uses(names: Collection[str] = (), *, quick: bool = False) -> list[KernelUse]:
-    """Return steps that make kernels compile: they prepare shapes, apply methods, score.
+    """Return the parts of the suite that use compiled functions (kernels), each with a small task.
 
-    No network has a kernel, so none is among them.
+    The tasks prepare a shape, apply a method, load a generated shape, or score. To do them compiles
+    all kernels. Networks have no kernels.
 
     Parameters
     ----------
     names
-        Names of the steps that are meant; all by default.
+        Names of methods, data sets and scorers, and of preparation; empty for all.
     quick
-        Whether those of a quick run alone are meant, which simulates no scan.
+        Whether to leave out what a quick run does not use: most methods, and generated data sets.
     """
 
     def is_meant(name: str) -> bool:
@@ -102,7 +103,7 @@ def kernel_uses(names: Collection[str] = (), *, quick: bool = False) -> list[Ker
         uses.append(KernelUse(_preparation(input_), module, partial(_figure, input_)))
     for name, method in by_name("method").items():
         is_of_run = name in QUICK_ROWS or not quick
-        if is_meant(name) and is_of_run and not method.learns:  # which imports its module
+        if is_meant(name) and is_of_run and not method.learns:  # the last test imports the method
             uses.append(KernelUse(name, method.target, partial(_apply, method)))
     for name, known_set in CATALOGUE.items():
         if is_meant(name) and not (quick or known_set.folder):

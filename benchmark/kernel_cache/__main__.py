@@ -19,7 +19,14 @@ _INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str] = ()) -> None:
-    """Compile all kernels, those of a quick run, or those of some names."""
+    """Compile kernels, so that later commands need not.
+
+    Parameters
+    ----------
+    arguments
+        ``--quick`` for those of a quick run alone; names of methods, data sets and scorers for
+        theirs alone; none for all.
+    """
     pin_threads()  # before numerical libraries are imported
     from benchmark.cli.progress import counting
     from benchmark.commands.kernels import kernel_uses
