@@ -11,6 +11,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from typing import ClassVar
 
 from rich import box
@@ -42,7 +43,8 @@ class _Column:
     @property
     def width(self) -> int:
         """Characters of its longest line."""
-        lines = [line for text in (self.heading, *self.cells) for line in text.split("\n")]
+        texts = [self.heading, *self.cells]
+        lines = chain.from_iterable(text.split("\n") for text in texts)
         return max((line.cell_len for line in lines), default=0)
 
 
@@ -52,13 +54,17 @@ class _ScoresElement(TableElement):
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         if self.header is None or self.header.row is None:
             return
-        rows = [] if self.body is None else self.body.rows
         headings = [cell.content for cell in self.header.row.cells]
-        cells = [[row.cells[number].content for row in rows] for number in range(len(headings))]
+        cells = [self._cells_of(number) for number in range(len(headings))]
         names, *scores = [*zip(headings, cells, strict=True)]
         measures = _measures(headings)
         columns = [_column(heading.plain, texts, measures) for heading, texts in scores]
         yield from _tables(_Column(*names), columns, options.max_width)
+
+    def _cells_of(self, number: int) -> list[Text]:
+        """Return the cells of a column, without its heading."""
+        rows = [] if self.body is None else self.body.rows
+        return [row.cells[number].content for row in rows]
 
 
 class TerminalMarkdown(Markdown):
