@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import chain
 from statistics import mode
 from textwrap import fill
 from typing import NamedTuple, TypeVar
@@ -382,8 +383,8 @@ def _pictures(columns: Sequence[_Column], camera: Camera) -> Figure:
         pictures = [_picture(surface, camera, n_pixels, frame) for surface in column.drawn]
         title = fill(column.title, round(_LETTERS_PER_INCH * side))
         panels.append((title, pictures))
-    drawn = [surface for column in columns for surface in column.drawn if surface]
-    has_remarks = any(surface.is_mirrored for surface in drawn)
+    drawn = chain.from_iterable(column.drawn for column in columns)
+    has_remarks = any(surface.is_mirrored for surface in drawn if surface)
     figure = grid(panels, side, _REMARK_HEIGHT if has_remarks else 0.0)
     for number, column in enumerate(columns):
         axes_of_column = figure.axes[number :: len(columns)]
