@@ -7,6 +7,7 @@ import shutil
 from collections import Counter
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ from benchmark.report.figures import (
 from benchmark.report.forms import StoredForms
 from benchmark.report.grids import figure_bytes, write_figure
 from benchmark.report.output import write_files
+from benchmark.report.page_builder import TEMPLATES
 from benchmark.report.pages import report_files
 from benchmark.report.query_pages import Match, kept_pose, nearest_matches
 from benchmark.report.sheets import frame_picture, mesh_picture
@@ -479,6 +481,29 @@ def test_text_has_a_contrast_of_four_and_a_half_in_both_schemes(tmp_path):
     assert {
         name for name in re.findall(r"var\(--(\w+)\)", table) if f"--{name}:" not in site
     } == set()
+
+
+def test_a_folded_overview_hides_rows_that_have_scores_in_hidden_columns_alone():
+    def column(title, *, is_ablation=False):
+        """Return a column of the overview, of a table with one column."""
+        group = SimpleNamespace(title=title)
+        table = SimpleNamespace(is_cross=False, is_ablation=is_ablation)
+        chance = {title: {"DCG": 0.5}}
+        view = SimpleNamespace(
+            columns=[group], table=table, dataset=title, caption=title, chance=chance, marks={}
+        )
+        return title, title, view, group
+
+    scored = SimpleNamespace(means={"DCG": 0.8}, is_rival=lambda: True)
+    cell = SimpleNamespace(method="gps"), scored, False
+    matrix = {
+        "columns": [column("rods"), column("parts", is_ablation=True)],
+        "groups": {"Complete surfaces": 2},
+        "rows": {"Networks": {"in both": [cell, cell], "in the ablation": [None, cell]}},
+    }
+    page = TEMPLATES.get_template("matrix.html").render(matrix=matrix, can_fold=True)
+    rows = re.findall(r'<tr( class="every")?><th scope="row">([^<]*)</th>', page)
+    assert rows == [("", "in both"), (' class="every"', "in the ablation")]
 
 
 def mixed(colour, page, share):
