@@ -44,6 +44,9 @@ _BEGINNING = 200
 #: Digests of files that a process keeps.
 _KEPT_DIGESTS = 2**16
 
+#: First bytes of an array of NumPy, and of an archive of arrays, which may be empty.
+_NUMPY = (b"\x93NUMPY", b"PK\x03\x04", b"PK\x05\x06")
+
 #: Length of the header of a MATLAB file, where in it the order of bytes stands, and the mark of
 #: big-endian machines.
 _MAT_HEADER = 128
@@ -380,6 +383,8 @@ def _reason_of(error: Exception) -> str:
     """Return what an error says, on one line, and its type unless that is a usual one."""
     if isinstance(error, RecursionError):
         return "nested too deeply"
+    if "allow_pickle" in str(error):  # numpy advises to run what a file holds
+        return "it holds objects of Python, not numbers or text"
     text = re.sub(r" <[^<>]* at 0x[0-9a-f]+>", "", str(error))  # an address differs in each run
     text = " ".join(text.split())
     if isinstance(error, ValueError | OSError):
@@ -395,6 +400,8 @@ def load_arrays(content: bytes) -> Any:
     ValueError
         If it is neither, or bytes follow an array.
     """
+    if not content.startswith(_NUMPY):
+        raise ValueError("it is no array of NumPy (.npy), and no archive of arrays (.npz)")
     stream = io.BytesIO(content)
     loaded = np.load(stream, allow_pickle=False)
     if isinstance(loaded, np.ndarray) and stream.read(1):

@@ -201,10 +201,8 @@ def _read(path: Path, n_rows: int, n_columns: int) -> Any:
         content = read_file(path, _LARGEST)
         if content.startswith(_HDF5):
             raise ConfigurationError("it is an HDF5 file, such as MATLAB writes with -v7.3", _HINT)
-        if suffix == ".npy":
-            return load_arrays(content)
-        if suffix == ".npz":
-            return _read_npz(content, n_rows, n_columns)
+        if suffix in (".npy", ".npz"):
+            return _read_arrays(content, n_rows, n_columns)
         if suffix == ".mat":
             return _read_mat(content, n_rows, n_columns)
         # A binary file of the Princeton Shape Benchmark, unless it holds characters of numbers
@@ -214,9 +212,12 @@ def _read(path: Path, n_rows: int, n_columns: int) -> Any:
         return read_text_matrix(content, n_rows, n_columns, _HINT)
 
 
-def _read_npz(content: bytes, n_rows: int, n_columns: int) -> Any:
-    """Return the only matrix of an archive of arrays."""
-    with load_arrays(content) as archive:
+def _read_arrays(content: bytes, n_rows: int, n_columns: int) -> Any:
+    """Return the array of a file of NumPy, or the only matrix of an archive of arrays."""
+    loaded = load_arrays(content)
+    if isinstance(loaded, np.ndarray):
+        return loaded
+    with loaded as archive:
         if sum(part.file_size for part in archive.zip.infolist()) > _LARGEST:
             raise ConfigurationError(f"its arrays hold more than {_LARGEST:,} bytes", _HINT)
         if archive.zip.testzip():

@@ -6,7 +6,9 @@ import functools
 import warnings
 from collections.abc import Mapping
 from dataclasses import replace
+from numbers import Real
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +19,7 @@ from benchmark.commands.form import Form
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, observe, scale_of
 from benchmark.depth.intrinsics import Intrinsics, camera_of
 from benchmark.depth.reading import in_metres
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, DepthError
 from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
@@ -87,14 +89,34 @@ def canonical_form_of_depth(
     """
     maker = method_of_depth(method)
     if not isinstance(intrinsics, Intrinsics):
-        numbers = np.asarray(intrinsics, dtype=np.float64).ravel()
-        intrinsics = camera_of(numbers.tolist())
+        intrinsics = camera_of(_camera_numbers(intrinsics))
+    if scale is not None:
+        _check_positive("scale", scale, "pass the units of the depths per metre")
+    _check_positive("half_width", half_width, "pass metres")
     if mask is not None:
-        mask = np.asarray(mask)
-    values = np.asarray(depth)
+        mask = np.asarray(np.ma.filled(mask, 0))
+    # What is masked has no reading; without a mask of numpy, nothing changes.
+    values = np.asarray(np.ma.filled(depth, 0))
     depths = in_metres(values, scale_of(values, intrinsics, scale))
     observed = observe(depths, intrinsics, mask, up, half_width)
     return form_of_object(observed, maker, half_width=half_width, seed=seed)
+
+
+def _camera_numbers(intrinsics: ArrayLike) -> list[float]:
+    """Return the numbers of a camera in one list; raise ``DepthError`` if they are no numbers."""
+    try:
+        return [float(number) for number in np.asarray(intrinsics, dtype=np.float64).ravel()]
+    except (TypeError, ValueError) as error:
+        problem = f"intrinsics of type {type(intrinsics).__name__} are no numbers"
+        hint = "pass fx, fy, cx, cy, a 3 x 3 matrix, or benchmark.depth.intrinsics.Intrinsics"
+        raise DepthError(problem, hint) from error
+
+
+def _check_positive(name: str, value: Any, hint: str) -> None:
+    """Raise ``DepthError`` unless a parameter is a positive, finite number."""
+    is_number = isinstance(value, Real) and not isinstance(value, bool)
+    if not is_number or not 0 < value < np.inf:
+        raise DepthError(f"{name} is no positive number: {value!r:.40}", hint)
 
 
 @functools.lru_cache(maxsize=8)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from benchmark.datasets.mesh_files import read_surface
 from benchmark.errors import InvalidMesh
 from benchmark.geometry.mesh import Mesh
@@ -39,18 +37,18 @@ def as_mesh(given: Any, faces: Any = None) -> Mesh:
         If a file cannot be read.
     """
     if faces is not None:
-        return Mesh(_array(given), _array(faces))
+        return Mesh(given, faces)
     if isinstance(given, Mesh):
         return given
     if isinstance(given, str | Path):
         return read_surface(Path(given))
     if isinstance(given, tuple | list) and len(given) == 2:
-        return Mesh(_array(given[0]), _array(given[1]))
+        return Mesh(given[0], given[1])
     vertices, triangles = _vertices_and_triangles(given)
     if vertices is None or triangles is None:
         problem = f"a {type(given).__module__}.{type(given).__name__} is no triangle mesh"
         raise InvalidMesh(problem, f"pass {TAKEN}")
-    return Mesh(_array(vertices), _array(triangles))
+    return Mesh(vertices, triangles)
 
 
 def _vertices_and_triangles(given: Any) -> tuple[Any, Any]:
@@ -74,8 +72,3 @@ def _vertices_and_triangles(given: Any) -> tuple[Any, Any]:
     if faces is not None:
         return vertices, faces
     return vertices, getattr(given, "triangles", None)  # Open3D
-
-
-def _array(values: Any) -> Any:
-    """Return values as an array; integers of any width name vertices."""
-    return np.asarray(values)

@@ -19,6 +19,7 @@ from benchmark.commands.external_rows import record_beside, record_of_distances
 from benchmark.commands.plan import plan
 from benchmark.commands.run import records_after, run_plan
 from benchmark.commands.score import score
+from benchmark.datasets.mesh_files import files_beside
 from benchmark.datasets.settings import read_settings
 from benchmark.errors import BenchmarkError, ConfigurationError, check_known
 from benchmark.pipeline.records import Origin, Record
@@ -230,16 +231,29 @@ def _scored_path(folder: Path, facts: Mapping[str, Any]) -> Path:
 
 
 def _check_links(folder: Path) -> None:
-    """Raise ``ConfigurationError`` if a link in the folder of a submission leads out of it.
+    """Raise ``ConfigurationError`` if a submission leads out of its folder, by a link or a mesh.
 
-    A submission is data of somebody else: what it scores must be in it.
+    A submission is data of somebody else: what it scores must be in it, also the files that a mesh
+    names, such as the buffers of glTF.
     """
     inside = os.path.realpath(folder)
     for path in sorted(folder.rglob("*")):
-        target = Path(os.path.realpath(path))  # also of circular links
-        if path.is_symlink() and not target.is_relative_to(inside):
-            problem = f"the link {path.relative_to(folder)} leads out of it"
+        name = path.relative_to(folder)
+        if path.is_symlink() and not _is_inside(path, inside):
+            problem = f"the link {name} leads out of it"
             raise ConfigurationError(problem, "put the file itself in its place")
+        for other in files_beside(path):
+            if not _is_inside(other, inside):
+                problem = f"the mesh {name} names a file that lies outside of it"
+                raise ConfigurationError(problem, "put that file into its folder")
+
+
+def _is_inside(path: Path, folder: str) -> bool:
+    """Return whether a path, of which links are followed, also circular ones, is in a folder."""
+    try:
+        return Path(os.path.realpath(path)).is_relative_to(folder)
+    except ValueError:  # a name that no file can have
+        return False
 
 
 def _check_value(key: str, value: object) -> None:

@@ -48,6 +48,9 @@ _FIRST_INEXACT = 2.0**53
 #: change how words of some languages look.
 _CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f\xad\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
+#: The minus sign of typesetters, which word processors write for a hyphen.
+_MINUS = "\N{MINUS SIGN}"
+
 _ONE_AXIS = "pass one axis of plain values: text, whole numbers, or both"
 _ON_EACH_LINE = "write 'label' or 'name label' on each line"
 _QUOTES = "put labels that hold a separator in quotes"
@@ -395,13 +398,14 @@ def _classes(labels: Sequence[Scalar], names: Sequence[str]) -> list[str]:
 def _check_spellings(classes: Iterable[str]) -> None:
     """Raise ``ConfigurationError`` if two classes are one number in two spellings.
 
-    Such are 7.5 and 7.50, or 1 and 01: nobody can know whether they mean one class.
+    Such are 7.5 and 7.50, or 1 and 01: nobody can know whether they mean one class. The same holds
+    for -01, which may mean that there is no class.
     """
-    first_spelling = dict[float, str]()
+    first_spelling = {float(MISCELLANEOUS): MISCELLANEOUS}
     for name in dict.fromkeys(classes):
         try:
             # For Python, 1_0 is the number 10; as a label, it is a text.
-            number = float(name.replace("_", "?"))
+            number = float(name.replace("_", "?").replace(_MINUS, "-"))
         except ValueError:
             continue
         other = first_spelling.setdefault(number, name)

@@ -92,6 +92,9 @@ MASK_FOLDERS = ("mask", "masks")
 #: Factors that put three channels of up to 16 bits side by side in one number.
 _PLACES_OF_CHANNELS = (1, 2**16, 2**32)
 
+#: Numbers of channels that a mask may have: grey, colours, and colours with opacity.
+_CHANNELS_OF_MASKS = (1, 3, 4)
+
 #: Least number of values of a mask that JPEG or smoothing blurred.
 _FEWEST_GREYS = 7
 
@@ -627,9 +630,7 @@ def _mask_array(content: bytes) -> NDArray[Any]:
     """
     loaded = load_arrays(content)
     if isinstance(loaded, np.ndarray):
-        if loaded.dtype.kind not in "biuf" or loaded.ndim not in (2, 3):
-            problem = f"an array of {loaded.dtype} and shape {loaded.shape} is no mask"
-            raise DepthError(problem, "pass booleans or numbers, shape (height, width)")
+        _check_is_mask(loaded)
         _check_size(loaded.shape[1], loaded.shape[0])
         return loaded
     with loaded as archive:
@@ -639,6 +640,14 @@ def _mask_array(content: bytes) -> NDArray[Any]:
             raise DepthError(f"the archive holds {listed}", "name the array of the mask 'mask'")
         name = "mask" if "mask" in names else names[0]
         return _mask_array(_member(archive, name))
+
+
+def _check_is_mask(mask: NDArray[Any]) -> None:
+    """Raise ``DepthError`` unless an array may be a mask: numbers, grey or in colours."""
+    is_image = mask.ndim == 2 or (mask.ndim == 3 and mask.shape[2] in _CHANNELS_OF_MASKS)
+    if not is_image or mask.dtype.kind not in "biuf":
+        problem = f"an array of {mask.dtype} and shape {mask.shape} is no mask"
+        raise DepthError(problem, "pass booleans or numbers, shape (height, width)")
 
 
 def _object(mask: NDArray[Any]) -> Mask:
@@ -653,8 +662,9 @@ def _object(mask: NDArray[Any]) -> Mask:
     Raises
     ------
     DepthError
-        If it holds several values, such as the labels of several objects.
+        If it is no image, or holds several values, such as the labels of several objects.
     """
+    _check_is_mask(mask)
     if mask.ndim == 3:
         mask = mask[..., 0] if mask.shape[2] == 1 else _one_channel(mask)
     values = np.unique(mask)
@@ -691,7 +701,7 @@ def _one_channel(mask: NDArray[Any]) -> NDArray[Any]:
     if is_clear_somewhere and is_picture:
         return np.asarray(mask[..., 3])
 
-    is_grey = np.ptp(mask[..., :3], axis=-1).max(initial=0) == 0
+    is_grey = (mask[..., :3] == mask[..., :1]).all()
     if is_grey and not is_clear_somewhere:
         return np.asarray(mask[..., 0])
     return np.asarray(colours)

@@ -244,8 +244,8 @@ class _Items(list[Any]):
     """Objects of one kind by their numbers; Python would count negative ones from the end."""
 
     def __getitem__(self, number: Any) -> Any:
-        if number < 0:
-            raise ValueError(f"it names an object {number}")
+        if type(number) is not int or not 0 <= number < len(self):
+            raise ValueError(f"it names an object {number!r:.40}, and has {len(self)} of its kind")
         return super().__getitem__(number)
 
 
@@ -268,7 +268,7 @@ class _File:
         UnreadableMesh
             If a node is posed by a skin or by morph targets.
         """
-        nodes = self._tree.get("nodes", [])
+        nodes = self._tree.get("nodes", _Items())
         for number, transform in _placed(nodes, self._roots(nodes)).items():
             node = nodes[number]
             mesh: dict[str, Any] = {"primitives": []}

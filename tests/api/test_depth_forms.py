@@ -74,6 +74,56 @@ def test_what_cannot_be_used_is_named(camera, method, message):
         canonical_form_of_depth(depths, camera, mask, method)
 
 
+def test_masked_pixels_have_no_reading_and_are_not_on_the_object(given):
+    millimetres, mask, wanted = given
+    for depths in (millimetres, millimetres / 1000):
+        unread = canonical_form_of_depth(np.where(mask, depths, 0), CAMERA, None, "identity")
+        frame = np.ma.masked_array(depths, ~mask)
+        form = canonical_form_of_depth(frame, CAMERA, None, "identity")
+        np.testing.assert_array_equal(form.vertices, unread.vertices)
+    everywhere = np.ma.masked_array(np.ones(mask.shape, np.uint8), ~mask)
+    form = canonical_form_of_depth(millimetres, CAMERA, everywhere, "identity")
+    np.testing.assert_array_equal(form.vertices, wanted.vertices)
+
+
+@pytest.mark.parametrize("kind", [bool, np.uint8, float])
+@pytest.mark.parametrize("n_channels", [1, 3, 4])
+def test_a_mask_has_one_channel_or_colours_of_any_type(given, kind, n_channels):
+    millimetres, mask, wanted = given
+    coloured = np.repeat(mask[..., np.newaxis], n_channels, axis=2).astype(kind)
+    form = canonical_form_of_depth(millimetres, CAMERA, coloured, "identity")
+    np.testing.assert_array_equal(form.vertices, wanted.vertices)
+
+
+#: Arguments that are nothing of the kind, and what the error says.
+OF_OTHER_TYPES = {
+    "the text of a camera": ({"intrinsics": "262.5,262.5,159.5,119.5"}, "of type str are no num"),
+    "a camera by names": ({"intrinsics": {"fx": 262.5}}, "of type dict are no numbers"),
+    "complex numbers": ({"intrinsics": [1j, 1, 1, 1]}, "of type list are no numbers"),
+    "a scale in text": ({"scale": "1000"}, "scale is no positive number: '1000'"),
+    "two scales": ({"scale": [1000, 1000]}, "scale is no positive number"),
+    "no scale": ({"scale": 0}, "scale is no positive number: 0"),
+    "truth as scale": ({"scale": True}, "scale is no positive number: True"),
+    "a width in text": ({"half_width": "1"}, "half_width is no positive number: '1'"),
+    "no width": ({"half_width": np.nan}, "half_width is no positive number: nan"),
+    "a width below zero": ({"half_width": -1.0}, "half_width is no positive number"),
+    "the name of a mask": ({"mask": "mask.png"}, r"shape \(\) is no mask"),
+    "a mask of two channels": ({"mask": np.ones((240, 320, 2))}, "240, 320, 2.* is no mask"),
+    "a mask with the channel first": ({"mask": np.ones((1, 240, 320))}, "is no mask"),
+    "a complex mask": ({"mask": np.ones((240, 320)) + 0j}, "complex128.* is no mask"),
+}
+
+
+@pytest.mark.parametrize("case", OF_OTHER_TYPES)
+def test_arguments_of_another_type_are_named(case):
+    arguments, problem = OF_OTHER_TYPES[case]
+    with pytest.raises(DepthError, match=problem) as caught:
+        canonical_form_of_depth(
+            small_frame()[0], method="identity", **{"intrinsics": CAMERA} | arguments
+        )
+    assert caught.value.hint
+
+
 def test_a_larger_frame_holds_larger_objects():
     depths, mask = small_frame()
     grown = canonical_form_of_depth(1.6 * depths, CAMERA, mask, "identity", half_width=2.0)

@@ -56,6 +56,17 @@ def test_a_path_is_a_mesh_and_names_its_form(tmp_path):
     assert len(form.vertices) == ROD.n_vertices
 
 
+@pytest.mark.parametrize("what", ["vertices", "faces"])
+def test_masked_values_of_a_mesh_are_no_values(what):
+    arrays = {"vertices": ROD.vertices, "faces": ROD.faces}
+    arrays[what] = np.ma.masked_array(arrays[what], arrays[what] == arrays[what][1, 1])
+    for given in (tuple(arrays.values()), SimpleNamespace(**arrays)):
+        with pytest.raises(InvalidMesh, match=what):
+            benchmark.canonicalise(given, method="identity")
+    with pytest.raises(InvalidMesh, match=what):
+        benchmark.canonicalise(*arrays.values(), method="identity")
+
+
 @pytest.mark.parametrize(
     "given",
     [trimesh.PointCloud(ROD.vertices), trimesh.Scene(), object(), {}, 3],

@@ -4,6 +4,7 @@ something is missing.
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
@@ -145,6 +146,31 @@ def test_a_link_that_leads_out_of_a_submission_is_refused(submit, tmp_path, plac
     link.symlink_to(outside)
     (note,) = submitted_rows("submissions", "results").notes
     assert f"the link {place} leads out of it" in note
+
+
+def write_gltf(folder, buffer):
+    """Write a form that names a buffer into a submission."""
+    forms = folder / "forms"
+    forms.mkdir()
+    tree = {"asset": {"version": "2.0"}, "buffers": [{"uri": buffer, "byteLength": 0}]}
+    (forms / "cat0.gltf").write_text(json.dumps(tree))
+
+
+@pytest.mark.parametrize(
+    "buffer",
+    ["../../../outside.bin", "..%2F..%2F..%2Foutside.bin", "/dev/null", "a%00b"],
+)
+def test_a_mesh_that_names_a_file_outside_of_a_submission_is_refused(submit, buffer):
+    folder = submit()
+    write_gltf(folder, buffer)
+    (note,) = submitted_rows("submissions", "results").notes
+    assert "the mesh forms/cat0.gltf names a file that lies outside of it" in note
+
+
+def test_a_mesh_may_name_a_file_of_its_submission(submit):
+    folder = submit()
+    write_gltf(folder, "../buffers/cat0.bin")
+    assert not submitted_rows("submissions", "results").refused
 
 
 @pytest.mark.parametrize("target", ["../mine/circle", "../nowhere", "/dev/zero", ".."])

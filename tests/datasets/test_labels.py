@@ -186,6 +186,12 @@ NO_OBJECTS = {
     "lists by name": ({"s0": ["a", "b"], "s1": ["a", "b"]}, r"array of shape \(2, 2\)"),
     "a number in two spellings": ([7.5, "7.50", *WORDS[2:]], "'7.5' and '7.50' may be one class"),
     "a leading zero": (["1", "01", *WORDS[2:]], "'1' and '01' may be one class"),
+    "no class in another spelling": (["-01", "-01", *WORDS[2:]], "'-1' and '-01' may be one class"),
+    "no class by an exponent": (["-1e0", "-1e0", *WORDS[2:]], "'-1' and '-1e0' may be one class"),
+    "no class with another minus": (
+        ["\N{MINUS SIGN}1", "\N{MINUS SIGN}1", *WORDS[2:]],
+        "'-1' and '\N{MINUS SIGN}1' may be one class",
+    ),
     "an exponent": (["100", "1e2", *WORDS[2:]], "'100' and '1e2' may be one class"),
 }
 

@@ -236,11 +236,13 @@ def test_a_mask_is_read_from_an_array(tmp_path: Path, kind: type) -> None:
     ("array", "said"),
     [
         (np.array([["a"]]), "an array of <U1 and shape .1, 1. is no mask; pass booleans"),
+        (np.ones((9, 9, 2)), "an array of float64 and shape .9, 9, 2. is no mask; pass booleans"),
+        (np.ones((1, 9, 9), bool), "an array of bool and shape .1, 9, 9. is no mask"),
         (np.ones(5), "an array of float64 and shape .5,. is no mask"),
         (np.zeros((4097, 1), dtype=bool), "1 x 4097 pixels are more than"),
         (np.arange(12.0).reshape(3, 4), "the mask holds 1, 2, 3, 4 ..., not one object"),
         (np.array([[0, np.nan], [1, 1]]), "the mask holds 1, nan, not one object"),
-        (np.array([[None]]), "not a readable mask: Object arrays cannot be loaded"),
+        (np.array([[None]]), "not a readable mask: it holds objects of Python"),
     ],
 )
 def test_an_array_that_is_no_mask_is_named(tmp_path: Path, array: np.ndarray, said: str) -> None:

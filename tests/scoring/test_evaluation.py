@@ -458,8 +458,23 @@ def test_pickles_are_not_read(tmp_path):
     np.save(tmp_path / "m.npy", np.array([[{}]], dtype=object), allow_pickle=True)
     np.savez(tmp_path / "m.npz", distances=np.array([[print]], dtype=object))
     for name in ("m.npy", "m.npz"):
-        with pytest.raises(ConfigurationError, match="not a readable matrix of distances"):
+        with pytest.raises(ConfigurationError, match="it holds objects of Python") as caught:
             score(tmp_path / name, LABELS)
+        assert "allow_pickle" not in str(caught.value)
+
+
+@pytest.mark.parametrize("suffix", [".npy", ".npz"])
+def test_the_first_bytes_say_whether_a_file_is_an_array_or_an_archive(suffix, tmp_path):
+    path = tmp_path / f"m{suffix}"
+    for save in (np.save, np.savez):
+        with path.open("wb") as file:
+            save(file, D)
+        assert score(path, LABELS).scores.equals(score(D, LABELS).scores)
+    for content in (b"\x89PNG", b"0 1\n1 0\n", b"\x80\x04N."):
+        path.write_bytes(content)
+        with pytest.raises(ConfigurationError, match=r"it is no array of NumPy") as caught:
+            score(path, LABELS)
+        assert "allow_pickle" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
