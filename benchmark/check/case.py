@@ -118,11 +118,18 @@ class Case:
         bend
             How far the figure is bent.
         mesh
-            A mesh to take in place of the figure.
+            A mesh to take in place of the figure. A depth image, if the method reads them, still
+            shows the figure.
         seed
             Seed of random choices.
         name
-            Identifier of the shape.
+            First word of the identifier; ``bend`` follows.
+
+        Returns
+        -------
+        Shape
+            The figure. Its ``source_area`` is not its area: it grows with ``bend``, so that figures
+            differ for methods that compare areas.
         """
         depth = None
         if self.reads_images:  # a network needs a depth image, too
@@ -134,7 +141,7 @@ class Case:
             identifier=f"{name} {bend}",
             mesh=mesh,
             depth=depth,
-            # Bending preserves the area. Methods that compare areas need different ones.
+            # Bending itself preserves the area.
             source_area=(1 + bend) * mesh.area,
             seed=seed,
         )

@@ -87,7 +87,7 @@ def neighbours(seen: Mask, direction: tuple[int, int]) -> tuple[IntArray, IntArr
     Parameters
     ----------
     seen
-        Pixels with a reading, shape (h, w).
+        Pixels with a reading, shape (h, w), neither of them 0.
     direction
         Steps down, not negative, and to the right: (0, 1) for pairs in a row.
 
@@ -99,8 +99,9 @@ def neighbours(seen: Mask, direction: tuple[int, int]) -> tuple[IntArray, IntArr
     height, width = seen.shape
     numbers = np.arange(seen.size).reshape(seen.shape)
     is_open = seen.copy()  # pixels whose neighbour is not found yet
-    first = []
-    second = []
+    # An image of one row, or of one column, has no pairs in some directions.
+    first = [numbers[:0, 0]]
+    second = [numbers[:0, 0]]
     for distance in range(1, NEIGHBOUR_GAP + 2):
         down = distance * direction[0]
         right = distance * direction[1]

@@ -294,7 +294,8 @@ def _signs_of_pieces(
     """Return -1 for each piece that must be turned as a whole, and 1 for the others.
 
     A closed piece with a volume is turned to face outwards. Any other piece is turned so that most
-    of its area is oriented as before.
+    of its area is oriented as before. A piece counts as closed if its borders are together no
+    longer than the root of its area.
 
     Parameters
     ----------
@@ -315,14 +316,15 @@ def _signs_of_pieces(
     """
     edges = mesh.edges
     starts, ends = sides_of(mesh.faces)
-    # Lengths of the borders of the pieces.
+    # Lengths of the borders of the pieces: an edge of one triangle is on a border. The three sides
+    # of a triangle have consecutive numbers.
     rim = edges.grouped_sides[edges.first[edges.counts == 1]]
     lengths = np.linalg.norm(mesh.vertices[starts[rim]] - mesh.vertices[ends[rim]], axis=1)
     border = np.bincount(piece[rim // 3], lengths, len(areas))
     is_closed = border <= np.sqrt(areas)
 
     # By the divergence theorem, the flux of the position through a closed surface is three times
-    # its volume, with the sign of its orientation.
+    # its volume, with the sign of its orientation. Normals are as long as twice the area.
     middles = mesh.vertices[mesh.faces].mean(axis=1)
     centres = weighted_means(middles, mesh.face_areas, piece)
     fluxes = np.einsum("fk,fk->f", middles - centres[piece], mesh.face_normals)

@@ -207,10 +207,11 @@ def play_galleries(
 
 
 def _grouped(records: Iterable[Record], forms: StoredForms) -> list[list[Record]]:
-    """Return the records whose forms are stored here, one list for each gallery.
+    """Return the records of each gallery of which a shape is stored here, a list for each.
 
     A list has one record for each method, if possible of complete surfaces rather than views. The
-    shapes themselves come first, records of views last.
+    shapes themselves come first, records of views last. The first shape of each record stands for
+    all of its shapes.
     """
     groups: dict[str, dict[str, Record]] = {}  # by gallery and method
     for record in filter(_has_forms, records):

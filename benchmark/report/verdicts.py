@@ -41,7 +41,7 @@ from benchmark.report.table_view import TableView
 TOLERANCE = 0.05
 
 
-def classical_figures(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame] | None:
+def classical_scores(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame] | None:
     """Return the scores of classical methods in Table III of the paper, and ours.
 
     Parameters
@@ -390,7 +390,7 @@ def verdicts_markdown(views: Sequence[TableView]) -> str:
     if not any(view.table in TABLES for view in views):
         return ""
     lines = [f"**What holds up in the paper.** {views[0].scored_by.note}", ""]
-    figures = classical_figures(views)
+    figures = classical_scores(views)
     tosca = table_of_tosca(views)
     if figures and tosca:
         lines += _lines_of_figures(tosca, *figures)
@@ -409,7 +409,7 @@ def _lines_of_figures(tosca: TableView, printed: DataFrame, ours: DataFrame) -> 
     tosca
         Our table of TOSCA, which names the data.
     printed, ours
-        From :func:`classical_figures`: methods by measures.
+        From :func:`classical_scores`: methods by measures.
     """
     near = is_near(printed.to_numpy(), ours.to_numpy())
     words = (

@@ -113,10 +113,12 @@ class PlannedFiles:
         Raises
         ------
         CodeChanged
-            If a file differs, is new or is missing.
+            If a file differs, is new or is missing, or changes during the check.
         """
         last = self._confirmed
         if last is not None and not last.changes() and not last.has_new_files():
+            # Contents of files that were written long ago need no more comparisons: another change
+            # would be seen by its time.
             last.forget_settled()
             return last
         snapshot = _Snapshot(self._files())

@@ -8,7 +8,7 @@ import trimesh
 
 from benchmark.depth.frame import UPRIGHT, observe, unprojected
 from benchmark.depth.intrinsics import Intrinsics
-from benchmark.depth.neighbours import on_surface
+from benchmark.depth.neighbours import DIRECTIONS, neighbours, on_surface
 from benchmark.depth.segmentation import background_planes
 from benchmark.errors import DepthError
 from benchmark.geometry.depth import render_depth
@@ -16,6 +16,24 @@ from benchmark.geometry.mesh import Mesh
 from tests.depth.scenes import KINECT, Scene, figure, frame, measured, overlap
 
 TALL = np.ptp(figure().vertices[:, 2])
+
+
+@pytest.mark.parametrize(
+    ("shape", "n_pairs"),
+    [
+        ((1, 5), [4, 0, 0, 0]),
+        ((5, 1), [0, 4, 0, 0]),
+        ((1, 1), [0, 0, 0, 0]),
+        ((2, 2), [2, 2, 1, 1]),
+    ],
+)
+def test_images_of_one_row_or_column_have_neighbours_along_it_alone(
+    shape: tuple[int, int], n_pairs: list[int]
+) -> None:
+    seen = np.ones(shape, dtype=bool)
+    pairs = [neighbours(seen, direction) for direction in DIRECTIONS]
+    assert [len(first) for first, _ in pairs] == n_pairs
+    assert [len(second) for _, second in pairs] == n_pairs
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ from benchmark.report.rivals import compare_rivals
 from benchmark.report.rows import RowScores
 from benchmark.report.table_view import TableView
 from benchmark.report.tables import table_views
-from benchmark.report.verdicts import TOLERANCE, claims, classical_figures, is_near
+from benchmark.report.verdicts import TOLERANCE, claims, classical_scores, is_near
 
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "explanation" / "reproduction.md"
@@ -168,7 +168,7 @@ def orders(printed: pd.DataFrame, ours: pd.DataFrame) -> tuple[pd.Series, pd.Dat
 
 
 def test_1_the_order_is_much_the_papers_in_dcg_and_ft(every_view):
-    printed, ours = classical_figures(every_view)
+    printed, ours = classical_scores(every_view)
     observed, possible = orders(printed, ours)
     assert len(possible) == 40_320
     alone = (possible >= observed - 1e-9).mean()
@@ -195,7 +195,7 @@ def test_1_the_order_is_much_the_papers_in_dcg_and_ft(every_view):
 
 
 def test_2_scores_agree_little_better_than_shuffled_ones(every_view):
-    printed, ours = (frame.to_numpy() for frame in classical_figures(every_view))
+    printed, ours = (frame.to_numpy() for frame in classical_scores(every_view))
     near = is_near(printed[:, None], ours).sum(axis=2)
     shuffled = near[range(8), [*permutations(range(8))]].sum(axis=1)
     reached = near.trace()

@@ -20,7 +20,7 @@ from benchmark.report.formats import markdown
 from benchmark.report.notation import hundredths
 from benchmark.report.notes import table_notes
 from benchmark.report.tables import table_views
-from benchmark.report.verdicts import classical_figures, is_near
+from benchmark.report.verdicts import classical_scores, is_near
 from tests.pages.test_claims import PAGE as PAGE_OF_CLAIMS
 from tests.pages.test_docs import PAGES
 from tests.verbs import call
@@ -140,7 +140,7 @@ def scores(views, rows):
 @pytest.fixture(scope="module")
 def judged(every_view, views, rows):
     """What else follows from records."""
-    printed, ours = (frame.to_numpy() for frame in classical_figures(every_view))
+    printed, ours = (frame.to_numpy() for frame in classical_scores(every_view))
     near = is_near(printed[:, None], ours).sum(axis=2)
     orders = [*permutations(range(len(CLASSICAL)))]
     forms = [

@@ -11,7 +11,7 @@ from benchmark.report.tables import table_views
 from benchmark.report.verdicts import (
     _reproduced_by_chance,
     assess,
-    classical_figures,
+    classical_scores,
     is_near,
     verdicts_markdown,
 )
@@ -25,7 +25,7 @@ def test_a_figure_is_reproduced_up_to_five_hundredths_and_a_row_that_is_incomple
     }
     rows = [record(name, nn[name], dataset="tosca") for name in CLASSICAL]
     rows[0] = record(CLASSICAL[0], 0.74, dataset="tosca", unsupported=[("cat0", "too thin")])
-    printed, ours = classical_figures(table_views(rows))
+    printed, ours = classical_scores(table_views(rows))
     assert list(is_near(printed, ours).NN) == [False, *[True] * 6, False]
     assert list(is_near(np.array([0.9, 0.9]), np.array([0.85, 0.8499]))) == [True, False]
     assert "|GPS|.71 .76 =|" in verdicts_markdown(table_views(rows))
@@ -34,7 +34,7 @@ def test_a_figure_is_reproduced_up_to_five_hundredths_and_a_row_that_is_incomple
 
 def test_figures_are_judged_on_tosca_alone():
     on_stand_in = [record(name, 0.5, dataset="animals", stand_in_for="tosca") for name in CLASSICAL]
-    assert classical_figures(table_views(on_stand_in)) is None
+    assert classical_scores(table_views(on_stand_in)) is None
     assert "Table III" not in verdicts_markdown(table_views(on_stand_in))
 
 
