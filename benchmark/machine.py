@@ -1,4 +1,4 @@
-"""Cores and memory of a process, and its limit of one thread.
+"""Cores and memory of a process, its limit of one thread, and copies of it.
 
 Results must not depend on the number of threads.
 """
@@ -8,7 +8,8 @@ from __future__ import annotations
 import os
 import platform
 import sys
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path, PurePosixPath
 
@@ -114,3 +115,21 @@ def memory_limit() -> float:
             with suppress(OSError, ValueError):  # without a limit it says "max"
                 limit = min(limit, float(file.read_text(encoding="ascii")))
     return limit
+
+
+@contextmanager
+def copies_end() -> Iterator[None]:
+    """End here each copy of this process that the code within has forked, and that comes back.
+
+    Such a copy would go on with the program: it would answer in the place of this process, and
+    write into the same files.
+    """
+    process = os.getpid()
+    try:
+        yield
+    finally:
+        if os.getpid() != process:
+            with suppress(Exception):  # the code may have closed it
+                sys.stderr.write("a process that was forked did not end: call os._exit in it\n")
+                sys.stderr.flush()
+            os._exit(1)

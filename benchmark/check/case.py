@@ -19,6 +19,7 @@ from benchmark.api.parameters import checked, parameter_values
 from benchmark.check.shapes import BENDS, figure, view
 from benchmark.errors import BenchmarkError, ShapeError, UnsupportedShape, locate
 from benchmark.geometry.mesh import read_only
+from benchmark.machine import copies_end
 from benchmark.pipeline.outputs import (
     compute_descriptor,
     compute_distances,
@@ -196,11 +197,12 @@ class Case:
 
     def _answer(self, created: Any, shape: Shape) -> Any:
         """Return what an object returns for a shape."""
-        if self.is_scorer:
-            return compute_signature(created, shape.mesh)
-        if self.component.describes:
-            return compute_descriptor(created, shape)
-        return compute_form(created, shape).vertices
+        with copies_end():
+            if self.is_scorer:
+                return compute_signature(created, shape.mesh)
+            if self.component.describes:
+                return compute_descriptor(created, shape)
+            return compute_form(created, shape).vertices
 
 
 @contextmanager

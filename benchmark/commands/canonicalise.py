@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,17 @@ from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.views import fit_frame, prepare_view
 from benchmark.protocols.models import people_training
 from benchmark.registry import Component, select, select_one
+
+#: Fewest vertices to which a surface is simplified: those of a tetrahedron.
+_FEWEST_VERTICES = 4
+
+
+def _check_size(n_vertices: Any) -> None:
+    """Raise ``ConfigurationError`` unless a number of vertices is whole and that of a surface."""
+    is_whole = isinstance(n_vertices, Integral) and not isinstance(n_vertices, bool)
+    if not is_whole or n_vertices < _FEWEST_VERTICES:
+        problem = f"n_vertices is {n_vertices!r:.40}"
+        raise ConfigurationError(problem, f"pass a whole number of at least {_FEWEST_VERTICES}")
 
 
 def canonicalise(
@@ -79,6 +91,7 @@ def canonicalise(
         raise ConfigurationError(
             "the faces of a mesh are no method", "name the method: method='gps'"
         )
+    _check_size(n_vertices)
     maker = form_maker(select([method])[0])
     mesh = as_mesh(vertices, faces)
     name = Path(vertices).stem if isinstance(vertices, str | Path) else "shape"

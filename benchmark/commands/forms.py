@@ -23,6 +23,7 @@ from benchmark.errors import ConfigurationError, DepthError
 from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
+from benchmark.machine import copies_end
 from benchmark.pipeline.outputs import compute_form
 from benchmark.pipeline.surfaces import PREPARED_VERTICES
 from benchmark.protocols.models import people_training, with_model
@@ -251,7 +252,8 @@ def form_with_notes(maker: Method, shape: Shape, first: Mapping[str, float | str
     first
         Further notes by name, which stand before those of the method.
     """
-    form = compute_form(maker, shape)
+    with copies_end():
+        form = compute_form(maker, shape)
     notes = dict(first)
     for name, note in form.notes.items():
         notes[name] = str(note) if isinstance(note, str) else float(note)

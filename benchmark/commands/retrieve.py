@@ -325,7 +325,8 @@ class _Prepared:
 
 def _is_file(entry: Entry, path: Path) -> bool:
     """Return whether a shape is read from a file."""
-    return bool(entry.path and entry.path.exists() and entry.path.samefile(path))
+    are_there = entry.path and entry.path.exists() and path.exists()
+    return bool(entry.path and are_there and entry.path.samefile(path))
 
 
 def _finished(

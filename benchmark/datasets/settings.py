@@ -71,7 +71,7 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
     chosen = canonical_poses(values.get("canonical_pose", {}), shapes.shapes, path)
     changes: dict[str, Any] = {
         "canonical_poses": {**shapes.canonical_poses, **chosen},
-        "stand_in_for": str(values.get("stand_in_for", shapes.stand_in_for)),
+        "stand_in_for": _replaced_set(values.get("stand_in_for", shapes.stand_in_for), path),
     }
     if "half_width" in values:
         changes["half_width"] = positive(values["half_width"], "half_width", path)
@@ -254,11 +254,26 @@ def _camera(value: Any, up: str, path: Path) -> Camera:
     check_known(f"key of a camera in {path}", value, ("direction", "up"))
     default = (0.0, 1.0, 0.0) if up == "y" else (0.0, 0.0, 1.0)
     try:
-        x, y, z = value["direction"]
-        a, b, c = value.get("up", default)
+        x, y, z = _three(value["direction"])
+        a, b, c = _three(value.get("up", default))
         return Camera((float(x), float(y), float(z)), (float(a), float(b), float(c)))
     except (TypeError, ValueError, OverflowError, ConfigurationError) as error:
         raise DatasetError(f"{path}: {error}", hint) from error
+
+
+def _three(direction: Any) -> Sequence[Any]:
+    """Return a direction; raise ``ConfigurationError`` unless it is a list of three."""
+    if isinstance(direction, list | tuple) and len(direction) == 3:
+        return direction
+    raise ConfigurationError(f"{direction!r:.60} is no direction of three numbers")
+
+
+def _replaced_set(value: Any, path: Path) -> str:
+    """Return the name of the set that shapes replace; raise ``DatasetError`` if it is no text."""
+    if isinstance(value, str):
+        return value
+    problem = f"{path}: stand_in_for is {value!r:.60}"
+    raise DatasetError(problem, "write the name of a data set in quotes, or remove it")
 
 
 def _y_up(camera: Camera) -> Camera:

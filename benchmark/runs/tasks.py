@@ -36,6 +36,7 @@ from typing import Any, NamedTuple
 from benchmark.api.contracts import Input, Shape
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
+from benchmark.machine import copies_end
 from benchmark.pipeline import forms
 from benchmark.pipeline.cache import RUNS, Cache, CachedFile, Stage, StorageError
 from benchmark.pipeline.outputs import compute_output, make_distance_check, sign
@@ -462,7 +463,7 @@ class Work:
             If a plugin reads what it does not declare.
         """
         # A method may change the working folder for itself alone.
-        with self._context.unchanged(step), chdir("."), _watching(step):
+        with self._context.unchanged(step), chdir("."), _watching(step), copies_end():
             yield
 
     def _read(self, step: Step, stage: Stage) -> Arrays:

@@ -13,6 +13,7 @@ import pytest
 
 from benchmark.pipeline.record_files import read_records
 from tests.toy import SMALL_SCORER, write_rods
+from tests.verbs import call
 
 POISON = """
 import ctypes
@@ -91,3 +92,38 @@ def test_rows_of_the_suite_are_those_of_an_undisturbed_run(tmp_path, monkeypatch
             subprocess.run([*command, *methods, *where], check=True)
     clean, disturbed = figures(Path("clean")), figures(Path("results"))
     assert {name: disturbed[name] for name in clean} == clean
+
+
+#: Methods that fork, and let the copy return from the method, as a value or by an error.
+FORKS = """import os
+
+from benchmark.api import canonical_form
+
+def forks(shape):
+    copy = os.fork()
+    if not copy:
+        return shape.mesh.vertices ** 3
+    os.waitpid(copy, 0)
+    return shape.mesh.vertices
+
+def fails(shape):
+    copy = os.fork()
+    if not copy:
+        raise ValueError("the copy")
+    os.waitpid(copy, 0)
+    return shape.mesh.vertices
+
+forks, fails = (canonical_form(name=f.__name__, title=f.__name__)(f) for f in (forks, fails))
+"""
+
+
+@pytest.mark.parametrize("method", ["forks", "fails"])
+def test_a_copy_of_a_process_that_a_method_forks_answers_nothing(tmp_path, capfd, method):
+    rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    (tmp_path / "forking.py").write_text(FORKS)
+    chosen = ("-d", rods, "--input", "mesh", "--scorer", SMALL_SCORER, "-j", 1)
+    plugin = ("-m", method, "-m", "identity", "--plugin", tmp_path / "forking.py")
+    call("run", *chosen, *plugin, "--results", tmp_path / "results")
+    scores = {record.method: record.scores for record in read_records(tmp_path / "results")}
+    assert scores[method] == scores["identity"] != {}
+    assert "a process that was forked did not end: call os._exit in it" in capfd.readouterr().err
