@@ -22,7 +22,7 @@ from benchmark.report.columns import PRINTED_SCORES, QUANTITIES
 from benchmark.report.record_facts import chosen_records, row_of
 from benchmark.report.table_view import TableView
 from benchmark.report.tables import table_views
-from benchmark.text import brief, counted
+from benchmark.text import brief, counted, listed
 
 
 def as_list(values: Any) -> list[Any]:
@@ -166,7 +166,11 @@ class RecordSelection:
         if full and not self.quick:
             records = full
 
-        notes = [*self._of_other_scorers(of_input), *self._of_quick_runs(full, quick)]
+        notes = [
+            *self._of_other_scorers(of_input),
+            *self._of_quick_runs(full, quick),
+            *self._of_missing_methods(records),
+        ]
         if not records:
             raise self._no_records(notes)
         if failed:
@@ -207,6 +211,19 @@ class RecordSelection:
                 f"left out, as it fails in every job: {method}: {reason}; --failed shows it"
             )
         return SelectedRecords(shown, notes)
+
+    def _of_missing_methods(self, records: Sequence[Record]) -> list[str]:
+        """Say which methods are named that have no job in the selection."""
+        if not are_named(self.methods):
+            return []
+        missing = [
+            method
+            for method in self.methods
+            if not any(is_of_methods(record, [method]) for record in records)
+        ]
+        if not missing:
+            return []
+        return [f"no finished job of {listed(missing)}: run it, or see 'list methods' for its name"]
 
     def _no_records(self, notes: Sequence[str]) -> ConfigurationError:
         """Return an error that says that there is no record, and how to get some."""

@@ -181,3 +181,9 @@ def test_python_warns_of_a_data_set_that_is_refused(folders):
     with pytest.warns(UserWarning, match="one class is refused: "):
         jobs = benchmark.run(data, "surface-area", results=folders / "results")
     assert jobs.status.tolist() == ["ok"]
+
+
+def test_a_named_method_without_a_job_is_named_beside_the_table():
+    said = call("tables", "-t", "III", "-m", "gps", "-m", "gsp", "-m", "identity", "--published")
+    assert "no finished job of gsp: run it, or see 'list methods' for its name" in said
+    assert "no finished job" not in call("tables", "-t", "III", "-m", "gps", "--published")

@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 import benchmark
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, UnreadableMesh
 from tests.runs.toy import without_processes
 from tests.toy import SMALL_SCORER, rod
 from tests.verbs import call, refusal
@@ -76,3 +76,8 @@ def test_a_gallery_without_forms_is_refused_in_the_words_of_the_verb(gallery, tm
         benchmark.retrieve(query, gallery.data, "gps", results=tmp_path)
     said = refusal("retrieve", "-d", gallery.data, "-m", "gps", "--results", tmp_path, query)
     assert str(error.value).splitlines()[0].split(";")[0] in said.replace("\n", " ")
+
+
+def test_a_query_that_is_not_there_is_named(gallery, tmp_path):
+    with pytest.raises(UnreadableMesh, match=r"none\.off: No such file or directory"):
+        found(tmp_path / "none.off", gallery)
