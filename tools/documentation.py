@@ -79,6 +79,7 @@ NAVIGATION = '<nav aria-label="Tables">'
 EXTRA_PAGES = (
     "*.md",
     "learned/models/README.md",
+    "results/README.md",
     "results/tables/*.md",
     "results/experiments/*.*",
     "results/*/*.png",

@@ -29,6 +29,7 @@ from benchmark.registry import select_one
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import markdown_table
 from benchmark.report.notation import BLANK, hundredths
+from benchmark.report.record_facts import seconds_of
 from benchmark.report.rows import RowScores
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import claims
@@ -177,9 +178,27 @@ NETWORKS = {
     "`learned-streamed`": ("learned-streamed",),
 }
 
+#: Methods of one number or of an outline, as the page on networks calls them.
+CONTROLS = {
+    "`learned-average`: average body in its outline": ("learned-average",),
+    "`learned-flat`: flat body in its outline": ("learned-flat",),
+    "`surface-area`: the visible area": ("surface-area",),
+}
+
+#: Tables of complete surfaces: heading, identifier, data set and column.
+COMPLETE = (
+    ("generated people", "I", "people[draw=0]", "15 subjects"),
+    ("generated scans of people", "II", "humans-scanlike", "ours"),
+    ("real people (FAUST)", "faust", "faust", "mesh"),
+    ("animals and people (TOSCA)", "III", "tosca", "ours"),
+)
+
+#: Methods that the page on choosing compares.
+CHOICES = ("si-hks", "shape-dna", "gps", "mesh-unfolding", "surface-area", "identity")
+
 
 def networks() -> str:
-    """Return a table of the scores of networks on one view, beside the best form and no form."""
+    """Return a table of the scores of networks on one view, beside controls, forms and no form."""
     views = {
         (view.table.identifier, view.dataset): view
         for view in table_views(read_records(RESULTS, local=False))
@@ -192,6 +211,8 @@ def networks() -> str:
         chances.append(hundredths(view.chance[column][MEASURE]))
     body = []
     for title, methods in NETWORKS.items():
+        body.append([title, *(_score_of_network(of_table, methods) for of_table in scores)])
+    for title, methods in CONTROLS.items():
         body.append([title, *(_score_of_network(of_table, methods) for of_table in scores)])
     best = []
     for of_table in scores:
@@ -209,6 +230,31 @@ def _score_of_network(of_table: Mapping[str, RowScores], methods: Sequence[str])
         if row is not None:
             return "seen" if row.seen_classes else hundredths(row.means[MEASURE])
     return BLANK
+
+
+def choices() -> str:
+    """Return a table of scores on complete surfaces, and of the seconds a shape takes."""
+    views = {
+        (view.table.identifier, view.dataset): view
+        for view in table_views(read_records(RESULTS, local=False))
+    }
+    scores = []
+    chances = []
+    for _, table, data, column in COMPLETE:
+        view = views[table, data]
+        scores.append({row.method: row.scored[column] for row in view.rows if column in row.scored})
+        chances.append(hundredths(view.chance[column][MEASURE]))
+    on_tosca = scores[-1]
+    body = []
+    for method in CHOICES:
+        cells = [hundredths(of_table[method].means[MEASURE]) for of_table in scores]
+        (record,) = on_tosca[method].all_records
+        seconds = seconds_of(record)
+        assert seconds is not None
+        body.append([f"`{method}`", *cells, hundredths(seconds)])
+    body.append(["random order", *chances, BLANK])
+    head = ["Method", *(heading for heading, *_ in COMPLETE), "seconds a shape"]
+    return "\n".join(markdown_table(head, body))
 
 
 def experiment(name: str) -> str:
@@ -229,6 +275,7 @@ PARTS: Mapping[str, Callable[[], str]] = {
     "five-shapes": five_shapes,
     "claims-of-the-paper": claims_of_paper,
     "networks": networks,
+    "choices": choices,
     **{f"fails-{method}": partial(fails, method) for method in METHODS},
     **{f"departs-{method}": partial(departs, method) for method in METHODS},
 }

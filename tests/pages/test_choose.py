@@ -8,7 +8,9 @@ from benchmark.commands.compare import compare
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry.known import BUILT_IN
 from benchmark.report.record_facts import seconds_of
+from tests.pages.test_docs import prose
 from tests.pages.test_readme import ROOT, every_view, rows, scores, views  # noqa: F401
+from tests.verbs import VERBS
 
 PAGE = (ROOT / "docs/start/choose.md").read_text(encoding="utf-8")
 
@@ -67,7 +69,31 @@ def test_the_network_of_animals_does_not_differ_significantly(other):
     assert "Not significantly better than `mesh-unfolding`" in PAGE
 
 
+def test_nothing_is_said_of_methods_that_the_robustness_table_does_not_have():
+    table = (ROOT / "results/tables/robustness.md").read_text(encoding="utf-8")
+    assert "SI-HKS" not in table
+    assert "`si-hks` is not among them" in " ".join(PAGE.split())
+
+
+def test_mesh_unfolding_alone_bears_missing_parts_and_others_bear_the_rest():
+    lines = (ROOT / "results/tables/robustness.md").read_text(encoding="utf-8").splitlines()
+    rows_of_table = [line.strip("|").split("|") for line in lines if line.startswith("|")]
+    names = rows_of_table[0][2:]
+    cells = {
+        (row[0], row[1]): dict(zip(names, map(float, row[2:]), strict=True))
+        for row in rows_of_table[2:]
+    }
+    unfolding, others = "Mesh Unfolding", ("GPS", "ShapeDNA")
+    for (change, strength), found in cells.items():
+        if change in ("noise", "remeshing", "resolution"):
+            behind = [name for name in others if found[name] < found[unfolding]]
+            assert behind == (["ShapeDNA"] if (change, strength) == ("noise", "5") else [])
+        if change == "missing-parts":
+            assert all(found[name] < found[unfolding] for name in others)
+
+
 def test_every_method_that_the_page_names_exists():
-    named = {word.partition("[")[0] for word in PAGE.split("`")[1::2]}
-    assert named - {"identity", "surface-area"} <= {*BUILT_IN}
+    named = {word.partition("[")[0] for word in prose(PAGE).split("`")[1::2]}
+    columns = {"s"}
+    assert named - {"identity", "surface-area"} - columns - VERBS.keys() <= {*BUILT_IN}
     assert Path(ROOT / "docs/start/choose.md").is_file()

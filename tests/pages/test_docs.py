@@ -23,6 +23,7 @@ PAGES = [
     *sorted(ROOT.glob("*.md")),
     *DOCS,
     ROOT / "learned/models/README.md",
+    ROOT / "results/README.md",
     ROOT / "results/experiments/README.md",
 ]
 TEXTS = {page: page.read_text(encoding="utf-8") for page in PAGES}

@@ -44,9 +44,10 @@ def test_the_spectral_plugin_breaks_the_contract_until_it_has_area_factors(tmp_p
 
 
 class Camera:
-    """A RealSense that shows one frame of the examples."""
+    """A RealSense that shows nothing in its first second, and then one frame of the examples."""
 
     def __init__(self) -> None:
+        self.n_frames = 0
         lens = {"width": 320, "height": 240, "fx": 262.5, "fy": 262.5, "ppx": 159.5, "ppy": 119.5}
         self.intrinsics = SimpleNamespace(**lens, coeffs=[0.0] * 5)
         self.profile = SimpleNamespace(as_video_stream_profile=lambda: self)
@@ -57,10 +58,12 @@ class Camera:
         return SimpleNamespace(get_device=lambda: device)
 
     def wait_for_frames(self):
+        self.n_frames += 1
         return SimpleNamespace(get_depth_frame=lambda: self)
 
     def get_data(self):
-        return np.asarray(Image.open(KNEELING))
+        frame = np.asarray(Image.open(KNEELING))
+        return frame if self.n_frames > 30 else np.zeros_like(frame)
 
     def stop(self):
         pass
