@@ -10,6 +10,7 @@ from pathlib import Path
 
 from benchmark.api.contracts import Shape
 from benchmark.commands.forms import form_maker, form_with_notes
+from benchmark.commands.selection import as_paths
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import read_surface
 from benchmark.errors import ConfigurationError, ShapeError, naming_file
@@ -94,7 +95,7 @@ def demo(
     output: str | Path = "demo.html",
     *,
     methods: Sequence[str] = (),
-    plugins: Sequence[str | Path] = (),
+    plugins: str | Path | Iterable[str | Path] = (),
     seed: int = 0,
     watched: WatchedForms = iter,
 ) -> Demo:
@@ -200,9 +201,9 @@ def _prepared(shape: DemoShape) -> Arrays:
         return prepare_mesh(shape.mesh)
 
 
-def _method_of_surfaces(name: str, plugins: Sequence[str | Path]) -> Component:
+def _method_of_surfaces(name: str, plugins: str | Path | Iterable[str | Path]) -> Component:
     """Return a method; raise ``ConfigurationError`` if it does not take complete surfaces."""
-    component = select_one(name, [Path(plugin) for plugin in plugins])
+    component = select_one(name, as_paths(plugins))
     if "mesh" not in component.info.inputs:
         problem = f"method '{name}' reads depth views, and the page shows complete surfaces"
         raise ConfigurationError(problem, "choose one that reads meshes")

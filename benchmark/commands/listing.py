@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 from benchmark.api.learning import CARD, read_card
 from benchmark.api.parameters import format_value
 from benchmark.commands.canonicalise import trained_on_people
-from benchmark.commands.selection import RESULTS, data_folder
+from benchmark.commands.selection import RESULTS, as_paths, data_folder
 from benchmark.datasets.catalogue import CATALOGUE, is_present
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.models import MODELS_VARIABLE, model_places
@@ -29,7 +29,7 @@ _Facts = list[dict[str, str]]
 def listing(
     what: KindOfName,
     *,
-    plugins: Sequence[str | Path] = (),
+    plugins: str | Path | Iterable[str | Path] = (),
     results: str | Path = RESULTS,
     data_root: str | Path | None = None,
 ) -> _Facts:
@@ -51,7 +51,7 @@ def listing(
     if what == "models":
         return _models(Path(results))
     kind: Literal["method", "scorer"] = "method" if what == "methods" else "scorer"
-    components = by_name(kind, [Path(path) for path in plugins])
+    components = by_name(kind, as_paths(plugins))
     return [_facts_of(name, component) for name, component in components.items()]
 
 
@@ -62,7 +62,7 @@ def find_component(name: str, plugins: Sequence[Path] = ()) -> Component:
     return select_one(name, plugins, "scorer" if is_scorer else "method")
 
 
-def describe(name: str, plugins: Sequence[str | Path] = ()) -> dict[str, Any]:
+def describe(name: str, plugins: str | Path | Iterable[str | Path] = ()) -> dict[str, Any]:
     """Return the details of a method or a scorer, with its ``parameters`` as text.
 
     Parameters
@@ -77,7 +77,7 @@ def describe(name: str, plugins: Sequence[str | Path] = ()) -> dict[str, Any]:
     ConfigurationError
         If there is no such method or scorer.
     """
-    component = find_component(name, [Path(path) for path in plugins])
+    component = find_component(name, as_paths(plugins))
     return {**details_of(component), "parameters": parameters_of(component)}
 
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from pathlib import Path
+from typing import get_args
 
 from benchmark.commands.selection import RESULTS, as_list
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, check_known
 from benchmark.pipeline.cache import writing
 from benchmark.pipeline.merging import Choice, Merged, merge_records
 
@@ -39,6 +40,8 @@ def merge(
     ConfigurationError
         If a folder holds no records, or a record is in no conflict.
     """
+    if take is not None:
+        check_known("result to take", [take], get_args(Choice))
     if records and not take:
         raise ConfigurationError(
             "--record names a conflict to resolve", "pass --take theirs or ours, too"

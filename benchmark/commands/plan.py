@@ -16,6 +16,9 @@ from benchmark.commands.external_rows import check_forms, forms_of
 from benchmark.commands.selection import (
     RESULTS,
     as_list,
+    as_paths,
+    check_input,
+    check_whole,
     data_folder,
     shadowed_folders,
 )
@@ -217,7 +220,7 @@ def plan(
     tables: str | Sequence[str] = (),
     input: Input | None = None,
     scorer: str = DEFAULT_SCORER,
-    plugins: Iterable[str | Path] = (),
+    plugins: str | Path | Iterable[str | Path] = (),
     forms: Mapping[str, str | Path] | None = None,
     results: str | Path = RESULTS,
     data_root: str | Path | None = None,
@@ -258,6 +261,8 @@ def plan(
         If a data set cannot be used. Of several, those that can are planned, and the errors of the
         others are those of :attr:`Plan.refused`.
     """
+    check_input(input)
+    check_whole("seed", seed, 0)
     sets = [str(name) for name in as_list(data)]
     root = data_folder(data_root)
     of_programs = _forms_as_methods(forms or {}, methods, sets)
@@ -275,7 +280,7 @@ def plan(
         seed=seed,
         rerun=rerun,
         records=records,
-        plugins=[Path(path) for path in plugins],
+        plugins=as_paths(plugins),
         in_this_process=in_this_process,
         tables=as_list(tables),
         input=input,
@@ -328,7 +333,7 @@ def lacking(
     *,
     tables: str | Sequence[str] = (),
     input: Input | None = None,
-    plugins: Iterable[str | Path] = (),
+    plugins: str | Path | Iterable[str | Path] = (),
     results: str | Path = RESULTS,
     data_root: str | Path | None = None,
     quick: bool = False,
@@ -350,10 +355,11 @@ def lacking(
     quick
         Whether a quick run is meant.
     """
+    check_input(input)
     return lacking_models(
         Path(results),
         methods=as_list(methods),
-        plugins=[Path(path) for path in plugins],
+        plugins=as_paths(plugins),
         input=input,
         data_root=data_folder(data_root),
         tables=as_list(tables),

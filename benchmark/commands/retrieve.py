@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,7 +15,13 @@ from benchmark.commands.canonicalise import CameraSettings
 from benchmark.commands.forms import measured_fit, small_for_person
 from benchmark.commands.meshes import as_mesh
 from benchmark.commands.plan import plan
-from benchmark.commands.selection import RESULTS, data_folder
+from benchmark.commands.selection import (
+    RESULTS,
+    as_paths,
+    check_input,
+    check_whole,
+    data_folder,
+)
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.frames import frame_settings
 from benchmark.datasets.mesh_files import read_surface
@@ -149,7 +155,7 @@ def retrieve(
     count: int = 5,
     input: Input | None = None,
     scorer: str = DEFAULT_SCORER,
-    plugins: Sequence[str | Path] = (),
+    plugins: str | Path | Iterable[str | Path] = (),
     results: str | Path = RESULTS,
     data_root: str | Path | None = None,
     seed: int = 0,
@@ -194,9 +200,11 @@ def retrieve(
         If the query cannot be read or prepared, or the method refuses it.
     """
     start = time.perf_counter()
+    check_input(input)
+    check_whole("count", count, 1)
     path = Path(query) if isinstance(query, str | Path) else None
     name = "the query" if path is None else str(query)
-    files = [Path(plugin) for plugin in plugins]
+    files = as_paths(plugins)
     root = data_folder(data_root)
     folder = Path(results)
     component = select_one(method, files)
@@ -295,7 +303,18 @@ class _Prepared:
         return self.of_mesh(read_surface(path))
 
     def of_mesh(self, mesh: Mesh) -> Arrays:
-        """Return a mesh, or its view from the front in the frame of the gallery."""
+        """Return a mesh, or its view from the front in the frame of the gallery.
+
+        Raises
+        ------
+        ConfigurationError
+            If a camera is given: a mesh has none.
+        """
+        if self.camera.is_given:
+            raise ConfigurationError(
+                "the query is a mesh, not a depth image",
+                "omit --intrinsics, --mask and --depth-scale",
+            )
         if self.shapes.input == "mesh":
             return prepare_mesh(mesh)
         return prepare_view(mesh, FRONT, self._half_width())

@@ -19,6 +19,7 @@ from benchmark.api.contracts import Input
 from benchmark.commands.kernels import compile_kernels_of
 from benchmark.commands.plan import Plan, plan
 from benchmark.commands.printable_tables import Tables
+from benchmark.commands.selection import as_paths
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.machine import available_cores
 from benchmark.pipeline.data_names import label_data_sets
@@ -44,7 +45,7 @@ def run(
     *,
     input: Input = "mesh",
     scorer: str = DEFAULT_SCORER,
-    plugins: Iterable[str | Path] = (),
+    plugins: str | Path | Iterable[str | Path] = (),
     results: str | Path = "results",
     data_root: str | Path | None = None,
     quick: bool = False,
@@ -111,7 +112,7 @@ def run(
         methods,
         input=input,
         scorer=scorer,
-        plugins=[Path(path).resolve() for path in plugins],
+        plugins=[path.resolve() for path in as_paths(plugins)],
         results=Path(results).absolute(),
         data_root=data_root,
         quick=quick,

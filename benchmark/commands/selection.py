@@ -15,7 +15,7 @@ from benchmark.errors import ConfigurationError, check_known
 from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.record_files import read_records
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import TABLES, TITLES
+from benchmark.protocols.tables import INPUTS, TABLES, TITLES
 from benchmark.registry import are_named
 from benchmark.registry.names import base_name
 from benchmark.report.columns import PRINTED_SCORES, QUANTITIES
@@ -30,6 +30,37 @@ def as_list(values: Any) -> list[Any]:
     if isinstance(values, list | tuple):
         return list(values)
     return [values]
+
+
+def as_paths(paths: str | Path | Iterable[str | Path]) -> list[Path]:
+    """Return paths, or a single one, as a list."""
+    if isinstance(paths, str | Path):
+        return [Path(paths)]
+    return [Path(path) for path in paths]
+
+
+def check_input(given: Input | None) -> None:
+    """Raise ``ConfigurationError`` unless an input is ``"mesh"``, ``"view"`` or None for both."""
+    if given is not None:
+        check_known("input", [given], INPUTS)
+
+
+def check_whole(name: str, value: object, least: int) -> None:
+    """Raise ``ConfigurationError`` unless the value of an argument is a whole number, large enough.
+
+    Parameters
+    ----------
+    name
+        Name of the argument, for the message.
+    value
+        Its value.
+    least
+        The smallest valid number.
+    """
+    is_whole = isinstance(value, int) and not isinstance(value, bool)
+    if not is_whole or value < least:  # type: ignore[operator]
+        problem = f"{name}={value!r} is no whole number of at least {least}"
+        raise ConfigurationError(problem, f"pass {least} or more")
 
 
 def data_folder(given: str | Path | None = None) -> Path | None:

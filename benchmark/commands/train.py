@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from benchmark.api.learning import Learner
-from benchmark.commands.selection import RESULTS, data_folder
+from benchmark.commands.selection import RESULTS, as_paths, data_folder
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.pairs import data_of_training, trainings_of
 from benchmark.protocols.trainings import own_training
@@ -22,7 +22,7 @@ def train(
     options: Mapping[str, Any] | None = None,
     data: str | Path | None = None,
     hold_out: Sequence[str] = (),
-    plugins: Sequence[str | Path] = (),
+    plugins: str | Path | Iterable[str | Path] = (),
     results: str | Path = RESULTS,
     data_root: str | Path | None = None,
     tell: Callable[[str], None] = say,
@@ -59,7 +59,7 @@ def train(
     ConfigurationError
         If the method does not learn, or an option is unknown.
     """
-    component = select_one(method, [Path(path) for path in plugins])
+    component = select_one(method, as_paths(plugins))
     # A method that can be trained may still lack something else that a learner needs.
     learner: Any = component.create() if component.learns else None
     if not isinstance(learner, Learner):

@@ -1,6 +1,8 @@
 """What the verbs print, Python gets as data, with the same refusals."""
 
 import json
+import re
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -76,6 +78,33 @@ def test_python_refuses_with_the_words_of_the_verb(results, function, words):
     with pytest.raises(BenchmarkError) as refused:
         function(results)
     assert str(refused.value) == refusal(*words, "--results", results)
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (lambda r: benchmark.plan("ellipsoids", "gps", input="Mesh", results=r), "input 'Mesh'"),
+        (lambda r: benchmark.plan("ellipsoids", "gps", seed="a", results=r), "seed='a'"),
+        (lambda r: benchmark.plan("ellipsoids", "gps", seed=1.5, results=r), "seed=1.5"),
+        (lambda r: benchmark.plan("ellipsoids", "gps", seed=True, results=r), "seed=True"),
+        (lambda r: benchmark.plan("ellipsoids", "gps", seed=-1, results=r), "seed=-1"),
+        (lambda r: benchmark.retrieve("a.off", "ellipsoids", "gps", input="x", results=r), "'x'"),
+        (lambda r: benchmark.retrieve("a.off", "ellipsoids", "gps", count=0, results=r), "count=0"),
+        (lambda r: benchmark.merge(r, r / "others", take="mine"), "'mine'"),
+        (lambda r: benchmark.plan("ellipsoids", plugins="none.py", results=r), "none.py"),
+        (lambda r: benchmark.describe("gps", plugins="none.py"), "none.py"),
+    ],
+)
+def test_arguments_of_python_that_no_verb_can_pass_are_refused_by_name(results, function, message):
+    with pytest.raises(BenchmarkError, match=re.escape(message)):
+        function(results)
+
+
+def test_a_single_plugin_is_a_list_of_one():
+    plugin = Path(__file__).parents[2] / "examples" / "ray_stretch.py"
+    assert benchmark.describe("ray-stretch", plugins=str(plugin)) == benchmark.describe(
+        "ray-stretch", plugins=[plugin]
+    )
 
 
 def test_a_plan_has_the_jobs_and_the_reasons_that_the_verb_prints(tmp_path):

@@ -78,6 +78,16 @@ def test_a_gallery_without_forms_is_refused_in_the_words_of_the_verb(gallery, tm
     assert str(error.value).splitlines()[0].split(";")[0] in said.replace("\n", " ")
 
 
+@pytest.mark.parametrize(
+    "camera", [{"intrinsics": "525,525,319,239"}, {"mask": "mask.png"}, {"depth_scale": 1000.0}]
+)
+def test_a_mesh_has_no_camera(gallery, tmp_path, camera):
+    copy = shutil.copy(gallery.data / QUERY, tmp_path)
+    for query in (gallery.data / QUERY, copy, rod(0.18, 0.6)):
+        with pytest.raises(ConfigurationError, match="is a mesh, not a depth image"):
+            found(query, gallery, **camera)
+
+
 def test_a_query_that_is_not_there_is_named(gallery, tmp_path):
     with pytest.raises(UnreadableMesh, match=r"none\.off: No such file or directory"):
         found(tmp_path / "none.off", gallery)
