@@ -180,8 +180,8 @@ NETWORKS = {
 
 #: Methods of one number or of an outline, as the page on networks calls them.
 CONTROLS = {
-    "`learned-average`: average body in its outline": ("learned-average",),
-    "`learned-flat`: flat body in its outline": ("learned-flat",),
+    "`learned-average`: average body in the predicted outline": ("learned-average",),
+    "`learned-flat`: flat body in the predicted outline": ("learned-flat",),
     "`surface-area`: the visible area": ("surface-area",),
 }
 
