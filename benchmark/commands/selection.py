@@ -247,11 +247,10 @@ class RecordSelection:
         """Say which methods are named that have no job in the selection."""
         if not are_named(self.methods):
             return []
-        missing = [
-            method
-            for method in self.methods
-            if not any(is_of_methods(record, [method]) for record in records)
-        ]
+        names_of_records = set()
+        for record in records:
+            names_of_records |= {record.method, base_name(record.method)}
+        missing = [method for method in self.methods if method not in names_of_records]
         if not missing:
             return []
         return [f"no finished job of {listed(missing)}: run it, or see 'list methods' for its name"]
