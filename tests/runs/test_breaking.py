@@ -8,6 +8,7 @@ import os
 import resource
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from random import Random
 from unittest.mock import patch
@@ -70,7 +71,8 @@ class World:
         run = self.start("--force")
         self.wait_for_files(run, self.random.randrange(20))
         if (processes := choose(psutil.Process(run.pid))) and run.poll() is None:
-            self.random.choice(processes).kill()
+            with suppress(psutil.NoSuchProcess):  # it has just ended by itself
+                self.random.choice(processes).kill()
         run.communicate()
 
     def kill_worker(self) -> None:
