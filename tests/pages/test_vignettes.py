@@ -27,7 +27,8 @@ def walked(folder: Path, page: str) -> None:
     without_files = re.sub(r"^```.*?^```", "", text, flags=re.MULTILINE | re.DOTALL)
     blocks = re.findall(r"^    (.*)$", without_files, re.MULTILINE)
     commands = [line for line in blocks if line.startswith(("python ", "cd ", "(cd "))]
-    shown = [" ".join(line.split()) for line in blocks if line not in commands]
+    # "..." stands for lines that the page leaves out.
+    shown = [" ".join(line.split()) for line in blocks if line not in [*commands, "..."]]
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     given = os.environ | {"PATH": path, "CANONICAL_FORMS_DATA": str(folder / "data")}
     lines = [line for line in commands if shutil.which("pdflatex") or "make" not in line]
