@@ -197,18 +197,32 @@ COMPLETE = (
 CHOICES = ("si-hks", "shape-dna", "gps", "mesh-unfolding", "surface-area", "identity")
 
 
-def networks() -> str:
-    """Return a table of the scores of networks on one view, beside controls, forms and no form."""
+def _scores_of_columns(
+    columns: Sequence[tuple[str, str, str, str]],
+) -> tuple[list[dict[str, RowScores]], list[str]]:
+    """Return the published scores in some columns of tables, by method, and those of chance.
+
+    Parameters
+    ----------
+    columns
+        For each column: its heading on the page, its table, the data set, and its title there.
+    """
     views = {
         (view.table.identifier, view.dataset): view
         for view in table_views(read_records(RESULTS, local=False))
     }
     scores = []
     chances = []
-    for _, table, data, column in VIEWS:
+    for _, table, data, column in columns:
         view = views[table, data]
         scores.append({row.method: row.scored[column] for row in view.rows if column in row.scored})
         chances.append(hundredths(view.chance[column][MEASURE]))
+    return scores, chances
+
+
+def networks() -> str:
+    """Return a table of the scores of networks on one view, beside controls, forms and no form."""
+    scores, chances = _scores_of_columns(VIEWS)
     body = []
     for title, methods in NETWORKS.items():
         body.append([title, *(_score_of_network(of_table, methods) for of_table in scores)])
@@ -234,16 +248,7 @@ def _score_of_network(of_table: Mapping[str, RowScores], methods: Sequence[str])
 
 def choices() -> str:
     """Return a table of scores on complete surfaces, and of the seconds a shape takes."""
-    views = {
-        (view.table.identifier, view.dataset): view
-        for view in table_views(read_records(RESULTS, local=False))
-    }
-    scores = []
-    chances = []
-    for _, table, data, column in COMPLETE:
-        view = views[table, data]
-        scores.append({row.method: row.scored[column] for row in view.rows if column in row.scored})
-        chances.append(hundredths(view.chance[column][MEASURE]))
+    scores, chances = _scores_of_columns(COMPLETE)
     on_tosca = scores[-1]
     body = []
     for method in CHOICES:

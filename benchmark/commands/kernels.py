@@ -134,7 +134,7 @@ def compile_kernels_of(plan: Plan) -> None:
     if not names:
         return
     drop_stale_kernels()
-    missing = [use.name for use in kernel_uses() if use.name in names and not use.is_compiled]
+    missing = [use.name for use in kernel_uses(names) if not use.is_compiled]
     if missing:
         command = [sys.executable, "-c", _PROGRAM, *missing]
         subprocess.run(command, env=environment(), stdin=subprocess.DEVNULL, check=False)

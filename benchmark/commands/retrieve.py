@@ -344,8 +344,9 @@ class _Prepared:
 
 def _is_file(entry: Entry, path: Path) -> bool:
     """Return whether a shape is read from a file."""
-    are_there = entry.path and entry.path.exists() and path.exists()
-    return bool(entry.path and are_there and entry.path.samefile(path))
+    if entry.path is None or not (entry.path.exists() and path.exists()):
+        return False
+    return entry.path.samefile(path)
 
 
 def _finished(

@@ -19,6 +19,7 @@ from benchmark.commands.external_rows import record_beside, record_of_distances
 from benchmark.commands.plan import plan
 from benchmark.commands.run import records_after, run_plan
 from benchmark.commands.score import score
+from benchmark.commands.selection import check_input
 from benchmark.datasets.mesh_files import files_beside
 from benchmark.datasets.settings import read_settings
 from benchmark.errors import BenchmarkError, ConfigurationError, check_known
@@ -194,7 +195,7 @@ def read_submission(path: Path) -> Submission:
         raise ConfigurationError(f"it does not say {listed(missing)}", f"write {said}")
 
     input_ = facts.get("input", "mesh")
-    check_known("input", [input_], ("mesh", "view"))
+    check_input(input_)
     return Submission(path.parent, facts, input_, _scored_path(path.parent, facts))
 
 

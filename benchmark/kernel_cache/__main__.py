@@ -34,10 +34,9 @@ def main(arguments: Sequence[str] = ()) -> None:
     drop_stale_kernels()
     start = time.monotonic()
     names = [argument for argument in arguments if argument != "--quick"]
-    uses = kernel_uses(quick="--quick" in arguments)
-    chosen = [use for use in uses if use.name in names or not names]
+    uses = kernel_uses(names, quick="--quick" in arguments)
     try:
-        for use in counting("compiling kernels", chosen, name=lambda use: use.name):
+        for use in counting("compiling kernels", uses, name=lambda use: use.name):
             use.compile()
     except KeyboardInterrupt:
         sys.exit(_INTERRUPTED)
