@@ -15,6 +15,7 @@ retrieval experiments", ACM Transactions on Information Systems 30, 2012.
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
+from functools import lru_cache
 from itertools import combinations, product
 
 import numpy as np
@@ -23,8 +24,8 @@ from numpy.typing import ArrayLike, NDArray
 #: Number of permutations; sign flips are all tried if they are fewer.
 DRAWS = 9999
 
-#: Permutations whose sums are in memory at a time.
-_AT_A_TIME = 500
+#: Permutations whose sums are in memory at a time: so few that they stay in the processor's cache.
+_AT_A_TIME = 200
 
 #: Nominal confidence level of intervals.
 _LEVEL = 0.95
@@ -200,7 +201,7 @@ def _largest_when_exchanged(
         Shape (DRAWS,).
     """
     n_classes, n_rows, _ = sums.shape
-    orders = _orders(n_classes, n_rows)  # (draws, classes, rows)
+    orders = _orders(DRAWS, n_classes, n_rows)  # (draws, classes, rows)
     # Only differences matter; those from the first row are smaller numbers than the sums.
     from_first = np.moveaxis(sums - sums[:, :1], 2, 0)  # (M, classes, rows)
     classes = np.arange(n_classes)[:, None]
@@ -220,15 +221,21 @@ def _largest_when_exchanged(
     return largest
 
 
-def _orders(n_classes: int, n_rows: int) -> NDArray[np.unsignedinteger]:
-    """Return the order of the rows in each permutation and class, shape (DRAWS, classes, rows)."""
+@lru_cache(maxsize=16)
+def _orders(n_draws: int, n_classes: int, n_rows: int) -> NDArray[np.unsignedinteger]:
+    """Return the order of the rows in each permutation and class, shape (n_draws, classes, rows).
+
+    Tables of one data set have the same orders, of which the last ones are kept.
+    """
     generator = np.random.default_rng(0)
     small = np.min_scalar_type(n_rows)
     orders = []
     for _ in range(n_classes):
-        of_class = generator.random((DRAWS, n_rows)).argsort(axis=1)
+        of_class = generator.random((n_draws, n_rows)).argsort(axis=1)
         orders.append(of_class.astype(small))
-    return np.stack(orders, axis=1)
+    stacked = np.stack(orders, axis=1)
+    stacked.setflags(write=False)  # it is shared
+    return stacked
 
 
 def sign_flip_test(gains: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.float64]:
