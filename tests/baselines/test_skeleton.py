@@ -184,6 +184,7 @@ def test_a_pinhole_does_not_make_a_surface_open():
     "step",
     [
         lambda mesh, *_: mesh.vertices * np.nan,
+        lambda mesh, *_: 0.5 * mesh.vertices + 2000,  # smaller, but far from where it was
         lambda mesh, *_: factorise_definite(-eye_array(mesh.n_vertices).tocsr())(mesh.vertices),
     ],
 )

@@ -13,6 +13,7 @@ from benchmark.datasets.changes import split_changes
 from benchmark.datasets.surface_changes import holes, seen_from_near, shortcuts
 from benchmark.errors import ConfigurationError, UnsupportedShape
 from benchmark.geometry.camera import FRONT, SIDE
+from benchmark.geometry.cleaning import extent_of
 from tests.geometry.surfaces import sphere
 from tests.toy import rod, write_rods
 
@@ -39,6 +40,16 @@ def test_a_shortcut_joins_the_ends_of_a_horseshoe_and_adds_a_handle_each():
     assert along.min() < 15 and along.max() > 45  # from one arm to the other
     with pytest.raises(UnsupportedShape, match="comes near itself at 0 places"):
         shortcuts(rod(0.05, 0.0), 1, random())  # a straight rod has no two parts
+
+
+def test_a_further_shortcut_keeps_a_distance_from_where_an_earlier_one_begins():
+    mesh = rod(0.05, 4.5, rings=120, sides=24)
+    glued = shortcuts(mesh, 2, random())
+    first, second = glued.faces[mesh.n_faces - 4 :].reshape(2, 6, 3)
+    # The first corners of every second triangle of a tube are those at which it begins.
+    begin = mesh.vertices[first[::2, 0]].mean(axis=0)
+    apart = np.linalg.norm(mesh.vertices[np.unique(second)] - begin, axis=1)
+    assert apart.min() > 0.05 * extent_of(mesh)
 
 
 def test_names_are_split_once_and_levels_are_checked(tmp_path, monkeypatch):

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from benchmark.depth import reading
+from benchmark.depth.filling import in_gaps_of_mask
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, ObservedObject, observe
 from benchmark.depth.intrinsics import Intrinsics, read_intrinsics
+from benchmark.depth.neighbours import NEIGHBOUR_GAP
 from benchmark.depth.reading import Depths, Mask
 from benchmark.errors import DepthError
 from benchmark.geometry.depth import View, depth_surface
@@ -241,3 +243,12 @@ def test_depths_without_neighbours_are_named(every: int) -> None:
 
 def test_frames_of_known_geometry_have_its_figures_or_are_refused() -> None:
     assert not fuzz(2, range(45))["wrong"]
+
+
+@pytest.mark.parametrize(("width", "is_found"), [(NEIGHBOUR_GAP, True), (NEIGHBOUR_GAP + 1, False)])
+def test_readings_in_a_gap_of_a_mask_are_taken_up_to_the_widest_gap(width, is_found):
+    depths = np.full((1, 20), 2.0)
+    kept = np.ones((1, 20), dtype=bool)
+    kept[:, 8 : 8 + width] = False
+    found = in_gaps_of_mask(depths, kept)
+    assert found.sum() == (width if is_found else 0)

@@ -38,6 +38,14 @@ def rectangle(width: float, height: float, z: float = 0.0, x: float = 0.0) -> Me
     return Mesh(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
+def test_the_top_left_of_an_image_is_up_and_to_the_left_on_the_surface() -> None:
+    image = np.zeros((128, 128), dtype=np.float32)
+    image[8:56, 8:56] = 0.5
+    surface, _ = back_project(image, 1.0)
+    assert (surface.vertices[:, 0] < 0).all()
+    assert (surface.vertices[:, 1] > 0).all()
+
+
 @pytest.mark.kernels
 def test_rendering_agrees_with_ray_casting() -> None:
     pytest.importorskip("embreex")

@@ -30,7 +30,7 @@ from benchmark.report.figures import (
     some_shapes,
 )
 from benchmark.report.forms import StoredForms
-from benchmark.report.grids import figure_bytes, write_figure
+from benchmark.report.grids import figure_bytes, grid, write_figure
 from benchmark.report.output import write_files
 from benchmark.report.page_builder import TEMPLATES
 from benchmark.report.pages import report_files
@@ -660,6 +660,12 @@ def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_p
     assert {text.get_bbox_patch().get_facecolor()[:3] for text in words} == {(1, 1, 1)}
     with pytest.raises(ConfigurationError, match="thin9"):
         forms_figure(view, forms, ["thin9"])
+
+
+def test_pictures_without_words_stand_close_together():
+    picture = np.zeros((4, 4))
+    figure = grid([("", [picture, picture]), ("", [picture])], side=1.0)
+    assert figure.get_size_inches().tolist() == [2.0, 2.0]
 
 
 def test_the_nearer_of_two_surfaces_is_drawn():
