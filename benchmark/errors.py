@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from numbers import Integral
 from pathlib import Path
 
 from benchmark.text import LONGEST_MESSAGE, brief, clean_text
@@ -14,6 +16,9 @@ FILE = "<file>"
 
 #: The folders in an absolute path, up to the name of the file.
 _FOLDERS = re.compile(r"(?<![\w./])/(?:[^/\s]+/)+(?=[^/\s])")
+
+#: The largest seed: records hold numbers of 64 bits.
+LARGEST_SEED = 2**63 - 1
 
 #: Similar names that a hint suggests at most, and how similar they must be (0 to 1).
 _MOST_SUGGESTED = 3
@@ -199,6 +204,31 @@ def check_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
     for name in names:
         if name not in known:
             raise did_you_mean(kind, name, known)
+
+
+def check_whole(name: str, value: object, least: int, most: float = math.inf) -> None:
+    """Raise ``ConfigurationError`` unless an argument is a whole number in a range.
+
+    Parameters
+    ----------
+    name
+        Name of the argument, for the message.
+    value
+        Its value.
+    least, most
+        The smallest and the largest valid number.
+    """
+    is_whole = isinstance(value, Integral) and not isinstance(value, bool)
+    if is_whole and least <= value <= most:  # type: ignore[operator]
+        return
+    limits = f"of at least {least}" if most == math.inf else f"from {least} to {most}"
+    problem = f"{name}={value!r:.40} is not valid"
+    raise ConfigurationError(problem, f"pass a whole number {limits}")
+
+
+def check_seed(seed: object) -> None:
+    """Raise ``ConfigurationError`` unless a seed is a whole number that records can hold."""
+    check_whole("seed", seed, 0, LARGEST_SEED)
 
 
 def surface_command(name: str) -> str:

@@ -180,9 +180,9 @@ class Selection(Struct, frozen=True, kw_only=True):
         bool, Option("--quick", help="Fewer poses per subject, and only the paper's methods.")
     ] = False
     subjects: Annotated[
-        str,
+        str | None,
         Option("--subjects", metavar="A,B", help="Only these subjects, to choose parameters on."),
-    ] = ""
+    ] = None
     gallery: Annotated[
         str,
         Option(

@@ -9,7 +9,6 @@ from collections.abc import Collection, Iterable, Sequence
 from benchmark.cli.options import OF_JOBS, OF_MODELS, Selection
 from benchmark.cli.printing import print_markdown
 from benchmark.cli.progress import Bar
-from benchmark.commands.kernels import compile_kernels_of
 from benchmark.commands.plan import Plan, lacking, plan
 from benchmark.commands.run import records_after, run_plan, tables_of_run
 from benchmark.commands.selection import RESULTS, outcome
@@ -147,8 +146,6 @@ def run_selection(
         in_this_process=in_this_process,
     )
     _announce(planned)
-    if not dask:  # the workers of a cluster compile kernels for themselves
-        compile_kernels_of(planned)
     if size is None:
         size = available_cores()
     ended = _run(planned, size, dask, timeout)
@@ -224,8 +221,10 @@ def _run(planned: Plan, size: int, dask: str, timeout: float) -> list[Record]:
 
     records = []
     longest = max((len(planned.names[job.record.key]) for job in planned.pending), default=0)
-    with Bar(n_pending, seconds) as bar:
-        finished = run_plan(planned, size=size, timeout=timeout, dask=dask, watch=bar.watch)
+    bar = Bar(n_pending, seconds)
+    # Kernels are compiled by this call, before the bar counts seconds.
+    finished = run_plan(planned, size=size, timeout=timeout, dask=dask, watch=bar.watch)
+    with bar:
         for record in finished:
             name = planned.names[record.key]
             bar.ended(f"{record.status:<11}  {name:<{longest}}  {outcome(record)}")

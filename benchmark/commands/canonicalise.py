@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
-from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +26,7 @@ from benchmark.datasets.mesh_files import read_surface
 from benchmark.depth.frame import FrameFiles, ObservedObject
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
-from benchmark.errors import ConfigurationError, ShapeError, naming_file
+from benchmark.errors import ConfigurationError, ShapeError, check_seed, check_whole, naming_file
 from benchmark.geometry.camera import FRONT
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.views import fit_frame, prepare_view
@@ -36,14 +35,6 @@ from benchmark.registry import Component, select, select_one
 
 #: Fewest vertices to which a surface is simplified: those of a tetrahedron.
 _FEWEST_VERTICES = 4
-
-
-def _check_size(n_vertices: Any) -> None:
-    """Raise ``ConfigurationError`` unless a number of vertices is whole and that of a surface."""
-    is_whole = isinstance(n_vertices, Integral) and not isinstance(n_vertices, bool)
-    if not is_whole or n_vertices < _FEWEST_VERTICES:
-        problem = f"n_vertices is {n_vertices!r:.40}"
-        raise ConfigurationError(problem, f"pass a whole number of at least {_FEWEST_VERTICES}")
 
 
 def canonicalise(
@@ -91,7 +82,8 @@ def canonicalise(
         raise ConfigurationError(
             "the faces of a mesh are no method", "name the method: method='gps'"
         )
-    _check_size(n_vertices)
+    check_whole("n_vertices", n_vertices, _FEWEST_VERTICES)
+    check_seed(seed)
     maker = form_maker(select([method])[0])
     mesh = as_mesh(vertices, faces)
     name = Path(vertices).stem if isinstance(vertices, str | Path) else "shape"
@@ -140,6 +132,7 @@ def form_of_file(source: Path, method: str, *, plugins: Iterable[Path] = (), see
     ShapeError
         If the mesh cannot be read or processed; the message names the file.
     """
+    check_seed(seed)
     component = select_one(method, plugins)
     maker = form_maker(component)
     with naming_file(source):
@@ -271,6 +264,7 @@ def forms_of_frames(
     ConfigurationError
         If there is no such method, or it computes no forms from views.
     """
+    check_seed(seed)
     maker = method_of_depth(method, tuple(plugins))
     for frame in frames:
         start = time.perf_counter()

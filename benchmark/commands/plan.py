@@ -18,7 +18,6 @@ from benchmark.commands.selection import (
     as_list,
     as_paths,
     check_input,
-    check_whole,
     data_folder,
     shadowed_folders,
 )
@@ -27,7 +26,7 @@ from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
 from benchmark.datasets.changes import split_changes
 from benchmark.datasets.checking import unfinished_files, unread_files, unreadable_files
 from benchmark.defaults import DEFAULT_SCORER
-from benchmark.errors import BenchmarkError, ConfigurationError
+from benchmark.errors import BenchmarkError, ConfigurationError, check_known, check_seed
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.record_files import read_records
 from benchmark.pipeline.records import Record
@@ -42,6 +41,9 @@ if TYPE_CHECKING:
 
 #: States of jobs that cannot run.
 _IMPOSSIBLE = ("unsupported", "unavailable")
+
+#: States of jobs that may run again.
+_RERUN = ("failed", "finished")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -225,7 +227,7 @@ def plan(
     results: str | Path = RESULTS,
     data_root: str | Path | None = None,
     quick: bool = False,
-    subjects: str | Sequence[str] = (),
+    subjects: str | Sequence[str] | None = None,
     gallery: str | Path = "",
     gallery_views: int = 0,
     same_names: bool = False,
@@ -247,7 +249,7 @@ def plan(
     forms
         Folders with forms of another program by title, to be scored instead of methods.
     subjects
-        Names of the only subjects to rank, to choose parameters on.
+        Names of the only subjects to rank, to choose parameters on; all by default.
     rerun
         States of jobs that run again: ``"failed"``, ``"finished"``.
     in_this_process
@@ -262,7 +264,8 @@ def plan(
         others are those of :attr:`Plan.refused`.
     """
     check_input(input)
-    check_whole("seed", seed, 0)
+    check_seed(seed)
+    check_known("state of jobs that run again", rerun, _RERUN)
     sets = [str(name) for name in as_list(data)]
     root = data_folder(data_root)
     of_programs = _forms_as_methods(forms or {}, methods, sets)
@@ -270,14 +273,12 @@ def plan(
     folder = Path(results)
     records = read_records(folder)
     gallery = str(gallery)
-    if isinstance(subjects, str):
-        subjects = subjects.split(",")
     jobs_of = partial(
         plan_selection,
         folder,
         methods=chosen,
         scorer=scorer,
-        seed=seed,
+        seed=int(seed),  # of numpy's integers, none can stand in a record
         rerun=rerun,
         records=records,
         plugins=as_paths(plugins),
@@ -289,7 +290,7 @@ def plan(
         gallery=gallery,
         gallery_views=gallery_views,
         same_names=same_names,
-        subjects=[nfc(name) for name in subjects if name],
+        subjects=_named_subjects(subjects),
     )
     refused: dict[str, BenchmarkError] = {}
     try:
@@ -314,6 +315,21 @@ def plan(
         notes=tuple(shadowed_folders(filter(None, [*sets, gallery]), root)),
         refused=refused,
     )
+
+
+def _named_subjects(subjects: str | Sequence[str] | None) -> list[str]:
+    """Return the names of subjects, which may stand in one text with commas; None names none.
+
+    Raise ``ConfigurationError`` if a list without names was passed: it would select all.
+    """
+    if subjects is None:
+        return []
+    if isinstance(subjects, str):
+        subjects = subjects.split(",")
+    names = [nfc(name) for name in subjects if name]
+    if not names:
+        raise ConfigurationError("no subject is named", "name one, or omit subjects for all")
+    return names
 
 
 def _refused(sets: Iterable[str], jobs_of: Callable[..., object]) -> dict[str, BenchmarkError]:

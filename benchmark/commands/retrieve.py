@@ -19,7 +19,6 @@ from benchmark.commands.selection import (
     RESULTS,
     as_paths,
     check_input,
-    check_whole,
     data_folder,
 )
 from benchmark.datasets.catalogue import open_dataset
@@ -28,7 +27,7 @@ from benchmark.datasets.mesh_files import read_surface
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, check_whole
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Arrays, Cache

@@ -124,7 +124,6 @@ def run(
     )
     for name, error in planned.refused.items():
         warnings.warn(f"{name} is refused: {error}", stacklevel=2)
-    compile_kernels_of(planned)
     ended = list(run_plan(planned, watch=watch))
     return jobs_of(planned, ended).jobs
 
@@ -137,7 +136,10 @@ def run_plan(
     dask: str = "",
     watch: Callable[[Any], object] | None = None,
 ) -> Iterator[Record]:
-    """Run the jobs of a plan that need it, and yield the record of each as it ends.
+    """Compile the kernels of a plan, then return an iterator that runs its jobs.
+
+    It yields the record of each job as it ends. The workers of a dask cluster compile kernels for
+    themselves.
 
     Parameters
     ----------
@@ -152,9 +154,11 @@ def run_plan(
     watch
         Called with the progress; by default, a line on stderr says now and then how far the run is.
     """
+    if not dask:
+        compile_kernels_of(plan)
     if size is None:
         size = available_cores()
-    yield from run_jobs(
+    return run_jobs(
         plan.jobs,
         plan.results,
         size=size,

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from benchmark.api.contracts import Input
 from benchmark.datasets.catalogue import is_known, is_path, split_changes
 from benchmark.defaults import DATA_VARIABLE, DEFAULT_SCORER, RESULTS
-from benchmark.errors import ConfigurationError, check_known
+from benchmark.errors import ConfigurationError, check_known, check_seed
 from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.record_files import read_records
 from benchmark.pipeline.records import Record
@@ -43,24 +43,6 @@ def check_input(given: Input | None) -> None:
     """Raise ``ConfigurationError`` unless an input is ``"mesh"``, ``"view"`` or None for both."""
     if given is not None:
         check_known("input", [given], INPUTS)
-
-
-def check_whole(name: str, value: object, least: int) -> None:
-    """Raise ``ConfigurationError`` unless the value of an argument is a whole number, large enough.
-
-    Parameters
-    ----------
-    name
-        Name of the argument, for the message.
-    value
-        Its value.
-    least
-        The smallest valid number.
-    """
-    is_whole = isinstance(value, int) and not isinstance(value, bool)
-    if not is_whole or value < least:  # type: ignore[operator]
-        problem = f"{name}={value!r} is no whole number of at least {least}"
-        raise ConfigurationError(problem, f"pass {least} or more")
 
 
 def data_folder(given: str | Path | None = None) -> Path | None:
@@ -162,6 +144,11 @@ class RecordSelection:
     quick: bool = False
     published: bool = False
     submitted: Sequence[Record] = ()
+
+    def __post_init__(self) -> None:
+        """Check what no record has, before records are read."""
+        check_input(self.input)
+        check_seed(self.seed)
 
     @property
     def is_whole(self) -> bool:

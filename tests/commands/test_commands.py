@@ -88,6 +88,16 @@ def test_python_refuses_with_the_words_of_the_verb(results, function, words):
         (lambda r: benchmark.plan("ellipsoids", "gps", seed=1.5, results=r), "seed=1.5"),
         (lambda r: benchmark.plan("ellipsoids", "gps", seed=True, results=r), "seed=True"),
         (lambda r: benchmark.plan("ellipsoids", "gps", seed=-1, results=r), "seed=-1"),
+        (lambda r: benchmark.plan("ellipsoids", "gps", seed=2**63, results=r), f"to {2**63 - 1}"),
+        (lambda r: benchmark.plan("ellipsoids", "gps", rerun=["fail"], results=r), "'fail'"),
+        (lambda r: benchmark.plan("ellipsoids", "gps", subjects=[], results=r), "no subject"),
+        (lambda r: benchmark.plan("ellipsoids", "gps", subjects=",", results=r), "no subject"),
+        (lambda r: benchmark.tables(seed="a", results=r), "seed='a'"),
+        (lambda r: benchmark.tables(input="Mesh", results=r), "input 'Mesh'"),
+        (lambda r: benchmark.compare("gps", "identity", seed="a", results=r), "seed='a'"),
+        (lambda r: benchmark.compare("gps", "identity", input="x", results=r), "input 'x'"),
+        (lambda r: benchmark.canonicalise("a.off", method="gps", seed="a"), "seed='a'"),
+        (lambda r: benchmark.canonicalise("a.off", method="gps", seed=-1), "seed=-1"),
         (lambda r: benchmark.retrieve("a.off", "ellipsoids", "gps", input="x", results=r), "'x'"),
         (lambda r: benchmark.retrieve("a.off", "ellipsoids", "gps", count=0, results=r), "count=0"),
         (lambda r: benchmark.merge(r, r / "others", take="mine"), "'mine'"),
@@ -98,6 +108,12 @@ def test_python_refuses_with_the_words_of_the_verb(results, function, words):
 def test_arguments_of_python_that_no_verb_can_pass_are_refused_by_name(results, function, message):
     with pytest.raises(BenchmarkError, match=re.escape(message)):
         function(results)
+
+
+def test_whole_numbers_of_numpy_are_seeds(tmp_path):
+    rods = write_rods(tmp_path / "rods")
+    jobs = benchmark.plan(rods, "identity", seed=np.int64(3), input="mesh", results=tmp_path).jobs
+    assert [job.record.seed for job in jobs] == [3]
 
 
 def test_a_single_plugin_is_a_list_of_one():

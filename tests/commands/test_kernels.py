@@ -13,6 +13,7 @@ import pytest
 
 from benchmark.commands.kernels import compile_kernels_of, kernel_uses
 from benchmark.commands.plan import plan
+from benchmark.commands.run import run_plan
 from benchmark.kernel_cache import VARIABLE, mark
 from tests.runs.toy import LIGHT, without_processes
 from tests.verbs import call
@@ -37,6 +38,14 @@ def test_one_program_compiles_what_the_selection_needs_and_nothing_else(rods, tm
     (names,) = started
     assert {"classic-mds", "cm-bof"} <= {*names}
     assert {*names} <= {"classic-mds", "cm-bof", "preparation of mesh"}
+
+
+def test_every_run_of_a_plan_compiles_its_kernels_first_but_for_a_cluster(rods, tmp_path, started):
+    planned = planned_on(rods, tmp_path, "classic-mds")
+    run_plan(planned, dask="tcp://nobody:1")
+    assert started == []
+    run_plan(planned)
+    assert "classic-mds" in started[0]
 
 
 def test_kernels_that_were_compiled_are_not_compiled_again(rods, tmp_path, started):
