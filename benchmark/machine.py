@@ -118,6 +118,17 @@ def memory_limit() -> float:
 
 
 @contextmanager
+def same_umask() -> Iterator[None]:
+    """Put back the umask of this process after the code within, which may have changed it."""
+    before = os.umask(0o077)  # the only way to ask for it
+    os.umask(before)
+    try:
+        yield
+    finally:
+        os.umask(before)
+
+
+@contextmanager
 def copies_end() -> Iterator[None]:
     """End here each copy of this process that the code within has forked, and that comes back.
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import fcntl
 import io
+import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Collection, Iterator
@@ -42,6 +43,9 @@ _NPY_PREFIX = 10
 #: Headers of arrays that are kept parsed.
 _KEPT_HEADERS = 1024
 
+#: Bytes that are written to see whether a folder can be written: more than a form or a signature.
+_TRIAL_BYTES = 2**20
+
 #: Folder of local results in a results folder.
 RUNS = "runs"
 
@@ -60,6 +64,16 @@ def storing(results: Path) -> Iterator[None]:
         raise StorageError(
             f"cannot write to {results}: {error.strerror}", f"{hint}; finished jobs are kept"
         ) from error
+
+
+def can_write(results: Path) -> bool:
+    """Return whether this process can write a file to a results folder."""
+    try:
+        with tempfile.TemporaryFile(dir=results / RUNS) as file:
+            file.write(bytes(_TRIAL_BYTES))
+    except OSError:
+        return False
+    return True
 
 
 @contextmanager

@@ -21,6 +21,7 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import (
     AbstractContextManager,
+    ExitStack,
     chdir,
     contextmanager,
     nullcontext,
@@ -36,7 +37,7 @@ from typing import Any, NamedTuple
 from benchmark.api.contracts import Input, Shape
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
-from benchmark.machine import copies_end
+from benchmark.machine import copies_end, same_umask
 from benchmark.pipeline import forms
 from benchmark.pipeline.cache import RUNS, Cache, CachedFile, Stage, StorageError
 from benchmark.pipeline.outputs import compute_output, make_distance_check, sign
@@ -462,8 +463,13 @@ class Work:
         ConfigurationError
             If a plugin reads what it does not declare.
         """
-        # A method may change the working folder for itself alone.
-        with self._context.unchanged(step), chdir("."), _watching(step), copies_end():
+        # A method may change the working folder and the umask for itself alone.
+        with ExitStack() as contexts:
+            contexts.enter_context(self._context.unchanged(step))
+            contexts.enter_context(chdir("."))
+            contexts.enter_context(same_umask())
+            contexts.enter_context(_watching(step))
+            contexts.enter_context(copies_end())
             yield
 
     def _read(self, step: Step, stage: Stage) -> Arrays:
@@ -577,7 +583,8 @@ def _outcome_of_error(step: Step, error: BaseException) -> Outcome:
     and a failure of the method otherwise.
     """
     if isinstance(error, StorageError | Unrunnable):
-        return Outcome("stopped", str(error))
+        # Its own plugin may have limited what this process can write.
+        return Outcome("stopped", str(error), ends_process=True)
     if isinstance(error, CodeChanged):
         # This process may have imported the code before or after the change.
         return Outcome("incomplete", str(error), ends_process=True)

@@ -127,3 +127,52 @@ def test_a_copy_of_a_process_that_a_method_forks_answers_nothing(tmp_path, capfd
     scores = {record.method: record.scores for record in read_records(tmp_path / "results")}
     assert scores[method] == scores["identity"] != {}
     assert "a process that was forked did not end: call os._exit in it" in capfd.readouterr().err
+
+
+#: Methods that take from their process what it needs to write files; ``cube`` is of the same file.
+LIMITS = """import os
+import resource
+
+from benchmark.api import canonical_form
+from benchmark.pipeline.cache import StorageError
+
+def sizes(shape):
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
+    return shape.mesh.vertices ** 3
+
+def descriptors(shape):
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, 3))
+    return shape.mesh.vertices ** 3
+
+def raises(shape):
+    raise StorageError("cannot write")
+
+def cube(shape):
+    return shape.mesh.vertices ** 3
+
+def umask(shape):
+    os.umask(0o777)
+    return shape.mesh.vertices ** 3
+
+for f in (sizes, descriptors, raises, cube, umask):
+    globals()[f.__name__] = canonical_form(name=f.__name__, title=f.__name__)(f)
+"""
+
+
+def test_a_plugin_whose_process_cannot_write_ends_no_run(tmp_path):
+    rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    (tmp_path / "limits.py").write_text(LIMITS)
+    chosen = ("-d", rods, "--input", "mesh", "--scorer", SMALL_SCORER, "-j", 1)
+    methods = ("sizes", "descriptors", "raises", "cube", "umask", "identity")
+    words = [word for method in methods for word in ("-m", method)]
+    results = tmp_path / "results"
+    call("run", *chosen, *words, "--plugin", tmp_path / "limits.py", "--results", results, code=1)
+    records = {record.method: record for record in read_records(results)}
+    assert records["descriptors"].status != "ok"
+    for method in ("sizes", "raises"):
+        assert records[method].status == "incomplete"
+        assert "the process of the plugin cannot write" in records[method].reason
+    assert records["cube"].scores == records["umask"].scores != {}
+    assert records["identity"].status == "ok"
+    modes = {path.stat().st_mode for path in (results / "runs" / "forms").iterdir()}
+    assert len(modes) == 1
