@@ -16,7 +16,7 @@ from urllib.parse import quote, urlsplit
 from urllib.request import Request, urlopen
 
 from benchmark.api.learning import CARD, WEIGHTS
-from benchmark.errors import ConfigurationError, check_known
+from benchmark.errors import ConfigurationError, UnreadableMesh, check_known
 from benchmark.files import file_digest, read_file, write_atomically
 from benchmark.protocols.models import MODELS_VARIABLE
 from benchmark.protocols.published_models import SHIPPED, published_files, published_models
@@ -91,6 +91,10 @@ def fetch_models(
     """
     read = _reader(source)
     folder = Path(os.environ.get(MODELS_VARIABLE) or SHIPPED)
+    if folder.exists() and not folder.is_dir():
+        raise ConfigurationError(
+            f"{folder} is not a folder", f"name a folder of yours in {MODELS_VARIABLE}"
+        )
     fetched: list[str] = []
     present: list[str] = []
     problems: dict[str, str] = {}  # why a model could not be fetched
@@ -99,6 +103,10 @@ def fetch_models(
             is_new = _fetch_model(model, read, folder)
         except _NotFetched as error:
             problems[model] = str(error)
+        except UnreadableMesh as error:
+            problems[model] = f"{error.located}; remove it first"
+        except (FileExistsError, IsADirectoryError, NotADirectoryError) as error:
+            problems[model] = f"{folder / model}: {error.strerror}; remove what stands there first"
         except OSError as error:
             problem = f"cannot write to {folder}: {error.strerror}"
             raise ConfigurationError(

@@ -173,3 +173,24 @@ def test_a_folder_that_cannot_be_written_is_named(checkout, target, monkeypatch)
     target.write_text("a file")
     said = refusal("models", "fetch", "--from", checkout)
     assert f"name a folder of yours in {MODELS_VARIABLE}" in said
+
+
+@pytest.mark.parametrize("place", ["people-fold-0", FIRST, f"{FIRST}/weights.safetensors"])
+def test_what_stands_in_the_place_of_a_model_costs_no_other_one(checkout, target, place):
+    odd = target / place
+    odd.parent.mkdir(parents=True)
+    if odd.suffix:
+        odd.mkdir()
+    else:
+        odd.write_text("a file where a folder should be")
+    said = call("models", "fetch", "--from", checkout, code=1)
+    assert f"{FIRST}: " in said
+    assert "remove" in said
+    assert "animals" in {path.name for path in target.iterdir()}
+    assert odd.exists()
+
+
+def test_a_file_is_no_folder_of_models(checkout, target):
+    target.write_text("")
+    said = call("models", "fetch", "--from", checkout, code=2)
+    assert f"{target} is not a folder" in said
