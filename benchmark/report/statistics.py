@@ -8,20 +8,20 @@ References
 Korn & Graubard, "Confidence intervals for proportions with small expected number of positive counts
 estimated from survey data", Survey Methodology 24, 1998 (t on the scale of logits). Chung & Romano,
 "Exact and asymptotically robust permutation tests", Annals of Statistics 41, 2013 (why statistics
-are studentised). Carterette, "Multiple testing in statistical analysis of systems-based information
-retrieval experiments", ACM Transactions on Information Systems 30, 2012.
+are studentised). Westfall & Young, "Resampling-based multiple testing", Wiley 1993 (the largest
+statistic over all pairs and measures). Carterette, "Multiple testing in statistical analysis of
+systems-based information retrieval experiments", ACM Transactions on Information Systems 30, 2012.
 """
 
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from functools import lru_cache
 from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-#: Number of permutations; sign flips are all tried if they are fewer.
+#: Number of random exchanges; all are tried if they are fewer.
 DRAWS = 9999
 
 #: Permutations whose sums are in memory at a time: so few that they stay in the processor's cache.
@@ -140,11 +140,16 @@ def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[n
     """Return p-values of the differences between all rows, by a permutation test over classes.
 
     The statistic of two rows is studentised: with their difference d, summed over the queries of
-    each class, it is ``abs(sum(d)) / sqrt(sum(d**2))``, both sums over classes. In each of
-    :data:`DRAWS` random permutations, the rows are exchanged within every class, in the same way
-    for all its queries and measures. The p-value is the share of permutations in which the largest
-    statistic, over all pairs and measures, reaches that of the two rows. So if all rows are equal,
-    the probability that any p-value is below 0.05 is at most 0.05.
+    each class, it is ``abs(sum(d)) / sqrt(sum(d**2))``, both sums over classes. To exchange two
+    rows within a class is to flip the sign of their difference there. An exchange flips the same
+    classes for all pairs and measures; all exchanges are tried, or :data:`DRAWS` random ones if
+    they are more. They depend on the number of classes alone. The p-value is the share of exchanges
+    in which the largest statistic, over all pairs and measures, reaches that of the two rows.
+
+    So the order of rows moves no p-value, and another row can only raise those of the others. If
+    two rows are equal, the probability that their p-value is below 0.05 is at most 0.05, whatever
+    the other rows are. That any p-value of equal rows is below 0.05 has about that probability, by
+    simulation: it would be exact if the differences of all pairs were jointly symmetric.
 
     Parameters
     ----------
@@ -160,90 +165,25 @@ def permutation_test(values: ArrayLike, labels: Sequence[Hashable]) -> NDArray[n
         :data:`FEWEST_CLASSES` classes.
     """
     values = np.asarray(values, dtype=np.float64)
-    sums, _ = class_sums(np.moveaxis(values, 1, 0), labels)
+    sums, _ = class_sums(np.moveaxis(values, 1, 0), labels)  # (classes, rows, M)
     n_rows = len(values)
     p_values = np.ones((n_rows, *sums.shape[1:]))
     if len(sums) < FEWEST_CLASSES:
         return np.full_like(p_values, np.nan)
-    if n_rows == 2:  # to exchange two rows is to flip the sign of their difference
-        p_values[[0, 1], [1, 0]] = sign_flip_test(np.subtract(*values), labels)
+    if n_rows < 2:
         return p_values
     pairs = np.array(list(combinations(range(n_rows), 2)))
-    first, second = pairs.reshape(-1, 2).T  # no pair, if there is one row
-    largest = _largest_when_exchanged(sums, first, second)
-    largest.sort()
-    differences = sums[:, first] - sums[:, second]
-    observed = _studentised(differences.sum(axis=0), (differences**2).sum(axis=0))
-    n_reaching = DRAWS - np.searchsorted(largest, observed - _EQUAL)
-    p_values[first, second] = (n_reaching + 1) / (DRAWS + 1)
-    p_values[second, first] = p_values[first, second]
+    first, second = pairs.T
+    of_pairs = _share_reaching(sums[:, first] - sums[:, second])
+    p_values[first, second] = of_pairs
+    p_values[second, first] = of_pairs
     return p_values
-
-
-def _largest_when_exchanged(
-    sums: NDArray[np.float64], first: NDArray[np.int64], second: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Return the largest statistic over all pairs and measures in each random permutation.
-
-    A permutation exchanges the rows within each class; see :func:`permutation_test`.
-
-    Parameters
-    ----------
-    sums
-        Measures summed over the queries of each class, shape (classes, rows, M). They are whole
-        numbers, so that further sums do not depend on the order of addition.
-    first, second
-        Indices of the two rows of each pair, shape (pairs,).
-
-    Returns
-    -------
-    numpy.ndarray
-        Shape (DRAWS,).
-    """
-    n_classes, n_rows, _ = sums.shape
-    orders = _orders(DRAWS, n_classes, n_rows)  # (draws, classes, rows)
-    # Only differences matter; those from the first row are smaller numbers than the sums.
-    from_first = np.moveaxis(sums - sums[:, :1], 2, 0)  # (M, classes, rows)
-    classes = np.arange(n_classes)[:, None]
-    largest = np.zeros(DRAWS)
-    # Some permutations are computed at once, as many as fit in memory.
-    for draws in np.split(np.arange(DRAWS), range(_AT_A_TIME, DRAWS, _AT_A_TIME)):
-        rows = from_first[:, classes, orders[draws]]  # (M, draws, classes, rows)
-        totals = rows.sum(axis=2)
-        # The squared differences of two rows, summed over classes: a.a + b.b - 2 a.b.
-        products = rows.swapaxes(2, 3) @ rows
-        own_products = products.diagonal(axis1=2, axis2=3)
-        squares = (
-            own_products[..., first] + own_products[..., second] - 2 * products[..., first, second]
-        )
-        statistics = _studentised(totals[..., first] - totals[..., second], squares)
-        largest[draws] = statistics.max(axis=(0, 2), initial=0)
-    return largest
-
-
-@lru_cache(maxsize=16)
-def _orders(n_draws: int, n_classes: int, n_rows: int) -> NDArray[np.unsignedinteger]:
-    """Return the order of the rows in each permutation and class, shape (n_draws, classes, rows).
-
-    Tables of one data set have the same orders, of which the last ones are kept.
-    """
-    generator = np.random.default_rng(0)
-    small = np.min_scalar_type(n_rows)
-    orders = []
-    for _ in range(n_classes):
-        of_class = generator.random((n_draws, n_rows)).argsort(axis=1)
-        orders.append(of_class.astype(small))
-    stacked = np.stack(orders, axis=1)
-    stacked.setflags(write=False)  # it is shared
-    return stacked
 
 
 def sign_flip_test(gains: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.float64]:
     """Return p-values of the differences of two rows that were planned alone, shape (M,).
 
-    The statistic is that of :func:`permutation_test`. The signs of whole classes are flipped in all
-    ways, or in :data:`DRAWS` random ones if they are more; a statistic must reach the largest one
-    over the measures.
+    This is :func:`permutation_test` of the two.
 
     Parameters
     ----------
@@ -253,17 +193,42 @@ def sign_flip_test(gains: ArrayLike, labels: Sequence[Hashable]) -> NDArray[np.f
         Class of each query.
     """
     sums, _ = class_sums(gains, labels)
-    n_classes = len(sums)
-    if n_classes < FEWEST_CLASSES:
+    if len(sums) < FEWEST_CLASSES:
         return np.full(sums.shape[1], np.nan)
-    squares = (sums**2).sum(axis=0)
-    largest = _studentised(_signs(n_classes) @ sums, squares).max(axis=1)
-    observed = _studentised(sums.sum(axis=0), squares)
-    return np.asarray((largest[:, None] >= observed - _EQUAL).mean(axis=0))
+    return np.asarray(_share_reaching(sums[:, None])[0])
+
+
+def _share_reaching(differences: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return in which share of exchanges the largest statistic reaches each one.
+
+    Parameters
+    ----------
+    differences
+        Differences of the two rows of each pair, summed over the queries of each class, shape
+        (classes, pairs, M). They are whole numbers, so that further sums do not depend on the order
+        of addition.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (pairs, M).
+    """
+    n_classes = len(differences)
+    signs = _signs(n_classes)
+    squares = (differences**2).sum(axis=0)
+    largest = []
+    # Some exchanges are computed at once, as many as fit in memory.
+    for start in range(0, len(signs), _AT_A_TIME):
+        totals = np.tensordot(signs[start : start + _AT_A_TIME], differences, axes=1)
+        largest.append(_studentised(totals, squares).max(axis=(1, 2), initial=0))
+    ordered = np.sort(np.concatenate(largest))
+    observed = _studentised(differences.sum(axis=0), squares)
+    n_below = np.searchsorted(ordered, observed - _EQUAL)
+    return np.asarray((len(ordered) - n_below) / len(ordered))
 
 
 def _signs(n_classes: int) -> NDArray[np.float64]:
-    """Return the signs of classes in each flip, shape (flips, classes).
+    """Return the signs of classes in each exchange, shape (exchanges, classes).
 
     Those of the data are the first.
     """
