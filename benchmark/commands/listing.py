@@ -104,7 +104,7 @@ def details_of(component: Component) -> dict[str, str | list[str]]:
         details["departs"] = info.departs
         details["inputs"] = list(info.inputs)
         details["scale"] = info.scale
-        details["random"] = "" if info.deterministic else "the form depends on --seed"
+        details["random"] = _SEEDLESS if info.deterministic else "the form depends on --seed"
         details["warning"] = trained_on_people(component)
     else:
         details["draws"] = str(info.draws)
@@ -112,6 +112,10 @@ def details_of(component: Component) -> dict[str, str | list[str]]:
     details["missing"] = list(component.missing_packages())
     details["defined in"] = component.target
     return details
+
+
+#: Iterations may start at random; then from a seed of their own, which is part of the code.
+_SEEDLESS = "nothing: --seed does not change the form"
 
 
 def _kind_of(component: Component) -> str:

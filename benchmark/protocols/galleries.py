@@ -228,7 +228,7 @@ class Gallery:
 
     def _is_fixed(self, method: Component) -> bool:
         """Return whether a network has a row of its own alone, and none of its other trainings."""
-        return bool(method.parameters) or self.quick or method.given is not None
+        return method.is_fixed or self.quick
 
     def _has_models(self, method: Component, trained_here: Path | None) -> bool:
         """Return whether a learner has a model for each shape, be it one that is refused."""

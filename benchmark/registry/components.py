@@ -82,6 +82,9 @@ class Component:
     is_unknown
         Whether the object may depend on anything: it stays in its process, and is never known
         again.
+    is_fixed
+        Whether parameters were named, be it with their defaults: ``learned[training_seed=0]`` is
+        this training alone, and ``learned`` stands for all of its seeds.
 
     Raises
     ------
@@ -96,9 +99,12 @@ class Component:
     given: Any = field(default=None, compare=False, repr=False)
     state: str = ""
     is_unknown: bool = False
+    is_fixed: bool = field(default=False, compare=False, repr=False)
     _values: str = field(init=False, repr=False)  # 1, 1.0 and True are equal
 
     def __post_init__(self) -> None:
+        if self.parameters or self.given is not None:
+            object.__setattr__(self, "is_fixed", True)
         if self.parameters and self.given is None:
             chosen = non_default_values(self.load(), self.parameters, self.base_name)
             object.__setattr__(self, "parameters", chosen)

@@ -57,6 +57,8 @@ def select(names: Iterable[Any] = (), plugins: Iterable[Path] = ()) -> list[Comp
         same_name = selected.setdefault(component.name, component)
         if same_name != component:
             raise ConfigurationError(f"two methods are called '{component.name}'", "rename one")
+        if not component.is_fixed:  # it stands for more rows than the same one with parameters
+            selected[component.name] = component
     return list(selected.values())
 
 

@@ -141,8 +141,19 @@ def test_the_network_has_rows_for_each_seed_and_as_printed_where_these_have_mode
         place = tmp_path / next(iter(of_shape.values())).name / name
         place.mkdir(parents=True)
         (place / CARD).touch()
-    found = [component.name for component in fold.rows("view", select(["learned"], ()), tmp_path)]
-    assert found == ["learned", "learned[training_seed=1]", "learned[configuration=as_printed]"]
+
+    def found(*names):
+        chosen = select(names, ())
+        return [component.name for component in fold.rows("view", chosen, tmp_path, named=True)]
+
+    every = ["learned", "learned[training_seed=1]", "learned[configuration=as_printed]"]
+    assert found("learned") == every
+    # A training that is named is that one alone, be its parameters the defaults.
+    assert found("learned[training_seed=0]") == ["learned"]
+    assert found("learned[configuration=literal]") == ["learned"]
+    assert found("learned[training_seed=1]") == ["learned[training_seed=1]"]
+    assert found("learned[training_seed=0]", "learned") == every
+    assert found("learned", "learned[training_seed=0]") == every
 
 
 def test_every_row_of_the_paper_is_a_method_with_a_title():
