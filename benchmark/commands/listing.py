@@ -25,6 +25,9 @@ KindOfName = Literal["methods", "scorers", "datasets", "tables", "models"]
 #: Facts by name, a mapping for each method, data set, ...
 _Facts = list[dict[str, str]]
 
+#: What is random in most methods. Iterations that start at random have a fixed seed in the code.
+_SEEDLESS = "nothing: --seed does not change the form"
+
 
 def listing(
     what: KindOfName,
@@ -112,10 +115,6 @@ def details_of(component: Component) -> dict[str, str | list[str]]:
     details["missing"] = list(component.missing_packages())
     details["defined in"] = component.target
     return details
-
-
-#: Iterations may start at random; then from a seed of their own, which is part of the code.
-_SEEDLESS = "nothing: --seed does not change the form"
 
 
 def _kind_of(component: Component) -> str:

@@ -255,12 +255,14 @@ def _problems_of_copies(dataset: ShapeSet) -> Iterator[Anomaly]:
     copy_of = {entry: official.copy_of(entry) for entry in dataset.shapes}
     known_copies = [copy for copy in copy_of.values() if copy is not None]
     if not known_copies:
-        what = f"no file has a known SHA-256, so tables call them files named like {official.title}"
-        yield Anomaly("warning", (dataset.name,), what, "say beside scores which copy they are of")
+        what = f"no file is of a known copy: tables say 'files named like {official.title}, unverified'"
+        yield Anomaly(
+            "warning", (dataset.name,), what, "say beside the scores where the files are from"
+        )
         return
     most_frequent, _ = Counter(known_copies).most_common(1)[0]
-    what = f"not the file of '{most_frequent.title}': another SHA-256"
-    hint = f"restore it, or tables call the set files named like {official.title}, unverified"
+    what = f"its SHA-256 is not that of the file in '{most_frequent.title}'"
+    hint = f"restore it, or tables say 'files named like {official.title}, unverified'"
     for entry, copy in copy_of.items():
         if copy is not most_frequent:
             yield Anomaly("warning", (_file_of(dataset, entry),), what, hint)

@@ -311,7 +311,7 @@ class _Pair:
         if n_classes < FEWEST_CLASSES:
             return f"not decidable ({n_classes} classes)"
         scatter = scatter_of([self.rows[name].scored[self.column] for name in self.family])
-        is_small = np.abs(differences) <= scatter.least + SAME
+        is_small = np.abs(differences) <= scatter.largest + SAME
         significant = np.where(is_small, f"significant, {scatter.where}", ABOVE)
         return np.where(p_values >= ALPHA, f"not significant ({n_classes} classes)", significant)
 

@@ -186,7 +186,7 @@ def _undecided(view: TableView) -> Iterable[str]:
         elif not tested.is_above_scatter.any():
             # Of networks that were trained once, the scatter is not known, and counts as infinite.
             scatter = scatter_of([*tested.rivals.values()])
-            alone = ": one training each" if np.isinf(scatter.least[0]) else ""
+            alone = ": one training each" if np.isinf(scatter.largest[0]) else ""
             undecided[f"{BLOCKS[block]} ({title}{alone})"] = None
     return undecided
 

@@ -83,7 +83,7 @@ def compare_rivals(rivals: Mapping[str, RowScores]) -> ComparedRivals:
     means = _means(rows)
     p_values = permutation_test([row.values for row in rows], rows[0].labels)
     is_significant = p_values < ALPHA
-    is_above = np.abs(means[:, None] - means) > scatter_of(rows).least + SAME
+    is_above = np.abs(means[:, None] - means) > scatter_of(rows).largest + SAME
     return ComparedRivals(rivals, is_significant, is_significant & is_above)
 
 
@@ -92,14 +92,13 @@ class Scatter(NamedTuple):
 
     Parameters
     ----------
-    least
-        The difference, by measure, that one above the scatter exceeds; infinite where there is
-        nothing to tell it from.
+    largest
+        The largest difference that may be chance, by measure; infinite where every difference may.
     where
         What a smaller difference is within, in words.
     """
 
-    least: NDArray[np.float64]
+    largest: NDArray[np.float64]
     where: str
 
 

@@ -321,8 +321,8 @@ def _leads(
     # Leads, summed over the queries, have the shape (other methods, measures).
     chosen = np.ix_(queries, measures)
     lead = _total_leads(np.array([row.values[chosen] for row in rows]))
-    least = scatter_of(rows).least[measures]
-    is_above_scatter = np.abs(lead) / len(labels) > least + SAME
+    largest = scatter_of(rows).largest[measures]
+    is_above_scatter = np.abs(lead) / len(labels) > largest + SAME
 
     # Every choice of trainings has to agree.
     is_significant = np.ones(lead.shape, dtype=bool)

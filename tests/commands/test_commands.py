@@ -116,6 +116,13 @@ def test_whole_numbers_of_numpy_are_seeds(tmp_path):
     assert [job.record.seed for job in jobs] == [3]
 
 
+def test_no_method_of_the_suite_depends_on_the_seed_as_the_page_says():
+    page = (Path(__file__).parents[2] / "docs" / "reference" / "methods.md").read_text()
+    assert "`--seed` changes no form and no descriptor of these methods" in page
+    for name in re.findall(r"^\| `([\w-]+)`", page, re.MULTILINE):
+        assert benchmark.describe(name)["random"] == "nothing: --seed does not change the form"
+
+
 def test_a_single_plugin_is_a_list_of_one():
     plugin = Path(__file__).parents[2] / "examples" / "ray_stretch.py"
     assert benchmark.describe("ray-stretch", plugins=str(plugin)) == benchmark.describe(

@@ -69,7 +69,7 @@ def test_a_check_names_the_one_file_that_was_changed(faust):
     title, (said,) = checked(opened())
     assert title == "files named like FAUST registrations, unverified"
     assert [said.files[0].rpartition("/")[2]] == [files[7].name]
-    assert said.what == "not the file of 'FAUST, made': another SHA-256"
+    assert said.what == "its SHA-256 is not that of the file in 'FAUST, made'"
 
 
 def test_a_check_says_that_other_meshes_are_unverified(faust):
@@ -78,7 +78,7 @@ def test_a_check_says_that_other_meshes_are_unverified(faust):
         change(path, 3 + number / 1000)
     title, (said,) = checked(opened())
     assert title == "files named like FAUST registrations, unverified"
-    assert said.what.startswith("no file has a known SHA-256")
+    assert said.what.startswith("no file is of a known copy: tables say 'files named like")
 
 
 def test_a_file_under_the_name_of_another_is_not_that_of_the_copy(faust):
