@@ -251,18 +251,18 @@ def _problems_of_copies(dataset: ShapeSet) -> Iterator[Anomaly]:
     official = SETS.get(dataset.name)
     if official is None or dataset.stand_in_for:
         return
+    unverified = f"'files named like {official.title}, unverified'"
     # The published copy to which each file belongs by its digest.
     copy_of = {entry: official.copy_of(entry) for entry in dataset.shapes}
     known_copies = [copy for copy in copy_of.values() if copy is not None]
     if not known_copies:
-        what = f"no file is of a known copy: tables say 'files named like {official.title}, unverified'"
-        yield Anomaly(
-            "warning", (dataset.name,), what, "say beside the scores where the files are from"
-        )
+        what = f"no file has the SHA-256 of a known copy: tables say {unverified}"
+        hint = "say beside the scores where the files are from"
+        yield Anomaly("warning", (dataset.name,), what, hint)
         return
     most_frequent, _ = Counter(known_copies).most_common(1)[0]
     what = f"its SHA-256 is not that of the file in '{most_frequent.title}'"
-    hint = f"restore it, or tables say 'files named like {official.title}, unverified'"
+    hint = f"restore it, or tables say {unverified}"
     for entry, copy in copy_of.items():
         if copy is not most_frequent:
             yield Anomaly("warning", (_file_of(dataset, entry),), what, hint)

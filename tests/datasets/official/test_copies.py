@@ -78,7 +78,7 @@ def test_a_check_says_that_other_meshes_are_unverified(faust):
         change(path, 3 + number / 1000)
     title, (said,) = checked(opened())
     assert title == "files named like FAUST registrations, unverified"
-    assert said.what.startswith("no file is of a known copy: tables say 'files named like")
+    assert said.what.startswith("no file has the SHA-256 of a known copy: tables say 'files named")
 
 
 def test_a_file_under_the_name_of_another_is_not_that_of_the_copy(faust):
