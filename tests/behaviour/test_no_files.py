@@ -56,7 +56,7 @@ VERBS = {
     "score, labels": ("score", "d.txt", "--labels", "x.txt", "x.txt"),
     "score, packed": ("score", "d.txt", "--labels", "x.cla", "x.cla"),
     "check": ("check", "x.py", "x.py"),
-    "tables": ("tables", "--published", "-t", "I", "-o", "pages", "pages/written.json"),
+    "tables": ("tables", "--published", "-t", "robustness", "-o", "pages", "pages/written.json"),
     "describe": ("describe", "gps", "--plugin", "x.py", "x.py"),
     "list": ("list", "methods", "--plugin", "x.py", "x.py"),
     "merge": ("merge", "other", "other/runs/records/x.json"),

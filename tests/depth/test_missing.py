@@ -19,15 +19,21 @@ from benchmark.geometry.depth import View, depth_surface
 from tests.fuzz_frames import fuzz
 
 INPUTS = Path(__file__).with_name("inputs") / "missing"
-CAMERA = Intrinsics(260.0, 260.0, 159.5, 119.5, (320, 240))
-ROWS, COLUMNS = np.mgrid[:240, :320]
+#: Rows and columns of the part of a frame of 320 x 240 pixels that shows the object: the rest costs
+#: time alone.
+ROWS, COLUMNS = np.mgrid[20:220, 80:240]
+SHAPE = ROWS.shape
+CAMERA = Intrinsics(260.0, 260.0, 79.5, 99.5, (SHAPE[1], SHAPE[0]))
+
+#: Rows of the bars of :func:`legs`.
+HEIGHT_OF_LEGS = (ROWS >= 40) & (ROWS < 200)
 
 Damage = Callable[[Depths, Mask], tuple[Depths, Mask]]
 
 
 def ellipsoid(centre: tuple[float, float, float], axes: tuple[float, float, float]) -> Depths:
     """Return the depths of an ellipsoid in a camera's axes, in metres; infinity beside it."""
-    rays = np.concatenate([CAMERA.rays(320, 240), np.ones((240, 320, 1))], axis=-1)
+    rays = np.concatenate([CAMERA.rays(SHAPE[1], SHAPE[0]), np.ones((*SHAPE, 1))], axis=-1)
     directions, middle = rays / axes, np.array(centre) / axes
     a = (directions**2).sum(axis=-1)
     b = directions @ middle
@@ -38,7 +44,7 @@ def ellipsoid(centre: tuple[float, float, float], axes: tuple[float, float, floa
 
 def before_a_wall(*bodies: Depths) -> tuple[Depths, Mask]:
     """Return a frame with bodies before a wall, and their pixels."""
-    depths = np.min([np.full((240, 320), 3.5), *bodies], axis=0)
+    depths = np.min([np.full(SHAPE, 3.5), *bodies], axis=0)
     return depths, depths < 3.5
 
 
@@ -110,14 +116,19 @@ def test_a_line_without_readings_does_not_halve_the_object_that_is_found(name: s
     assert seen.surface.area == pytest.approx(AREA, rel=0.07)
 
 
+def between_legs(gap: int) -> Mask:
+    """Return the pixels between two upright bars that are a gap apart."""
+    return HEIGHT_OF_LEGS & (COLUMNS >= 160) & (160 + gap > COLUMNS)
+
+
 def legs(gap: int, behind: float) -> tuple[Depths, Mask]:
     """Return two upright bars 2 m away, the pixels between them at another depth, and the pixels of
     both bars.
     """
-    depths = np.full((240, 320), 3.5)
-    mask = np.zeros(depths.shape, dtype=bool)
-    mask[40:200, 130:160] = mask[40:200, 160 + gap : 190 + gap] = True
-    depths[40:200, 160 : 160 + gap] = behind
+    is_left = (COLUMNS >= 130) & (COLUMNS < 160)
+    is_right = (160 + gap <= COLUMNS) & (190 + gap > COLUMNS)
+    mask = HEIGHT_OF_LEGS & (is_left | is_right)
+    depths = np.where(between_legs(gap), behind, 3.5)
     return np.where(mask, 2.0, depths), mask
 
 
@@ -131,7 +142,7 @@ def test_two_legs_with_background_between_them_stay_apart(
     depths = np.where(lost > RANDOM, 0, depths)
     for given in (mask, mask & (depths > 0)):
         observed = observe(depths, CAMERA, given)
-        assert not observed.mask[:, 160 : 160 + gap].any()
+        assert not observed.mask[between_legs(gap)].any()
         assert view(observed).report["pieces"] == 2
 
 
@@ -141,8 +152,7 @@ def test_two_legs_stay_apart_where_few_pixels_between_them_have_a_reading(
     every: int, gap: int
 ) -> None:
     depths, mask = legs(gap, 3.5)
-    between = np.zeros_like(mask)
-    between[40:200, 160 : 160 + gap] = True
+    between = between_legs(gap)
     observed = observe(np.where(between & (ROWS % every > 0), 0, depths), CAMERA, mask)
     assert not (observed.mask & between).any()
     assert view(observed).report["pieces"] == 2
@@ -150,36 +160,34 @@ def test_two_legs_stay_apart_where_few_pixels_between_them_have_a_reading(
 
 def test_a_dead_line_does_not_join_legs() -> None:
     depths, mask = legs(1, 3.5)
-    depths[120] = 0
+    depths[ROWS == 120] = 0
     observed = observe(depths, CAMERA, mask)
-    assert observed.mask[120, 130:160].all()
-    assert not observed.mask[:, 160].any()
+    assert observed.mask[mask & (ROWS == 120)].all()
+    assert not observed.mask[COLUMNS == 160].any()
 
 
 def test_a_jump_of_depth_is_an_edge_whether_or_not_pixels_are_missing_there() -> None:
     depths = np.where(COLUMNS < 160, 2.0, 2.3)
-    depths[:, 158:162] = 0
-    mask = np.zeros(depths.shape, dtype=bool)
-    mask[60:180, 100:220] = True
+    missing = (COLUMNS >= 158) & (COLUMNS < 162)
+    depths[missing] = 0
+    mask = (ROWS >= 60) & (ROWS < 180) & (COLUMNS >= 100) & (COLUMNS < 220)
     observed = observe(depths, CAMERA, mask)
-    assert not observed.mask[:, 158:162].any()
+    assert not observed.mask[missing].any()
     assert view(observed).report["pieces"] == 2
 
 
 def test_a_mask_that_is_a_box_does_not_join_limbs_before_a_background_that_was_cut_away() -> None:
     depths, mask = legs(8, 0.0)
     depths = np.where(mask, depths, 0)
-    box = np.zeros_like(mask)
-    box[20:220, 80:260] = True
-    assert not observe(depths, CAMERA, box).mask[:, 160:168].any()
+    box = (ROWS >= 30) & (ROWS < 210) & (COLUMNS >= 90) & (COLUMNS < 230)
+    assert not observe(depths, CAMERA, box).mask[between_legs(8)].any()
 
 
 def test_a_gap_of_zeros_in_a_mask_that_fits_belongs_to_the_object() -> None:
     depths, mask = legs(8, 0.0)
-    whole = mask.copy()
-    whole[40:200, 160:168] = True
-    assert observe(depths, CAMERA, whole).mask[100, 160:168].all()
-    assert not observe(depths, CAMERA, mask).mask[:, 160:168].any()
+    between = between_legs(8)
+    assert observe(depths, CAMERA, mask | between).mask[between & (ROWS == 100)].all()
+    assert not observe(depths, CAMERA, mask).mask[between].any()
 
 
 @pytest.mark.parametrize(
