@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import struct
 import sys
 import tracemalloc
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -23,7 +25,7 @@ from benchmark.datasets.mesh_files import (
     write_mesh,
 )
 from benchmark.errors import ConfigurationError, InvalidMesh, UnreadableMesh
-from benchmark.formats import polygons
+from benchmark.formats import ply, polygons
 from benchmark.formats.polygons import split_polygons
 from benchmark.formats.reading import read_with
 from benchmark.geometry.mesh import FloatArray, IntArray, Mesh
@@ -313,3 +315,22 @@ def test_on_a_full_disk_the_old_file_stays(tmp_path: Path) -> None:
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("rod.off", "old")]
     write_mesh(target, rod(0.1, 0.5))
     assert target.read_text().startswith("OFF")
+
+
+def test_polygons_of_a_ply_file_that_change_their_number_of_corners_are_read_in_few_runs(
+    tmp_path,
+):
+    n_quads = 500
+    header = (
+        "ply\nformat binary_little_endian 1.0\n"
+        "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+        f"element face {1 + n_quads}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    triangle = struct.pack("<B3i", 3, 0, 1, 2)
+    quad = struct.pack("<B4i", 4, 0, 1, 2, 3)
+    path = tmp_path / "mixed.ply"
+    path.write_bytes(header.encode() + SQUARE.astype("<f4").tobytes() + triangle + n_quads * quad)
+    with patch("benchmark.formats.ply._run_at", wraps=ply._run_at) as run_at:
+        mesh = read_mesh(path)
+    assert mesh.n_faces == 1 + 2 * n_quads
+    assert run_at.call_count < 20  # each run is twice as long as the one before
