@@ -179,6 +179,14 @@ def test_a_form_has_the_notes_of_its_method_which_is_asked_once():
     assert method.asked == 1
     assert form.notes == {"joined_pieces": 2.0, "outline_blur": 1.5}
     np.testing.assert_array_equal(form.vertices, mesh.vertices)
+    assert form.body is mesh  # whose places colour the form when it is drawn
+
+
+def test_a_form_of_other_triangles_has_no_body_that_could_colour_it():
+    method, mesh = Counting(), rod(0.1, 0.5)
+    method.canonicalise = lambda shape: CanonicalForm(shape.mesh.vertices, shape.mesh.faces[::-1])
+    form = form_with_notes(method, SimpleNamespace(mesh=mesh, identifier="rod"), {})
+    assert form.body is None
 
 
 def test_a_learner_that_measures_its_fit_apart_is_asked_and_told_what_to_do_instead():
