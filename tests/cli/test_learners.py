@@ -70,7 +70,7 @@ def test_without_a_model_the_plan_names_the_command_that_trains_it(root, tmp_pat
     folders = ("--results", tmp_path, "--data-root", root)
     selection = ("-t", "III-view", "-m", "nearest-view[training_seed=1]", *LIGHT, *folders)
     told = call("plan", *selection)
-    assert "unavailable  tosca view nearest-view[training_seed=1] by distance-distribution" in told
+    assert "unavailable  tosca view nearest-view[training_seed=1] by light" in told
     command = shlex.split(told.split("`")[1])
     assert command[3:7] == ["train", "nearest-view[training_seed=1]", "--table", "tosca-III"]
     call("run", *selection, "-j", "0", code=1)

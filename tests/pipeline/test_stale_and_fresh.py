@@ -135,7 +135,7 @@ EVERYTHING = {"gps", "identity", "surface-area", "stretch"}
 TOUCHED = {
     "baselines/gps.py": {"gps"},
     "geometry/geodesics.py": EVERYTHING,
-    "examples/distance_distribution.py": EVERYTHING - {"surface-area"},
+    "runs/light_scorer.py": EVERYTHING - {"surface-area"},
     "retrieval/measures.py": EVERYTHING,
     "pipeline/ranking.py": EVERYTHING,
     "pipeline/forms.py": EVERYTHING,

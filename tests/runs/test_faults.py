@@ -237,7 +237,7 @@ def test_what_cannot_be_prepared_is_refused_for_all_and_named_once(rods, tmp_pat
 
 
 #: Tables of what the light scorer ranked.
-TABLES = ("tables", "--scorer", "distance-distribution", "--results")
+TABLES = ("tables", "--scorer", "light", "--results")
 
 DAMAGED = {
     "cut": "OFF\n3 1 0\n0 0 0\n",

@@ -41,7 +41,7 @@ def own(tmp_path, monkeypatch, in_this_process):
 def distances_of(folder, method, results="results", plugins=(), **options):
     """Run a method on surfaces from Python; return its distances."""
     options |= {
-        "scorer": "distance-distribution",
+        "scorer": "light",
         "plugins": [*plugins, LIGHT_SCORER],
         "input": "mesh",
     }
@@ -278,9 +278,7 @@ def test_force_computes_forms_anew_and_replaces_scores_by_scores_alone(own, tmp_
     assert not distances_of(own, "smooth", plugins=[plugin], again=True).equals(first)
     before = read_records(results)
     table.write_text("nothing")
-    jobs = benchmark.run(
-        own, "smooth", plugins=[plugin, LIGHT_SCORER], scorer="distance-distribution", again=True
-    )
+    jobs = benchmark.run(own, "smooth", plugins=[plugin, LIGHT_SCORER], scorer="light", again=True)
     assert list(jobs["status"]) == ["failed"]
     assert read_records(results) == before
 

@@ -17,10 +17,9 @@ from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Work
 from tests.toy import wait_for
 
 FAULTS = Path(__file__).with_name("faults.py")
-#: A scorer without images and words, for runs whose scores do not matter: a process that needs no
-#: torch starts sooner.
-LIGHT_SCORER = Path(__file__).parents[2] / "examples" / "distance_distribution.py"
-LIGHT = ("--scorer", "distance-distribution", "--plugin", LIGHT_SCORER)
+#: The scorer of runs whose scores do not matter.
+LIGHT_SCORER = Path(__file__).with_name("light_scorer.py")
+LIGHT = ("--scorer", "light", "--plugin", LIGHT_SCORER)
 
 
 class ThisProcess:
@@ -58,7 +57,7 @@ def without_processes() -> Iterator[None]:
 def planned(
     folder: Path | str, results: Path, *methods: Any, plugins: tuple[Path, ...] = (), **options: Any
 ) -> list[Planned]:
-    chosen = {"scorer": "distance-distribution", "input": "mesh"} | options
+    chosen = {"scorer": "light", "input": "mesh"} | options
     return plan_selection(
         results, datasets=[str(folder)], methods=methods, plugins=[*plugins, LIGHT_SCORER], **chosen
     )
