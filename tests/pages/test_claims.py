@@ -263,7 +263,7 @@ def test_3_no_form_is_shown_to_be_better_on_tosca(tables):
 def tau(first: Sequence[float], second: Sequence[float]) -> float:
     """Return how alike two orders are, by Kendall's tau-b.
 
-    Those of scipy take some ten times as long, and thousands are needed.
+    Those of scipy take some forty times as long, and thousands are needed.
     """
     signs = [
         np.sign(np.subtract.outer(values, values)) for values in map(np.asarray, (first, second))
