@@ -38,7 +38,7 @@ MISSING := pymeshlab and venv need libraries: apt-get install python3-venv libgl
 # Python compiles a module when it is imported first; compiling them all would take longer than the rest.
 $(RUNNABLE): pyproject.toml constraints.txt
 	@$(PYTHON) -c "$(CHECK)" 2> /dev/null || { echo '$(MISSING)'; exit 1; }
-	@echo 'installing numpy, torch and what else runs need into $(VENV): 2 GB, about a minute'
+	@echo 'installing numpy, torch and what else runs need into $(VENV): 2 GB, some minutes without a word'
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) --upgrade pip
 	$(PIP) --no-compile --constraint constraints.txt --editable .
