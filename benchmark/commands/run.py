@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 from benchmark.api.contracts import Input
 from benchmark.commands.kernels import compile_kernels_of
 from benchmark.commands.plan import Plan, plan
+from benchmark.commands.printable_tables import Tables
 from benchmark.commands.selection import as_paths
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.machine import available_cores
@@ -33,8 +34,6 @@ from benchmark.text import say
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-    from benchmark.commands.printable_tables import Tables
 
 #: Seconds between lines of progress.
 _INTERVAL = 15.0
@@ -213,8 +212,6 @@ def tables_of_run(
     chosen = [record for record in chosen if (record.gallery, record.input) in galleries]
     methods = [record.method for record in of_run] if plan.is_narrow else ()
     views = table_views(chosen, identifiers, methods, datasets)
-    from benchmark.commands.printable_tables import Tables  # lazy: it takes pandas
-
     return Tables(
         tuple(view for view in views if view.table.identifier in identifiers),
         tuple(chosen),
