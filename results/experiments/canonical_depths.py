@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
-from predictions import inside
+from predictions import add_scale, inside
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.commands.selection import data_folder
@@ -24,7 +24,7 @@ from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.geometry.depth import render_depth
 from benchmark.pipeline.prepared import frame_of
-from benchmark.report.grids import TEXT_WIDTH, write_figure
+from benchmark.report.grids import ON_WHITE, TEXT_WIDTH, write_figure
 from learned.images import resampled
 from learned.methods import Learned, Streamed, TrainedNetwork, WideExtra
 
@@ -135,12 +135,13 @@ def extent(panel: NDArray[np.float64]) -> tuple[float, float, float, float]:
 
 def drawn(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
     """Draw a row of panels for each shape, each column cut to its bodies; depth in one scale but
-    for the input.
+    for the input. The picture is transparent, with its words on white.
     """
     extents = np.array([extent(row[1]) for row in rows])
     ratio = (extents[:, 3] - extents[:, 1]).max() / (extents[:, 2] - extents[:, 0]).max()
     side = 0.9 * TEXT_WIDTH / len(titles)
-    figure = Figure((TEXT_WIDTH, 0.35 + 1.02 * ratio * side * len(rows)), layout="constrained")
+    size = (TEXT_WIDTH, 0.35 + 1.02 * ratio * side * len(rows))
+    figure = Figure(size, layout="constrained", facecolor="none")
     places = figure.subplots(len(rows), len(titles), squeeze=False)
     spread = max(np.nanmax(np.abs(row[1])) for row in rows)
     for number, title in enumerate(titles):
@@ -152,10 +153,8 @@ def drawn(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
             place.set_axis_off()
             place.set_xlim(shown[:2] * len(panel))
             place.set_ylim(shown[2:] * len(panel))
-        places[0, number].set_title(title, fontsize=7)
-    bar = figure.colorbar(places[0, 1].images[0], ax=places, shrink=0.5, aspect=30, pad=0.01)
-    bar.set_label("depth about its mean (not of inputs)", fontsize=7)
-    bar.ax.tick_params(labelsize=7)
+        places[0, number].set_title(title, fontsize=7, bbox=ON_WHITE)
+    add_scale(figure, places, "depth about its mean (not of inputs)", shrink=0.5)
     return figure
 
 

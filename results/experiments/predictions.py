@@ -24,7 +24,7 @@ from benchmark.geometry.camera import Camera
 from benchmark.geometry.depth import camera_coordinates, render_depth
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.prepared import frame_of
-from benchmark.report.grids import TEXT_WIDTH, write_figure
+from benchmark.report.grids import ON_WHITE, TEXT_WIDTH, write_figure
 from learned.images import COVERED, resampled
 from learned.methods import Learned
 
@@ -141,10 +141,12 @@ def inside(prediction: Tensor) -> NDArray[np.float64]:
 
 
 def picture(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
-    """Draw a row of panels for each view; depth in one scale, but the input in its own."""
-    figure = Figure(
-        figsize=(TEXT_WIDTH, 1.1 * TEXT_WIDTH * len(rows) / len(titles)), layout="constrained"
-    )
+    """Draw a row of panels for each view; depth in one scale, but the input in its own.
+
+    The picture is transparent, and its words stand on white.
+    """
+    size = (TEXT_WIDTH, 1.1 * TEXT_WIDTH * len(rows) / len(titles))
+    figure = Figure(size, layout="constrained", facecolor="none")
     places = figure.subplots(len(rows), len(titles), squeeze=False)
     for first, row, panels in zip([True, *[False] * len(rows)], places, rows, strict=False):
         for number, (place, panel, title) in enumerate(zip(row, panels, titles, strict=True)):
@@ -154,11 +156,18 @@ def picture(rows: list[list[NDArray[np.float64]]], titles: list[str]) -> Figure:
             place.set_xlim(0.16 * len(panel), 0.84 * len(panel))
             place.set_ylim(0.86 * len(panel), 0.13 * len(panel))
             if first:
-                place.set_title(title, fontsize=7)
-    bar = figure.colorbar(places[0, 1].images[0], ax=places, shrink=0.4, aspect=30, pad=0.01)
-    bar.set_label("depth about its mean, by the depth of the frame (not of inputs)", fontsize=7)
-    bar.ax.tick_params(labelsize=7)
+                place.set_title(title, fontsize=7, bbox=ON_WHITE)
+    label = "depth about its mean, by the depth of the frame (not of inputs)"
+    add_scale(figure, places, label, shrink=0.4)
     return figure
+
+
+def add_scale(figure: Figure, places: NDArray[np.object_], label: str, shrink: float) -> None:
+    """Add the scale of colours of the predicted depths, a share of the figure's height."""
+    bar = figure.colorbar(places[0, 1].images[0], ax=places, shrink=shrink, aspect=30, pad=0.01)
+    bar.set_label(label, fontsize=7, bbox=ON_WHITE)
+    for words in bar.ax.get_yticklabels():
+        words.set(fontsize=7, bbox=ON_WHITE)
 
 
 if __name__ == "__main__":

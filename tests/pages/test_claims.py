@@ -414,7 +414,7 @@ def test_8_two_networks_score_above_the_forms_on_real_people(tables):
     highest = max(nn[form] for form in forms)
     says(
         8,
-        f"Its NN is {nn['learned']}, and the bodies as they are have NN {nn['identity']}.",
+        f"Its NN is {nn['learned']}, and the original bodies have NN {nn['identity']}.",
         f"({leads(rows, 'learned', [*forms])} of {len(PRINTED_MEASURES) * len(forms)} comparisons)",
         f"its NN is {nn[best]}.",
         f"{leads(rows, best, [*forms])} of {len(PRINTED_MEASURES) * len(forms)} comparisons",
