@@ -64,7 +64,7 @@ def _rank(method: str, scores: Mapping[str, float]) -> int:
 def _published_scores() -> dict[tuple[str, str, str], dict[str, float]]:
     """Return published scores of methods on TOSCA by input, scorer and measure.
 
-    None without the file.
+    It is empty if the file is missing.
     """
     if not _FILE.is_file():
         return {}

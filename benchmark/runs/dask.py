@@ -79,13 +79,7 @@ class DaskPool:
     """
 
     def __init__(self, url: str, timeout: float) -> None:
-        """Connect to the scheduler of a dask cluster.
-
-        Raises
-        ------
-        ConfigurationError
-            If the package is not installed, or no scheduler answers.
-        """
+        """Connect to the scheduler."""
         if find_spec("distributed") is None:
             problem = "--dask needs the package distributed"
             raise ConfigurationError(problem, "pip install 'dask[distributed]'")

@@ -102,8 +102,7 @@ def _lacking_model(component: Component, training: str, data_root: Path | None) 
     if isinstance(learner, HasRecipe):
         options = learner.recipe(training)
         seconds = learner.training_seconds(training, n_pairs(find_training(training), data_root))
-    plugin = Path(component.plugin) if component.plugin else None
-    return LackingModel(component.name, plugin, training, options, seconds)
+    return LackingModel(component.name, component.plugin, training, options, seconds)
 
 
 def train_lacking(

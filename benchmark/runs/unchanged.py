@@ -116,7 +116,7 @@ class PlannedFiles:
             If a file differs, is new or is missing, or changes during the check.
         """
         last = self._confirmed
-        if last is not None and not last.changes() and not last.has_new_files():
+        if last is not None and not last.changes() and not last.look_for_new_files():
             # Contents of files that were written long ago need no more comparisons: another change
             # would be seen by its time.
             last.forget_settled()
@@ -134,7 +134,7 @@ class PlannedFiles:
         changed = before.changes()
         if changed:
             raise CodeChanged(listed(changed)) from error
-        if before.has_new_files():  # which Python may have imported in place of others
+        if before.look_for_new_files():  # which Python may have imported in place of others
             self._check_contents()
 
     def _files(self) -> list[Path]:
@@ -233,8 +233,8 @@ class _Snapshot:
         changed += [path for path, text in self._contents.items() if _content_of(path) != text]
         return [Path(path).name for path in dict.fromkeys(changed)]
 
-    def has_new_files(self) -> bool:
-        """Return whether files may have come into their folders since the last call."""
+    def look_for_new_files(self) -> bool:
+        """Look at the folders again, and return whether files may be new since the last look."""
         before = self._folders
         self._folders = {folder: _state_of(folder) for folder in before}
         return before != self._folders
