@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from benchmark.cli.printing import print_markdown
 from benchmark.errors import ConfigurationError
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
-from benchmark.reference.paper import entry_of
+from benchmark.reference.paper import entry_of, source_of
 from benchmark.report.formats import (
     as_json,
     bibtex_of_tables,
@@ -309,3 +309,16 @@ def test_latex_compiles_without_an_overfull_box(tmp_path, name):
     )
     assert done.returncode == 0, done.stdout[-2000:]
     assert "Overfull" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("authors", "named"),
+    [
+        ("A. Ash", "A. Ash"),
+        ("A. Ash and B. Birch", "A. Ash and B. Birch"),
+        ("A. Ash and B. Birch and C. Cedar", "A. Ash, B. Birch and C. Cedar"),
+    ],
+)
+def test_a_source_names_its_authors_its_year_and_where_it_stands(authors, named):
+    entry = f"@article{{key, author = {{{authors}}}, title = {{Trees}}, year = 2014}}"
+    assert source_of(entry) == f"{named} (2014). Trees"
