@@ -42,7 +42,7 @@ def print_plan(selection: Selection, *, traceback: bool = False, every: bool = F
         Whether all data sets of the selection can be used.
     """
     planned = plan(**selection.arguments(OF_JOBS))
-    for note in [*planned.notes, *planned.problems_of_files()]:
+    for note in [*planned.notes, *planned.stand_ins(), *planned.problems_of_files()]:
         say(note, err=True)
     _say_refused(planned)
     lists_each = every or len(planned.jobs) <= _LISTED

@@ -145,7 +145,7 @@ class Plan:
         """Say which data are stand-ins, which folders are gone, and which files are not read."""
         return [
             *self._folders_that_are_gone(),
-            *self._stand_ins(),
+            *self.stand_ins(),
             *self._queries_of_the_gallery(),
             *self.problems_of_files(),
         ]
@@ -172,15 +172,16 @@ class Plan:
                 forget = shlex.join(["forget", "-d", path])
                 yield f"{path} is no longer there; its rows stay in tables until '{forget}'"
 
-    def _stand_ins(self) -> Iterable[str]:
-        """Say which data are stand-ins."""
+    def stand_ins(self) -> Iterable[str]:
+        """Say which data are stand-ins, and where absent official data come from."""
         stand_ins = {job.record.data.name: job.record.data.stand_in_for for job in self.jobs}
         for name, official in stand_ins.items():
             if official in CATALOGUE and name in CATALOGUE:
                 absent = ""
                 if not is_present(official, self.data_root):
                     where = f"{self.data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"
-                    absent = f", which is not at {where}; see --data-root"
+                    url = CATALOGUE[official].url
+                    absent = f", which is not at {where}; see --data-root; it comes from {url}"
                 yield f"{name}: generated stand-in for {official}{absent}"
 
     def _queries_of_the_gallery(self) -> Iterable[str]:

@@ -19,6 +19,7 @@ from benchmark.protocols.tables import INPUTS, TABLES, TITLES
 from benchmark.registry import are_named
 from benchmark.registry.names import base_name
 from benchmark.report.columns import PRINTED_SCORES, QUANTITIES
+from benchmark.report.formats import robustness_markdown
 from benchmark.report.record_facts import chosen_records, row_of
 from benchmark.report.table_view import TableView
 from benchmark.report.tables import table_views
@@ -245,7 +246,7 @@ class RecordSelection:
     def _no_records(self, notes: Sequence[str]) -> ConfigurationError:
         """Return an error that says that there is no record, and how to get some."""
         what = "published record" if self.published else "finished job"
-        first = "omit --results" if self.published else "run it first"
+        first = "omit --published or --results" if self.published else "run it first"
         problem = f"no {what} under {self.results} fits the selection"
         return ConfigurationError(problem, "; ".join([f"{first}, or select less", *notes]))
 
@@ -262,7 +263,8 @@ class RecordSelection:
         rows = self.methods if are_named(self.methods) else ()
         sets = {record.data.name for record in records} if self.data else ()
         views = table_views(records, self.tables, rows, sets, paper=paper)
-        if not views and "robustness" not in self.tables:
+        has_robustness = "robustness" in self.tables and robustness_markdown(records) != ""
+        if not views and not has_robustness:
             what = f"table {', '.join(self.tables)}" if self.tables else "any table"
             problem = f"no finished job under {self.results} belongs to {what}"
             raise ConfigurationError(problem, "run it first, or select less")

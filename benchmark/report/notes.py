@@ -321,7 +321,10 @@ def _why_no_scores(row: TableRow, column: str, without_networks: Container[str])
     if row.records or row.failed:  # in other columns
         return "not run, or the method does not take this input"
     if row.kind == "network":
-        return "no model was trained for this data, or it was not run"
+        return (
+            "no model was trained for this data, or it was not run; 'run --train' trains the "
+            "models that this code can train"
+        )
     return "not run"
 
 

@@ -35,6 +35,7 @@ from benchmark.report.rivals import SAME, scatter_of
 from benchmark.report.rows import RowScores, query_measures
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, permutation_test
 from benchmark.report.table_view import TableView
+from benchmark.text import listed
 
 #: Largest difference of a reproduced score from the paper's: two hundredths more than the standard
 #: deviation of NN over draws of the codebook on a hundred shapes (median .026).
@@ -192,17 +193,20 @@ def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
         unseen query.
     """
     if view is None:
-        return AssessedClaim(claim, "not comparable")
-    rows = _rows_of_claim(claim, view)
-    if not rows:
-        return AssessedClaim(claim, "not comparable", view.title)
+        return AssessedClaim(claim, "not comparable: the table has no scores")
+    rows, lacking = _rows_of_claim(claim, view)
+    if lacking:
+        titles = {row.method: row.title for row in view.rows}
+        names = listed([titles.get(method, TITLES.get(method, method)) for method in lacking])
+        return AssessedClaim(claim, f"not comparable: no complete scores of {names}", view.title)
 
     # Leave out the queries of classes seen in training.
     labels = rows[0].labels  # all rows rank the same shapes
     seen_classes = frozenset[str]().union(*(row.seen_classes for row in rows))
     unseen = [index for index, label in enumerate(labels) if label not in seen_classes]
     if not unseen:
-        return AssessedClaim(claim, "not comparable", view.title, n_queries=len(labels))
+        problem = "not comparable: no class is unseen in training"
+        return AssessedClaim(claim, problem, view.title, n_queries=len(labels))
     unseen_labels = [labels[index] for index in unseen]
 
     measures = [PRINTED_MEASURES.index(name) for name in claim.measures]
@@ -226,10 +230,10 @@ def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
 _COLUMN_OF_SUBJECTS = "5 subjects"
 
 
-def _rows_of_claim(claim: Claim, view: TableView) -> list[RowScores]:
-    """Return the scores of the methods that a claim compares, the claimed better one first.
+def _rows_of_claim(claim: Claim, view: TableView) -> tuple[list[RowScores], list[str]]:
+    """Return the scores of the methods that a claim compares, and the methods without any.
 
-    The list is empty if one of the methods has no complete scores.
+    The claimed better one is the first. Incomplete scores are none.
     """
     # In the column of the five subjects, if the table has it; else in its first column.
     title = view.columns[0].title
@@ -240,9 +244,8 @@ def _rows_of_claim(claim: Claim, view: TableView) -> list[RowScores]:
         if title in row.scored and not row.scored[title].missing:
             scores_of_methods[row.method] = row.scored[title]
     methods = (claim.better, *claim.others)
-    if not all(method in scores_of_methods for method in methods):
-        return []
-    return [scores_of_methods[method] for method in methods]
+    lacking = [method for method in methods if method not in scores_of_methods]
+    return [scores_of_methods[method] for method in methods if method not in lacking], lacking
 
 
 def _decision(claim: Claim, words: DecisionWords, leads: _Leads, n_classes: int) -> str:

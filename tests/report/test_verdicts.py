@@ -59,7 +59,12 @@ def test_a_claim_needs_other_classes_to_hold():
     assert judged(claim_on("high", "low"), high, low).decision == "holds on the stand-in"
     assert judged(claim_on("low", "high"), high, low).decision == "fails on the stand-in"
     assert judged(claim_on("high", "mixed"), high, mixed).decision == "open on the stand-in"
-    assert judged(claim_on("high", "none"), high, low).decision == "not comparable"
+    assert judged(claim_on("high", "none"), high, low).decision == (
+        "not comparable: no complete scores of none"
+    )
+    assert assess(claim_on("high", "low"), None).decision == (
+        "not comparable: the table has no scores"
+    )
 
 
 def test_queries_of_classes_that_a_row_has_seen_decide_nothing():
@@ -76,7 +81,8 @@ def test_queries_of_classes_that_a_row_has_seen_decide_nothing():
     none = judged(
         claim_on("net", "gps"), record("net", seen=["cat0", "dog4", "owl8"]), record("gps")
     )
-    assert (none.decision, none.n_unseen, none.n_queries) == ("not comparable", 0, 12)
+    assert none.decision == "not comparable: no class is unseen in training"
+    assert (none.n_unseen, none.n_queries) == (0, 12)
 
 
 def test_claims_say_how_many_queries_decide():
