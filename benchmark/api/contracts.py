@@ -67,10 +67,10 @@ class MethodInfo(CheckedParameters):
         ``"@article{key, ...}"``.
     family
         ``"paper"`` for a row of the paper, ``"control"`` for a baseline, ``"external"`` for forms
-        that another program made before, ``"extended"`` for any other method.
+        made by another program, ``"extended"`` for any other method.
     summary
-        What the method does, in a sentence for readers who do not know it; for ``list methods`` and
-        for the page to play with.
+        What the method does, in a sentence for readers who do not know it. ``list methods`` and the
+        page ``play.html`` show it.
     departs
         How the method departs from its source, in one or two sentences; "" if it does not. Shown by
         ``describe``.
@@ -84,17 +84,18 @@ class MethodInfo(CheckedParameters):
     deterministic
         False if the form depends on the seed.
     needs
-        What a shape must have, checked before the method is called: ``"connected"`` for a surface
-        in one piece of at least four vertices, ``"pairs"`` also for at most 20 000 vertices, of
-        which all distances are kept.
+        Requirements that are checked before the method is called. ``"connected"``: the surface is
+        in one piece and has at least four vertices. ``"pairs"``: it also has at most 20 000
+        vertices, because the distances between all pairs are kept in memory.
     files
-        Other files on which the results depend, such as a table that it reads or a program that it
-        calls; paths are relative to its module. If one changes, its results are computed again.
+        Other files on which the results depend, such as a table that the method reads or a program
+        that it calls. Paths are relative to its module. If a file changes, the results of the
+        method are computed again.
 
     Raises
     ------
     ConfigurationError
-        If a value is not of its type.
+        If a value does not have the declared type.
     """
 
     name: Name
@@ -144,7 +145,7 @@ class CanonicalForm:
         Raises
         ------
         InvalidMesh
-            If it is not a surface, for example if coordinates are NaN.
+            If the form is not a surface, for example because a coordinate is NaN.
         """
         return Mesh(self.vertices, self.faces)
 
@@ -221,9 +222,9 @@ class Shape:
 
     @classmethod
     def from_arrays(cls, vertices: ArrayLike, faces: ArrayLike, name: str = "shape") -> Shape:
-        """Return a shape with the given surface, as it is.
+        """Return a shape with the given surface, without preparing it.
 
-        :func:`benchmark.canonicalise` prepares it as a run does.
+        :func:`benchmark.canonicalise` prepares a surface as a run does.
 
         Parameters
         ----------
@@ -237,7 +238,7 @@ class Shape:
         Raises
         ------
         InvalidMesh
-            If they are no triangle mesh.
+            If the arrays are not a triangle mesh.
 
         Examples
         --------
@@ -275,17 +276,17 @@ class Shape:
         return matrix
 
     def compute_once(self, key: Hashable, compute: Callable[[], Any]) -> Any:
-        """Return a result that several methods use, such as a form that others deform.
+        """Return a result that several methods use, such as a form that other methods deform.
 
-        It is computed when it is first needed.
+        The result is computed when it is first needed.
 
         Parameters
         ----------
         key
-            What the result is: the method with its parameters. A result under any other key, such
-            as a text, is of the method that asks, with its parameters, and no other method gets it;
-            outside of a run, where nobody knows who asks, it is computed each time. A run charges
-            the seconds to each method that uses it.
+            The method that makes the result, with its parameters. Any other key, such as a text,
+            is private to the method that asks: no other method gets its result, and outside of a
+            run, the result is computed each time. A run adds the seconds of a shared result to the
+            time of each method that uses it.
         compute
             Computes the result, which must be read-only.
         """
@@ -301,7 +302,7 @@ class Shape:
     def geodesics_from(self, sources: ArrayLike) -> FloatArray:
         """Return geodesic distances from a few vertices to all vertices.
 
-        Those of all pairs are not computed.
+        This is much faster than the distances between all pairs.
 
         Parameters
         ----------

@@ -181,7 +181,7 @@ class Selection(Struct, frozen=True, kw_only=True):
     ] = False
     subjects: Annotated[
         str | None,
-        Option("--subjects", metavar="A,B", help="Only these subjects, to choose parameters on."),
+        Option("--subjects", metavar="A,B", help="Only these subjects, for choosing parameters."),
     ] = None
     gallery: Annotated[
         str,
@@ -195,7 +195,7 @@ class Selection(Struct, frozen=True, kw_only=True):
             "--gallery-views",
             min=0,
             metavar="N",
-            help="Render each shape of the gallery by N cameras.",
+            help="Render each shape of the gallery with N cameras.",
         ),
     ] = 0
     same_names: Annotated[
@@ -221,7 +221,7 @@ class Selection(Struct, frozen=True, kw_only=True):
         Option(
             "--depth-scale",
             metavar="N",
-            help="Depth units a metre. [1000 for integers, 1 for floats]",
+            help="Depth units per metre. [1000 for integers, 1 for floats]",
         ),
     ] = None
     picture: Annotated[

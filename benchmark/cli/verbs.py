@@ -66,7 +66,7 @@ def run_verb(
 def plan_verb(
     selection: Selection,
     traceback: shared.TracebackOption = False,
-    every: Annotated[bool, Option("--jobs", help="List each job, also of many.")] = False,
+    every: Annotated[bool, Option("--jobs", help="List every job, even if many.")] = False,
 ) -> bool:
     """Show what would run, why, and how long it would take."""
     from benchmark.cli.run import print_plan
@@ -85,7 +85,7 @@ def tables_verb(
         Path | None, Option("-o", "--output", metavar="DIR", help="Write files.")
     ] = None,
     paper: Annotated[
-        bool, Option("--paper", help="Also rows of the paper that never ran.")
+        bool, Option("--paper", help="Also show rows of the paper that never ran.")
     ] = False,
     force: shared.ForceOption = False,
     failed: shared.FailedOption = False,
