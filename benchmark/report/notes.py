@@ -35,6 +35,7 @@ FEW = (
     "{} classes decide little: only differences that are large, or alike in nearly all classes, "
     "are found. "
 )
+QUICK = "A quick run has too few poses: take its marks as a hint, not as a verdict. "
 MARKS = (
     "Bold: the best of its block. Italic: not significantly worse (p at least .05; "
     "studentised permutation test over whole classes, of all rows and measures of the block). "
@@ -82,12 +83,13 @@ def table_notes(view: TableView) -> list[str]:
 
 
 def _note_on_marks(view: TableView) -> str:
-    """Return what bold and italic mean, and what few classes can decide."""
+    """Return what bold and italic mean, and what few classes or poses can decide."""
+    reservation = QUICK if view.quick else ""
     numbers = [tested.n_classes for tested in view.tests.values()]
     fewest = min(number for number in numbers if number >= FEWEST_CLASSES)
     if fewest <= _FEW_CLASSES:
-        return FEW.format(fewest) + MARKS
-    return MARKS
+        reservation += FEW.format(fewest)
+    return reservation + MARKS
 
 
 def _columns_without_networks(view: TableView) -> set[str]:
@@ -118,7 +120,9 @@ def leads(view: TableView) -> list[str]:
     """
     parts_of_columns: dict[str, list[str]] = {}  # of the sentence, by title of the column
     for (title, block), tested in view.tests.items():
-        if tested.n_classes < FEWEST_CLASSES:
+        if view.quick:
+            parts_of_columns[title] = ["a quick run decides nothing"]
+        elif tested.n_classes < FEWEST_CLASSES:
             parts_of_columns[title] = [f"{tested.n_classes} classes decide nothing here"]
         else:
             part = _lead_of_block(view, title, block, tested)

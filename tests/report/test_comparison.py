@@ -7,6 +7,7 @@ import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.report.comparison import ABOVE, compare_rows, details, summaries
+from benchmark.report.notes import QUICK, leads, table_notes
 from benchmark.report.statistics import permutation_test
 from benchmark.report.tables import table_views
 from tests.report.records import LABELS, record
@@ -59,9 +60,15 @@ def test_classes_that_one_of_the_two_has_seen_in_training_are_no_queries():
     assert found == []
 
 
-def test_a_quick_run_decides_nothing():
+def test_a_quick_run_decides_nothing_and_its_table_says_that_marks_are_no_verdict():
     quick = [record(name, nn, labels=LETTERS, quick=True) for name, nn in (("a", 0.9), ("b", 0.1))]
     assert set(compared(quick, "a").verdict) == {"not decided (quick run)"}
+    full = [record(name, nn, labels=LETTERS) for name, nn in (("a", 0.9), ("b", 0.1))]
+    (of_quick,), (of_full,) = table_views(quick), table_views(full)
+    assert of_quick.marks and table_notes(of_quick)[0].startswith(QUICK)
+    assert QUICK not in table_notes(of_full)[0]
+    assert "a quick run decides nothing" in leads(of_quick)[0]
+    assert "a quick run" not in leads(of_full)[0]
 
 
 def test_the_significant_difference_is_named():
