@@ -37,8 +37,8 @@ OWN = 8
 
 #: Numbers of shapes that are measured, by stage.
 SIZES = {
-    "words and matching": (100, 300, 1000),
-    "ranking": (100, 1000, 3000),
+    "words and matching": (100, 1000, 3000),
+    "ranking": (100, 1000, 3000, 10_000),
     "permutation test": (100, 1000, 3000, 10_000),
 }
 
