@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shlex
+from collections import defaultdict
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -33,7 +34,7 @@ from benchmark.pipeline.records import Record
 from benchmark.registry import Component, are_named
 from benchmark.runs.lacking import LackingModel, lacking_models
 from benchmark.runs.planning import Estimate, Planned, estimate, plan_selection
-from benchmark.text import nfc
+from benchmark.text import listed, nfc
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -174,15 +175,18 @@ class Plan:
 
     def stand_ins(self) -> Iterable[str]:
         """Say which data are stand-ins, and where absent official data come from."""
-        stand_ins = {job.record.data.name: job.record.data.stand_in_for for job in self.jobs}
-        for name, official in stand_ins.items():
-            if official in CATALOGUE and name in CATALOGUE:
-                absent = ""
-                if not is_present(official, self.data_root):
-                    where = f"{self.data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"
-                    url = CATALOGUE[official].url
-                    absent = f", which is not at {where}; see --data-root; it comes from {url}"
-                yield f"{name}: generated stand-in for {official}{absent}"
+        names_of_stand_ins = defaultdict[str, dict[str, None]](dict)  # by the official set
+        for job in self.jobs:
+            data = job.record.data
+            if data.stand_in_for in CATALOGUE and data.name in CATALOGUE:
+                names_of_stand_ins[data.stand_in_for][data.name] = None
+        for official, names in names_of_stand_ins.items():
+            absent = ""
+            if not is_present(official, self.data_root):
+                where = f"{self.data_root or 'DATA_ROOT'}/{CATALOGUE[official].folder}"
+                url = CATALOGUE[official].url
+                absent = f", which is not at {where}; see --data-root; it comes from {url}"
+            yield f"{listed(names)}: generated stand-in for {official}{absent}"
 
     def _queries_of_the_gallery(self) -> Iterable[str]:
         """Say how many queries have names of shapes of their gallery."""

@@ -194,3 +194,18 @@ def test_forget_says_what_goes(tmp_path, in_this_process):
     assert "finished  rods mesh surface-area" in states
     call("forget", "-m", "all", "--yes", "--results", results)
     assert not [path for path in (results / "runs").rglob("*.*") if path.is_file()]
+
+
+def test_the_overview_of_a_plan_gives_a_reason_for_each_job_that_is_not_possible(tmp_path):
+    said = call("plan", "-d", "animals", "--input", "view", "--results", tmp_path / "none")
+    counts = re.findall(r"^animals(?: held out)? +view +\d+ +(\d+)$", said, re.MULTILINE)
+    explained = re.findall(r"^unsupported: [\w, -]+ \((\d+) jobs?\): ", said, re.MULTILINE)
+    assert sum(map(int, counts)) == sum(map(int, explained)) > 0
+
+
+def test_a_plan_names_the_draws_of_a_stand_in_together(tmp_path):
+    of_people = ("-d", "people[draw=0]", "-m", "gps", "--input", "mesh")
+    said = call("plan", *of_people, "--results", tmp_path / "none")
+    (line,) = [line for line in said.splitlines() if "generated stand-in for" in line]
+    draws = [f"people[draw={number}]" for number in range(3)]
+    assert line.startswith(f"{', '.join(draws)}: generated stand-in for shrec14-synthetic")
