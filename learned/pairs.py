@@ -187,16 +187,16 @@ class PairsOnDisk:
         """
         total = 0
         count = 0
-        least = np.inf
-        largest = -np.inf
+        least = math.inf
+        largest = -math.inf
         for row in self.target_of.unique().tolist():
             image = self.depths[row]
             depths = image[image > -_MIDDLE].astype(np.float64)
             # Summed as integers, in units of 2**-24, so that the order does not matter.
             total += int((depths * 2**24).astype(np.int64).sum())
             count += len(depths)
-            least = min(least, depths.min())
-            largest = max(largest, depths.max())
+            least = min(least, float(depths.min()))
+            largest = max(largest, float(depths.max()))
         mean = total / count / 2**24
         return self.scaled(DepthScale.between(least + _MIDDLE, largest + _MIDDLE, mean + _MIDDLE))
 

@@ -19,16 +19,18 @@ import torch
 from safetensors.torch import load as tensors_in
 from safetensors.torch import save
 
-from benchmark.api.learning import CARD, WEIGHTS, TrainingPair, digest_of
+from benchmark.api.learning import CARD, WEIGHTS, Bodies, TrainingPair, digest_of
 from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.machine import describe_machine
 from learned.fitting import train
 from learned.images import resampled
 from learned.models import HISTORY, load_model, predict
 from tests.learned.toy import (
+    BENDS,
     BUILDS,
     OPTIONS,
     TINY,
+    Image,
     edit_card,
     ellipsoid,
     files,
@@ -98,6 +100,20 @@ def test_pixels_that_rounding_may_decide_are_predicted_in_double_precision(
         error = float((predict(trained, depth) - expected).abs().max())
         assert error < 1e-5
         assert (error < 1e-12) == is_exact
+
+
+def test_a_training_on_pairs_on_disk_ends_with_the_scale_of_its_targets(tmp_path: Path) -> None:
+    def images(number: int) -> list[Image]:
+        width, height = list(BUILDS.values())[number]
+        return [ellipsoid(width, height, x=x, y=-x) for x in BENDS]
+
+    bodies = Bodies(names=tuple(BUILDS), n_images=len(BENDS), images=images, recipe="toy")
+    options = {**OPTIONS, "epochs": 1, "early_epochs": 0, "stretch_depth": True}
+    scales = []
+    for folder, data in (("memory", toy_data()), ("disk", replace(toy_data(), bodies=bodies))):
+        train(TINY.name, 0, data, tmp_path / folder / "model", options, quiet)
+        scales.append(json.loads((tmp_path / folder / "model" / CARD).read_text())["depth_scale"])
+    assert scales[1] == pytest.approx(scales[0], rel=1e-3)
 
 
 def test_depths_of_stretched_targets_are_predicted_in_the_range_of_the_frame(
