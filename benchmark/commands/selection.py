@@ -263,12 +263,12 @@ class RecordSelection:
         rows = self.methods if are_named(self.methods) else ()
         sets = {record.data.name for record in records} if self.data else ()
         views = table_views(records, self.tables, rows, sets, paper=paper)
-        has_robustness = "robustness" in self.tables and robustness_markdown(records) != ""
-        if not views and not has_robustness:
-            what = f"table {', '.join(self.tables)}" if self.tables else "any table"
-            problem = f"no finished job under {self.results} belongs to {what}"
-            raise ConfigurationError(problem, "run it first, or select less")
-        return views
+        # The table of robustness is none of the views.
+        if views or ("robustness" in self.tables and robustness_markdown(records)):
+            return views
+        what = f"table {', '.join(self.tables)}" if self.tables else "any table"
+        problem = f"no finished job under {self.results} belongs to {what}"
+        raise ConfigurationError(problem, "run it first, or select less")
 
     def _of_other_scorers(self, records: Iterable[Record]) -> list[str]:
         """Say how many jobs of other scorers or seeds there are, and which options show them."""

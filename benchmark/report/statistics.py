@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 #: Number of random exchanges; all are tried if they are fewer.
 DRAWS = 9999
 
-#: Permutations whose sums are in memory at a time: so few that they stay in the processor's cache.
+#: Exchanges whose sums are in memory at a time: so few that they stay in the processor's cache.
 _AT_A_TIME = 200
 
 #: Nominal confidence level of intervals.

@@ -21,7 +21,6 @@ from collections import defaultdict, deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import (
     AbstractContextManager,
-    ExitStack,
     chdir,
     contextmanager,
     nullcontext,
@@ -464,12 +463,13 @@ class Work:
             If a plugin reads what it does not declare.
         """
         # A method may change the working folder and the umask for itself alone.
-        with ExitStack() as contexts:
-            contexts.enter_context(self._context.unchanged(step))
-            contexts.enter_context(chdir("."))
-            contexts.enter_context(same_umask())
-            contexts.enter_context(_watching(step))
-            contexts.enter_context(copies_end())
+        with (
+            self._context.unchanged(step),
+            chdir("."),
+            same_umask(),
+            _watching(step),
+            copies_end(),
+        ):
             yield
 
     def _read(self, step: Step, stage: Stage) -> Arrays:
