@@ -12,7 +12,9 @@ import json
 import shutil
 import sys
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -139,6 +141,7 @@ def finished_cells() -> list[Cell]:
     return list(cells())
 
 
+@cache
 def average_body(data: str, results: Path) -> Tensor:
     """Return the mean depth of the bodies of some training data, as
     :func:`depth_range.average_body` does.
@@ -158,34 +161,37 @@ def average_body(data: str, results: Path) -> Tensor:
     return depth_range.spread(depth / mask.clamp(min=1), mask)
 
 
-def evaluate(results: Path) -> None:
-    """Write the scores of each body for all cells and their controls."""
+def evaluate_cell(cell: Cell, results: Path) -> pandas.DataFrame:
+    """Return the scores of each body for a cell and its controls."""
+    torch.set_num_threads(1)
     truth = depth_range.true_images(depth_range.RESOLUTION)
-    averages: dict[str, Tensor] = {}
+    average = average_body(cell.data, results)
+    network = Learned(configuration=cell.network).load(MODELS / cell.folder)  # type: ignore[arg-type]
+    given = depth_range.predictions(network)
+    settings = {
+        PREDICTED: given,
+        depth_range.AVERAGE: [torch.stack([average, mask]) for _, mask in given],
+        depth_range.FLAT: [torch.stack([torch.full_like(mask, 0.5), mask]) for _, mask in given],
+        depth_range.TRUE: [
+            torch.stack([depth_range.spread(*true), mask])
+            for (_, mask), true in zip(given, truth, strict=True)
+        ],
+    }
+    facts = {"data": cell.data, "network": cell.network, "seed": cell.seed}
     found: list[pandas.DataFrame] = []
-    for cell in finished_cells():
-        if cell.data not in averages:
-            averages[cell.data] = average_body(cell.data, results)
-        network = Learned(configuration=cell.network).load(MODELS / cell.folder)  # type: ignore[arg-type]
-        given = depth_range.predictions(network)
-        average = averages[cell.data]
-        settings = {
-            PREDICTED: given,
-            depth_range.AVERAGE: [torch.stack([average, mask]) for _, mask in given],
-            depth_range.FLAT: [
-                torch.stack([torch.full_like(mask, 0.5), mask]) for _, mask in given
-            ],
-            depth_range.TRUE: [
-                torch.stack([depth_range.spread(*true), mask])
-                for (_, mask), true in zip(given, truth, strict=True)
-            ],
-        }
-        facts = {"data": cell.data, "network": cell.network, "seed": cell.seed}
-        for setting, images in settings.items():
-            scores = depth_range.ranked(images)
-            found.append(depth_range.scored({**facts, "setting": setting}, scores, images, truth))
-        scores = depth_range.by_pixels(given)
-        found.append(depth_range.scored({**facts, "setting": L2}, scores, given, truth))
+    for setting, images in settings.items():
+        scores = depth_range.ranked(images)
+        found.append(depth_range.scored({**facts, "setting": setting}, scores, images, truth))
+    scores = depth_range.by_pixels(given)
+    found.append(depth_range.scored({**facts, "setting": L2}, scores, given, truth))
+    return pandas.concat(found)
+
+
+def evaluate(results: Path) -> None:
+    """Write the scores of each body for all cells and their controls; two processes share them."""
+    finished = finished_cells()
+    with ProcessPoolExecutor(max_workers=2) as pool:
+        found = list(pool.map(evaluate_cell, finished, [results] * len(finished)))
     pandas.concat(found).to_csv(SCORES, index=False, lineterminator="\n")
 
 
