@@ -41,7 +41,7 @@ from benchmark.pipeline.record_files import (
 )
 from benchmark.pipeline.record_layout import RecordError
 from benchmark.pipeline.records import Record
-from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.protocols.tables import TABLE_MEASURES
 from benchmark.report.record_facts import row_of
 from tests.report.records import record
 from tests.toy import write_rods
@@ -125,8 +125,8 @@ def bases() -> list[Content]:
     """Return records of all kinds, of which forgeries are made."""
     values = [0.0 if number == 3 else 0.5 for number in range(12)]
     of_refused = {
-        "per_query": dict.fromkeys(PRINTED_MEASURES, values),
-        "scores": dict.fromkeys(PRINTED_MEASURES, sum(values) / 12),
+        "per_query": dict.fromkeys(TABLE_MEASURES, values),
+        "scores": dict.fromkeys(TABLE_MEASURES, sum(values) / 12),
     }
     network = {
         "models": [{"training": "people", "data": "people", "digest": "1" * 16}],
@@ -255,7 +255,7 @@ def contradict(content: Content, chance: random.Random) -> None:
         content["per_query"] = {name: [0.5] * many for name in content.get("per_query", {})}
         content["scores"] = dict.fromkeys(content.get("scores", {}), 0.5)
     elif kind == 7:
-        content["scores"] = dict.fromkeys(PRINTED_MEASURES, 0.9)
+        content["scores"] = dict.fromkeys(TABLE_MEASURES, 0.9)
     elif kind == 8:
         content["labels"] = [f"alone{number}" for number in range(len(content["labels"]))]
     elif kind == 9:
@@ -292,8 +292,8 @@ def recompose(content: Content, chance: random.Random) -> None:
     ):
         content.pop(name, None)
     values = [round(chance.random(), 6) for _ in labels]
-    content["per_query"] = dict.fromkeys(PRINTED_MEASURES, values)
-    content["scores"] = dict.fromkeys(PRINTED_MEASURES, sum(values) / len(values))
+    content["per_query"] = dict.fromkeys(TABLE_MEASURES, values)
+    content["scores"] = dict.fromkeys(TABLE_MEASURES, sum(values) / len(values))
     data = chance.choice(("rods", "tosca", "animals-few[noise=1]", *words))[:40]
     content["data"] = {"name": data, "title": chance.choice(words), "source": data}
     if chance.random() < 0.3:

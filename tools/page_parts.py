@@ -24,7 +24,7 @@ from benchmark.pipeline.record_arrays import read_distances
 from benchmark.pipeline.record_files import read_records
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import TITLES
-from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.reference.paper import PAPER_MEASURES
 from benchmark.registry import select_one
 from benchmark.report.figures import MEASURE
 from benchmark.report.formats import markdown_table
@@ -116,11 +116,11 @@ def five_shapes() -> str:
         order = [int(place) for place in np.argsort(distances, kind="stable") if place != query]
         signs = ["✓" if labels[place] == labels[query] else "✗" for place in order]
         ranked = [f"{names[place]} {sign}" for place, sign in zip(order, signs, strict=True)]
-        scores = [hundredths(evaluation.queries[name].iloc[query]) for name in PRINTED_MEASURES]
+        scores = [hundredths(evaluation.queries[name].iloc[query]) for name in PAPER_MEASURES]
         body.append([names[query], *ranked, *scores])
-    means = [hundredths(evaluation.scores.loc[name, "score"]) for name in PRINTED_MEASURES]
+    means = [hundredths(evaluation.scores.loc[name, "score"]) for name in PAPER_MEASURES]
     body.append(["**mean**", "", "", "", "", *means])
-    return "\n".join(markdown_table(["Query", "1st", "2nd", "3rd", "4th", *PRINTED_MEASURES], body))
+    return "\n".join(markdown_table(["Query", "1st", "2nd", "3rd", "4th", *PAPER_MEASURES], body))
 
 
 def fails(method: str) -> str:

@@ -24,8 +24,7 @@ from benchmark.pipeline.environment import has_edits
 from benchmark.pipeline.record_arrays import published_distances, read_distances
 from benchmark.pipeline.record_files import encode_record, read_records, say_skipped, scan_files
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import PARTS
-from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.protocols.tables import PARTS, TABLE_MEASURES
 from benchmark.registry import BUILT_IN, SCORERS
 from benchmark.registry.names import base_name
 from benchmark.report.drawing import OBLIQUE, shaded, webp
@@ -93,7 +92,7 @@ def is_public(record: Record) -> bool:
 def portable(record: Record) -> Record:
     """Return a record without what means nothing on another machine."""
     per_query = {
-        name: values for name, values in record.per_query.items() if name in PRINTED_MEASURES
+        name: values for name, values in record.per_query.items() if name in TABLE_MEASURES
     }
     published = {
         "per_query": per_query,

@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Sequence
 
 from benchmark.pipeline.records import RankedShapes, Record, key_at
-from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.reference.paper import PAPER_MEASURES
 from benchmark.text import counted
 
 #: Most shapes of a gallery: a matrix of their distances has 20 GB.
@@ -118,7 +118,7 @@ def _fault_of_scores(record: Record) -> str:
         return f"it has {record.lone_queries} queries without a relevant shape, not {n_lone}"
     if record.tied_queries > n_queries:
         return f"it has {record.tied_queries} queries with ties among {n_queries}"
-    for measure in PRINTED_MEASURES:
+    for measure in PAPER_MEASURES:
         if measure not in record.scores or measure not in record.per_query:
             return f"it has no {measure}"
     for measure in (*record.per_query, *record.draw_errors):

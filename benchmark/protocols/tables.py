@@ -17,6 +17,10 @@ from benchmark.reference import paper
 
 INPUTS: tuple[Input, ...] = ("mesh", "view")
 
+#: Measures that tables show, compare and mark: first those of the paper. A table leaves out one
+#: that some of its records lack, because they are older than the measure.
+TABLE_MEASURES: tuple[str, ...] = (*paper.PAPER_MEASURES,)
+
 Block = Literal["form", "network", "descriptor", "external"]
 
 #: Stand-ins for the synthetic humans: the first one has folds and networks; the whole galleries of

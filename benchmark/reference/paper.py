@@ -13,7 +13,7 @@ from functools import cache
 from importlib import resources
 from inspect import cleandoc
 
-PRINTED_MEASURES = ("NN", "FT", "ST", "DCG")
+PAPER_MEASURES = ("NN", "FT", "ST", "DCG")
 """The measures that the paper prints, in its order."""
 
 AS_PRINTED = "learned[configuration=as_printed]"
@@ -24,7 +24,7 @@ def _table(text: str) -> dict[str, dict[str, float]]:
     """Parse lines of a method and "NN FT ST DCG"."""
     rows = (line.rsplit(maxsplit=4) for line in text.strip().splitlines())
     return {
-        name.strip(): dict(zip(PRINTED_MEASURES, map(float, figures), strict=True))
+        name.strip(): dict(zip(PAPER_MEASURES, map(float, figures), strict=True))
         for name, *figures in rows
     }
 
@@ -98,7 +98,7 @@ class Claim:
     table: str
     better: str
     others: tuple[str, ...]
-    measures: tuple[str, ...] = PRINTED_MEASURES
+    measures: tuple[str, ...] = PAPER_MEASURES
 
 
 _WITHOUT_ST = ("NN", "FT", "DCG")

@@ -14,7 +14,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, TypeVar
 
 from benchmark.pipeline.records import Record
-from benchmark.reference.paper import PRINTED, PRINTED_MEASURES
+from benchmark.protocols.tables import TABLE_MEASURES
+from benchmark.reference.paper import PRINTED
 from benchmark.report.notation import BLANK, hundredths, two_digits
 from benchmark.report.record_facts import block_of, fold_of, row_of, seconds_of, tables_of
 from benchmark.report.rows import TableRow, ranked_classes
@@ -186,7 +187,7 @@ def score_groups(view: TableView) -> list[Group]:
 
 def _columns_of_group(view: TableView, group: str) -> tuple[Column[TableRow], ...]:
     """Return a column for each measure of a group."""
-    return tuple(_score_in_group(view, group, measure) for measure in PRINTED_MEASURES)
+    return tuple(_score_in_group(view, group, measure) for measure in view.measures_of(group))
 
 
 def _score_in_group(view: TableView, group: str, measure: str) -> Column[TableRow]:
@@ -210,7 +211,7 @@ def _score_of_record(measure: str) -> Column[Record]:
 
 #: Scores of a record in all measures, and in those of the tables.
 SCORES = tuple(map(_score_of_record, MEASURES))
-PRINTED_SCORES = tuple(map(_score_of_record, PRINTED_MEASURES))
+PRINTED_SCORES = tuple(map(_score_of_record, TABLE_MEASURES))
 
 
 # Data frames, CSV and JSON
@@ -269,7 +270,7 @@ OBJECTS: tuple[Column[Place], ...] = (
     Column("input", lambda place: place.fact("input", "")),
     Column("method", lambda place: place.row.method),
     Column("title", lambda place: place.row.title),
-    *map(_rounded_score, PRINTED_MEASURES),
+    *map(_rounded_score, TABLE_MEASURES),
     Column("paper", lambda place: place.view.paper.get(place.row.method)),
     Column("chance", lambda place: place.view.chance.get(place.group)),
     Column("status", lambda place: place.status),

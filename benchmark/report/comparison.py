@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pandas import DataFrame, Series, concat
 
 from benchmark.errors import ConfigurationError
-from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.report.rivals import SAME, scatter_of
 from benchmark.report.rows import RowScores, TableRow
 from benchmark.report.statistics import (
@@ -270,7 +269,7 @@ class _Pair:
         p_alone = sign_flip_test(gains, self.labels)
         ends = class_intervals(gains, self.labels, are_gains=True)
         return {
-            "measure": PRINTED_MEASURES,
+            "measure": self.mine.measures,
             "score": score,
             "other_score": other_score,
             "difference": score - other_score,

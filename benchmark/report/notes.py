@@ -11,8 +11,8 @@ import numpy as np
 
 from benchmark.errors import short_reason
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import ROUND, Block, GalleryGroup
-from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.protocols.tables import ROUND, TABLE_MEASURES, Block, GalleryGroup
+from benchmark.reference.paper import PAPER_MEASURES
 from benchmark.report.columns import QUANTITIES
 from benchmark.report.notation import hundredths
 from benchmark.report.rivals import ComparedRivals, scatter_of
@@ -28,7 +28,7 @@ _FEW_CLASSES = 10
 _LARGE_MOVE = 3
 
 #: Measure that says which row leads a block.
-_LEADING_MEASURE = PRINTED_MEASURES[-1]
+_LEADING_MEASURE = PAPER_MEASURES[-1]
 
 #: Note on what few classes can decide, and on bold and italic.
 FEW = (
@@ -70,6 +70,9 @@ def table_notes(view: TableView) -> list[str]:
         "Missing, and counts 0: {}.": listed(_missing_galleries(rows)),
         "Left out, because they rank another version of the data: {}; run them again.": listed(
             view.left_out
+        ),
+        "Not shown, because some rows were scored before tables had it: {}; run them again.": (
+            listed(measure for measure in TABLE_MEASURES if measure not in view.measures)
         ),
         "Ranks by spherical harmonics: {}.": _moved_ranks(view),
         "Published with the suite, not run here: {}.": _published(rows),
@@ -170,7 +173,8 @@ def block_lead(view: TableView, title: str, block: Block) -> tuple[TableRow, int
     tested = view.tests[title, block]
     methods = [*tested.rivals]
     best = max(methods, key=lambda method: tested.rivals[method].means[_LEADING_MEASURE])
-    n_behind = int(tested.is_above_scatter[methods.index(best), :, -1].sum())
+    leading = tested.measures.index(_LEADING_MEASURE)
+    n_behind = int(tested.is_above_scatter[methods.index(best), :, leading].sum())
     return next(row for row in view.rows if row.method == best), n_behind
 
 
@@ -267,7 +271,7 @@ def _spread_over_draws(view: TableView, column: GalleryGroup) -> Iterator[str]:
 def _ranges(row: TableRow, scores: RowScores) -> Iterator[tuple[float, str]]:
     """Yield the range of the scores of a row over galleries in each measure, and what it is of."""
     firsts = [records[0] for records in scores.records.values()]
-    for measure in PRINTED_MEASURES:
+    for measure in scores.measures:
         values = [record.scores[measure] for record in firsts]
         yield float(np.ptp(values)), f"{measure} of {row.title}"
 

@@ -6,6 +6,7 @@ because each draws its codebook and each training starts at its own seed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,10 +16,9 @@ from numpy.typing import NDArray
 
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.pipeline.records import Record
-from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.registry.names import base_name
 from benchmark.report.record_facts import block_of
-from benchmark.report.rows import RowScores
+from benchmark.report.rows import RowScores, scores_in
 from benchmark.report.statistics import ALPHA, permutation_test
 
 #: Differences below half a unit of the last decimal of records are none.
@@ -36,7 +36,7 @@ class ComparedRivals:
     Parameters
     ----------
     rivals
-        Scores of the rows by method.
+        Scores of the rows by method, all in the same measures.
     is_significant
         Which differences have p < .05 in the test of all rows and measures, shape (rows, rows,
         measures).
@@ -51,8 +51,17 @@ class ComparedRivals:
     @property
     def n_classes(self) -> int:
         """Number of classes over which is tested."""
-        first = next(iter(self.rivals.values()))
-        return len({*first.labels})
+        return len({*self._first.labels})
+
+    @property
+    def measures(self) -> Sequence[str]:
+        """Names of the measures that are tested."""
+        return self._first.measures
+
+    @property
+    def _first(self) -> RowScores:
+        """Scores of the first row."""
+        return next(iter(self.rivals.values()))
 
     def marks(self) -> dict[str, dict[str, str]]:
         """Return how the score of each row is marked, by method and measure.
@@ -72,7 +81,7 @@ class ComparedRivals:
         marks[~is_worse] = "italic"
         marks[is_best] = "bold"
         return {
-            method: dict(zip(PRINTED_MEASURES, of_row, strict=True))
+            method: dict(zip(self.measures, of_row, strict=True))
             for method, of_row in zip(self.rivals, marks.tolist(), strict=True)
         }
 
@@ -120,37 +129,42 @@ def scatter_of(rows: Sequence[RowScores]) -> Scatter:
         The largest difference that may be chance, by measure, and its cause in words. It is
         infinite if all rows are networks that were trained once.
     """
+    measures = rows[0].measures
     records_of_rows = [row.all_records for row in rows]
-    squared_errors = [_squared_error(records) for records in records_of_rows]
+    squared_errors = [_squared_error(records, measures) for records in records_of_rows]
     # The variance of a difference is the sum of two variances.
     of_codebooks = np.asarray(2 * np.sqrt(2 * np.mean(squared_errors, axis=0)))
     are_networks = all(block_of(records[0]) == "network" for records in records_of_rows)
     if not are_networks:
         return Scatter(of_codebooks, "within the scatter of codebooks")
-    ranges = [_range(records) for records in records_of_rows if len(records) > 1]
+    ranges = [_range(records, measures) for records in records_of_rows if len(records) > 1]
     if not ranges:
-        return Scatter(np.full(len(PRINTED_MEASURES), np.inf), "one training each")
+        return Scatter(np.full(len(measures), np.inf), "one training each")
     of_trainings = np.max(ranges, axis=0)
     return Scatter(np.maximum(of_codebooks, of_trainings), "within the spread of trainings")
 
 
-def _squared_error(records: Sequence[Record]) -> NDArray[np.float64]:
+def _squared_error(records: Sequence[Record], measures: Sequence[str]) -> NDArray[np.float64]:
     """Return the squared standard error, by measure, of a mean over records."""
-    squares = np.square([_draw_errors(record) for record in records])
+    squares = np.square([_draw_errors(record, measures) for record in records])
     return np.asarray(squares.sum(axis=0) / len(records) ** 2)
 
 
-def _draw_errors(record: Record) -> list[float]:
-    """Return the standard errors of the scores of a record over draws of the codebook."""
+def _draw_errors(record: Record, measures: Sequence[str]) -> list[float]:
+    """Return the standard errors of the scores of a record over draws of the codebook.
+
+    They are 0 for a scorer without draws, and infinite for a measure of which none is known.
+    """
     errors = record.draw_errors
     if not errors and base_name(record.scorer) == DEFAULT_SCORER:
         errors = DRAW_ERRORS
-    return [errors.get(measure, 0.0) for measure in PRINTED_MEASURES]
+    unknown = math.inf if errors else 0.0
+    return [errors.get(measure, unknown) for measure in measures]
 
 
-def _range(records: Iterable[Record]) -> NDArray[np.float64]:
+def _range(records: Iterable[Record], measures: Sequence[str]) -> NDArray[np.float64]:
     """Return the range of the scores of records, by measure."""
-    scores = [[*map(record.scores.__getitem__, PRINTED_MEASURES)] for record in records]
+    scores = [scores_in(record, measures) for record in records]
     return np.asarray(np.ptp(scores, axis=0))
 
 

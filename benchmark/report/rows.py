@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import Block
-from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.registry import BUILT_IN, Component
 from benchmark.registry.names import base_name
 from benchmark.report.statistics import class_intervals
@@ -39,8 +38,10 @@ class RowScores:
         averaged.
     missing
         Names of galleries without scores, which count as 0.
+    measures
+        Names of the measures.
     values
-        Measures of all queries of all galleries, shape (N, 4); 0 where a gallery is missing.
+        Measures of all queries of all galleries, shape (N, measures); 0 where a gallery is missing.
     labels
         Class of each of these queries, with its gallery.
     excused
@@ -49,6 +50,7 @@ class RowScores:
 
     records: Mapping[str, Sequence[Record]]
     missing: tuple[str, ...]
+    measures: Sequence[str]
     values: NDArray[np.float64]
     labels: Sequence[str]
     excused: frozenset[str] = frozenset()
@@ -59,15 +61,18 @@ class RowScores:
 
         It is 0 for a missing one.
         """
-        means = [np.mean([*map(_scores, records)], axis=0) for records in self.records.values()]
-        means += [np.zeros(len(PRINTED_MEASURES)) for _ in self.missing]
+        means = []
+        for records in self.records.values():
+            of_trainings = [scores_in(record, self.measures) for record in records]
+            means.append(np.mean(of_trainings, axis=0))
+        means += [np.zeros(len(self.measures)) for _ in self.missing]
         return np.array(means)
 
     @cached_property
     def means(self) -> dict[str, float]:
         """Means over galleries, by measure."""
         means = self.of_galleries.mean(axis=0).tolist()
-        return dict(zip(PRINTED_MEASURES, means, strict=True))
+        return dict(zip(self.measures, means, strict=True))
 
     @property
     def all_records(self) -> list[Record]:
@@ -83,7 +88,7 @@ class RowScores:
     def _values_of_training(self, number: int) -> NDArray[np.float64]:
         """Return the measures of all queries by one training of each gallery."""
         chosen = [records[number % len(records)] for records in self.records.values()]
-        return np.concatenate([query_measures([record]) for record in chosen])
+        return np.concatenate([query_measures([record], self.measures) for record in chosen])
 
     @cached_property
     def intervals(self) -> dict[str, tuple[float, float]]:
@@ -94,7 +99,7 @@ class RowScores:
         ends = class_intervals(self.values, self.labels).tolist()
         return {
             measure: (low, high)
-            for measure, (low, high) in zip(PRINTED_MEASURES, ends, strict=True)
+            for measure, (low, high) in zip(self.measures, ends, strict=True)
             if not math.isnan(low)
         }
 
@@ -204,32 +209,36 @@ def ranked_classes(record: Record) -> list[str]:
     return [label for label, counts in queries if counts]
 
 
-def query_measures(records: Sequence[Record], labels: Sequence[str] = ()) -> NDArray[np.float64]:
-    """Return the measures of each query of a gallery, shape (N, 4), averaged over trainings.
+def query_measures(
+    records: Sequence[Record], measures: Sequence[str], labels: Sequence[str] = ()
+) -> NDArray[np.float64]:
+    """Return measures of each query of a gallery, shape (N, measures), averaged over trainings.
 
     Parameters
     ----------
     records
         Records of the gallery; without any, all measures are 0.
+    measures
+        Names of the measures.
     labels
         Classes of its queries, which say how many there are if there is no record.
     """
     if not records:
-        return np.zeros((len(labels), len(PRINTED_MEASURES)))
-    values = np.mean([*map(_measures, records)], axis=0)
+        return np.zeros((len(labels), len(measures)))
+    values = np.mean([_values_of_shapes(record, measures) for record in records], axis=0)
     is_query = ~np.isnan(values).any(axis=1)
     return np.asarray(values[is_query])
 
 
-def _measures(record: Record) -> NDArray[np.float64]:
-    """Return the measures of each shape of a record, shape (N, 4).
+def _values_of_shapes(record: Record, measures: Sequence[str]) -> NDArray[np.float64]:
+    """Return measures of each shape of a record, shape (N, measures).
 
     It is NaN for those that are no queries.
     """
-    columns = [record.per_query[measure] for measure in PRINTED_MEASURES]
+    columns = [record.per_query[measure] for measure in measures]
     return np.array(columns, dtype=np.float64).T
 
 
-def _scores(record: Record) -> list[float]:
-    """Return the scores of a record in the measures of the tables."""
-    return [record.scores[measure] for measure in PRINTED_MEASURES]
+def scores_in(record: Record, measures: Sequence[str]) -> list[float]:
+    """Return the scores of a record in some measures."""
+    return [record.scores[measure] for measure in measures]

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.pipeline.record_files import SUITE_RESULTS
-from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.reference.paper import PAPER_MEASURES
 
 #: Name of the second scorer in the published scores.
 SECOND_SCORER = "spherical-harmonics"
@@ -43,7 +43,7 @@ def ranks_by_both(
         ``"mesh"`` or ``"view"``.
     """
     ranks: dict[str, dict[str, Ranks]] = {}
-    for measure in PRINTED_MEASURES:
+    for measure in PAPER_MEASURES:
         default = _published_scores().get((input_, DEFAULT_SCORER, measure), {})
         second = _published_scores().get((input_, SECOND_SCORER, measure), {})
         for method, scores_of_method in scores.items():

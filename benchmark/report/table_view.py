@@ -10,7 +10,7 @@ from itertools import product
 
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import Block, GalleryGroup, Table
-from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.reference.paper import PAPER_MEASURES
 from benchmark.report.notation import file_name
 from benchmark.report.record_facts import ScoredBy, change_of
 from benchmark.report.rivals import ComparedRivals, compare_rivals
@@ -40,6 +40,8 @@ class TableView:
         Whether poses were omitted to save time.
     columns
         The columns in which some row has scores.
+    measures
+        Names of the measures that it shows: those of tables that all of its records hold.
     samples
         A record of each gallery, by column.
     rows
@@ -61,6 +63,7 @@ class TableView:
     title: str
     quick: bool
     columns: tuple[GalleryGroup, ...]
+    measures: tuple[str, ...]
     samples: Mapping[str, Sequence[Record]]
     rows: tuple[TableRow, ...]
     paper: Mapping[str, Mapping[str, float]]
@@ -129,6 +132,12 @@ class TableView:
             titles.append(SECOND)
         return titles
 
+    def measures_of(self, group: str) -> tuple[str, ...]:
+        """Return the measures that a group of scores shows."""
+        if group in (PAPER, SECOND):
+            return PAPER_MEASURES
+        return self.measures
+
     def scores(self, row: TableRow, group: str) -> Mapping[str, float]:
         """Return the scores of a row in a group, by measure; empty if it has none."""
         if group == PAPER:
@@ -156,7 +165,7 @@ class TableView:
     @cached_property
     def chance(self) -> dict[str, dict[str, float]]:
         """Scores of a random order, by column: means over galleries."""
-        return {title: _chance(samples) for title, samples in self.samples.items()}
+        return {title: _chance(samples, self.measures) for title, samples in self.samples.items()}
 
     # Ranks by a second scorer
     # --------------------------------------------------------------------------------------------
@@ -234,11 +243,11 @@ def _size(samples: Sequence[Record]) -> str:
     return f"{n_queries} queries of {n_classes} classes{omitted}, among {n_ranked} shapes"
 
 
-def _chance(samples: Sequence[Record]) -> dict[str, float]:
+def _chance(samples: Sequence[Record], measures: Sequence[str]) -> dict[str, float]:
     """Return the scores of a random order: means over galleries, by measure."""
     levels = [chance_levels(sample.labels, sample.targets) for sample in samples]
     means = {}
-    for measure in PRINTED_MEASURES:
+    for measure in measures:
         of_galleries = [of_gallery[measure] for of_gallery in levels]
         means[measure] = statistics.fmean(of_galleries)
     return means

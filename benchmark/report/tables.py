@@ -17,6 +17,7 @@ from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import (
     AVERAGED_PARAMETERS,
     ON_VIEWS,
+    TABLE_MEASURES,
     TABLES,
     TITLES,
     Block,
@@ -210,6 +211,16 @@ class _RecordsOfTable:
         """Classes of the queries of each gallery."""
         return {gallery: ranked_classes(record) for gallery, record in self.samples.items()}
 
+    @cached_property
+    def measures(self) -> tuple[str, ...]:
+        """Measures of tables that all records with scores hold; older ones may lack a new one."""
+        with_scores = [record for record in self.records if record.status == "ok"]
+        return tuple(
+            measure
+            for measure in TABLE_MEASURES
+            if all(measure in record.per_query for record in with_scores)
+        )
+
     @property
     def quick(self) -> bool:
         """Whether they are of quick runs."""
@@ -286,6 +297,7 @@ def _view(
         title=data_title(records.sample),
         quick=records.quick,
         columns=_columns(columns_with_records, rows, records.sample.input),
+        measures=records.measures,
         samples={column.title: samples[column] for column in columns_with_records},
         rows=tuple(rows),
         paper=printed,
@@ -395,7 +407,7 @@ def _scores_by_column(
         of_column = _records_of_column(records, column, block, names)
         ranked = by_gallery(record for record in of_column if record.status == "ok")
         if ranked:
-            scored[column.title] = _scores(ranked, names, of_table.labels)
+            scored[column.title] = _scores(ranked, names, of_table)
         without_scores = [record for record in of_column if record.status != "ok"]
         if without_scores:
             failed[column.title] = without_scores
@@ -458,7 +470,7 @@ def _input(column: GalleryGroup, block: Block, available: set[Input]) -> str:
 def _scores(
     ranked: Mapping[str, Sequence[Record]],
     galleries: Sequence[str],
-    labels: Mapping[str, Sequence[str]],
+    of_table: _RecordsOfTable,
 ) -> RowScores:
     """Return the scores of a row in a column.
 
@@ -468,18 +480,19 @@ def _scores(
         Records with scores, by gallery.
     galleries
         Names of the galleries of the column; one without records counts as 0.
-    labels
-        Classes of the queries of each gallery.
+    of_table
+        All records of the table, which say which measures it shows, and the classes of the queries
+        of each gallery.
     """
     values = []
     classes: list[str] = []
     for name in galleries:
-        of_gallery = labels.get(name, ())
-        values.append(query_measures(ranked.get(name, ()), of_gallery))
+        of_gallery = of_table.labels.get(name, ())
+        values.append(query_measures(ranked.get(name, ()), of_table.measures, of_gallery))
         classes += [f"{name} {label}" for label in of_gallery]
     records = {name: ranked[name] for name in galleries if name in ranked}
     missing = tuple(name for name in galleries if name not in ranked)
-    return RowScores(records, missing, np.concatenate(values), classes)
+    return RowScores(records, missing, of_table.measures, np.concatenate(values), classes)
 
 
 def _excused(rows: Sequence[TableRow]) -> list[TableRow]:

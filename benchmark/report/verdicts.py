@@ -22,9 +22,9 @@ from benchmark.reference.paper import (
     AS_PRINTED,
     CLAIMS,
     CLASSICAL,
+    PAPER_MEASURES,
     PAPERS_NETWORKS,
     PRINTED,
-    PRINTED_MEASURES,
     Claim,
 )
 from benchmark.report.data_titles import known_copy, official_set
@@ -32,7 +32,7 @@ from benchmark.report.formats import MARKDOWN_WIDTH, markdown_table
 from benchmark.report.notation import hundredths
 from benchmark.report.record_facts import block_of
 from benchmark.report.rivals import SAME, scatter_of
-from benchmark.report.rows import RowScores, query_measures
+from benchmark.report.rows import RowScores, ranked_classes
 from benchmark.report.statistics import ALPHA, FEWEST_CLASSES, permutation_test
 from benchmark.report.table_view import TableView
 from benchmark.text import listed
@@ -65,7 +65,7 @@ def classical_scores(views: Sequence[TableView]) -> tuple[DataFrame, DataFrame] 
             if scores.is_complete:
                 means[row.method] = scores.means
     printed = DataFrame({name: PRINTED["III"][name] for name in CLASSICAL}).T
-    ours = DataFrame(means, index=PRINTED_MEASURES).T
+    ours = DataFrame(means, index=PAPER_MEASURES).T
     return printed, ours.reindex(index=printed.index)
 
 
@@ -209,7 +209,7 @@ def assess(claim: Claim, view: TableView | None) -> AssessedClaim:
         return AssessedClaim(claim, problem, view.title, n_queries=len(labels))
     unseen_labels = [labels[index] for index in unseen]
 
-    measures = [PRINTED_MEASURES.index(name) for name in claim.measures]
+    measures = [rows[0].measures.index(name) for name in claim.measures]
     leads = _leads(rows, unseen_labels, unseen, measures)
     decision = _decision(claim, decision_words(view), leads, n_classes=len(set(unseen_labels)))
     return AssessedClaim(
@@ -318,7 +318,7 @@ def _leads(
     has_network = any(block_of(row.all_records[0]) == "network" for row in rows)
     sizes_of_folds = [len(rows[0].labels)]
     if has_network:
-        sizes_of_folds = [len(query_measures(records)) for records in rows[0].records.values()]
+        sizes_of_folds = [len(ranked_classes(records[0])) for records in rows[0].records.values()]
     fold_of_query = np.repeat(np.arange(len(sizes_of_folds)), sizes_of_folds)[queries]
 
     # Leads, summed over the queries, have the shape (other methods, measures).

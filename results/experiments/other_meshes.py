@@ -23,7 +23,7 @@ from benchmark.api.contracts import Mesh
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import write_mesh
 from benchmark.pipeline.record_files import read_records
-from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.reference.paper import PAPER_MEASURES
 from benchmark.report.notation import hundredths
 
 if TYPE_CHECKING:
@@ -131,7 +131,7 @@ def judge(folder: Path) -> None:
     """Write the scores, and print their scatter over meshes beside that over codebooks."""
     rows = []
     for record in read_records(folder / "results", published=False):
-        for measure in PRINTED_MEASURES:
+        for measure in PAPER_MEASURES:
             if measure in record.scores:
                 rows.append(
                     {
@@ -155,7 +155,7 @@ def lines(scores: pd.DataFrame) -> list[str]:
     said = [f"| method | {' | '.join(heads)} |", "|---|---|---|---|"]
     for method, group in scores.groupby("method", sort=False):
         of = group.groupby("measure").agg({"value": ["std", "min", "max"], "codebooks": "mean"})
-        of = of.reindex(PRINTED_MEASURES)
+        of = of.reindex(PAPER_MEASURES)
         meshes = " ".join(map(thousandths, of["value", "std"]))
         books = " ".join(map(thousandths, of["codebooks", "mean"]))
         ends = " to ".join(hundredths(of.loc["DCG", ("value", end)]) for end in ("min", "max"))

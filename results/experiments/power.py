@@ -17,7 +17,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from benchmark.pipeline.record_files import read_records
-from benchmark.reference.paper import PRINTED_MEASURES
 from benchmark.report.statistics import ALPHA, class_sums, permutation_test
 from benchmark.report.tables import table_views
 
@@ -41,7 +40,7 @@ def main() -> None:
         rows = view.tests[title, "form"].rivals.values()
         sums, sizes = zip(*(class_sums(row.values, row.labels) for row in rows), strict=True)
         shares = found_shares(np.stack(sums, axis=1) / 1e6, sizes[0])
-        of_measures = dict(zip(PRINTED_MEASURES, shares.tolist(), strict=True))
+        of_measures = dict(zip(view.measures, shares.tolist(), strict=True))
         facts = {"table": view.table.identifier, "classes": len(sizes[0]), "forms": len(sums)}
         lines.append({**facts, "draws": DRAWS, **of_measures})
     pd.DataFrame(lines).to_csv(HERE / "power.csv", index=False, float_format="%.4f")

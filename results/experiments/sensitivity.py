@@ -21,7 +21,7 @@ import pandas as pd
 from benchmark.api.parameters import format_value
 from benchmark.pipeline.record_files import read_records
 from benchmark.pipeline.records import Record
-from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.reference.paper import PAPER_MEASURES
 from benchmark.registry import select_one
 from benchmark.report.rivals import DRAW_ERRORS, SAME
 from benchmark.report.statistics import ALPHA, sign_flip_test
@@ -77,14 +77,14 @@ def records_of(folder: Path, data: str) -> list[Record]:
 
 def queries(record: Record) -> np.ndarray:
     """Return the measures of the queries, shape (N, 4)."""
-    return np.array([record.per_query[name] for name in PRINTED_MEASURES]).T
+    return np.array([record.per_query[name] for name in PAPER_MEASURES]).T
 
 
 def codebook_errors(record: Record) -> np.ndarray:
     """Return the standard errors of scores over draws of the codebook; 0 for a descriptor."""
     if not record.scorer:
-        return np.zeros(len(PRINTED_MEASURES))
-    return np.array([(record.draw_errors or DRAW_ERRORS)[name] for name in PRINTED_MEASURES])
+        return np.zeros(len(PAPER_MEASURES))
+    return np.array([(record.draw_errors or DRAW_ERRORS)[name] for name in PAPER_MEASURES])
 
 
 def changes(ours: Record, other: Record) -> pd.DataFrame:
@@ -98,7 +98,7 @@ def changes(ours: Record, other: Record) -> pd.DataFrame:
     change = gains.mean(axis=0)
     return pd.DataFrame(
         {
-            "measure": PRINTED_MEASURES,
+            "measure": PAPER_MEASURES,
             "ours": queries(ours).mean(axis=0),
             "change": change,
             "p": sign_flip_test(gains, ours.labels),

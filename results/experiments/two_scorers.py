@@ -15,7 +15,7 @@ import pandas
 
 from benchmark.pipeline.record_files import read_records
 from benchmark.pipeline.records import Record
-from benchmark.reference.paper import CLASSICAL, PRINTED_MEASURES
+from benchmark.reference.paper import CLASSICAL, PAPER_MEASURES
 from benchmark.report.statistics import class_intervals
 
 RESULTS = Path(__file__).parents[1]
@@ -24,12 +24,10 @@ SCORERS = ("cm-bof", "spherical-harmonics")
 
 def lines(record: Record) -> pandas.DataFrame:
     """Return a line for each measure of a record."""
-    values = np.array([record.per_query[name] for name in PRINTED_MEASURES], dtype=np.float64).T
+    values = np.array([record.per_query[name] for name in PAPER_MEASURES], dtype=np.float64).T
     low, high = class_intervals(values, record.labels).T
-    scores = [record.scores[name] for name in PRINTED_MEASURES]
-    table = pandas.DataFrame(
-        {"measure": PRINTED_MEASURES, "value": scores, "low": low, "high": high}
-    )
+    scores = [record.scores[name] for name in PAPER_MEASURES]
+    table = pandas.DataFrame({"measure": PAPER_MEASURES, "value": scores, "low": low, "high": high})
     return table.assign(input=record.input, method=record.method, scorer=record.scorer)
 
 

@@ -19,7 +19,7 @@ import pytest
 from scipy.stats import kendalltau, rankdata
 
 from benchmark.pipeline.record_files import read_records
-from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PAPERS_NETWORKS, PRINTED_MEASURES
+from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PAPER_MEASURES, PAPERS_NETWORKS
 from benchmark.report.notation import hundredths
 from benchmark.report.rivals import compare_rivals
 from benchmark.report.rows import RowScores
@@ -98,14 +98,14 @@ SCANS_SEEN = ("II-view", "humans-scanlike", "ours")
 
 def is_above(one: RowScores, other: RowScores) -> bool:
     """Return whether a row scores above another in every measure."""
-    return all(one.means[name] > other.means[name] + SAME for name in PRINTED_MEASURES)
+    return all(one.means[name] > other.means[name] + SAME for name in PAPER_MEASURES)
 
 
 def leads(rows: Mapping[str, RowScores], first: str, others: Sequence[str]) -> int:
     """Return in how many comparisons a row is ahead, significantly and above the scatter."""
     tested = compare_rivals({name: rows[name] for name in (first, *others)})
     means = [
-        [rows[first].means[m] - rows[name].means[m] for m in PRINTED_MEASURES] for name in others
+        [rows[first].means[m] - rows[name].means[m] for m in PAPER_MEASURES] for name in others
     ]
     return int((tested.is_above_scatter[0, 1:] & (np.array(means) > 0)).sum())
 
@@ -129,7 +129,7 @@ def against_no_form(rows: Mapping[str, RowScores], sign: int = 1) -> tuple[int, 
     tested = compare_rivals({name: rows[name] for name in ("identity", *CLASSICAL)})
     none = rows["identity"].means
     gains = np.array(
-        [[rows[name].means[m] - none[m] for m in PRINTED_MEASURES] for name in CLASSICAL]
+        [[rows[name].means[m] - none[m] for m in PAPER_MEASURES] for name in CLASSICAL]
     )
     is_ahead = sign * gains > SAME
     return int((tested.is_above_scatter[0, 1:] & is_ahead).sum()), int(is_ahead.sum()), gains.size
@@ -160,7 +160,7 @@ def orders(printed: pd.DataFrame, ours: pd.DataFrame) -> tuple[pd.Series, pd.Dat
     """Return our rank correlations with the paper by measure, and those of all orders of rows."""
     every = np.array(list(permutations(range(len(ours)))))
     observed, possible = {}, {}
-    for name in PRINTED_MEASURES:
+    for name in PAPER_MEASURES:
         first, second = standardised(printed[name]), standardised(ours[name].round(6))
         observed[name] = (first * second).mean()
         possible[name] = (first * second[every]).mean(axis=1)
@@ -174,9 +174,9 @@ def test_1_the_order_is_much_the_papers_in_dcg_and_ft(every_view):
     alone = (possible >= observed - 1e-9).mean()
     largest = possible.max(axis=1).to_numpy()
     together = pd.Series(
-        {name: (largest >= observed[name] - 1e-9).mean() for name in PRINTED_MEASURES}
+        {name: (largest >= observed[name] - 1e-9).mean() for name in PAPER_MEASURES}
     )
-    assert [name for name in PRINTED_MEASURES if together[name] < 0.05] == ["FT", "DCG"]
+    assert [name for name in PAPER_MEASURES if together[name] < 0.05] == ["FT", "DCG"]
     lowest = {"gps", "fast-mds"}
     assert {*printed["DCG"].nsmallest(2).index} == {*printed["FT"].nsmallest(2).index} == lowest
     rest = [name for name in CLASSICAL if name not in lowest]
@@ -227,7 +227,7 @@ def test_3_no_form_is_shown_to_be_better_on_tosca(tables):
         n_above, n_leads, n_comparisons = against_no_form(rows)
         assert n_leads == n_comparisons
         lines.append(
-            f"| {name} | {tested.n_classes} | {found} of {len(pairs) * len(PRINTED_MEASURES)} | "
+            f"| {name} | {tested.n_classes} | {found} of {len(pairs) * len(PAPER_MEASURES)} | "
             f"{n_above} of {n_comparisons} |"
         )
         if name == "TOSCA":
@@ -237,10 +237,10 @@ def test_3_no_form_is_shown_to_be_better_on_tosca(tables):
             forms = tables.forms(*place)
             others = [form for form in CLASSICAL if form != "gps"]
             assert all(is_above(rows["gps"], row) for form, row in forms.items() if form != "gps")
-            assert leads(rows, "gps", others) == len(others) * len(PRINTED_MEASURES)
+            assert leads(rows, "gps", others) == len(others) * len(PAPER_MEASURES)
     experiments = (ROOT / "results" / "experiments" / "README.md").read_text(encoding="utf-8")
     shares = pd.read_csv(ROOT / "results" / "experiments" / "power.csv").set_index("table")
-    found_by_test = 100 * shares.loc["III", list(PRINTED_MEASURES)]
+    found_by_test = 100 * shares.loc["III", list(PAPER_MEASURES)]
     each = "{:.0f} % (NN), {:.0f} % (FT), {:.0f} % (ST) and {:.0f} % (DCG)".format(*found_by_test)
     assert each in " ".join(experiments.split())
     power = power.format(min(found_by_test), max(found_by_test))
@@ -274,7 +274,7 @@ def test_4_another_scorer_gives_another_order(tables):
     classes = np.unique(labels)
     sizes = np.array([(labels == label).sum() for label in classes])
     by_scorers, by_features, by_classes = [], [], []
-    for number, name in enumerate(PRINTED_MEASURES):
+    for number, name in enumerate(PAPER_MEASURES):
         ours, other = (
             np.array([of[scorer, name, form] for form in CLASSICAL])
             for scorer in ("cm-bof", "spherical-harmonics")
@@ -353,7 +353,7 @@ def test_7_the_network_is_not_shown_to_add_more_than_the_outline(tables):
     tested = compare_rivals({name: rows[name] for name in ("learned", average)})
     assert not tested.is_significant.any()
     tested = compare_rivals({name: rows[name] for name in ("learned", flat)})
-    ft = PRINTED_MEASURES.index("FT")
+    ft = PAPER_MEASURES.index("FT")
     assert tested.is_significant[0, 1, ft]
     assert not tested.is_above_scatter[0, 1, ft]
     trainings = zip(rows["learned"].all_records, rows[flat].all_records, strict=True)
@@ -402,11 +402,11 @@ def test_8_two_networks_score_above_the_forms_on_real_people(tables):
     says(
         8,
         f"Its NN is {nn['learned']}, and the original bodies have NN {nn['identity']}.",
-        f"({leads(rows, 'learned', [*forms])} of {len(PRINTED_MEASURES) * len(forms)} comparisons)",
+        f"({leads(rows, 'learned', [*forms])} of {len(PAPER_MEASURES) * len(forms)} comparisons)",
         f"its NN is {nn[best]}.",
-        f"{leads(rows, best, [*forms])} of {len(PRINTED_MEASURES) * len(forms)} comparisons",
+        f"{leads(rows, best, [*forms])} of {len(PAPER_MEASURES) * len(forms)} comparisons",
         f"Its NN is {nn[second]}, and the highest NN of a form is {highest}.",
-        f"{leads(rows, second, [*forms])} of {len(PRINTED_MEASURES) * len(forms)} comparisons",
+        f"{leads(rows, second, [*forms])} of {len(PAPER_MEASURES) * len(forms)} comparisons",
     )
 
 
@@ -414,7 +414,7 @@ def test_on_scans_two_networks_score_above_every_form_as_the_page_on_networks_sa
     rows, forms = tables.rows(*SCANS_SEEN), tables.forms(*SCANS_SEEN)
     for name in ("learned-wide-extra", "learned-streamed"):
         assert all(is_above(rows[name], form) for form in forms.values())
-        assert leads(rows, name, [*forms]) == len(forms) * len(PRINTED_MEASURES)
+        assert leads(rows, name, [*forms]) == len(forms) * len(PAPER_MEASURES)
 
 
 def test_9_a_view_is_not_its_surface(tables):

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.commands.score import score
-from benchmark.reference.paper import CLASSICAL, PRINTED_MEASURES
+from benchmark.reference.paper import CLASSICAL, PAPER_MEASURES
 from tests.pages.test_readme import ROOT, every_view, rows, scores, views  # noqa: F401
 from tools import page_parts
 from tools.failures import failure_of, means_of_classes, published_forms
@@ -39,7 +39,7 @@ def test_each_form_has_a_picture_a_source_and_a_cost():
 
 def test_gps_scores_highest_and_unfolding_misses_most_people(scores):  # noqa: F811
     forms = {name: scores["I_all"][name] for name in CLASSICAL}
-    assert {max(forms, key=lambda name: forms[name][measure]) for measure in PRINTED_MEASURES} == {
+    assert {max(forms, key=lambda name: forms[name][measure]) for measure in PAPER_MEASURES} == {
         "gps"
     }
     assert min(forms, key=lambda name: forms[name]["NN"]) == "mesh-unfolding"

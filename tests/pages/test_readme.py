@@ -14,7 +14,7 @@ import pytest
 
 from benchmark.check import check
 from benchmark.pipeline.record_files import read_records
-from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PRINTED, PRINTED_MEASURES
+from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PAPER_MEASURES, PRINTED
 from benchmark.registry import components_named
 from benchmark.report.formats import markdown
 from benchmark.report.notation import hundredths
@@ -70,11 +70,11 @@ class Scores(dict):
     """Scores that are written as in tables: all, or those that a format names."""
 
     def __format__(self, measures):
-        return " ".join(hundredths(self[name]) for name in measures.split() or PRINTED_MEASURES)
+        return " ".join(hundredths(self[name]) for name in measures.split() or PAPER_MEASURES)
 
 
 def above(one, other):
-    return [name for name in PRINTED_MEASURES if one[name] > other[name]]
+    return [name for name in PAPER_MEASURES if one[name] > other[name]]
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +117,7 @@ def scores(views, rows):
         of["best"] = Scores(
             {
                 m: max((of[name][m] for name in CLASSICAL if name in of), default=0)
-                for m in PRINTED_MEASURES
+                for m in PAPER_MEASURES
             }
         )
         found[table.replace("-", "_")] = of
@@ -306,9 +306,9 @@ def test_figures_of_experiments_are_those_of_their_file(experiments):
     of_settings = pd.read_csv(ROOT / "results/experiments/depth-range.csv").groupby(
         ["fold", "seed", "epochs", "setting"]
     )
-    known |= {*of_settings[[*PRINTED_MEASURES, "error"]].mean().to_numpy().ravel().tolist()}
+    known |= {*of_settings[[*PAPER_MEASURES, "error"]].mean().to_numpy().ravel().tolist()}
     known |= {
-        *of_settings[[*PRINTED_MEASURES, "error"]]
+        *of_settings[[*PAPER_MEASURES, "error"]]
         .mean()
         .groupby(["epochs", "setting"])
         .mean()

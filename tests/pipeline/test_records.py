@@ -17,7 +17,7 @@ from benchmark.pipeline.merging import merge_records
 from benchmark.pipeline.record_arrays import published_distances, read_distances
 from benchmark.pipeline.record_files import read_records, unneeded, write_record
 from benchmark.pipeline.records import Record
-from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.protocols.tables import TABLE_MEASURES
 from benchmark.runs.planning import describe_change
 from tests.runs.toy import planned, run_toy
 from tools import publish as publishing
@@ -41,8 +41,8 @@ def made(method="gps", *, nn=0.5, finished="2026-01-01", key="a", **changes):
         "data": {"name": "pets", "title": "Pets", "source": "pets"},
         "shapes": shapes,
         "labels": ["cat", "cat", "dog", "dog", "owl"],
-        "scores": dict.fromkeys(PRINTED_MEASURES, sum(values) / 4),
-        "per_query": {name: [*values, None] for name in PRINTED_MEASURES},
+        "scores": dict.fromkeys(TABLE_MEASURES, sum(values) / 4),
+        "per_query": {name: [*values, None] for name in TABLE_MEASURES},
         "lone_queries": 1,
         "finished": finished,
         "commit": "c0ffee",

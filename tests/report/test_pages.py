@@ -17,8 +17,7 @@ from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.records import RankedShapes
-from benchmark.protocols.tables import SYNTHETIC_HUMANS
-from benchmark.reference.paper import PRINTED_MEASURES
+from benchmark.protocols.tables import SYNTHETIC_HUMANS, TABLE_MEASURES
 from benchmark.report.drawing import shaded
 from benchmark.report.figures import (
     COLOURS,
@@ -336,10 +335,10 @@ def test_the_overview_names_rows_above_all_others_of_their_block_and_says_where_
             f"{dataset} (generated, {count} classes)",
         )
         for name, score in scores.items():
-            of_query = {measure: [score] * len(labels) for measure in PRINTED_MEASURES}
+            of_query = {measure: [score] * len(labels) for measure in TABLE_MEASURES}
             facts = {
                 "per_query": of_query,
-                "scores": dict.fromkeys(PRINTED_MEASURES, score),
+                "scores": dict.fromkeys(TABLE_MEASURES, score),
                 "labels": labels,
             }
             yield record(

@@ -5,14 +5,15 @@ import random
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from benchmark.pipeline.record_files import write_record
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
-from benchmark.reference.paper import AS_PRINTED, PRINTED
-from benchmark.report.columns import PRINTED_QUANTITIES
-from benchmark.report.formats import as_json, blocks, markdown, robustness_markdown
-from benchmark.report.notes import table_notes
+from benchmark.reference.paper import AS_PRINTED, PAPER_MEASURES, PRINTED
+from benchmark.report.columns import PRINTED_QUANTITIES, score_groups
+from benchmark.report.formats import as_json, blocks, latex, markdown, robustness_markdown
+from benchmark.report.notes import block_lead, table_notes
 from benchmark.report.output import table_files
 from benchmark.report.record_facts import chosen_records
 from benchmark.report.results import Results
@@ -50,6 +51,51 @@ def test_a_row_is_the_mean_of_its_folds_and_a_missing_fold_counts_0():
     assert f"Missing, and counts 0: Skeleton-based ({SYNTHETIC_HUMANS[0]} fold 1)." in table_notes(
         table
     )
+
+
+@pytest.fixture
+def with_map(monkeypatch):
+    """Tables that also show mean average precision."""
+    measures = (*PAPER_MEASURES, "mAP")
+    monkeypatch.setattr("benchmark.report.tables.TABLE_MEASURES", measures)
+    monkeypatch.setattr("benchmark.report.notes.TABLE_MEASURES", measures)
+
+
+@pytest.mark.usefixtures("with_map")
+def test_a_further_measure_of_tables_is_shown_and_marked_beside_the_figures_of_the_paper():
+    labels = [letter for letter in "abcdefghi" for _ in range(2)]
+    better, worse = (
+        record(name, nn, dataset="tosca", labels=labels)
+        for name, nn in (("gps", 0.9), ("skeleton", 0.1))
+    )
+    precise = msgspec.structs.replace(
+        worse, per_query=worse.per_query | {"mAP": [0.9] * 18}, scores=worse.scores | {"mAP": 0.9}
+    )
+    table = view(better, precise)
+    groups = [[column.title for column in group.columns] for group in score_groups(table)]
+    assert groups == [["NN", "FT", "ST", "DCG"], ["NN", "FT", "ST", "DCG", "mAP"]]
+    column = table.columns[0].title
+    assert [table.marks[name, column]["NN"] for name in ("gps", "skeleton")] == ["bold", ""]
+    # The records hold no standard errors of mAP over codebooks, so any difference may be chance.
+    assert [table.marks[name, column]["mAP"] for name in ("gps", "skeleton")] == ["scatter", "bold"]
+    assert table.chance[column].keys() == {"NN", "FT", "ST", "DCG", "mAP"}
+    # DCG says which row leads: it is the same in both, whatever mAP says.
+    assert block_lead(table, column, "form")[1] == 0
+    for text in (markdown(table), latex(table)):
+        assert ".90" in text
+
+
+@pytest.mark.usefixtures("with_map")
+def test_a_measure_that_a_record_lacks_is_left_out_with_a_note():
+    old = record("gps")
+    del old.per_query["mAP"]
+    table = view(old, record("skeleton"))
+    assert table.measures == PAPER_MEASURES
+    assert (
+        "Not shown, because some rows were scored before tables had it: mAP; run them again."
+        in table_notes(table)
+    )
+    assert view(record("gps"), record("skeleton")).measures == (*PAPER_MEASURES, "mAP")
 
 
 def test_a_row_is_the_mean_of_all_draws_of_people_and_networks_see_the_first():

@@ -5,7 +5,7 @@ from pandas import DataFrame
 
 from benchmark.datasets.official import SETS
 from benchmark.protocols.tables import SYNTHETIC_HUMANS
-from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PRINTED, PRINTED_MEASURES, Claim
+from benchmark.reference.paper import AS_PRINTED, CLASSICAL, PAPER_MEASURES, PRINTED, Claim
 from benchmark.report import data_titles, verdicts
 from benchmark.report.tables import table_views
 from benchmark.report.verdicts import (
@@ -122,7 +122,7 @@ def test_of_several_trainings_each_must_lead():
 
 def test_the_count_stands_beside_that_of_exchanged_rows_by_hand():
     printed, ours = (
-        DataFrame(dict.fromkeys(PRINTED_MEASURES, of)) for of in ([0.1, 0.5, 0.5], [0.1, 0.5, 0.9])
+        DataFrame(dict.fromkeys(PAPER_MEASURES, of)) for of in ([0.1, 0.5, 0.5], [0.1, 0.5, 0.9])
     )
     text = _reproduced_by_chance(printed, ours)
     # Of the six exchanges, a stays in two, b's figure falls on b or c in four: 8, 8, 4, 4, 0 and 0
