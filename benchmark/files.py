@@ -18,7 +18,7 @@ import secrets
 import stat
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
@@ -243,23 +243,66 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
     Raises
     ------
     OSError
-        If the file cannot be written; then no temporary file remains.
+        If the file cannot be written; then no temporary file remains. It names the file.
     """
-    if path.is_char_device() or path.is_fifo():
-        with path.open("wb") as file:
-            write(file)
-        return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.parent / f".{os.getpid()}-{secrets.token_hex(4)}{_SUFFIX}"
+    with _naming(path):
+        if path.is_char_device() or path.is_fifo():
+            with path.open("wb") as file:
+                write(file)
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = _temporary_beside(path)
+        try:
+            with temporary.open("xb") as file:
+                write(file)
+                if durable:
+                    file.flush()
+                    os.fsync(file.fileno())
+            temporary.replace(path)
+        except BaseException:
+            temporary.unlink(missing_ok=True)
+            raise
+
+
+def write_together(contents: Mapping[Path, bytes]) -> None:
+    """Write files, all or none of them: where the disk is full, the old ones stay as they are.
+
+    They take their names when all contents have been written to temporary files beside them.
+
+    Raises
+    ------
+    OSError
+        If a file cannot be written; it names the file.
+    """
+    temporaries: dict[Path, Path] = {}
     try:
-        with temporary.open("xb") as file:
-            write(file)
-            if durable:
-                file.flush()
-                os.fsync(file.fileno())
-        temporary.replace(path)
+        for path, content in contents.items():
+            with _naming(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+                temporaries[path] = _temporary_beside(path)
+                temporaries[path].write_bytes(content)
+        for path, temporary in temporaries.items():
+            with _naming(path):
+                temporary.replace(path)
     except BaseException:
-        temporary.unlink(missing_ok=True)
+        for temporary in temporaries.values():
+            temporary.unlink(missing_ok=True)
+        raise
+
+
+def _temporary_beside(path: Path) -> Path:
+    """Return a new name for a temporary file in the folder of a file."""
+    return path.parent / f".{os.getpid()}-{secrets.token_hex(4)}{_SUFFIX}"
+
+
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Let errors of the file system name a file, and not the temporary one that is written."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = str(path)
+        error.filename2 = None
         raise
 
 

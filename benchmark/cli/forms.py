@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from benchmark.api.contracts import CanonicalForm, Input
@@ -105,8 +105,7 @@ def _write_form_of_mesh(source: Path, method: str, options: Selection, output: P
         If the form would replace the mesh.
     """
     _check_targets(output, options.picture)
-    if output.exists() and output.samefile(source):
-        raise ConfigurationError(f"{output} is the mesh itself", "name another file with -o")
+    _check_replaces_no_input([output], [source])
     form = form_of_file(source, method, plugins=options.plugins, seed=options.seed)
     not_kept = form.write(output)  # what the format cannot hold, in words
     if options.picture is not None:
@@ -140,6 +139,20 @@ def _draw_mesh(source: Path, form: CanonicalForm, picture: Path) -> None:
     if mesh.n_vertices != len(form.vertices):
         mesh = prepare(mesh, PREPARED_VERTICES).mesh
     grids.write_figure(sheets.mesh_picture(mesh, form.mesh), picture)
+
+
+def _check_replaces_no_input(targets: Sequence[Path | None], sources: Sequence[Path]) -> None:
+    """Raise ``ConfigurationError`` if a form or picture would be written over a file that is read.
+
+    None in ``targets`` stands for a picture that is not wanted.
+    """
+    of_sources = {source.resolve(): source for source in sources}
+    for target in targets:
+        source = of_sources.get(target.resolve()) if target else None
+        if source is not None:
+            raise ConfigurationError(
+                f"{source} would be replaced: it is read", "write to another file or folder"
+            )
 
 
 # Depth images
@@ -176,6 +189,7 @@ def _write_forms_of_frames(
         Whether each image has a form.
     """
     outputs = _outputs(frames, paths, output, options.picture)
+    _check_replaces_no_input([picture for _, picture in outputs], _files_that_are_read(frames))
     forms = forms_of_frames(frames, method, plugins=options.plugins, seed=options.seed)
     if len(frames) == 1:
         (made,) = forms
@@ -210,6 +224,13 @@ def _write_form_of_frame(of_frame: FormOfFrame, target: Path, picture: Path | No
     return [first, *facts_of(form.notes), *lost]
 
 
+def _files_that_are_read(frames: Iterable[FrameFiles]) -> list[Path]:
+    """Return the depth images, and the masks of their objects that are files."""
+    images = [frame.image for frame in frames]
+    masks = [frame.mask_file for frame in frames]
+    return [*images, *filter(None, masks)]
+
+
 def _outputs(
     frames: Sequence[FrameFiles], paths: Sequence[Path], output: Path, picture: Path | None
 ) -> list[tuple[Path, Path | None]]:
@@ -229,7 +250,7 @@ def _outputs(
     Raises
     ------
     ConfigurationError
-        If a folder is needed, and a file is named.
+        If a folder is needed, and a file is named, or two images would have one file.
     """
     images = [frame.image for frame in frames]
     if len(images) == 1 and images[0] in paths:
@@ -243,7 +264,20 @@ def _outputs(
         place = image.absolute().relative_to(common_folder)
         picture_of_image = picture / place.with_suffix(".png") if picture else None
         outputs.append((output / place.with_suffix(".off"), picture_of_image))
+    _check_different(images, [form for form, _ in outputs])
     return outputs
+
+
+def _check_different(images: Sequence[Path], forms: Sequence[Path]) -> None:
+    """Raise ``ConfigurationError`` if the forms of two images would have one file."""
+    image_of: dict[Path, Path] = {}
+    for image, form in zip(images, forms, strict=True):
+        other = image_of.setdefault(form, image)
+        if other != image:
+            raise ConfigurationError(
+                f"the forms of {other} and {image} would both be {form}",
+                "name one of them, or give them other names",
+            )
 
 
 def _draw_frame(of_frame: FormOfFrame, picture: Path) -> None:
@@ -285,6 +319,7 @@ def print_matches(
 
     announce_compilation()
     check_ending(options.picture)
+    _check_replaces_no_input([options.picture], [query, *filter(None, [options.mask])])
     matches = retrieve(
         query,
         name,

@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from benchmark.errors import ConfigurationError, UnreadableMesh
-from benchmark.files import file_digest, read_file, write_atomically, write_text
+from benchmark.files import file_digest, read_file, write_together
 from benchmark.pipeline.records import Record
 from benchmark.report.columns import scores_frame
 from benchmark.report.formats import as_json, bibtex_of_tables, latex, markdown, robustness_markdown
@@ -108,13 +108,13 @@ def write_files(
     earlier = _earlier(folder / listed)  # digests of what the last command wrote
     if not force:
         _check_own(folder, digests, earlier)
-    for name, data in contents.items():
-        _write_bytes(folder / name, data)
+    # The list belongs to the files: without it, they would count as edited the next time.
+    written = {folder / name: data for name, data in contents.items()}
+    write_together(written | {folder / listed: json.dumps(digests, indent=0).encode()})
     for name in earlier.keys() - contents.keys():
         is_unedited = _digest(folder / name) == earlier[name]
         if is_unedited:
             (folder / name).unlink()
-    write_text(folder / listed, json.dumps(digests, indent=0))
 
 
 def _check_own(folder: Path, digests: Mapping[str, str], earlier: Mapping[str, str]) -> None:
@@ -126,11 +126,6 @@ def _check_own(folder: Path, digests: Mapping[str, str], earlier: Mapping[str, s
             raise ConfigurationError(
                 f"{folder / name} {what}", "choose another folder with -o, or pass --force"
             )
-
-
-def _write_bytes(path: Path, data: bytes) -> None:
-    """Write a file in one step."""
-    write_atomically(path, lambda file: file.write(data))
 
 
 def _earlier(path: Path) -> dict[str, str]:

@@ -134,19 +134,20 @@ def scored_by(records: Iterable[Record]) -> ScoredBy:
     title = first.scorer_title
     seed = records[0].seed
     caption = ""
-    suffix = ""  # of names of files
+    words = []  # in names of files
     details = ""
     if scorer not in ("", DEFAULT_SCORER):
         caption = f", scored by {title}"
-        suffix = f"-by-{scorer}"
+        words += ["by", scorer]
     if base_name(scorer) == DEFAULT_SCORER:
         details = " (three codebooks)"
     if seed:
         caption += f", seed {seed}"
-        suffix += f"-seed-{seed}"
+        words += ["seed", str(seed)]
         details += f", seed {seed}"
     note = f"Scored by {title}{details}." if scorer else ""
-    return ScoredBy(note, caption, file_name(suffix))
+    suffix = f"-{file_name('-'.join(words))}" if words else ""
+    return ScoredBy(note, caption, suffix)
 
 
 @cache

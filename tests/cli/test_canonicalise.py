@@ -56,7 +56,7 @@ def test_a_form_is_never_written_over_its_mesh(tmp_path, monkeypatch):
         ("../link.off", "rod.off"),
         ("rod.off", "rod.off"),
     ):
-        assert "is the mesh itself; name another file with -o" in canonicalise(
+        assert "would be replaced: it is read; write to another file or folder" in canonicalise(
             mesh, "-o", output, code=2
         )
     assert [path.name for path in (tmp_path / "data").iterdir()] == ["rod.off"]

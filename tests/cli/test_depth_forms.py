@@ -53,6 +53,37 @@ def test_a_folder_and_a_pattern_give_a_form_of_each_image_and_one_bad_image_cost
     assert re.search(f"form.off: .*, mask 0_mask.png, .*, {facts}", said)
 
 
+def test_no_picture_is_written_over_a_file_that_is_read(tmp_path):
+    folder = write_frames(tmp_path / "frames", count=1)
+    before = {path: path.read_bytes() for path in folder.rglob("*.*")}
+    image = folder / "two" / "0.png"
+    mask = folder / "two" / "0_mask.png"
+    form = ("-o", tmp_path / "form.off", "--picture")
+    for words, replaced in (
+        ((image, *form, image), image),
+        ((image, *form, mask), mask),
+        ((image, "--mask", image, *form, image), image),
+        ((folder, "-o", tmp_path / "forms", "--picture", folder), image),
+    ):
+        said = refusal("canonicalise", "-m", "identity", *words)
+        assert f"{replaced.name} would be replaced: it is read; write to another" in said
+    words = ("retrieve", "-m", "identity", "-d", folder, image, "--picture", image)
+    assert f"{image} would be replaced" in refusal(*words)
+    assert {path: path.read_bytes() for path in tmp_path.rglob("*.*")} == before
+
+
+def test_the_forms_of_two_images_are_two_files(tmp_path):
+    folder = write_frames(tmp_path / "frames", count=1)
+    image = folder / "two" / "0.png"
+    shutil.copy(image, folder / "two" / "0.tiff")
+    words = ("canonicalise", "-m", "identity", image, image.with_suffix(".tiff"))
+    said = refusal(*words, "-o", tmp_path / "forms")
+    assert (
+        f"two/0.png and {image.with_suffix('.tiff')} would both be {tmp_path}/forms/0.off" in said
+    )
+    assert not (tmp_path / "forms").exists()
+
+
 def test_the_settings_of_a_folder_hold_for_its_images_unless_the_command_line_has_others(tmp_path):
     folder = write_frames(tmp_path / "frames", count=1)
     (folder / "intrinsics.txt").unlink()

@@ -8,9 +8,11 @@ import pytest
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.record_files import read_records, write_record
 from benchmark.report.output import WRITTEN_LIST, write_files
+from benchmark.report.record_facts import scored_by
 from benchmark.report.results import Results
 from retrieval.cmbof import CMBOF
 from tests.report.records import record
+from tests.toy import files_of_at_most
 from tests.verbs import call
 
 
@@ -101,3 +103,23 @@ def test_tables_of_another_scorer_or_seed_say_so_and_replace_no_files(tmp_path):
 
 def test_the_note_of_the_scorer_has_its_number_of_codebooks():
     assert CMBOF.info.draws == 3
+
+
+def test_a_full_disk_leaves_the_files_as_they_were_and_the_next_write_replaces_them(tmp_path):
+    write_files(tmp_path, {"a.md": "1", "b.md": "1"})
+    long = "2" * 5000
+    with (
+        files_of_at_most(4096),
+        pytest.raises(OSError, match=f"File too large: '{tmp_path / 'b.md'}'"),
+    ):
+        write_files(tmp_path, {"a.md": "2", "b.md": long})
+    assert {path.name for path in tmp_path.iterdir()} == {"a.md", "b.md", WRITTEN_LIST}
+    assert (tmp_path / "a.md").read_text() == "1"
+    write_files(tmp_path, {"a.md": "3", "b.md": long})
+    assert (tmp_path / "a.md").read_text() == "3"
+
+
+def test_the_words_of_scorer_and_seed_are_set_off_in_names_of_files():
+    for more in ({"scorer": "cm-bof[allow_mirror=true]"}, {"seed": 3}):
+        suffix = scored_by([record("gps", 0.5, **more)]).suffix
+        assert re.fullmatch(r"-(by-cm-bof-allow_mirror-true-[0-9a-f]{8}|seed-3)", suffix)
