@@ -87,9 +87,9 @@ class Form(CanonicalForm):
         Parameters
         ----------
         path
-            The file; its extension says the format. OFF, OBJ and PLY keep coordinates in double
-            precision. GLB has single precision, and colours by part. STL repeats the corners of
-            triangles.
+            The file; its extension says the format. GLB has single precision, and colours by part.
+            STL repeats the corners of triangles. All others, such as OFF, OBJ and PLY, keep
+            coordinates in double precision.
 
         Returns
         -------

@@ -41,7 +41,7 @@ def check_retrievable(dataset: ShapeSet, entries: Iterable[Entry] | None = None)
         what = f"what this table ranks of {what}"
     members = by_subject(entries)
     if not members:
-        hint = "point to a folder with .off, .obj, .ply or .stl files"
+        hint = "point to a folder of meshes, such as .off, .obj or .ply files"
         raise DatasetError(f"{what} has no meshes", hint)
     if len(members) < 2:
         problem = f"{what} has one class ('{next(iter(members))}'), so every ranking is perfect"

@@ -95,8 +95,9 @@ COMPANIONS: tuple[str, ...] = tuple(_FORMATS_OF_COMPANIONS)
 """Extensions of files that belong to a mesh file and are no mesh themselves."""
 
 
-#: Extensions of meshes that may be text whose end is not marked.
-_TEXTS = (".off", ".obj", ".ply", ".vert", ".tri")
+#: Extensions of meshes that mark their end, such as by a bracket or ``endsolid``. All others may be
+#: text that is cut off within its last number.
+_WITH_MARKED_END = (".stl", ".mat", ".glb", ".gltf")
 
 
 def read_mesh(path: Path | str) -> Mesh:
@@ -134,7 +135,9 @@ def read_mesh(path: Path | str) -> Mesh:
 
 def lacks_last_break(path: Path) -> bool:
     """Return whether a mesh file is text that ends within a line; False for what cannot be read."""
-    if mesh_suffix(path) not in _TEXTS:
+    suffix = mesh_suffix(path)
+    is_read = suffix in FORMATS or suffix in _FORMATS_OF_COMPANIONS
+    if not is_read or suffix in _WITH_MARKED_END:
         return False
     try:
         content = read_unpacked(path)

@@ -9,6 +9,7 @@ import pytest
 import trimesh
 
 import benchmark
+from benchmark.commands.form import WRITTEN
 from benchmark.commands.meshes import as_mesh
 from benchmark.datasets.mesh_files import read_mesh
 from benchmark.errors import ConfigurationError, InvalidMesh
@@ -144,7 +145,7 @@ def test_a_glb_says_its_precision_and_has_colours_and_other_names_are_refused(tm
     assert "GLB has coordinates in single precision" in call(*words, tmp_path / "form.glb")
     found = trimesh.load(tmp_path / "form.glb", process=False, force="mesh")
     assert np.ptp(found.visual.vertex_colors[:, :3].astype(int), axis=0).max() > 100
-    assert ".ply, .glb, .stl" in refusal(*words, tmp_path / "form.fbx")
+    assert f"use {', '.join(WRITTEN)}" in refusal(*words, tmp_path / "form.fbx")
 
 
 def test_a_notebook_shows_a_form_in_3d_without_a_network():

@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 
 from benchmark import formats
 from benchmark.datasets.mesh_files import (
+    FORMATS,
     READABLE,
     WRITABLE,
     files_beside,
     find_formats,
+    lacks_last_break,
     mesh_suffix,
     read_mesh,
     write_mesh,
@@ -79,6 +81,9 @@ def test_a_format_is_found_in_its_module_and_files_of_others_are_preferred(
     assert [*found] == [*READABLE, ".tet"]
     (tmp_path / "a.tet").write_text("2")
     assert read_with(found[".tet"], tmp_path / "a.tet").vertices.max() == 2.0
+    # Its text may be cut off within a number, unless the format is known to mark its end.
+    monkeypatch.setitem(FORMATS, ".tet", found[".tet"])
+    assert lacks_last_break(tmp_path / "a.tet")
 
 
 TETRAHEDRON = """
