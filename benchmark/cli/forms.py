@@ -111,11 +111,14 @@ def _write_form_of_mesh(source: Path, method: str, options: Selection, output: P
     if options.picture is not None:
         _draw_mesh(source, form, options.picture)
     facts = [f"{output}: {len(form.vertices)} vertices", *facts_of(form.notes), *not_kept]
+    say(", ".join(facts))
     if form.vertex_map is not None and output.suffix.lower() != ".stl":  # STL has no vertices
         numbers = output.with_suffix(".vertices.txt")
         write_text(numbers, "".join(f"{number}\n" for number in form.vertex_map))
-        facts.append(f"the nearest of the file, counted from 0, in {numbers}")
-    say(", ".join(facts))
+        say(
+            f"{numbers}: for each vertex of the form, the number of the nearest vertex in "
+            f"{source}, counted from 0"
+        )
 
 
 def _camera(options: Selection) -> CameraSettings:

@@ -83,7 +83,8 @@ def shadowed_folders(names: Iterable[str], data_root: Path | None) -> list[str]:
         if data_root and Path(base).absolute() == (data_root / base).absolute():
             continue
         notes.append(
-            f"{base} is the set of the suite; for the folder of this name here, pass ./{base}"
+            f"{base} means the data set of the suite, not the folder of this name here; "
+            f"for the folder, pass ./{base}"
         )
     return notes
 

@@ -38,8 +38,8 @@ def test_a_decimated_form_has_a_file_of_the_nearest_vertices(tmp_path):
     write_off(tmp_path / "body.off", body)
     said = canonicalise(tmp_path / "body.off", "-o", tmp_path / "form.off")
     assert (
-        f"the nearest of the file, counted from 0, in {tmp_path / 'form.vertices.txt'}"
-        in said.replace("\n", " ")
+        f"{tmp_path / 'form.vertices.txt'}: for each vertex of the form, the number of the nearest "
+        f"vertex in {tmp_path / 'body.off'}, counted from 0" in said.replace("\n", " ")
     )
     numbers = np.loadtxt(tmp_path / "form.vertices.txt", dtype=int)
     moved = (body.vertices - body.vertices.mean(axis=0)) / body.area**0.5

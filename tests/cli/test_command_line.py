@@ -154,7 +154,10 @@ def test_a_folder_with_the_name_of_a_set_of_the_suite_is_named(tmp_path, monkeyp
     monkeypatch.chdir(tmp_path)
     for name in ("animals", "tosca"):
         (tmp_path / name).mkdir()
-    says = "animals is the set of the suite; for the folder of this name here, pass ./animals"
+    says = (
+        "animals means the data set of the suite, not the folder of this name here; "
+        "for the folder, pass ./animals"
+    )
     assert says in call(
         "plan", "-d", "animals", "-m", "surface-area", "--results", tmp_path / "results"
     )
