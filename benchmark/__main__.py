@@ -10,6 +10,9 @@ with suppress(FileNotFoundError):
     if sys.path[0] in ("", os.getcwd()):  # noqa: PTH109
         sys.path.append(sys.path.pop(0))
 
-from benchmark.cli.main import program
+try:
+    from benchmark.cli.main import program
+except KeyboardInterrupt:
+    sys.exit(130)
 
 program()

@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 from bdb import BdbQuit
+from collections.abc import Sequence
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -27,6 +28,13 @@ PROGRAM = "python -m benchmark"
 
 #: Exit code of misuse.
 USAGE = 2
+
+#: Verbs that go on where they were interrupted, and what they keep.
+_KEEPING = {
+    "run": "finished jobs, shapes and checkpoints",
+    "train": "finished models and checkpoints",
+    "models": "fetched models",
+}
 
 #: Most letters of the path in a message.
 _LONGEST_PLACE = 200
@@ -63,6 +71,8 @@ def program() -> None:
     An error that the user can correct is printed on one line, with exit code 2.
     """
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
+    if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:  # as nohup has it
+        signal.signal(signal.SIGHUP, signal.default_int_handler)
     pin_threads()  # before any library starts some
     choose_kernel_cache()
     watch_this_process()
@@ -83,11 +93,15 @@ def program() -> None:
         where = str(error.filename or "writing the output")[:_LONGEST_PLACE]
         _end(f"error: {where}: {error.strerror}; choose another place", USAGE)
     if code == INTERRUPTED:
-        _end(
-            "interrupted; finished jobs, shapes and checkpoints are kept: run again to continue",
-            INTERRUPTED,
-        )
+        _end(_interruption(sys.argv[1:]), INTERRUPTED)
     sys.exit(code)
+
+
+def _interruption(words: Sequence[str]) -> str:
+    """Say that a command was interrupted, and what it has kept."""
+    if words and words[0] in _KEEPING:
+        return f"interrupted; {_KEEPING[words[0]]} are kept: run again to continue"
+    return "interrupted; run again"
 
 
 def _refuse_usage(error: TyperException) -> NoReturn:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from benchmark.api.learning import Learner
+from benchmark.api.learning import CARD, Learner, checked_weights, read_card
 from benchmark.commands.selection import RESULTS, as_paths, data_folder
-from benchmark.errors import ConfigurationError
+from benchmark.errors import BenchmarkError, ConfigurationError, TrainingError, locate
 from benchmark.protocols.pairs import data_of_training, trainings_of
 from benchmark.protocols.trainings import own_training
-from benchmark.registry import select_one
+from benchmark.registry import Component, select_one
 from benchmark.text import say
 
 
@@ -58,6 +59,8 @@ def train(
     ------
     ConfigurationError
         If the method does not learn, or an option is unknown.
+    TrainingError
+        If the training fails, or leaves no model of its data.
     """
     component = select_one(method, as_paths(plugins))
     # A method that can be trained may still lack something else that a learner needs.
@@ -75,7 +78,47 @@ def train(
     for training in trainings:
         tell(f"{component.name}, {training.name}")
         folder = Path(results) / "models" / training.name / learner.model_name
-        learner.train(data_of_training(training, root, tell), folder, options or {}, tell)
+        if (folder / CARD).exists():  # a learner keeps a finished model
+            _check_model(folder, training.name, "delete the folder to train anew")
+        data_of_this = data_of_training(training, root, tell)
+        with _training_of(component):
+            learner.train(data_of_this, folder, options or {}, tell)
+        _check_model(folder, training.name, _advice(component))
         tell(f"the model is in {folder}")
         folders.append(folder)
     return folders
+
+
+@contextmanager
+def _training_of(component: Component) -> Iterator[None]:
+    """Turn what a learner raises while it trains into a :class:`TrainingError`.
+
+    A learner may be the plugin of a user, which may raise anything.
+    """
+    try:
+        yield
+    except BenchmarkError:
+        raise
+    except (Exception, SystemExit) as error:
+        problem = f"the training of '{component.name}' failed: {locate(error)}"
+        raise TrainingError(problem, _advice(component)) from error
+
+
+def _check_model(folder: Path, training: str, hint: str) -> None:
+    """Raise ``TrainingError`` unless a folder holds a finished model of a training."""
+    try:
+        card = read_card(folder)
+        checked_weights(folder)
+    except ConfigurationError as error:
+        problem = f"there is no model in {folder}: {error.located}"
+        raise TrainingError(problem, hint) from error
+    if card.data != training:
+        problem = f"the model in {folder} was trained on '{card.data}', not on '{training}'"
+        raise TrainingError(problem, hint)
+
+
+def _advice(component: Component) -> str:
+    """Return what to do about a training that failed."""
+    if component.plugin is None:
+        return "correct that, and train again"
+    return f"'python -m benchmark check {component.plugin}' tests what a learner has to do"

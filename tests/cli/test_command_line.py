@@ -72,6 +72,40 @@ for words, unused in (
     assert done.stdout == 3 * "set()\n"
 
 
+#: The program, in which a verb sends itself the signal of a terminal that is closed.
+HANGS_UP = """
+import os, signal, sys
+from benchmark.cli import main
+from benchmark.commands import export, models
+def hang_up(*words, **options):
+    with open("began", "w"):
+        os.kill(os.getpid(), signal.SIGHUP)
+        print("goes on")
+        raise SystemExit(0)
+export.export = models.fetch_models = hang_up
+main.program()
+"""
+
+
+@pytest.mark.parametrize(
+    ("words", "line"),
+    [
+        ("data export rods -o new", "interrupted; run again\n"),
+        (
+            "models fetch --from .",
+            "interrupted; fetched models are kept: run again to continue\n",
+        ),
+    ],
+)
+def test_a_closed_terminal_interrupts_a_command_unless_it_ignores_that(tmp_path, words, line):
+    command = [sys.executable, "-c", HANGS_UP, *words.split()]
+    options = {"cwd": tmp_path, "capture_output": True, "text": True, "timeout": PATIENCE}
+    done = subprocess.run(command, check=False, **options)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", line)
+    done = subprocess.run(["nohup", *command], check=False, **options)
+    assert (done.returncode, done.stdout) == (0, "goes on\n")
+
+
 def test_published_tables_are_printed_in_any_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "results" / "runs").mkdir(parents=True)

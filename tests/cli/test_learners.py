@@ -1,6 +1,7 @@
 """A learner through the command line: trained once, and tested with its model."""
 
 import json
+import re
 import shlex
 from pathlib import Path
 
@@ -89,6 +90,46 @@ def test_a_run_trains_what_it_lacks_first(root, tmp_path, in_this_process):
     assert (tmp_path / "models" / "tosca-III" / "seed0" / CARD).is_file()
     assert missing not in call("plan", *selection)
     assert "training" not in call("run", *selection, "-j", 1, "--train").splitlines()[0]
+
+
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("pass", r"there is no model in .*card\.json: No such file or directory"),
+        ("raise SystemExit(0)", r"'nearest-view' failed: own\.py:\d+: SystemExit: 0"),
+        ("{}['a']", r"'nearest-view' failed: own\.py:\d+: KeyError: 'a'"),
+        ("raise MemoryError", r"'nearest-view' failed: own\.py:\d+: MemoryError"),
+        (
+            "folder.mkdir(parents=True); (folder / CARD).write_text('{}')",
+            "there is no model in .*card.json: not a readable card of a model: .*`digest`",
+        ),
+        (
+            "data = replace(data, name='animals-III')",
+            "was trained on 'animals-III', not on 'tosca-III'",
+        ),
+    ],
+)
+def test_a_training_that_leaves_no_model_is_an_error_that_says_why(root, tmp_path, line, reason):
+    plugin = tmp_path / "own.py"
+    begin = '        """Keep all pairs, smaller.'
+    text = LEARNER.read_text().replace(begin, f"        {line}\n{begin}")
+    if not line.startswith("data"):
+        text = text.replace("        if options:", "        return\n        if options:")
+    plugin.write_text(text)
+    folders = ("--results", tmp_path, "--data-root", root)
+    told = verbs.refusal("train", "nearest-view", "-t", "III", *folders, "--plugin", plugin)
+    assert re.search(reason, told), told
+    assert told.endswith(f"'python -m benchmark check {plugin}' tests what a learner has to do")
+
+
+def test_a_damaged_model_is_named_before_a_training_takes_it_for_finished(root, tmp_path):
+    folder = tmp_path / "models" / "tosca-III" / "seed0"
+    folder.mkdir(parents=True)
+    (folder / CARD).write_text("{")
+    train = ("train", "nearest-view", "-t", "III", "--results", tmp_path, "--data-root", root)
+    told = call(*train, code=2)
+    assert f"there is no model in {folder}: " in told
+    assert told.endswith("; delete the folder to train anew")
 
 
 def test_a_training_that_fails_ends_the_run(root, tmp_path):
