@@ -183,7 +183,9 @@ class Gallery:
         if is_wanted:
             return method.learns or not self.table.is_ablation
         name = method.base_name
-        if not self.table.includes(name) or name in self.table.omits:
+        if not self.table.includes(name):
+            return False
+        if self.table.omits_extended and not method.learns and method.info.family == "extended":
             return False
         is_quick_row = name in QUICK_ROWS
         # On damaged data, and in quick runs, a few methods stand for all.

@@ -108,9 +108,6 @@ ABLATION = (
 #: Networks that have rows only in the ablation, and in tables that add them.
 ONLY_ABLATED = frozenset(ABLATION) - {"learned"}
 
-#: Forms that the paper does not compare, which run by default on animals alone.
-OTHER_FORMS = ("accelerated-mds", "fast-classical-scaling", "feature-preserved")
-
 #: Rows of the tables whose gallery is seen from around: networks, no form, the best form, and the
 #: area.
 ROUND = (
@@ -185,8 +182,9 @@ class Table:
         The methods that have rows; empty for all but :data:`ONLY_ABLATED`.
     adds
         Methods of these that have rows, too.
-    omits
-        Methods that run on its data only if they are selected by name.
+    omits_extended
+        Whether methods of the family "extended" that are no networks run on its data only if they
+        are selected by name.
     runs
         Runs that make it by default: all, full ones, or only those that name it or its data set, or
         it alone.
@@ -213,7 +211,7 @@ class Table:
     has_paper: bool = False
     names: tuple[str, ...] = ()
     adds: tuple[str, ...] = ()
-    omits: tuple[str, ...] = ()
+    omits_extended: bool = False
     runs: Literal["quick", "full", "named", "alone"] = "full"
     part_of: str = ""
     all_unseen: bool = True
@@ -285,7 +283,7 @@ _ALL = "15 subjects"
 _FEW = "5 subjects"
 
 _synthetic = partial(Table, dataset="shrec14-synthetic", stand_ins=SYNTHETIC_HUMANS)
-_real = partial(Table, dataset="shrec14-real", stand_ins=("humans-scanlike",), omits=OTHER_FORMS)
+_real = partial(Table, dataset="shrec14-real", stand_ins=("humans-scanlike",), omits_extended=True)
 _animals = partial(Table, dataset="tosca", stand_ins=("animals",), all_unseen=False)
 _further = partial(Table, columns=BOTH_INPUTS, runs="named", part_of="extended")
 _faust = partial(Table, dataset="faust", remark=_REAL_PEOPLE)
@@ -306,7 +304,7 @@ TABLES: tuple[Table, ...] = (
         columns=(GalleryGroup(_ALL, over_draws=True), GalleryGroup(_FEW, FOLDS)),
         has_paper=True,
         runs="quick",
-        omits=OTHER_FORMS,
+        omits_extended=True,
     ),
     _real("II", "Retrieval of real humans", has_paper=True),
     _animals("III", "Retrieval of animals and people", has_paper=True, runs="quick"),
@@ -314,7 +312,7 @@ TABLES: tuple[Table, ...] = (
         "I-view",
         f"Synthetic humans, {_FAIR}",
         part_of="I",
-        omits=OTHER_FORMS,
+        omits_extended=True,
         adds=CONTROLS,
         columns=(GalleryGroup(_ALL, input="view"), GalleryGroup(_FEW, FOLDS, "view")),
     ),
@@ -345,7 +343,7 @@ TABLES: tuple[Table, ...] = (
         f"Synthetic humans, {_CROSS}",
         columns=_BOTH_GALLERIES,
         runs="alone",
-        omits=OTHER_FORMS,
+        omits_extended=True,
     ),
     _real("II-cross", f"Real humans, {_CROSS}", columns=_BOTH_GALLERIES, runs="alone"),
     _animals(

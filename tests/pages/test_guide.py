@@ -6,6 +6,7 @@ import pytest
 
 from benchmark.commands.score import score
 from benchmark.reference.paper import CLASSICAL, PAPER_MEASURES
+from benchmark.registry import select
 from tests.pages.test_readme import ROOT, every_view, rows, scores, views  # noqa: F401
 from tools import page_parts
 from tools.failures import failure_of, means_of_classes, published_forms
@@ -35,6 +36,15 @@ def test_each_form_has_a_picture_a_source_and_a_cost():
     assert n_lines == 1 + len(METHODS) * len(SIZES)
     assert FORMS.count("```math") == len(METHODS) + 1
     assert FORMS.count("*Source:*") + FORMS.count("*Sources:*") == len(METHODS)
+
+
+def test_every_form_of_the_suite_is_in_the_guide_and_every_method_on_the_page_of_names():
+    methods = [method for method in select(["all"]) if not method.learns]
+    forms = {m.name for m in methods if not m.describes and m.info.family != "control"}
+    assert {*METHODS} == forms, "name it in tools/form_costs.py, and write its section"
+    page = (ROOT / "docs/reference/methods.md").read_text(encoding="utf-8")
+    table = page.partition("|---|")[2].partition("\n\n")[0]
+    assert [method.name for method in methods if f"`{method.name}`" not in table] == []
 
 
 def test_gps_scores_highest_and_unfolding_misses_most_people(scores):  # noqa: F811

@@ -104,6 +104,17 @@ def test_networks_have_rows_where_views_are_and_all_others_on_surfaces():
     assert not {*paper.CLASSICAL} & {*networks}
 
 
+def test_forms_that_the_paper_does_not_compare_have_rows_on_animals_alone():
+    forms = [method for method in select(["all"]) if not method.learns]
+    extended = {method.name for method in forms if method.info.family == "extended"}
+    assert {"accelerated-mds", "feature-preserved"} <= extended
+    assert extended <= {*rows(gallery("III"), "mesh")}
+    for identifier in ("I", "II", "I-view"):
+        input_ = "view" if identifier == "I-view" else "mesh"
+        assert not extended & {*rows(gallery(identifier), input_)}
+        assert {*paper.CLASSICAL} <= {*rows(gallery(identifier), input_)}
+
+
 def test_ablations_have_rows_in_table_four_alone():
     found = {name.partition("[")[0] for name in rows(gallery("IV"), "view")}
     assert {"learned", "learned-without-srf", "learned-without-lrf"} <= found <= {*ABLATION}
