@@ -40,8 +40,8 @@ MARKS = (
     "Bold: the best of its block. Italic: not significantly worse (p at least .05; "
     "studentised permutation test over whole classes, of all rows and measures of the block). "
     "In parentheses: significantly worse, but within the scatter of codebooks and, for "
-    "networks, of trainings. Rows that lack shapes, or with shapes seen in training, have no "
-    "mark."
+    "networks, of trainings. No mark: worse by more than that. Rows that lack shapes, or with "
+    "shapes seen in training, are not tested, and have no mark either."
 )
 DEPARTURES = "How a method departs from its source: 'python -m benchmark describe METHOD'."
 
@@ -59,13 +59,15 @@ def table_notes(view: TableView) -> list[str]:
     # What is filled into each sentence; without anything, the sentence is left out.
     facts = {
         "{}": " ".join([view.scored_by.note, *_data_and_columns(view)]).strip(),
-        "No form of a surface: {}.": listed(_networks_without(rows, without_networks)),
+        "Networks of views, which have no form of a complete surface: {}.": listed(
+            _networks_without(rows, without_networks), "; "
+        ),
         "No difference is significant and above the scatter: {}.": listed(_undecided(view)),
-        "No result: {}.": listed(_without_result(view, rows, without_networks)),
+        "No result: {}.": listed(_without_result(view, rows, without_networks), "; "),
         "Cannot be read or prepared, and count 0: {}.": listed(_unreadable(view, rows), "; "),
         "Refused shapes, which count 0: {}.": listed(_refused(rows), "; "),
-        "Trained on the classes of: {}; they stay in the gallery, and decide no claim.": listed(
-            _trained_on_classes(rows)
+        "Trained on the classes of: {}. These shapes stay in the gallery, and decide no claim.": (
+            listed(_trained_on_classes(rows), "; ")
         ),
         "Missing, and counts 0: {}.": listed(_missing_galleries(rows)),
         "Left out, because they rank another version of the data: {}; run them again.": listed(
@@ -209,7 +211,7 @@ def _data_and_columns(view: TableView) -> Iterator[str]:
     for column in view.columns:
         yield from _spread_over_draws(view, column)
     if any(view.of_folds(row, column.title) for row, column in _printed_places(view)):
-        yield "Beside means over folds: the least and the greatest fold."
+        yield "Ranges: the lowest and the highest fold."
     records = [*chain.from_iterable(row.records for row in view.printed_rows)]
     for quantity in QUANTITIES:
         measured = [record for record in records if quantity.value(record) is not None]
@@ -222,25 +224,28 @@ def _remarks_on_table(view: TableView) -> Iterator[str]:
     if view.table.remark:
         yield view.table.remark
     if any(column.has_mixed_inputs for column in view.columns):
-        yield "Complete surfaces; networks see one depth view unless named otherwise."
+        yield (
+            "Methods see complete surfaces, except networks: they see one depth view unless their "
+            "title says otherwise."
+        )
     if view.table.is_cross:
         yield (
-            "Queries rank the gallery without themselves; those of a class that it lacks are left "
-            "out."
+            "Each query ranks the gallery without its own shape. Queries of a class that the "
+            "gallery lacks are left out."
         )
     if view.table.names == ROUND:
         yield (
-            "Cameras stand around each shape of the gallery, 30 degrees apart; its own camera is "
-            "between two of them."
+            "Cameras stand around each shape of the gallery, 30 degrees apart. The shape's own "
+            "camera is between two of them."
         )
         yield (
-            "The nearest view counts. In training, networks of 128 px and extra data saw views of "
-            "own cameras alone."
+            "Of the views of a shape, the nearest to the query counts. In training, the networks "
+            "'128 px' and 'extra data' saw views of own cameras alone."
         )
     if view.table.is_ablation:
         yield (
-            "The paper's row stands beside the network whose parts were left out, at 128 x 128 "
-            "pixels."
+            "The paper's scores of its full network stand beside ours at 128 x 128 pixels, of "
+            "which the other rows leave out parts."
         )
 
 
@@ -300,7 +305,9 @@ def _without_result(
             has_any = bool(row.records or row.failed)
             where = f"{column.title}: " if has_any and len(view.columns) > 1 else ""
             reasons[where + reason].append(row.title)
-    return [f"{listed(dict.fromkeys(titles))} ({reason})" for reason, titles in reasons.items()]
+    return [
+        f"{listed(dict.fromkeys(titles), '; ')} ({reason})" for reason, titles in reasons.items()
+    ]
 
 
 def _why_no_scores(row: TableRow, column: str, without_networks: Container[str]) -> str:
@@ -414,7 +421,7 @@ def _trained_on_classes(rows: Iterable[TableRow]) -> Iterator[str]:
         for title, scores in row.scored.items():
             n_seen = sum(label in scores.seen_classes for label in scores.labels)
             if n_seen:
-                yield f"{row.title} {n_seen} of {len(scores.labels)} shapes ({title})"
+                yield f"{row.title} ({title}: {n_seen} of {len(scores.labels)} shapes)"
 
 
 def _trained_once(rows: Iterable[TableRow]) -> Iterator[str]:
@@ -484,4 +491,4 @@ def _moved_ranks(view: TableView) -> str:
         if far:
             moved.append(f"{row.title} ({', '.join(far)})")
     names = ", ".join(moved)
-    return f"those of {len(view.ranks)} rows; three or more from those by CM-BOF: {names}"
+    return f"those of {len(view.ranks)} rows. Three or more away from the ranks by CM-BOF: {names}"

@@ -57,8 +57,8 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_pa
     told = " ".join(call("run", *selection, "-j", 1).split())
     assert "Nearest View" in told
     assert (
-        "Trained on the classes of: Nearest View 6 of 12 shapes (all shapes); "
-        "they stay in the gallery" in told
+        "Trained on the classes of: Nearest View (all shapes: 6 of 12 shapes). "
+        "These shapes stay in the gallery" in told
     )
     assert call("plan", *selection).startswith("finished")
     (folder / CARD).write_text(json.dumps(card | {"digest": "0" * 64}))

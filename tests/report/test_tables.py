@@ -296,8 +296,8 @@ def test_notes_say_what_s_is_why_a_score_is_missing_and_what_was_seen_in_trainin
         "Depth network, 500 px, width 16 (no model was trained for this data, or it was not run; "
         "'run --train' trains the models that this code can train)"
     ) in " ".join(found.split())
-    assert "Classic MDS, Fast MDS, Non-metric MDS, 4 more (not run)" in found
-    assert "Trained on the classes of: Depth network, 128 px 8 of 12 shapes (ours)" in found
+    assert "Classic MDS; Fast MDS; Non-metric MDS; 4 more (not run)" in found
+    assert "Trained on the classes of: Depth network, 128 px (ours: 8 of 12 shapes)." in found
 
 
 def test_methods_of_the_paper_that_never_ran_are_printed_on_demand():

@@ -336,7 +336,9 @@ def test_networks_have_forms_of_views_alone(input_):
     (view,) = table_views(
         [made_up("learned", fold="against 2 cameras", input_="view", against=there)]
     )
-    assert any("No form of a surface" in note for note in table_notes(view)) == (input_ == "mesh")
+    assert any("no form of a complete surface" in note for note in table_notes(view)) == (
+        input_ == "mesh"
+    )
 
 
 class Constant:
