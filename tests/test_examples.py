@@ -10,37 +10,21 @@ from pathlib import Path
 import pytest
 
 from benchmark.pipeline.record_files import read_records
+from tests.verbs import call
 
 ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 
 
-@pytest.fixture
-def far(tmp_path):
-    """A folder outside of the checkout with the examples, and how a program is called there."""
+@pytest.mark.slow
+def test_the_tests_of_the_examples_pass_far_from_the_checkout(tmp_path):
     for path in EXAMPLES.glob("*.*"):
         shutil.copy(path, tmp_path)
     env = {name: value for name, value in os.environ.items() if name != "CANONICAL_FORMS_DATA"}
-
-    def call(*arguments, code=0):
-        done = subprocess.run(
-            [sys.executable, "-m", *map(str, arguments)],
-            capture_output=True,
-            text=True,
-            check=False,
-            cwd=tmp_path,
-            timeout=280,
-            env=env,
-        )
-        assert done.returncode == code, done.stdout + done.stderr
-        return done.stdout
-
-    return call
-
-
-@pytest.mark.slow
-def test_the_tests_of_the_examples_pass_far_from_the_checkout(far):
-    output = far("pytest", "-q", "-p", "no:cacheprovider", ".")
+    words = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "."]
+    done = subprocess.run(words, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    output = done.stdout
     passed, skipped = (
         sum(map(int, re.findall(rf"(\d+) {word}", output))) for word in ("passed", "skipped")
     )
@@ -62,11 +46,15 @@ def test_the_tests_of_the_examples_pass_far_from_the_checkout(far):
         ),
     ],
 )
-def test_a_program_may_crash_or_refuse(far, rods, tmp_path, source, status, reason):
+def test_a_program_may_crash_or_refuse(
+    rods, tmp_path, monkeypatch, in_this_process, source, status, reason
+):
+    shutil.copy(EXAMPLES / "graph_stress.py", tmp_path)
     (tmp_path / "graph_stress").write_text(f"#!/bin/sh\n{source}")
     (tmp_path / "graph_stress").chmod(0o755)
+    monkeypatch.chdir(tmp_path)
     plugin = ("-m", "graph-stress", "--plugin", "graph_stress.py")
-    far("benchmark", "run", "-d", rods, *plugin, "--input", "mesh", code=1)
-    (record,) = read_records(tmp_path / "results")
+    call("run", "-d", rods, *plugin, "--input", "mesh", code=1)
+    (record,) = read_records(tmp_path / "results", published=False)
     assert record.status == status
     assert reason in record.reason

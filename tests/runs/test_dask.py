@@ -13,20 +13,20 @@ from benchmark.errors import ConfigurationError
 from benchmark.pipeline.record_arrays import read_distances
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
-from tests.toy import rod, write_off
+from tests.toy import SMALL_SCORER, rod, write_off
 
 pytestmark = pytest.mark.slow
 
 
-def test_rows_are_those_of_one_machine_though_a_worker_is_killed(rods, tmp_path, cluster):
+def test_rows_are_those_of_one_machine_though_a_worker_is_killed(rods, tmp_path, cluster, notes):
     jobs = planned(
         rods, tmp_path / "results", "slow", "surface-area", "bug", "segfault", plugins=(FAULTS,)
     )
     killed = []
 
     def kill(progress):
-        if not killed and (tmp_path / "slow").is_file():
-            worker = psutil.Process(noted(tmp_path / "slow")[0]).parent()
+        if not killed and (notes / "slow").is_file():
+            worker = psutil.Process(noted(notes / "slow")[0]).parent()
             killed.append(worker.pid)
             os.kill(worker.pid, signal.SIGKILL)
 
@@ -54,7 +54,7 @@ def test_a_cluster_serves_each_run_anew(rods, tmp_path, cluster):
             ),
         )
         write_off(folder / "thin1.off", rod(0.06, 0.5 + number))
-        options = {"plugins": (plugin,), "scorer": "cm-bof"}
+        options = {"plugins": (plugin,), "scorer": SMALL_SCORER}
         records = done(
             planned(folder, tmp_path / "results", "smooth", **options),
             tmp_path / "results",
@@ -76,11 +76,11 @@ def test_a_cluster_serves_each_run_anew(rods, tmp_path, cluster):
 
 
 def test_a_later_run_has_its_own_time_limit(rods, tmp_path, cluster):
-    records = done(
-        planned(rods, tmp_path / "one", "fine", plugins=(FAULTS,)), tmp_path / "one", dask=cluster
-    )
-    jobs = planned(rods, tmp_path / "two", "hang", plugins=(FAULTS,))
-    limited = done(jobs, tmp_path / "two", dask=cluster, timeout=3.0)
+    """Its shapes are prepared: nothing but the method that hangs comes near the limit."""
+    jobs = planned(rods, tmp_path, "fine", plugins=(FAULTS,))
+    records = done(jobs, tmp_path, dask=cluster)
+    jobs = planned(rods, tmp_path, "hang", plugins=(FAULTS,))
+    limited = done(jobs, tmp_path, dask=cluster, timeout=3.0)
     assert (records["fine"].status, limited["hang"].status) == ("ok", "timeout")
     assert "stopped after 3 s" in limited["hang"].reason
 

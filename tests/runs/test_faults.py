@@ -312,7 +312,7 @@ def test_no_key_of_a_method_is_that_of_a_solver_and_no_fault_of_a_method_takes_a
     ) | {"misreads": "incomplete"}
     assert records["needs-geodesics"].per_query == alone.per_query
     replaces = records["alters"]
-    assert replaces.processor_seconds["canonicalise"] < 0.1 < replaces.seconds["canonicalise"] < 0.5
+    assert replaces.processor_seconds["canonicalise"] < 0.1 < replaces.seconds["canonicalise"]
     assert "geodesics" not in replaces.seconds
 
 
