@@ -126,7 +126,7 @@ def leads(view: TableView) -> list[str]:
     parts_of_columns: dict[str, list[str]] = {}  # of the sentence, by title of the column
     for (title, block), tested in view.tests.items():
         if view.quick:
-            parts_of_columns[title] = ["a quick run decides nothing"]
+            parts_of_columns[title] = ["A quick run decides nothing"]
         elif tested.n_classes < FEWEST_CLASSES:
             parts_of_columns[title] = [f"{tested.n_classes} classes decide nothing here"]
         else:

@@ -67,7 +67,7 @@ def test_a_quick_run_decides_nothing_and_its_table_says_that_marks_are_no_verdic
     (of_quick,), (of_full,) = table_views(quick), table_views(full)
     assert of_quick.marks and table_notes(of_quick)[0].startswith(QUICK)
     assert QUICK not in table_notes(of_full)[0]
-    assert "a quick run decides nothing" in leads(of_quick)[0]
+    assert "A quick run decides nothing" in leads(of_quick)[0]
     assert "a quick run" not in leads(of_full)[0]
 
 
