@@ -12,6 +12,7 @@ from benchmark.cli.progress import Bar
 from benchmark.commands.plan import Plan, lacking, plan
 from benchmark.commands.run import records_after, run_plan, tables_of_run
 from benchmark.commands.selection import RESULTS, outcome
+from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import ConfigurationError
 from benchmark.machine import available_cores
 from benchmark.pipeline.records import Record
@@ -272,13 +273,20 @@ def _print_tables(planned: Plan, records: Sequence[Record], selection: Selection
 
 
 def _report_of(selection: Selection) -> str:
-    """Return the command that writes the report of a selection."""
+    """Return the command that writes the report of a selection.
+
+    It has each option without which the report would be of other jobs.
+    """
     words = ["python", "-m", "benchmark", "report"]
     for option, names in (("-t", selection.tables), ("-d", selection.data)):
         for name in names:
             words += [option, str(name)]
     if selection.quick:
         words.append("--quick")
+    if selection.scorer != DEFAULT_SCORER:
+        words += ["--scorer", selection.scorer]
+    if selection.seed != 0:
+        words += ["--seed", str(selection.seed)]
     if selection.results != RESULTS:
         words += ["--results", str(selection.results)]
     return shlex.join(words)

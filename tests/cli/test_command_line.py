@@ -3,8 +3,10 @@ overwrites.
 """
 
 import re
+import shlex
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -17,6 +19,7 @@ from tests.report.records import record
 from tests.toy import PATIENCE, write_rods
 from tests.verbs import VERBS, call, refusal
 
+EXAMPLE_SCORER = Path(__file__).parents[2] / "examples/distance_distribution.py"
 ALL = {**VERBS, **{f"data {name}": verb for name, verb in VERBS["data"].commands.items()}}
 
 
@@ -198,6 +201,19 @@ def test_a_folder_with_the_name_of_a_set_of_the_suite_is_named(tmp_path, monkeyp
     assert shadowed_folders(["./animals", "people", "tosca"], tmp_path) == []  # of the data root
     [told] = shadowed_folders(["tosca[noise=1]"], None)
     assert "pass ./tosca" in told
+
+
+def test_the_report_that_a_run_recommends_is_one_of_its_jobs(tmp_path, in_this_process):
+    results = tmp_path / "results"
+    rods = write_rods(tmp_path / "rods")
+    selection = ("-d", rods, "-m", "identity", "--input", "mesh", "--results", results)
+    own = ("--scorer", "distance-distribution", "--plugin", EXAMPLE_SCORER)
+    said = call("run", *selection, *own, "--seed", 3, "-j", 0)
+    command = shlex.split(said.strip().splitlines()[-1])
+    assert command[:4] == ["python", "-m", "benchmark", "report"]
+    table = call("tables", *command[4:])  # it selects as the report does, in less time
+    assert "Identity" in table
+    assert "not shown" not in table
 
 
 def test_forget_says_what_goes(tmp_path, in_this_process):
