@@ -45,13 +45,30 @@ def _without_type(ctx: Any) -> None:
     """Stand for the type of an argument, which is that of Python: ``list[Path]``."""
 
 
+def _check_values(ctx: Any, parameter: Any, values: Any) -> None:
+    """Refuse an empty value, which is mostly a variable that was not set, and a ``~`` that is left.
+
+    An empty path would be the working folder, and ``~`` a new folder of that name.
+    """
+    name = max(parameter.opts, key=len)
+    if isinstance(parameter, TyperArgument):
+        name = parameter.metavar
+    every = values if isinstance(values, list | tuple) else [values]
+    for value in every:
+        if value == "":
+            ctx.fail(f"{name} is empty")
+        if isinstance(value, str) and value.startswith("~/"):
+            ctx.fail(f"{name}: no shell has replaced the ~ of '{value}', write $HOME in its place")
+
+
 class Verb(TyperCommand):
-    """A command that refuses an option of one value that is given twice."""
+    """A command that refuses what a shell has left empty, and an option that is given twice."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Parse the words of a command line."""
-        _, _, given = self.make_parser(ctx).parse_args([*args])
+        values, _, given = self.make_parser(ctx).parse_args([*args])
         for option in given:
+            _check_values(ctx, option, values.get(option.name))
             is_flag = getattr(option, "is_flag", False)
             takes_several = getattr(option, "multiple", True)
             if given.count(option) > 1 and not (takes_several or is_flag):

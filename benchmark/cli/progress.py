@@ -72,7 +72,7 @@ class Bar:
     def watch(self, state: State) -> None:
         """Show the state of a run: how many steps are done, and what is at work."""
         self._state = state
-        working = clean_text("; ".join(state.working)) or "ranking"
+        working = clean_text("; ".join(state.working)) or "starting"
         counts = self._counts()
         self._bar.update(
             self._task,

@@ -135,7 +135,12 @@ def report_verb(
     Pages show tables, maps, and canonical forms in 3D.
     """
     from benchmark.cli.results import draw_figure, write_report_pages
+    from benchmark.errors import ConfigurationError
 
+    if shapes and figure != "forms":
+        raise ConfigurationError(
+            "--shape names shapes of a figure of forms", "pass --figure forms, too, or leave it out"
+        )
     if figure is None:
         write_report_pages(selection, output or Path("results/report"), failed=failed, force=force)
     else:

@@ -81,9 +81,10 @@ def write_pages(
     force: bool = False,
 ) -> list[str]:
     """Write the pages of some tables, and return their names; see :func:`write_report`."""
-    from benchmark.report.output import write_files
+    from benchmark.report.output import check_folder, write_files
     from benchmark.report.pages import report_files
 
+    check_folder(Path(folder))  # before pages are drawn, which takes long
     root = Path(data_root) if data_root else None
     files = report_files(Path(results), selected.views, root)
     write_files(Path(folder), files, force=force)

@@ -5,6 +5,7 @@ A key is known before the arrays are computed.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import io
 import tempfile
@@ -23,7 +24,7 @@ from numpy.typing import NDArray
 from benchmark.errors import BenchmarkError
 from benchmark.files import sweep, write_atomically
 from benchmark.geometry.mesh import read_only
-from benchmark.pipeline.stages import Arrays
+from benchmark.pipeline.stages import Arrays, Incomplete
 
 #: What the files of the cache hold, in the order in which they are made.
 Stage = Literal["prepared", "forms", "signatures", "records"]
@@ -45,6 +46,9 @@ _KEPT_HEADERS = 1024
 
 #: Bytes that are written to see whether a folder can be written: more than a form or a signature.
 _TRIAL_BYTES = 2**20
+
+#: Errors that are in a process or in rights, and say nothing about the file that is opened.
+_SAYING_NOTHING = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EACCES, errno.EPERM)
 
 #: Folder of local results in a results folder.
 RUNS = "runs"
@@ -140,9 +144,15 @@ class Cache:
         -------
         dict or None
             Arrays by name; None if there is no such file, or it is damaged.
+
+        Raises
+        ------
+        Incomplete
+            If this process may open no file, or not this one, which may be whole.
         """
+        path = self._path(stage, key)
         try:
-            with zipfile.ZipFile(self._path(stage, key)) as archive:
+            with zipfile.ZipFile(path) as archive:
                 names = {name.removesuffix(".npy") for name in archive.namelist()}
                 # Each array has a checksum, but their list has none: it may have been cut. The
                 # comment of the archive says how many there are.
@@ -151,7 +161,9 @@ class Cache:
                 wanted = names.intersection(only or names).difference(without)
                 files = {name: archive.read(f"{name}.npy") for name in wanted}
             return {name: read_only(_array_of(file)) for name, file in files.items()}
-        except Exception:  # zip, zlib and numpy raise many types
+        except Exception as error:  # zip, zlib and numpy raise many types
+            if isinstance(error, OSError) and error.errno in _SAYING_NOTHING:
+                raise Incomplete(f"{path} cannot be read: {error.strerror}") from error
             return None
 
     def write(self, stage: Stage, key: str, arrays: Arrays) -> None:

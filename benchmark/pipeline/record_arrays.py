@@ -9,11 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.code_digest import digest_of_bytes
+from benchmark.errors import InvalidMesh
 from benchmark.files import read_file
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Cache, Stage
 from benchmark.pipeline.record_files import _say_skipped, published_folder
 from benchmark.pipeline.records import RankedShapes, Record
+
+#: Kinds of types of NumPy that are real numbers.
+_NUMBERS = "iuf"
 
 #: Arrays of prepared shapes and forms that pages and figures read.
 _READ = ("vertices", "faces", "vertex_map", "note:vertices_before")
@@ -41,7 +45,9 @@ def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
     arrays = Cache(results).read("records", record.key) or {}
     distances = arrays.get("distances")
     if distances is not None and distances.shape == shape:
-        return distances
+        if distances.dtype.kind in _NUMBERS and np.isfinite(distances).all():
+            return distances
+        _say_skipped(f"distances of {record.row}: they are no finite numbers; run its job again")
 
     # Those that were published with the record.
     if not record.distances:
@@ -77,22 +83,34 @@ def published_distances(results: Path, digest: str) -> Path:
 def read_prepared(results: Path, record: RankedShapes, shape: str) -> Mesh | None:
     """Return the prepared surface of a shape of a record.
 
-    None means that it is not kept here, or could not be prepared.
+    None means that it is not kept here, is damaged, or could not be prepared.
     """
     arrays = _read_arrays(results, record, "prepared", shape)
-    return Mesh(arrays["vertices"], arrays["faces"]) if "vertices" in arrays else None
+    return _mesh_of(f"surface of '{shape}'", arrays.get("vertices"), arrays.get("faces"))
 
 
 def read_form(results: Path, record: RankedShapes, shape: str) -> Mesh | None:
-    """Return the canonical form of a shape of a record; None if it is not kept here, or none is."""
+    """Return the canonical form of a shape of a record.
+
+    None means that it is not kept here, is damaged, or that there is none.
+    """
     form = _read_arrays(results, record, "forms", shape)
     # A form that keeps the faces of its shape is stored without them.
     faces = form.get("faces")
     if faces is None:
         faces = _read_arrays(results, record, "prepared", shape).get("faces")
-    if "vertices" not in form or faces is None:
+    return _mesh_of(f"form of '{shape}' on {record.data.name}", form.get("vertices"), faces)
+
+
+def _mesh_of(what: str, vertices: NDArray[Any] | None, faces: NDArray[Any] | None) -> Mesh | None:
+    """Return a surface; None if an array is missing, or they are no surface, which is said."""
+    if vertices is None or faces is None:
         return None
-    return Mesh(form["vertices"], faces)
+    try:
+        return Mesh(vertices, faces)
+    except InvalidMesh as error:
+        _say_skipped(f"the stored {what}: {error.problem}; run its job again with --force")
+        return None
 
 
 def read_vertex_map(

@@ -101,6 +101,7 @@ def write_files(
         Before anything is written, if a file would be replaced that was edited or that no command
         has written.
     """
+    check_folder(folder)
     contents: dict[str, bytes] = {}
     for name, text in files.items():
         contents[name] = text.encode() if isinstance(text, str) else text
@@ -115,6 +116,12 @@ def write_files(
         is_unedited = _digest(folder / name) == earlier[name]
         if is_unedited:
             (folder / name).unlink()
+
+
+def check_folder(folder: Path) -> None:
+    """Raise ``ConfigurationError`` if files cannot be written into a folder, as it is a file."""
+    if folder.exists() and not folder.is_dir():
+        raise ConfigurationError(f"{folder} is not a folder", "choose another one with -o")
 
 
 def _check_own(folder: Path, digests: Mapping[str, str], earlier: Mapping[str, str]) -> None:

@@ -69,6 +69,21 @@ _OWN_SIGNALS = frozenset(
     }
 )
 
+#: What may be behind signals that the system sends.
+_CAUSES: dict[int, str] = {
+    signal.SIGKILL: ": sent by somebody, or as memory or its processor time was used up",
+    signal.SIGXCPU: ": its processor time was used up",
+}
+
+#: Seconds that a process may take to end once its connection is closed.
+_LONGEST_END = 10.0
+
+#: Why a process was ended that cannot be understood.
+_CUT_OFF = (
+    "its process closed the connection to the run, or sent what is no outcome; "
+    "a method may not write to, or close, a descriptor that it did not open"
+)
+
 #: The program of a worker; a module of its own would exist twice in it, as ``__main__``. The main
 #: program stops it; batch systems send SIGINT to every process, and a file in the current folder
 #: replaces no module of Python.
@@ -83,6 +98,26 @@ serve(*map(int, sys.argv[1:]))
 
 #: A child is killed when the thread that started it ends; this one ends with the program.
 _starter = ThreadPoolExecutor(1, thread_name_prefix="workers")
+
+
+def _ends_by_itself(process: subprocess.Popen[bytes], error: Exception) -> bool:
+    """Return whether a process ended that cannot be heard any more; if not, end it.
+
+    Parameters
+    ----------
+    process
+        The process.
+    error
+        What its connection raised. One that is closed tells of the end of the process, unless the
+        process closed it itself. Any other error is what a method wrote into it.
+    """
+    if isinstance(error, EOFError | ConnectionError):
+        with suppress(subprocess.TimeoutExpired):
+            process.wait(_LONGEST_END)
+            return True
+    process.kill()
+    process.wait()
+    return False
 
 
 class Workers(Protocol):
@@ -238,19 +273,18 @@ class Worker:
         process = self._process
         if process is None:
             return
+        is_cut_off = False
         try:
             yield from self._received()
-        except Exception:  # the process has ended, or a method wrote into the connection
-            # Wait a second for its own end, whose exit code then says more than that of a kill.
-            with suppress(subprocess.TimeoutExpired):
-                process.wait(1)
-            process.kill()
-            process.wait()
+        except Exception as error:
+            is_cut_off = not _ends_by_itself(process, error)
         if self._process is not process:  # _received() has closed it, as its code is outdated
             return
 
         self._countdown.look()
-        if self.waiting and not self.is_alive:
+        if self.waiting and is_cut_off:
+            yield self._blame("crashed", _CUT_OFF)
+        elif self.waiting and not self.is_alive:
             yield self._ended(process.returncode)
         elif self.waiting and self._countdown.is_over:
             self.close()
@@ -282,6 +316,7 @@ class Worker:
         Its own code ended it unless a signal came from outside, or it was still starting.
         """
         ending = signal.Signals(-code).name if code < 0 else f"exit code {code}"
+        ending += _CAUSES.get(-code, "")
         is_from_inside = code >= 0 or -code in _OWN_SIGNALS
         is_own = is_from_inside and "starting" not in self._uncharged
         status = "crashed" if is_own else "incomplete"

@@ -75,6 +75,39 @@ for words, unused in (
     assert done.stdout == 3 * "set()\n"
 
 
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["tables", "-o", ""], "--output is empty"),
+        (["report", "--output="], "--output is empty"),
+        (["tables", "-m", "gps", "-m", ""], "--method is empty"),
+        (["compare", "gps", ""], "B is empty"),
+        (["merge", "a", ""], "DIR is empty"),
+        (["tables", "--results=~/none"], "--results: no shell has replaced the ~ of '~/none'"),
+        (["data", "export", "~/rods", "-o", "new"], "no shell has replaced the ~ of '~/rods'"),
+    ],
+)
+def test_what_a_shell_left_empty_or_did_not_replace_is_refused(
+    tmp_path, monkeypatch, words, reason
+):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(cli, words)
+    assert done.exit_code == 2
+    assert reason in done.output
+    assert not [*tmp_path.iterdir()]
+
+
+def test_what_a_report_cannot_use_is_refused_before_it_is_drawn(tmp_path, monkeypatch):
+    monkeypatch.setattr("benchmark.report.pages.report_files", None)
+    write_record(tmp_path, record("gps"), "")
+    (tmp_path / "file").touch()
+    words = ("report", "--results", tmp_path)
+    assert "file is not a folder; choose another" in refusal(*words, "-o", tmp_path / "file")
+    for figure in ((), ("--figure", "map")):
+        said = refusal(*words, "--shape", "cat0", *figure)
+        assert "--shape names shapes of a figure of forms; pass --figure forms" in said
+
+
 #: The program, in which a verb sends itself the signal of a terminal that is closed.
 HANGS_UP = """
 import os, signal, sys

@@ -172,6 +172,14 @@ class Counting:
         return CanonicalForm(shape.mesh.vertices, shape.mesh.faces, {"outline_blur": 1.5})
 
 
+@pytest.mark.parametrize("selected", [{"unused": True}, {"methods": "gps"}])
+def test_forget_makes_no_results_folder(tmp_path, selected):
+    for folder in (tmp_path, tmp_path / "missing"):
+        with pytest.raises(ConfigurationError, match=f"{folder.name} holds no results of runs"):
+            forget(results=folder, yes=True, **selected)
+    assert not [*tmp_path.iterdir()]
+
+
 def test_a_form_has_the_notes_of_its_method_which_is_asked_once():
     method, mesh = Counting(), rod(0.1, 0.5)
     shape = SimpleNamespace(mesh=mesh, identifier="rod")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 import subprocess
 import sys
 import time
@@ -9,9 +10,10 @@ from hashlib import pbkdf2_hmac
 from threading import Thread
 
 import numpy as np
+import pytest
 
 from benchmark.pipeline.cache import Cache
-from benchmark.pipeline.stages import SECONDS, timed
+from benchmark.pipeline.stages import SECONDS, Incomplete, timed
 
 ARRAYS = {
     "descriptors": np.arange(24, dtype=np.uint8).reshape(2, 12),
@@ -40,6 +42,19 @@ def test_a_file_with_any_flipped_bit_counts_as_missing_or_is_the_same(tmp_path):
     }
     path.write_bytes(content[:-30])
     assert cache.read("forms", "key") is cache.read("forms", "other") is None
+
+
+def test_a_file_that_this_process_cannot_open_is_not_taken_for_damaged(tmp_path):
+    cache = Cache(tmp_path)
+    cache.write("forms", "key", ARRAYS)
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
+    try:
+        with pytest.raises(Incomplete, match=r"forms/key\.npz cannot be read: Too many open files"):
+            cache.read("forms", "key")
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+    assert cache.read("forms", "key") is not None
 
 
 def test_processor_time_is_that_of_threads_and_ended_children_without_what_a_step_waits():

@@ -14,11 +14,17 @@ from benchmark.errors import ConfigurationError
 from benchmark.pipeline import environment
 from benchmark.pipeline.cache import Cache, StorageError
 from benchmark.pipeline.merging import merge_records
-from benchmark.pipeline.record_arrays import published_distances, read_distances
-from benchmark.pipeline.record_files import read_records, unneeded, write_record
+from benchmark.pipeline.record_arrays import (
+    published_distances,
+    read_distances,
+    read_form,
+    read_prepared,
+)
+from benchmark.pipeline.record_files import _say_skipped, read_records, unneeded, write_record
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import TABLE_MEASURES
 from benchmark.runs.planning import describe_change
+from tests.report import records as made_up
 from tests.runs.toy import planned, run_toy
 from tools import publish as publishing
 from tools.publish import portable, publish, write_published
@@ -329,3 +335,25 @@ def test_changes_are_named():
 def test_the_published_records_of_the_suite_are_records(capsys):
     assert read_records(environment.ROOT / "results", local=False)
     assert capsys.readouterr().err == ""
+
+
+def test_stored_arrays_that_cannot_be_are_named_and_count_as_missing(tmp_path, capsys):
+    keys = {"forms": "f" * 32, "prepared": "0" * 32}
+    own = made_up.record("gps", files={stage: [key] * 12 for stage, key in keys.items()})
+    cache = Cache(tmp_path)
+    corner = {"vertices": np.eye(3), "faces": np.array([[0, 1, 2]])}
+    for damaged in ({"vertices": np.full((3, 3), np.nan)}, {"faces": np.array([[0, 1, 7]])}):
+        _say_skipped.cache_clear()
+        for stage, key in keys.items():
+            cache.write(stage, key, corner | damaged)
+        assert read_form(tmp_path, own, "cat0") is read_prepared(tmp_path, own, "cat0") is None
+        said = capsys.readouterr().err
+        assert "skipped the stored form of 'cat0' on rods: " in " ".join(said.split())
+        assert "skipped the stored surface of 'cat0': " in " ".join(said.split())
+    for distances in (np.full((12, 12), np.nan), np.zeros((12, 12)).astype(str)):
+        _say_skipped.cache_clear()
+        cache.write("records", own.key, {"distances": distances})
+        assert read_distances(tmp_path, own) is None
+        assert "distances of rods mesh gps: they are no finite" in capsys.readouterr().err
+    cache.write("forms", keys["forms"], corner)
+    assert np.array_equal(read_form(tmp_path, own, "cat0").vertices, np.eye(3))
