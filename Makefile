@@ -26,7 +26,8 @@ OF_SCANS := -d humans-scanlike --input mesh --quick
 DRAW := $(BIN)/python -m benchmark report --force --figure forms -o results/figures
 methods = $(addprefix -m ,$(1))
 
-.PHONY: setup kernels bench test test-slow coverage lint fuzz docs speed tables check-tables publish figures clean golden processors
+.PHONY: setup kernels bench test test-slow coverage lint fuzz docs speed tables check-tables publish figures clean golden
+.PHONY: processors haswell generic checked
 
 setup: $(READY)
 
@@ -72,9 +73,9 @@ bench: $(QUICK)
 test: setup kernels
 	$(BIN)/python -m pytest -n logical --dist loadfile
 
-# Most of these wait for processes most of their time.
+# The files with the longest tests begin first.
 test-slow: setup kernels
-	$(BIN)/python -m pytest -m slow -n 2 --dist loadfile --durations 25
+	$(BIN)/python -m pytest -m slow -n 2 --dist loadfile --no-loadscope-reorder --durations 25
 
 # Which lines the fast tests run, as pages in build/coverage.
 coverage: setup kernels
@@ -84,11 +85,18 @@ coverage: setup kernels
 golden: setup kernels
 	$(BIN)/python -m pytest -m golden -n logical tests/golden $(ARGS)
 
-# The golden results under the kernels of other processors, and the tests of kernels with checked indices.
-processors: setup kernels
-	OPENBLAS_CORETYPE=Haswell $(BIN)/python -m pytest -m golden -n logical tests/golden
+# The golden results under the kernels of other processors, and the tests of kernels with checked indices. Each is one
+# process: of several, each would compile the kernels for itself.
+processors: haswell generic checked
+
+haswell: setup kernels
+	OPENBLAS_CORETYPE=Haswell $(BIN)/python -m pytest -m golden tests/golden
+
+generic: setup
 	OPENBLAS_CORETYPE=Nehalem NUMBA_CPU_NAME=generic NUMBA_CACHE_DIR="$(CURDIR)/build/generic" \
-	    $(BIN)/python -m pytest -m golden -n logical tests/golden
+	    $(BIN)/python -m pytest -m golden tests/golden
+
+checked: setup
 	NUMBA_BOUNDSCHECK=1 NUMBA_OPT=1 NUMBA_CACHE_DIR="$(CURDIR)/build/checked" \
 	    $(BIN)/python -m pytest -m "kernels and not slow"
 

@@ -33,6 +33,22 @@ def pytest_configure(config: pytest.Config) -> None:
         drop_stale_kernels()
 
 
+#: Files with the longest of the slow tests, the longest first.
+LONGEST = (
+    "test_installed.py",
+    "test_examples.py",
+    "test_faults.py",
+    "test_processes.py",
+    "test_statistics.py",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Let the longest files begin first, so that no process is left alone with one at the end."""
+    places = {name: place for place, name in enumerate(LONGEST)}
+    items.sort(key=lambda item: places.get(item.path.name, len(places)))
+
+
 # Thousands of tests and their modules stay to the end: looking for garbage among them takes an
 # eighth of the time.
 gc.set_threshold(20_000, 20, 50)

@@ -4,6 +4,7 @@ and alone.
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import sys
 import zipfile
@@ -62,35 +63,43 @@ def figures(results: Path) -> dict[str, object]:
 
 
 PROGRAM = """
+import poison
 import benchmark
 of_suite = ["classic-mds", "identity", "surface-area"]
-for methods, plugins in (("poison", ["poison.py"]), ([own], []), (of_suite, [])):
+for methods, plugins in (("poison", ["poison.py"]), ([poison.poison], []), (of_suite, [])):
     for view in ("mesh", "view"):
-        benchmark.run("rods", methods, plugins=plugins, scorer="{}", input=view)
+        benchmark.run("rods", methods, plugins=plugins, scorer="{}", input=view, results="python")
 """
+
+RUN = ("run", "-d", "rods", "--scorer", SMALL_SCORER)
+OF_PLUGIN = ("-m", "poison", "--plugin", "poison.py")
+OF_SUITE = ("-m", "classic-mds", "-m", "identity", "-m", "surface-area")
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A folder with data, the plugin, and the results of a run that nothing disturbs."""
+    folder = tmp_path_factory.mktemp("place")
+    write_rods(folder / "rods", bends=(0.0, 1.0))
+    (folder / "poison.py").write_text(POISON)
+    with contextlib.chdir(folder):
+        call(*RUN, *OF_SUITE, "-j", 1, "--results", "clean")
+    return folder
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", ["1", "0", "python", "dask"])
-def test_rows_of_the_suite_are_those_of_an_undisturbed_run(tmp_path, monkeypatch, how, request):
+def test_rows_of_the_suite_are_those_of_an_undisturbed_run(place, monkeypatch, how, request):
     where = ("--dask", request.getfixturevalue("cluster")) if how == "dask" else ("-j", how)
-    monkeypatch.chdir(tmp_path)
-    write_rods(tmp_path / "rods", bends=(0.0, 1.0))
-    (tmp_path / "poison.py").write_text(POISON)
-    suite = ("-m", "classic-mds", "-m", "identity", "-m", "surface-area")
-    command = [sys.executable, "-m", "benchmark", "run", "-d", "rods", "--scorer", SMALL_SCORER]
-    subprocess.run([*command, *suite, "-j", "1", "--results", "clean"], check=True)
+    monkeypatch.chdir(place)
     if how == "python":  # as an object of the program, too, which then plans the rows of the suite
-        program = (
-            PROGRAM.format(SMALL_SCORER)
-            .replace("own", "poison.poison")
-            .replace("import ", "import poison, ")
-        )
-        subprocess.run([sys.executable, "-c", program], check=True)
+        words = ["-c", PROGRAM.format(SMALL_SCORER)]
     else:
-        for methods in (["-m", "poison", "--plugin", "poison.py"], suite):
-            subprocess.run([*command, *methods, *where], check=True)
-    clean, disturbed = figures(Path("clean")), figures(Path("results"))
+        words = ["-m", "benchmark", *RUN, *OF_PLUGIN, *where, "--results", how]
+    subprocess.run([sys.executable, *words], check=True)
+    if how != "python":
+        call(*RUN, *OF_SUITE, *where, "--results", how)
+    clean, disturbed = figures(Path("clean")), figures(Path(how))
     assert {name: disturbed[name] for name in clean} == clean
 
 
