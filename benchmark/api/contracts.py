@@ -393,7 +393,7 @@ class Descriptor(Protocol):
         ...
 
     def distances(self, descriptors: Sequence[FloatArray]) -> FloatArray:
-        """Return the dissimilarities of all pairs, shape (N, N), symmetric with zero diagonal."""
+        """Return the distances of all pairs, shape (N, N), symmetric, with a zero diagonal."""
         ...
 
 

@@ -67,7 +67,8 @@ It also generates the bodies that they were shown.
 Split = Literal["table", "strict", "sampled"]
 """Training data of a learner.
 
-The training subjects of the table, folds over subjects and poses, or sampled bodies.
+``"table"``: the subjects that a table sets apart for training. ``"strict"``: these subjects, in
+poses that are not tested. ``"sampled"``: generated bodies, the same for all tables.
 """
 
 
@@ -164,7 +165,7 @@ class TrainingData:
     identifiers
         All shapes whose images are inputs or targets.
     tested
-        Digest of the subjects for which the models are trained; see :func:`digest_of`.
+        Digest of the test subjects, which are left out of the pairs; see :func:`digest_of`.
     pairs
         Yields the pairs.
     n_pairs
@@ -181,7 +182,7 @@ class TrainingData:
     bodies
         What the pairs are made from, if they are too many for memory; otherwise None.
     extra_data
-        Whether they are more than the paper's.
+        Whether there are more pairs than the paper's.
     """
 
     name: str
@@ -271,7 +272,7 @@ class HasRecipe(Protocol):
         ...
 
     def training_seconds(self, training: str, n_pairs: int) -> float:
-        """Return about how many seconds a core takes for one of them, on so many pairs."""
+        """Return about how many seconds one core needs for one training on so many pairs."""
         ...
 
 
@@ -292,7 +293,7 @@ _Digest = Annotated[str, msgspec.Meta(pattern="^[0-9a-f]{64}$")]
 
 
 class Card(msgspec.Struct, frozen=True, kw_only=True):
-    """Facts about a model that the harness needs; a learner adds its own in a subclass.
+    """Facts about a model that the suite needs; a learner adds its own in a subclass.
 
     Attributes
     ----------
@@ -303,7 +304,7 @@ class Card(msgspec.Struct, frozen=True, kw_only=True):
     subjects, identifiers
         Subjects and shapes in the training data, to detect tests on them.
     tested
-        Digest of the subjects for which the model was trained.
+        Digest of the test subjects, which were left out of the training.
     clearance
         As in :class:`TrainingData`.
     data_title, schedule_in_words

@@ -1,13 +1,13 @@
-"""Interface for authors of scorers, which compute the dissimilarities of canonical forms.
+"""Interface for authors of scorers, which say how different two canonical forms are.
 
 A *scorer* is a frozen, keyword-only dataclass with a class attribute ``info`` and two methods:
 ``signature`` describes one form, and ``compare`` compares the signatures of a whole gallery. Its
 fields are its parameters, as for methods (see :mod:`benchmark.api.contracts`). The forms of all
 methods are compared by the same scorer; descriptors use none.
 
-A scorer may also have ``compare_to(queries, gallery, draw)``, which returns the dissimilarities of
-M queries to the N forms of a gallery, shape (M, N); those of one query may depend on no other.
-Without it, ``compare`` gets the gallery and one query at a time.
+A scorer may also have ``compare_to(queries, gallery, draw)``, which returns the distances of M
+queries to the N forms of a gallery, shape (M, N). The distances of a query may depend on no other
+query. Without it, ``compare`` gets the gallery and one query at a time.
 """
 
 from __future__ import annotations
@@ -81,15 +81,15 @@ class Scorer(Protocol):
         Raises
         ------
         InvalidMesh
-            If the form cannot be compared, for example because it has no extent; the shape then
-            counts as unsupported.
+            If the form cannot be compared, for example because it has no extent. The shape then
+            counts as refused.
         """
         ...
 
     def compare(self, signatures: Sequence[SignatureArrays], draw: int) -> NDArray[np.float64]:
-        """Return the dissimilarities of all pairs of forms, shape (N, N).
+        """Return the distances of all pairs of forms, shape (N, N).
 
-        They are symmetric with zero diagonal.
+        The matrix is symmetric, with zeros on its diagonal.
 
         Parameters
         ----------
@@ -97,6 +97,6 @@ class Scorer(Protocol):
             One per form of the gallery, N in all.
         draw
             Index of the random draw, from 0 to ``info.draws - 1``; the same draw gives the same
-            dissimilarities.
+            distances.
         """
         ...
