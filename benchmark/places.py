@@ -8,16 +8,26 @@ determines a result of this one.
 from __future__ import annotations
 
 import atexit
+import fcntl
 import os
 import shutil
 import site
 import tempfile
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
+from pathlib import Path
 
 #: Prefix of the names of fresh folders.
-PREFIX = "canonical-forms-"
+_PREFIX = "canonical-forms-of-process-"
+
+#: Seconds for which a folder without a lock is left alone: its process may be about to lock it.
+_YOUNG = 60.0
+
+#: Descriptors of the locks of the folders that this process made. The system frees them when the
+#: process ends, whatever ends it.
+_locks: dict[str, int] = {}
 
 #: Variables that name places of a user, and caches of libraries, which may lie anywhere. Compiled
 #: kernels stay where the suite keeps them (``NUMBA_CACHE_DIR``).
@@ -66,15 +76,21 @@ def no_places_of_the_user() -> Iterator[None]:
         return
     environment = dict(os.environ)
     temporary = tempfile.tempdir
-    folder = _folder_of_process(os.getpid())
-    away = away_from_home(environment, folder)
-    _set_variables(environment, away)
-    tempfile.tempdir = folder
+    away = live_in(_folder_of_process(os.getpid()))
     try:
         yield
     finally:
         _set_variables(away, environment)
         tempfile.tempdir = temporary
+
+
+def live_in(folder: str) -> dict[str, str]:
+    """Let a folder be the home of the user in this process; return the new environment."""
+    environment = dict(os.environ)
+    away = away_from_home(environment, folder)
+    _set_variables(environment, away)
+    tempfile.tempdir = folder
+    return away
 
 
 def _set_variables(old: dict[str, str], new: dict[str, str]) -> None:
@@ -89,6 +105,62 @@ def _set_variables(old: dict[str, str], new: dict[str, str]) -> None:
 @cache
 def _folder_of_process(process: int) -> str:
     """Return a fresh folder for a process, which goes with it."""
-    folder = tempfile.mkdtemp(prefix=PREFIX)
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    folder = make_folder()
+    atexit.register(remove_folder, folder)
     return folder
+
+
+# Folders that go with their process
+# ------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def temporary_folder() -> Iterator[Path]:
+    """Make a fresh folder for a ``with`` block; see :func:`make_folder`."""
+    folder = make_folder()
+    try:
+        yield Path(folder)
+    finally:
+        remove_folder(folder)
+
+
+def make_folder() -> str:
+    """Make a fresh folder, and remove those that killed processes have left.
+
+    It is locked as long as this process lives. Who makes it removes it by :func:`remove_folder`.
+    """
+    _remove_abandoned()
+    folder = tempfile.mkdtemp(prefix=_PREFIX)
+    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    with suppress(OSError):  # a file system without locks, where none is ever abandoned
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    _locks[folder] = lock
+    return folder
+
+
+def remove_folder(folder: str) -> None:
+    """Remove a folder of :func:`make_folder` with its content."""
+    shutil.rmtree(folder, ignore_errors=True)
+    lock = _locks.pop(folder, None)
+    if lock is not None:
+        os.close(lock)
+
+
+def _remove_abandoned() -> None:
+    """Remove the folders of processes that have ended without removing them."""
+    for folder in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
+        with suppress(OSError):  # it belongs to another user, or another process has removed it
+            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+            try:
+                _remove_if_abandoned(folder, lock)
+            finally:
+                os.close(lock)
+
+
+def _remove_if_abandoned(folder: Path, lock: int) -> None:
+    """Remove a folder of this user whose process has ended; raise ``OSError`` if it lives."""
+    status = os.fstat(lock)
+    if status.st_uid != os.getuid() or time.time() - status.st_mtime < _YOUNG:
+        return
+    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    shutil.rmtree(folder, ignore_errors=True)

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import faulthandler
-import tempfile
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stdout
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Literal
 
 from benchmark.check.case import Case, FailedCheck, SkippedCheck, explained, fresh_process
 from benchmark.check.checks import NECESSARY, checks_of
 from benchmark.errors import InvalidForm, InvalidSignature
+from benchmark.places import temporary_folder
 from benchmark.registry import Component, component_of
 from benchmark.registry.components import watching_component
 from benchmark.text import Printed, clean_lines
@@ -66,8 +65,8 @@ def check(component: Component, limit: float = LIMIT) -> Iterator[Finding]:
     if missing:
         yield Finding("packages", "skipped", f"install {', '.join(missing)}, then check again")
         return
-    with tempfile.TemporaryDirectory(prefix="canonical-forms-") as folder:
-        case = Case(component, Path(folder))
+    with temporary_folder() as folder:
+        case = Case(component, folder)
         with fresh_process(case, limit):
             for name, run in checks_of(component).items():
                 finding = _find(name, run, case, limit)

@@ -26,6 +26,7 @@ from benchmark.pipeline.outputs import (
     compute_form,
     compute_signature,
 )
+from benchmark.places import live_in, temporary_folder
 from benchmark.registry import Component
 from benchmark.registry.modules import import_plugins_anew
 from benchmark.text import Printed
@@ -209,16 +210,19 @@ class Case:
 def fresh_process(case: Case, limit: float) -> Iterator[None]:
     """Fork a process in which no shape was treated before; it ends with the context."""
     case.fresh, theirs = Pipe()
-    process = get_context("fork").Process(target=_serve, args=(case, theirs, limit))
-    process.start()
-    theirs.close()
-    try:
-        yield
-    finally:
-        process.kill()
+    with temporary_folder() as home:
+        arguments = (case, theirs, limit, str(home))
+        process = get_context("fork").Process(target=_serve, args=arguments)
+        process.start()
+        theirs.close()
+        try:
+            yield
+        finally:
+            process.kill()
+            process.join()
 
 
-def _serve(case: Case, connection: Connection, limit: float) -> None:
+def _serve(case: Case, connection: Connection, limit: float, home: str) -> None:
     """Compute the answers for the figure in a fresh process, and send them to the first one.
 
     Both processes must find the same, whatever was computed before, so that this one treats other
@@ -233,7 +237,10 @@ def _serve(case: Case, connection: Connection, limit: float) -> None:
         None; to there go the answers, or an error as text.
     limit
         Seconds after which the process ends.
+    home
+        Empty folder that the process sees as the home of the user.
     """
+    live_in(home)
     case.fresh.close()  # the other end of the connection
     with suppress(EOFError, KeyboardInterrupt), redirect_stdout(Printed()):
         case.model = connection.recv()

@@ -7,15 +7,16 @@ the process that compiled them.
 
 from __future__ import annotations
 
+import atexit
 import os
 import stat
-import tempfile
 from collections.abc import Iterable
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
 from benchmark.code_digest import FIRST_PARTY, ROOT, sources_of
+from benchmark.places import make_folder, remove_folder
 
 #: Environment variable with the folder where numba stores compiled kernels.
 VARIABLE = "NUMBA_CACHE_DIR"
@@ -138,7 +139,8 @@ def choose_kernel_cache() -> None:
         user_cache = os.path.expanduser("~/.cache")  # noqa: PTH111
     folder = Path(user_cache) / "canonical-forms-kernels"
     if not _make_private_folder(folder):
-        folder = Path(tempfile.mkdtemp(prefix="canonical-forms-"))
+        folder = Path(make_folder())
+        atexit.register(remove_folder, str(folder))
     os.environ[VARIABLE] = str(folder)
 
 

@@ -7,11 +7,9 @@ from __future__ import annotations
 
 import os
 import pickle
-import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
@@ -22,7 +20,7 @@ from typing import Protocol
 
 from benchmark.errors import BenchmarkError
 from benchmark.pipeline.stages import Incomplete
-from benchmark.places import PREFIX, away_from_home
+from benchmark.places import away_from_home, make_folder, remove_folder
 from benchmark.registry.components import THIS_PROCESS
 from benchmark.registry.modules import environment
 from benchmark.runs.tasks import (
@@ -242,7 +240,7 @@ class Worker:
                 arguments = theirs.fileno(), self._memory, os.getpid(), state_of_suite()
                 variables = environment()
                 if process:  # of a plugin
-                    self._folder = tempfile.mkdtemp(prefix=PREFIX)
+                    self._folder = make_folder()
                     variables = away_from_home(variables, self._folder)
                 # The system ends the process together with the thread that starts it, so that one
                 # thread, which lasts as long as the program, starts all of them.
@@ -257,6 +255,7 @@ class Worker:
                 )
                 self._process = starting.result()
         except OSError as error:
+            self.close()
             problem = f"no process can be started: {error.strerror}"
             raise BenchmarkError(problem, "end other programs, or use -j 0") from error
         self._uncharged = ["starting"]
@@ -353,20 +352,23 @@ class Worker:
 
     def close(self) -> None:
         """End the process and its children, close its connection, and delete its home folder."""
-        if self._process is None:
-            return
+        if self._process is not None:
+            self._end_process(self._process)
+        if self._folder:
+            remove_folder(self._folder)
+            self._folder = ""
+
+    def _end_process(self, process: subprocess.Popen[bytes]) -> None:
+        """End the process and its children, and close its connection."""
         # Kill the group that the process leads, and with it its children. In its first moments it
         # leads none, and has to be killed itself.
         with suppress(OSError):
-            os.killpg(self._process.pid, signal.SIGKILL)
+            os.killpg(process.pid, signal.SIGKILL)
         with suppress(OSError):
-            os.kill(self._process.pid, signal.SIGKILL)
-        self._process.wait()
+            os.kill(process.pid, signal.SIGKILL)
+        process.wait()
         self._process = None
         self.connection.close()
-        if self._folder:
-            shutil.rmtree(self._folder, ignore_errors=True)
-            self._folder = ""
 
 
 class Pool:

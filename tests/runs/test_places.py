@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import os
+import subprocess
+import sys
+import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
+import pytest
+
+from benchmark.check import check
+from benchmark.errors import BenchmarkError
 from benchmark.pipeline.record_arrays import read_distances
-from benchmark.places import no_places_of_the_user
+from benchmark.places import make_folder, no_places_of_the_user, remove_folder
+from benchmark.registry.known import in_file
+from benchmark.runs.workers import Worker
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import planned, run_toy
 
@@ -107,3 +117,68 @@ def test_variables_are_as_before_and_what_else_changed_stays(monkeypatch):
             assert Path.home() == inside
         monkeypatch.setenv("MINE", "1")
     assert dict(os.environ) == {**before, "MINE": "1"}
+
+
+# Folders that go with their process
+# ------------------------------------------------------------------------------------------------
+
+MAKES = "import sys\nfrom benchmark.places import make_folder\nprint(make_folder(), flush=True)\n"
+
+
+@pytest.fixture
+def temporary(tmp_path, monkeypatch):
+    """The folder of temporary files of this process, and of those that it starts."""
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+def test_the_folder_of_a_killed_process_goes_and_that_of_a_living_one_stays(temporary):
+    living = subprocess.Popen(
+        [sys.executable, "-c", f"{MAKES}sys.stdin.read()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    stays = Path(living.stdout.readline().strip())
+    words = [sys.executable, "-c", f"{MAKES}import os; os.kill(os.getpid(), 9)"]
+    goes = Path(subprocess.run(words, capture_output=True, text=True, check=False).stdout.strip())
+    (goes / "kept").write_text("")
+    (temporary / "canonical-forms-of-nobody").mkdir()
+
+    young = make_folder()  # what was made just now may not be locked yet
+    assert goes.is_dir()
+    for folder in (stays, goes):
+        os.utime(folder, (0, 0))
+    own = make_folder()
+    assert stays.is_dir()
+    assert not goes.exists()
+    assert {*temporary.iterdir()} == {
+        *map(Path, (young, own)),
+        stays,
+        temporary / "canonical-forms-of-nobody",
+    }
+    for folder in (young, own):
+        remove_folder(folder)
+        assert not Path(folder).exists()
+    living.communicate()
+
+
+def test_a_check_leaves_no_folder(temporary):
+    with no_places_of_the_user():
+        before = {*temporary.iterdir()}  # that of this process, which goes with it
+    (component,) = in_file(write_plugin(temporary / "smooth.py"))
+    assert any(finding.outcome == "ok" for finding in check(component))
+    left = {path for path in temporary.iterdir() if path.name.startswith("canonical-forms")}
+    assert left <= before
+
+
+def test_a_process_that_is_not_started_leaves_no_folder(temporary, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(11, "Resource temporarily unavailable")
+
+    monkeypatch.setattr(subprocess, "Popen", refuse)
+    task = SimpleNamespace(process="plugin.py", steps=(), record=None)
+    with pytest.raises(BenchmarkError, match="no process can be started"):
+        Worker(2**30, 60.0).begin(task)
+    assert [*temporary.iterdir()] == []
