@@ -17,6 +17,9 @@ FILE = "<file>"
 #: The folders in an absolute path, up to the name of the file.
 _FOLDERS = re.compile(r"(?<![\w./])/(?:[^/\s]+/)+(?=[^/\s])")
 
+#: What stands between a problem and its hint in a message.
+_BEFORE_HINT = "; "
+
 #: The largest seed: records hold numbers of 64 bits.
 LARGEST_SEED = 2**63 - 1
 
@@ -39,10 +42,14 @@ def without_file(message: str, file: Path) -> str:
     return message
 
 
+def without_hint(message: str) -> str:
+    """Return what is wrong, of the message of a :class:`BenchmarkError`: without what to do."""
+    return message.partition(_BEFORE_HINT)[0]
+
+
 def short_reason(message: str) -> str:
     """Return what is wrong, for print: without remedies, and without the folders of files."""
-    problem = message.partition("; ")[0]
-    return _FOLDERS.sub("", problem)
+    return _FOLDERS.sub("", without_hint(message))
 
 
 class BenchmarkError(Exception):
@@ -66,7 +73,9 @@ class BenchmarkError(Exception):
         super().__init__(self.problem, self.hint)
 
     def __str__(self) -> str:
-        message = f"{self.problem}; {self.hint}" if self.hint else self.problem
+        message = self.problem
+        if self.hint:
+            message = f"{self.problem}{_BEFORE_HINT}{self.hint}"
         return with_file(message, self.file)
 
     @property

@@ -9,6 +9,7 @@ from benchmark.errors import (
     locate,
     one_line,
     short_reason,
+    without_hint,
 )
 from benchmark.files import named_errors
 
@@ -18,6 +19,11 @@ def test_problem_and_hint_are_text_whatever_a_method_passes(given):
     error = BenchmarkError(*given)
     assert str(error) == "; ".join(str(part) for part in given if part is not None)
     assert (type(error.problem), type(error.hint)) == (str, str)
+
+
+def test_a_message_is_taken_apart_where_it_was_put_together():
+    assert without_hint(str(BenchmarkError("thin", "feed it; often"))) == "thin"
+    assert without_hint(str(BenchmarkError("thin"))) == "thin"
 
 
 def test_an_error_is_named_on_one_line_with_file_and_line():

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from benchmark.errors import FILE, BenchmarkError
+from benchmark.errors import FILE, BenchmarkError, without_hint
 from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import memory_per_process
 from benchmark.pipeline.cache import Cache, CachedFile, Stage, can_write, writing
@@ -316,10 +316,13 @@ class _Run:
         """
         if not step.process or not can_write(self._results):
             raise BenchmarkError(outcome.reason)
-        problem, _, _ = outcome.reason.partition("; ")
-        reason = f"{step.view or 'the ranking'} has no result: the process of the plugin {problem}"
-        hint = "the program itself can write there; see what the plugin changes, and run again"
-        return outcome._replace(status="incomplete", reason=f"{reason}; {hint}")
+        subject = step.view or "the ranking"
+        problem = without_hint(outcome.reason)
+        error = BenchmarkError(
+            f"{subject} has no result: the process of the plugin {problem}",
+            "the program itself can write there; see what the plugin changes, and run again",
+        )
+        return outcome._replace(status="incomplete", reason=str(error))
 
     def _without_blame(self, outcome: Outcome) -> Outcome:
         """Return a failure; one that leaves its jobs incomplete if the suite was edited meanwhile.
