@@ -13,7 +13,7 @@ from benchmark.api.datasets import ShapeSet
 from benchmark.datasets.changes import split_changes, with_change
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.official import SETS, OfficialSet
-from benchmark.errors import ConfigurationError, DatasetError, did_you_mean
+from benchmark.errors import ConfigurationError, DatasetError, check_known, did_you_mean
 from benchmark.text import printable
 
 
@@ -118,12 +118,15 @@ def open_dataset(name: str, data_root: Path | None = None) -> ShapeSet:
     Raises
     ------
     ConfigurationError
-        If the name is neither a data set nor a folder.
+        If the name is neither a data set nor a folder, or the set stands in for one that is no
+        official set.
     DatasetError
         If the set is missing or unreadable.
     """
     base, changes = split_changes(name)
     shapes = _open(base, data_root)
+    if shapes.stand_in_for:
+        check_known(f"official set under stand_in_for of {name}", [shapes.stand_in_for], SETS)
     for change, level in changes:
         shapes = with_change(shapes, change, level)
     return shapes

@@ -7,8 +7,10 @@ from pathlib import Path
 import pytest
 
 from benchmark.datasets.base import canonical_shapes, check_retrievable
+from benchmark.datasets.catalogue import CATALOGUE, open_dataset
 from benchmark.datasets.folder import folder_set
-from benchmark.errors import BenchmarkError, DatasetError, UnreadableMesh
+from benchmark.datasets.official import SETS
+from benchmark.errors import BenchmarkError, ConfigurationError, DatasetError, UnreadableMesh
 from benchmark.geometry.camera import FRONT, SIDE, Camera
 from tests.toy import rod, write_off, write_rods
 
@@ -247,6 +249,21 @@ def test_settings_of_a_set_or_of_a_class(rods, text, canonical, of_classes):
     ] == canonical
     assert list(cameras(dataset).values()) == of_classes
     assert (dataset.half_width, dataset.stand_in_for) == (2.0, "tosca")
+
+
+@pytest.mark.parametrize("changes", ["", "[noise=2]"])
+def test_a_folder_stands_in_for_an_official_set_alone(rods, changes):
+    settled(rods, 'stand_in_for = "tosca"\n')
+    assert open_dataset(f"{rods}{changes}").stand_in_for == "tosca"
+    for name, hint in (("tosac", "did you mean tosca"), ("animals", "choose one of")):
+        settled(rods, f'stand_in_for = "{name}"\n')
+        with pytest.raises(ConfigurationError, match=f"under stand_in_for of .*'{name}'; {hint}"):
+            open_dataset(f"{rods}{changes}")
+
+
+@pytest.mark.parametrize("name", [name for name, known in CATALOGUE.items() if not known.folder])
+def test_a_generated_set_stands_in_for_an_official_set_or_for_none(name):
+    assert open_dataset(name).stand_in_for in ("", *SETS)
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,10 @@ from pathlib import Path
 import pytest
 import typer
 
+from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.registry import select, select_one
 from benchmark.registry.known import BUILT_IN, SCORERS
+from tests.golden.components import GENERATED
 from tests.verbs import VERBS
 
 ROOT = Path(__file__).parents[2]
@@ -112,6 +114,13 @@ def test_every_commit_and_its_file_that_a_page_names_is_in_the_history() -> None
     assert [
         line for line in done.stdout.splitlines() if not re.search(" (commit|blob) ", line)
     ] == []
+
+
+def test_the_page_of_data_sets_names_each_generated_one() -> None:
+    generated = {name.partition("[")[0] for name, known in CATALOGUE.items() if not known.folder}
+    page = TEXTS[ROOT / "docs" / "data.md"]
+    assert [name for name in sorted(generated) if not re.search(rf"`{name}[`\[]", page)] == []
+    assert [name for name in sorted(generated) if name not in GENERATED] == []
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
