@@ -442,17 +442,18 @@ def _cells_of_claim(judged: AssessedClaim) -> list[str]:
 
 CLAIMS_EXPLAINED = (
     "The paper's claims, all methods on one depth view. Only the paper's data support or "
-    "contradict a claim. On a stand-in it holds, fails or stays open, which says nothing of the "
-    "paper's data. The paper does not say how wide its network is, and its days of training leave "
-    "room for one far larger than ours. So no network here decides a claim on the paper's data, "
-    "and the one with the paper's pixels decides none at all. "
+    "contradict a claim. On a stand-in, a claim holds, fails or stays open, which says nothing of "
+    "the paper's data. The paper does not say how wide its network is, and its days of training "
+    "leave room for one far larger than ours. So no network here decides a claim on the paper's "
+    "data, and the one with the paper's pixels decides none at all. "
     "Queries: those of classes on which no compared network was trained. Leads: comparisons (rows "
     "times measures) in which the row is ahead. Significant: comparisons with p < .05 among these "
     "rows and measures (studentised permutation test over whole classes), in either direction and "
     "in all trainings, which are seeds of the networks times folds. Above scatter: those of them "
-    "that are larger than codebooks and trainings scatter, and of one sign in all trainings; a "
-    "claim holds if all comparisons are leads above the scatter, and fails if one above it is "
-    f"none. Below {FEWEST_CLASSES} classes, nothing is decided."
+    "that are larger than the scatter of codebooks and trainings, and have one sign in all "
+    "trainings. A claim holds if the row is ahead in every comparison, each of them above the "
+    "scatter. It fails if the row is behind in a comparison above the scatter. Otherwise it stays "
+    f"open. Below {FEWEST_CLASSES} classes, nothing is decided."
 )
 
 
