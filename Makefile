@@ -107,9 +107,9 @@ lint: setup
 
 # Damaged files of users, which are to be refused or read alike; what is not goes to build/found.
 SEED ?= 1
-SECONDS ?= 60
+FILES ?= 30000
 fuzz: setup
-	$(BIN)/python -m tests.fuzz $(SEED) $(SECONDS) build/found
+	$(BIN)/python -m tests.fuzz $(SEED) $(FILES) build/found
 
 # The documentation site in build/site, without a network: docs/, the docstrings of what authors use, the published tables.
 docs: $(DOCUMENTED)

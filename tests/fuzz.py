@@ -1,8 +1,9 @@
 """Damage files of users by structure: cut them, change counts, numbers, bytes. Each must be refused
 or read alike.
 
-``python -m tests.fuzz SEED SECONDS FOLDER`` writes what is read otherwise or hangs into a folder.
-Correct the cause, and move the file to the bad inputs of its kind."""
+``python -m tests.fuzz SEED COUNT FOLDER`` damages so many files, and writes those that are read
+otherwise, or hang, into a folder. Correct the cause, and move the file to the bad inputs of its
+kind."""
 
 from __future__ import annotations
 
@@ -10,10 +11,9 @@ import re
 import signal
 import sys
 import tempfile
-import time
 from collections import Counter
 from collections.abc import Callable, Sequence
-from itertools import cycle
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
@@ -164,9 +164,9 @@ def verdict(path: Path, expected: tuple[Any, ...]) -> str:
         signal.alarm(0)
 
 
-def fuzz(seed: int, seconds: float, found: Path) -> Counter[str]:
-    """Damage files until the time is over; write those that are wrong into a folder, and count all
-    by what became.
+def fuzz(seed: int, n_files: int, found: Path) -> Counter[str]:
+    """Damage so many files; write those that are wrong into a folder, and count all by what became
+    of them.
     """
     random, counts = np.random.default_rng(seed), Counter[str]()
     signal.signal(signal.SIGALRM, late)
@@ -174,9 +174,7 @@ def fuzz(seed: int, seconds: float, found: Path) -> Counter[str]:
         whole = originals(Path(name))
         contents = {path: (path.read_bytes(), read(path)) for path in whole}
         kinds = cycle([[path for path in whole if path.suffix == kind] for kind in DAMAGES])
-        end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            files = next(kinds)
+        for files in islice(kinds, n_files):
             original = files[random.integers(len(files))]
             data, expected = contents[original]
             damage = DAMAGES[original.suffix][random.integers(len(DAMAGES[original.suffix]))]
@@ -196,7 +194,7 @@ def fuzz(seed: int, seconds: float, found: Path) -> Counter[str]:
 
 
 if __name__ == "__main__":
-    numbers = fuzz(int(sys.argv[1]), float(sys.argv[2]), Path(sys.argv[3]))
+    numbers = fuzz(int(sys.argv[1]), int(sys.argv[2]), Path(sys.argv[3]))
     print(*(f"{count:6d} {what}" for what, count in sorted(numbers.items())), sep="\n")
     # The greatest memory of a process that getrusage returns is that of the one that began it, if
     # this is greater.
