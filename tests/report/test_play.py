@@ -119,6 +119,33 @@ def test_a_surface_is_thinned_to_whole_triangles_of_its_own_vertices():
     assert (np.diff(np.sort(faces, axis=1), axis=1) > 0).all()
 
 
+def moebius_strip(n_around=60, n_across=5):
+    """A band with a half turn: its triangles cannot all be oriented alike."""
+    angle, across = np.meshgrid(
+        np.linspace(0, 2 * np.pi, n_around, endpoint=False),
+        np.linspace(-0.3, 0.3, n_across),
+        indexing="ij",
+    )
+    radius = 1 + across * np.cos(angle / 2)
+    vertices = np.stack(
+        [radius * np.cos(angle), radius * np.sin(angle), across * np.sin(angle / 2)], axis=2
+    )
+    numbers = np.arange(n_around * n_across).reshape(n_around, n_across)
+    here = np.concatenate([numbers, numbers[:1, ::-1]])  # the end meets the start upside down
+    corners = [here[:-1, :-1], here[1:, :-1], here[1:, 1:], here[:-1, 1:]]
+    a, b, c, d = (corner.ravel() for corner in corners)
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return Mesh(vertices.reshape(-1, 3), faces)
+
+
+def test_a_surface_with_one_side_is_thinned_without_libigl_which_would_never_return(monkeypatch):
+    monkeypatch.delattr("igl.decimate")
+    mesh = moebius_strip()
+    kept, faces = thinned_surface(mesh, 100)
+    assert 50 < len(kept) < 120
+    assert len(np.unique(faces)) == len(kept)
+
+
 def gallery_of(label="cat", name="cat0", **more):
     body = Drawn(centred(rod(0.1, 1.0)))
     flat = Drawn(Mesh(np.zeros_like(body.mesh.vertices), body.mesh.faces), body)
