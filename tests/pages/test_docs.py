@@ -15,6 +15,7 @@ import typer
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.registry import select, select_one
 from benchmark.registry.known import BUILT_IN, SCORERS
+from retrieval.measures import MEASURES
 from tests.golden.components import GENERATED
 from tests.verbs import VERBS
 
@@ -114,6 +115,12 @@ def test_every_commit_and_its_file_that_a_page_names_is_in_the_history() -> None
     assert [
         line for line in done.stdout.splitlines() if not re.search(" (commit|blob) ", line)
     ] == []
+
+
+def test_the_page_of_measures_names_each_one() -> None:
+    page = TEXTS[ROOT / "docs" / "reference" / "scorers.md"].partition("## Measures")[2]
+    named = {*re.findall(r"[\w@]+", page)}
+    assert [measure for measure in MEASURES if measure not in named] == []
 
 
 def test_the_page_of_data_sets_names_each_generated_one() -> None:

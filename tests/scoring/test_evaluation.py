@@ -14,6 +14,7 @@ from scipy.sparse import csc_matrix
 from benchmark.commands.score import score
 from benchmark.datasets.folder import folder_set
 from benchmark.errors import ConfigurationError
+from benchmark.protocols.tables import TABLE_MEASURES
 from tests.scoring.line import LABELS, NAMES, D, X
 from tests.toy import rod, write_off
 from tests.verbs import call, refusal
@@ -333,10 +334,10 @@ def test_a_row_of_latex_is_escaped_and_has_the_measures_of_the_tables(tmp_path):
     np.savetxt(path := tmp_path / "cm_bof_50%_run#2.txt", D)
     (tmp_path / "l.txt").write_text("\n".join(LABELS))
     found = score(D, LABELS).scores.score
-    numbers = " & ".join(f"{found[name]:.2f}"[1:] for name in ("NN", "FT", "ST", "DCG"))
+    numbers = " & ".join(f"{found[name]:.2f}"[1:] for name in TABLE_MEASURES)
     out = call("score", path, "--labels", tmp_path / "l.txt", "--format", "latex").splitlines()
     assert out[-2:] == [
-        "% NN FT ST DCG",
+        f"% {' '.join(TABLE_MEASURES)}",
         rf"cm\_\allowbreak{{}}bof\_\allowbreak{{}}50\%\_\allowbreak{{}}run\#2 & {numbers} \\",
     ]
 
