@@ -42,8 +42,13 @@ def without_file(message: str, file: Path) -> str:
     return message
 
 
+def with_hint(problem: str, hint: str) -> str:
+    """Return a message that says what is wrong, then what to do, if anything."""
+    return f"{problem}{_BEFORE_HINT}{hint}" if hint else problem
+
+
 def without_hint(message: str) -> str:
-    """Return what is wrong, of the message of a :class:`BenchmarkError`: without what to do."""
+    """Return what is wrong, of a message of :func:`with_hint`."""
     return message.partition(_BEFORE_HINT)[0]
 
 
@@ -73,10 +78,7 @@ class BenchmarkError(Exception):
         super().__init__(self.problem, self.hint)
 
     def __str__(self) -> str:
-        message = self.problem
-        if self.hint:
-            message = f"{self.problem}{_BEFORE_HINT}{self.hint}"
-        return with_file(message, self.file)
+        return with_file(with_hint(self.problem, self.hint), self.file)
 
     @property
     def located(self) -> str:

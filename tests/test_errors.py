@@ -9,6 +9,7 @@ from benchmark.errors import (
     locate,
     one_line,
     short_reason,
+    with_hint,
     without_hint,
 )
 from benchmark.files import named_errors
@@ -24,6 +25,8 @@ def test_problem_and_hint_are_text_whatever_a_method_passes(given):
 def test_a_message_is_taken_apart_where_it_was_put_together():
     assert without_hint(str(BenchmarkError("thin", "feed it; often"))) == "thin"
     assert without_hint(str(BenchmarkError("thin"))) == "thin"
+    assert with_hint("thin", "") == without_hint(with_hint("thin", "feed it")) == "thin"
+    assert with_hint("thin", "feed it") == str(BenchmarkError("thin", "feed it"))
 
 
 def test_an_error_is_named_on_one_line_with_file_and_line():

@@ -1,8 +1,7 @@
 """Parameters of methods: accepted values, conversion from and to text, and checks.
 
 A parameter is a field of a dataclass. Its type determines the kind of value, ``Literal`` lists the
-accepted values, and
-``Annotated`` adds a constraint to the type::
+accepted values, and ``Annotated`` adds a constraint to the type::
 
     iterations: Annotated[int, Interval(1)] = 20
     weights: Literal["uniform", "cotangent"] = "cotangent"

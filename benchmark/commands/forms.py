@@ -19,7 +19,7 @@ from benchmark.commands.form import Form
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, observe, scale_of
 from benchmark.depth.intrinsics import Intrinsics, camera_of
 from benchmark.depth.reading import in_metres
-from benchmark.errors import ConfigurationError, DepthError
+from benchmark.errors import ConfigurationError, DepthError, with_hint
 from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
@@ -191,7 +191,7 @@ def form_of_object(
         notes["joined_pieces"] = n_pieces
     form = form_with_notes(maker, shape, notes)
     # Doubts come from the segmentation, the size of the object, and the method ("" for none).
-    doubts = [f"{what}; {hint}" for what, hint in observed.doubts]
+    doubts = [with_hint(what, hint) for what, hint in observed.doubts]
     doubts += [small_for_person(shape, maker), str(form.notes.get("doubt", ""))]
     doubt = "; ".join(filter(None, doubts))
     if not doubt:

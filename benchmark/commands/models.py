@@ -16,7 +16,7 @@ from urllib.parse import quote, urlsplit
 from urllib.request import Request, urlopen
 
 from benchmark.api.learning import CARD, WEIGHTS
-from benchmark.errors import ConfigurationError, UnreadableMesh, check_known
+from benchmark.errors import ConfigurationError, UnreadableMesh, check_known, with_hint
 from benchmark.files import file_digest, read_file, write_atomically
 from benchmark.protocols.models import MODELS_VARIABLE
 from benchmark.protocols.published_models import SHIPPED, published_files, published_models
@@ -104,9 +104,10 @@ def fetch_models(
         except _NotFetched as error:
             problems[model] = str(error)
         except UnreadableMesh as error:
-            problems[model] = f"{error.located}; remove it first"
+            problems[model] = with_hint(error.located, "remove it first")
         except (FileExistsError, IsADirectoryError, NotADirectoryError) as error:
-            problems[model] = f"{folder / model}: {error.strerror}; remove what stands there first"
+            problem = f"{folder / model}: {error.strerror}"
+            problems[model] = with_hint(problem, "remove what stands there first")
         except OSError as error:
             problem = f"cannot write to {folder}: {error.strerror}"
             raise ConfigurationError(

@@ -27,7 +27,7 @@ from benchmark.datasets.mesh_files import read_surface
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
-from benchmark.errors import ConfigurationError, check_whole
+from benchmark.errors import ConfigurationError, check_whole, with_hint
 from benchmark.geometry.camera import FRONT, Camera
 from benchmark.geometry.mesh import Mesh
 from benchmark.pipeline.cache import Arrays, Cache
@@ -327,7 +327,7 @@ class _Prepared:
         frame = self.camera.of(FrameFiles(path, **settings))
         frame = replace(frame, half_width=self.shapes.shapes.half_width or HALF_WIDTH)
         observed = frame.observe()
-        self.doubts.extend(f"{what}; {hint}" for what, hint in observed.doubts)
+        self.doubts.extend(with_hint(what, hint) for what, hint in observed.doubts)
         return prepare_view(observed.surface, UPRIGHT, frame.half_width)
 
     def _half_width(self) -> float:

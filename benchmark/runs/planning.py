@@ -16,7 +16,7 @@ from benchmark.api.contracts import Input
 from benchmark.code_digest import code_of_modules, definitions_of, digest
 from benchmark.datasets.catalogue import is_known, is_path
 from benchmark.defaults import DEFAULT_SCORER
-from benchmark.errors import ConfigurationError, DatasetError
+from benchmark.errors import ConfigurationError, DatasetError, with_hint
 from benchmark.pipeline.cache import Stage
 from benchmark.pipeline.code_store import Definitions, changed_definitions, read_definitions
 from benchmark.pipeline.data_names import path_of
@@ -525,7 +525,7 @@ class _Planning:
             return "failed", f"{record.status}: {record.reason}"
         newer_record = newer_record_at(self.results, key)
         if newer_record:
-            return "unavailable", f"{newer_record}; update the suite"
+            return "unavailable", with_hint(newer_record, "update the suite")
         if record is None:
             return "missing", "never run"
         if record.parts.get("its code"):  # code of which no digest is known
@@ -760,7 +760,7 @@ def _find_models(side: _ShapesOfSide, method: Component, trained_here: Path) -> 
     if side.shapes.input not in method.info.inputs:
         reason = f"does not take the {side.shapes.input} input"
         if gallery.gallery_of_queries:
-            reason += "; pass --gallery-views 12 to see meshes as views"
+            reason = with_hint(reason, "pass --gallery-views 12 to see meshes as views")
         return _Trained(no_models, "unsupported", reason)
     try:
         model_by_shape = gallery.models(method, trained_here)
@@ -781,7 +781,7 @@ def _obstacle(
     """Return the state of a job that cannot run, and why; None if it can."""
     if seen and gallery.table.all_unseen:
         reason = f"{len(seen)} shapes were seen in training, such as {seen[0]}"
-        return "unsupported", f"{reason}; take a model of another training"
+        return "unsupported", with_hint(reason, "take a model of another training")
     for side in trained:
         if side.state:
             return side.state, side.reason

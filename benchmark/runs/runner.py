@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from benchmark.errors import FILE, BenchmarkError, without_hint
+from benchmark.errors import FILE, BenchmarkError, with_hint, without_hint
 from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import memory_per_process
 from benchmark.pipeline.cache import Cache, CachedFile, Stage, can_write, writing
@@ -317,12 +317,11 @@ class _Run:
         if not step.process or not can_write(self._results):
             raise BenchmarkError(outcome.reason)
         subject = step.view or "the ranking"
-        problem = without_hint(outcome.reason)
-        error = BenchmarkError(
-            f"{subject} has no result: the process of the plugin {problem}",
+        reason = with_hint(
+            f"{subject} has no result: the process of the plugin {without_hint(outcome.reason)}",
             "the program itself can write there; see what the plugin changes, and run again",
         )
-        return outcome._replace(status="incomplete", reason=str(error))
+        return outcome._replace(status="incomplete", reason=reason)
 
     def _without_blame(self, outcome: Outcome) -> Outcome:
         """Return a failure; one that leaves its jobs incomplete if the suite was edited meanwhile.
@@ -463,7 +462,8 @@ def _group_of(file: CachedFile, missing: Mapping[CachedFile, _MissingFile]) -> t
     step, source = missing[file]
     if step.stage == "prepared":
         return step.source.name, step.source.data_root, step.shape or step.key
-    is_made_from_form = source is not None and source.stage == "forms"
-    if source is not None and is_made_from_form and missing[source].step.process != step.process:
-        return step.file
+    if source is not None and source.stage == "forms":
+        maker = missing[source].step.process
+        if maker != step.process:  # the signature of a form that another process makes
+            return step.file
     return step.process, step.job.row.seed, step.keys["prepared"]

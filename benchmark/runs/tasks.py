@@ -35,7 +35,7 @@ from typing import Any, NamedTuple
 
 from benchmark.api.contracts import Input, Shape
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.errors import BenchmarkError, ConfigurationError, locate
+from benchmark.errors import BenchmarkError, ConfigurationError, locate, with_hint
 from benchmark.machine import copies_end, same_umask
 from benchmark.pipeline import forms
 from benchmark.pipeline.cache import RUNS, Cache, CachedFile, Stage, StorageError
@@ -607,7 +607,7 @@ def _failure_of_method(error: BaseException) -> Outcome:
     """Return the outcome of a step whose method or scorer raised an error."""
     if isinstance(error, MemoryError):
         hint = "run with fewer jobs (-j 1) or on a larger machine"
-        return Outcome("memory", f"out of memory; {hint}")
+        return Outcome("memory", with_hint("out of memory", hint))
     if isinstance(error, BenchmarkError):
         return Outcome("failed", str(error))
     trace = clean_lines("".join(traceback.format_exception(error)))
