@@ -199,8 +199,11 @@ def non_default_values(cls: type[Any], given: Mapping[str, Any], owner: str = ""
     defaults = checked(cls, defaults, owner)
     chosen = {}
     for name in fields:
+        if name not in values:
+            continue
         # Values are compared as text, because 1, 1.0 and True are equal as objects.
-        if name in values and repr(values[name]) != repr(defaults.get(name)):
+        is_default = name in defaults and repr(values[name]) == repr(defaults[name])
+        if not is_default:
             chosen[name] = values[name]
     return chosen
 
@@ -316,6 +319,8 @@ def split(text: str, separator: str = ",") -> list[str]:
             depth += 1
         elif character == ")":
             depth -= 1
+        if depth < 0:
+            break
         if character == separator and not quote and depth == 0:
             parts.append("")
         else:

@@ -141,6 +141,15 @@ def test_what_does_not_fit_is_refused_with_what_would(name: str, text: Any, mess
     assert "\n" not in str(caught.value)
 
 
+def test_none_is_chosen_where_a_parameter_has_no_default() -> None:
+    @dataclass(frozen=True, kw_only=True)
+    class Needed:
+        most: int | None
+
+    assert non_default_values(Needed, {"most": "none"}) == {"most": None}
+    assert non_default_values(Sample, {"optional": "none"}) == {}
+
+
 def test_non_default_settings_come_in_the_order_of_the_fields_() -> None:
     given = {"share": "0.25", "pair": "(0,2)", "whole": "3", "text": ""}
     assert list(non_default_values(Sample, given).items()) == [

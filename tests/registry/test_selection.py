@@ -49,6 +49,7 @@ def test_each_choice_of_values_is_listed_once(text, expected):
     [
         ("a='1|2", "has a quote without its other half; close what is opened"),
         ("a=(1|2", "a parenthesis without its other half"),
+        ("a=1)|(2", "a parenthesis without its other half"),
     ],
 )
 def test_what_cannot_be_read_is_named(text, message):
