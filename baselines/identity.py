@@ -13,8 +13,8 @@ class Identity:
     """The prepared surface, unchanged.
 
     A control: a canonical form is worth its cost only if it retrieves better than this row. On a
-    gallery in which every subject takes the same poses, this row ranks other subjects in the same
-    pose first.
+    gallery in which every subject takes the same poses, this row tends to rank other subjects in
+    the same pose first.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

@@ -23,7 +23,7 @@ class SDGDM(CheckedParameters):
     r"""Largest singular values of the geodesic distance matrix.
 
     The values :math:`s_1 \ge s_2 \ge \dots` do not depend on the order of the vertices, and hardly
-    on the pose; divided by their sum, they depend neither on the size nor on the number of
+    on the pose. Divided by their sum, they do not depend on the size, and hardly on the number of
     vertices. Shapes are compared by the mean-normalised Manhattan distance :math:`\sum_k 2 |s_k -
     t_k| / (s_k + t_k)`. A control: it uses the same matrix as the MDS rows, but without a canonical
     form. Smeets, Hermans, Vandermeulen and Suetens (2012), "Isometric deformation invariant 3D

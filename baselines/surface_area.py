@@ -19,9 +19,9 @@ class SurfaceArea:
     """Area of the surface in the file, before decimation and scaling.
 
     A control: bending preserves the area. If all files share one unit of length, this single number
-    may retrieve subjects well, and a row below it has learned little about shape. Shapes are
-    compared by absolute difference. Areas that differ by rounding are equal, so that a set whose
-    surfaces were all given one area is at chance.
+    may retrieve subjects well, and a row below it finds them no better than their size does. Shapes
+    are compared by absolute difference. Areas that differ by rounding are equal, so that a set
+    whose surfaces were all given one area is at chance.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(

@@ -109,7 +109,7 @@ class Mesh:
 
     @cached_property
     def edges(self) -> Edges:
-        """The edges of the triangles, for all who ask."""
+        """Edges of the triangles, computed once."""
         return edges_of(self.faces)
 
     @cached_property
