@@ -165,7 +165,8 @@ def test_tables_are_those_of_a_checkout(python, tmp_path):
 
 
 def test_the_report_is_that_of_a_checkout(python, tmp_path):
-    words = ["-m", "benchmark", "report", "--published", "-t", "III", "-o"]
+    methods = ["-m", "gps", "-m", "mesh-unfolding"]
+    words = ["-m", "benchmark", "report", "--published", "-t", "III", *methods, "-o"]
     run([python, *words, str(tmp_path / "installed")], tmp_path)
     run([sys.executable, *words, str(tmp_path / "checkout")], ROOT)
     files = [path for path in (tmp_path / "checkout").rglob("*") if path.is_file()]
