@@ -60,8 +60,12 @@ def write_meshes(
         raise ConfigurationError(problem, "export the set without it, and name it in a run")
     names = _file_names(dataset.shapes)
     try:
-        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        is_taken = folder.is_symlink() or (folder.exists() and not folder.is_dir())
+        if is_taken or (folder.exists() and any(folder.iterdir())):
             raise ConfigurationError(f"{folder} is not an empty folder", "choose a new one")
+        if dataset.folder and folder.resolve().is_relative_to(dataset.folder.resolve()):
+            problem = f"{folder} lies in the data set, whose shapes it would join"
+            raise ConfigurationError(problem, "choose a folder outside of it")
         folder.parent.mkdir(parents=True, exist_ok=True)
         # A folder beside the target takes its name when all files are written.
         with tempfile.TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}-") as name:

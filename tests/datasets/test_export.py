@@ -81,6 +81,20 @@ def test_a_folder_with_files_is_left_alone(tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "out"]
 
 
+def test_a_set_is_not_exported_into_itself_or_over_a_link(tmp_path):
+    rods = write_rods(tmp_path / "in")
+    (tmp_path / "link").symlink_to(tmp_path / "nothing")
+    (rods / "part").symlink_to(tmp_path)
+    for name, reason in (
+        ("in/new", "in/new lies in the data set, whose shapes it would join"),
+        ("in/part/in/new", "lies in the data set"),
+        ("link", "link is not an empty folder"),
+    ):
+        with pytest.raises(ConfigurationError, match=reason):
+            write_meshes(open_dataset(f"{rods}[noise=5]"), tmp_path / name, watched=None)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "link"]
+
+
 @pytest.mark.parametrize(
     ("subject", "pose", "message"),
     [
