@@ -331,7 +331,8 @@ def _named_subjects(subjects: str | Sequence[str] | None) -> list[str]:
         return []
     if isinstance(subjects, str):
         subjects = subjects.split(",")
-    names = [nfc(name) for name in subjects if name]
+    # A name that stands there twice would make another gallery of the same shapes.
+    names = [*dict.fromkeys(nfc(name) for name in subjects if name)]
     if not names:
         raise ConfigurationError("no subject is named", "name one, or omit subjects for all")
     return names

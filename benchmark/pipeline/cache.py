@@ -8,7 +8,6 @@ from __future__ import annotations
 import errno
 import fcntl
 import io
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Callable, Collection, Iterator
@@ -44,8 +43,8 @@ _NPY_PREFIX = 10
 #: Headers of arrays that are kept parsed.
 _KEPT_HEADERS = 1024
 
-#: Bytes that are written to see whether a folder can be written: more than a form or a signature.
-_TRIAL_BYTES = 2**20
+#: Errors of a disk, which every process meets: it is full, or can no longer be written.
+_OF_A_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO)
 
 #: Errors that are in a process or in rights, and say nothing about the file that is opened.
 _SAYING_NOTHING = (errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.EACCES, errno.EPERM)
@@ -56,6 +55,11 @@ RUNS = "runs"
 
 class StorageError(BenchmarkError):
     """The results folder cannot be read or written."""
+
+    @property
+    def is_of_disk(self) -> bool:
+        """Whether its disk is full or fails, which no process can have done to itself."""
+        return isinstance(self.__cause__, OSError) and self.__cause__.errno in _OF_A_DISK
 
 
 @contextmanager
@@ -68,16 +72,6 @@ def storing(results: Path) -> Iterator[None]:
         raise StorageError(
             f"cannot write to {results}: {error.strerror}", f"{hint}; finished jobs are kept"
         ) from error
-
-
-def can_write(results: Path) -> bool:
-    """Return whether this process can write a file to a results folder."""
-    try:
-        with tempfile.TemporaryFile(dir=results / RUNS) as file:
-            file.write(bytes(_TRIAL_BYTES))
-    except OSError:
-        return False
-    return True
 
 
 @contextmanager

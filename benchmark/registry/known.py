@@ -104,7 +104,9 @@ def by_name(kind: Kind, plugins: Iterable[Path] = ()) -> Known:
     """
     targets = BUILT_IN if kind == "method" else SCORERS
     components = [Component(kind, name, target) for name, target in targets.items()]
-    for path in plugins:
+    # A file may be named twice, as by a pattern and by its name.
+    files = {path.resolve(): path for path in plugins}
+    for path in files.values():
         components += [component for component in in_file(path) if component.kind == kind]
     return Known(kind, components)
 

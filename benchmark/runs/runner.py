@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import msgspec
 
-from benchmark.errors import FILE, BenchmarkError, with_hint, without_hint
+from benchmark.errors import FILE, BenchmarkError
 from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import memory_per_process
-from benchmark.pipeline.cache import Cache, CachedFile, Stage, can_write, writing
+from benchmark.pipeline.cache import Cache, CachedFile, Stage, writing
 from benchmark.pipeline.code_store import keep_definitions
 from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.record_files import write_record
@@ -285,7 +285,7 @@ class _Run:
             If nothing more can run, as on a full disk.
         """
         if outcome.status == "stopped":
-            outcome = self._stopped(step, outcome)
+            raise BenchmarkError(outcome.reason)
         if outcome.status in ("failed", "crashed", "incomplete"):
             outcome = self._without_blame(outcome)
         if outcome.status in ("incomplete", "crashed") and step.file not in self._retried:
@@ -302,26 +302,6 @@ class _Run:
             if step.stage == "prepared":
                 self._announce(step, outcome.reason)
             yield from self._release(step.file, self._open_jobs.mark_lost(step.file))
-
-    def _stopped(self, step: Step, outcome: Outcome) -> Outcome:
-        """Return an incomplete outcome if only the process of a plugin cannot go on.
-
-        A plugin may change what its process may write. Only what this program cannot do either ends
-        the run.
-
-        Raises
-        ------
-        BenchmarkError
-            If nothing more can run, as on a full disk.
-        """
-        if not step.process or not can_write(self._results):
-            raise BenchmarkError(outcome.reason)
-        subject = step.view or "the ranking"
-        reason = with_hint(
-            f"{subject} has no result: the process of the plugin {without_hint(outcome.reason)}",
-            "the program itself can write there; see what the plugin changes, and run again",
-        )
-        return outcome._replace(status="incomplete", reason=reason)
 
     def _without_blame(self, outcome: Outcome) -> Outcome:
         """Return a failure; one that leaves its jobs incomplete if the suite was edited meanwhile.

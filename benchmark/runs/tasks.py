@@ -582,8 +582,15 @@ def _outcome_of_error(step: Step, error: BaseException) -> Outcome:
     It is ``"stopped"`` if the whole run has to end, ``"incomplete"`` if the method is not to blame,
     and a failure of the method otherwise.
     """
+    if isinstance(error, StorageError) and step.process and not error.is_of_disk:
+        # A plugin may have limited what its process can write.
+        subject = step.view or "the ranking"
+        limited = BenchmarkError(
+            f"{subject} has no result: the process of the plugin {error.problem}",
+            "see what the plugin changes, and run again",
+        )
+        return Outcome("incomplete", str(limited), ends_process=True)
     if isinstance(error, StorageError | Unrunnable):
-        # Its own plugin may have limited what this process can write.
         return Outcome("stopped", str(error), ends_process=True)
     if isinstance(error, CodeChanged):
         # This process may have imported the code before or after the change.

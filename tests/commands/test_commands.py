@@ -130,6 +130,28 @@ def test_a_single_plugin_is_a_list_of_one():
     )
 
 
+def test_a_subject_and_a_plugin_that_are_named_twice_are_one(tmp_path):
+    rods = write_rods(tmp_path / "rods", bends=(0.0, 1.0))
+    plugin = tmp_path / "own.py"
+    plugin.write_text(
+        "from benchmark.api import canonical_form\n"
+        '@canonical_form(name="own", title="Own")\n'
+        "def own(shape): return shape.mesh.vertices\n"
+    )
+    (tmp_path / "link.py").symlink_to(plugin)
+    keys = set()
+    for subjects, plugins in (("thin,thick", plugin), ("thin,thin,thick", [plugin] * 2)):
+        planned = benchmark.plan(
+            rods, "own", subjects=subjects, plugins=plugins, input="mesh", results=tmp_path
+        )
+        keys |= {job.record.key for job in planned.jobs}
+    assert len(keys) == 1
+    twice = benchmark.plan(
+        rods, "own", plugins=[plugin, tmp_path / "link.py"], input="mesh", results=tmp_path
+    )
+    assert len(twice.jobs) == 1
+
+
 def test_a_plan_has_the_jobs_and_the_reasons_that_the_verb_prints(tmp_path):
     rods = write_rods(tmp_path / "rods")
     plan = benchmark.plan(rods, ["identity", "gps"], input="mesh", results=tmp_path / "results")

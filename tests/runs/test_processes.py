@@ -5,14 +5,19 @@ and alone.
 from __future__ import annotations
 
 import contextlib
+import errno
+import os
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from benchmark.pipeline.cache import StorageError, storing
 from benchmark.pipeline.record_files import read_records
+from benchmark.runs.tasks import _outcome_of_error
 from tests.toy import SMALL_SCORER, write_rods
 from tests.verbs import call
 
@@ -185,3 +190,22 @@ def test_a_plugin_whose_process_cannot_write_ends_no_run(tmp_path):
     assert records["identity"].status == "ok"
     modes = {path.stat().st_mode for path in (results / "runs" / "forms").iterdir()}
     assert len(modes) == 1
+
+
+@pytest.mark.parametrize(
+    ("number", "process", "status"),
+    [
+        (errno.ENOSPC, "own.py:full", "stopped"),
+        (errno.EDQUOT, "own.py:full", "stopped"),
+        (errno.EFBIG, "own.py:full", "incomplete"),
+        (errno.EMFILE, "own.py:full", "incomplete"),
+        (errno.EFBIG, "", "stopped"),
+    ],
+)
+def test_a_full_disk_ends_the_run_whichever_process_meets_it(tmp_path, number, process, status):
+    step = SimpleNamespace(process=process, view="thin0", stage="forms")
+    with pytest.raises(StorageError) as raised, storing(tmp_path):
+        raise OSError(number, os.strerror(number))
+    outcome = _outcome_of_error(step, raised.value)
+    assert outcome.status == status
+    assert os.strerror(number) in outcome.reason
