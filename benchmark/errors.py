@@ -199,7 +199,7 @@ def did_you_mean(kind: str, name: str, known: Iterable[str]) -> ConfigurationErr
     """
     import difflib
 
-    names = sorted(known)
+    names = sorted(set(known))
     similar = difflib.get_close_matches(name, names, n=_MOST_SUGGESTED, cutoff=_LEAST_SIMILARITY)
     if similar:
         hint = f"did you mean {' or '.join(similar)}?"

@@ -6,6 +6,7 @@ from benchmark.errors import (
     BenchmarkError,
     UnreadableMesh,
     UnsupportedShape,
+    did_you_mean,
     locate,
     one_line,
     short_reason,
@@ -71,3 +72,8 @@ def test_a_message_names_its_file_only_when_it_is_printed(tmp_path):
 )
 def test_tables_for_print_have_the_short_reason(message, short):
     assert short_reason(message) == short
+
+
+def test_a_name_that_is_known_twice_is_suggested_once():
+    assert did_you_mean("model", "x", ["people", "people"]).hint == "choose one of people"
+    assert did_you_mean("model", "peopl", ["people", "people"]).hint == "did you mean people?"

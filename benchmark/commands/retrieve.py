@@ -224,8 +224,13 @@ def retrieve(
         seed=seed,
         gallery_views=gallery_views,
     )
-    which = f"--gallery-views {gallery_views}" if gallery_views else f"--input {of_gallery}"
-    job = _finished(planned.jobs, str(data), shapes, component, which, of_gallery)
+    command = ["run", "-m", component.name, "-d", str(data)]
+    if gallery_views:
+        command += ["--gallery-views", str(gallery_views)]
+    else:
+        command += ["--input", of_gallery]
+    command += _other_options(scorer, files, folder, seed)
+    job = _finished(planned.jobs, shapes, component, command, of_gallery)
     gallery = (job.before or job.record).sides[-1]
 
     itself = [entry for entry in shapes.shapes if path and _is_file(entry, path)]
@@ -348,12 +353,25 @@ def _is_file(entry: Entry, path: Path) -> bool:
     return entry.path.samefile(path)
 
 
+def _other_options(scorer: str, plugins: Sequence[Path], results: Path, seed: int) -> list[str]:
+    """Return the options, unless they have their defaults, with which ``run`` does what is kept."""
+    words: list[str] = []
+    if scorer != DEFAULT_SCORER:
+        words += ["--scorer", scorer]
+    for plugin in plugins:
+        words += ["--plugin", str(plugin)]
+    if results != RESULTS:
+        words += ["--results", str(results)]
+    if seed:
+        words += ["--seed", str(seed)]
+    return words
+
+
 def _finished(
     planned: Sequence[Planned],
-    name: str,
     shapes: ShapeSet,
     component: Component,
-    which: str,
+    command: Sequence[str],
     input_: Input,
 ) -> Planned:
     """Return the finished job that made the forms of a gallery.
@@ -362,14 +380,12 @@ def _finished(
     ----------
     planned
         Jobs of the gallery, finished or not.
-    name
-        Name of the data set, for the error.
     shapes
         The shapes of the gallery.
     component
         The method.
-    which
-        Options with which ``run`` computes these forms, for the error.
+    command
+        Words of the command that computes these forms, for the error.
     input_
         Whether the forms are of surfaces or of views.
 
@@ -382,14 +398,12 @@ def _finished(
     job = jobs[0] if jobs else None
     if job is not None and job.state == "finished":
         return job
-    command = (
-        f"run `python -m benchmark run -m {component.name} -d {shlex.quote(name)} {which}` first"
-    )
+    hint = f"run `{shlex.join(['python', '-m', 'benchmark', *command])}` first"
     if job is not None and job.state == "stale":
-        raise ConfigurationError(f"the gallery is stale: {job.reason}", command)
+        raise ConfigurationError(f"the gallery is stale: {job.reason}", hint)
     why = f": {job.reason}" if job is not None else ""
     raise ConfigurationError(
-        f"no form of {shapes.name} {input_} {component.name} is kept{why}", command
+        f"no form of {shapes.name} {input_} {component.name} is kept{why}", hint
     )
 
 

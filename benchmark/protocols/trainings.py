@@ -187,10 +187,10 @@ def own_training(folder: Path, hold_out: Sequence[str]) -> Training:
     subjects = list(dict.fromkeys(entry.subject for entry in shapes))
     check_known(f"subject of {folder}", hold_out, subjects)
     rest = tuple(name for name in subjects if name not in hold_out)
-    if not (rest and hold_out):
-        purpose = "train on" if hold_out else "test"
-        problem = f"{folder} has no subject left to {purpose}"
-        raise ConfigurationError(problem, "hold out some")
+    if not hold_out:
+        raise ConfigurationError(f"{folder} has no subject left to test", "hold out some")
+    if not rest:
+        raise ConfigurationError(f"{folder} has no subject left to train on", "hold out fewer")
     # The name of the training becomes that of a folder.
     name = _OWN + re.sub("[^A-Za-z0-9-]+", "-", folder.resolve().name).strip("-")
     return Training(name, str(folder), Part(rest), Part(tuple(hold_out)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from benchmark.defaults import ALL_METHODS
 from benchmark.errors import ConfigurationError
@@ -151,6 +151,8 @@ def components_named(name: str, plugins: Iterable[Path] = ()) -> list[Component]
 def _in_file_with(path: Path, parameters: str) -> list[Component]:
     """Return the components of a plugin file; with parameters its methods, which take them."""
     components = in_file(path)
+    for kind in get_args(Kind):
+        by_name(kind, [path])  # which refuses two of one name, also beside those of the suite
     if not parameters:
         return components
     methods = {component.name: component for component in components if component.kind == "method"}

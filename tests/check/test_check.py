@@ -17,6 +17,7 @@ from benchmark.check.checks import checks_of
 from benchmark.registry import Component, by_name
 from benchmark.registry.known import BUILT_IN, in_file
 from tests.registry.plugin import write_plugin
+from tests.verbs import refusal
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 
@@ -201,6 +202,22 @@ def test_a_loop_or_a_crash_ends_the_checks_and_says_at_which_line(
     assert done.returncode == code
     assert [line.split()[1] for line in done.stdout.splitlines()] == ["ok"] * n_ok
     assert 'tried.py", line 40 in canonicalise' in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (("mine", "mine"), "two methods are called 'mine'"),
+        (("gps",), "two methods are called 'gps': baselines.gps:GPS and"),
+    ],
+)
+def test_a_file_whose_names_no_run_would_take_is_refused(tmp_path, names, message):
+    lines = ["from benchmark.api import canonical_form"]
+    for number, name in enumerate(names):
+        lines.append(f'@canonical_form(name="{name}", title="Mine")')
+        lines.append(f"def method{number}(shape): return shape.mesh.vertices")
+    (tmp_path / "own.py").write_text("\n".join(lines))
+    assert message in refusal("check", tmp_path / "own.py")
 
 
 def test_prints_do_not_stand_among_findings(tmp_path, capsys):

@@ -1,5 +1,6 @@
 """Python finds the shapes that the verb prints, for a file and for the mesh of another library."""
 
+import shlex
 import shutil
 from types import SimpleNamespace
 
@@ -76,6 +77,10 @@ def test_a_gallery_without_forms_is_refused_in_the_words_of_the_verb(gallery, tm
         benchmark.retrieve(query, gallery.data, "gps", results=tmp_path)
     said = refusal("retrieve", "-d", gallery.data, "-m", "gps", "--results", tmp_path, query)
     assert str(error.value).splitlines()[0].split(";")[0] in said.replace("\n", " ")
+    words = ("-d", gallery.data, "-m", "gps", "--seed", "3", "--results", tmp_path, query)
+    command = refusal("retrieve", *words).partition("run `")[2].partition("` first")[0]
+    assert "1 of 1 jobs to run" in call("plan", *shlex.split(command)[4:])
+    assert f"--results {tmp_path} --seed 3" in command
 
 
 @pytest.mark.parametrize(

@@ -67,7 +67,7 @@ def test_a_folder_is_trained_on_without_the_subjects_that_are_held_out(
     [
         ((), "hold out some"),
         (("bens",), "did you mean ben"),
-        (tuple(WIDTHS), "has no subject left to train on"),
+        (tuple(WIDTHS), "has no subject left to train on; hold out fewer"),
     ],
 )
 def test_what_cannot_be_held_out_is_named(
