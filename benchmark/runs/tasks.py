@@ -585,11 +585,11 @@ def _outcome_of_error(step: Step, error: BaseException) -> Outcome:
     if isinstance(error, StorageError) and step.process and not error.is_of_disk:
         # A plugin may have limited what its process can write.
         subject = step.view or "the ranking"
-        limited = BenchmarkError(
+        reason = with_hint(
             f"{subject} has no result: the process of the plugin {error.problem}",
             "see what the plugin changes, and run again",
         )
-        return Outcome("incomplete", str(limited), ends_process=True)
+        return Outcome("incomplete", reason, ends_process=True)
     if isinstance(error, StorageError | Unrunnable):
         return Outcome("stopped", str(error), ends_process=True)
     if isinstance(error, CodeChanged):
