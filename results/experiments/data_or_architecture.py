@@ -3,7 +3,7 @@
 ``train RESULTS`` trains the eight cells one after the other, and copies each finished model to
 ``models/data-or-architecture``. It goes on where it was stopped. ``status`` writes the table of
 cells into the page. ``evaluate RESULTS`` writes data-or-architecture.csv once all cells are
-trained, and ``judge`` prints what the rule says of it.
+trained, and ``judge`` writes into the page what the rule says of it.
 """
 
 from __future__ import annotations
@@ -123,11 +123,11 @@ def status() -> str:
     return "\n".join(lines)
 
 
-def write_status() -> None:
-    """Write the table of cells into the page, between its marks."""
-    before, _, rest = PAGE.read_text(encoding="utf-8").partition("<!-- cells -->\n")
-    _, _, after = rest.partition("<!-- end of cells -->\n")
-    marked = f"<!-- cells -->\n{status()}\n<!-- end of cells -->\n"
+def write_between(mark: str, text: str) -> None:
+    """Write a text into the page, between the marks of its place."""
+    before, _, rest = PAGE.read_text(encoding="utf-8").partition(f"<!-- {mark} -->\n")
+    _, _, after = rest.partition(f"<!-- end of {mark} -->\n")
+    marked = f"<!-- {mark} -->\n{text}\n<!-- end of {mark} -->\n"
     PAGE.write_text(before + marked + after, encoding="utf-8")
 
 
@@ -221,47 +221,125 @@ def has_effect(levels: Sequence[tuple[pandas.DataFrame, pandas.DataFrame]]) -> b
     return all(abs(t) > LEAST_T for t, _ in found) and len(signs) == 1
 
 
-def judge() -> None:
-    """Print the means of all settings, and what the rule says."""
-    scores = pandas.read_csv(SCORES)
-    facts = ["data", "network", "setting"]
-    print(scores.groupby([*facts, "seed"], sort=False)[[*depth_range.MEASURES, "error"]].mean())
+@dataclass(frozen=True)
+class Judgement:
+    """What the rule says of the scores.
 
-    def ft(data: str, network: str, setting: str = PREDICTED) -> pandas.DataFrame:
-        rows = scores[
-            (scores["data"] == data)
-            & (scores["network"] == network)
-            & (scores["setting"] == setting)
+    Parameters
+    ----------
+    scores
+        The table that ``evaluate`` writes.
+    """
+
+    scores: pandas.DataFrame
+
+    def values(
+        self, measure: str, data: str, network: str, setting: str = PREDICTED
+    ) -> pandas.DataFrame:
+        """Return a measure of each body (rows) and seed (columns)."""
+        rows = self.scores[
+            (self.scores["data"] == data)
+            & (self.scores["network"] == network)
+            & (self.scores["setting"] == setting)
         ]
-        return rows.pivot(index="body", columns="seed", values="FT")
+        return rows.pivot(index="body", columns="seed", values=measure)
 
-    (small, large) = DATA
-    (code, paper) = NETWORKS
-    data = [(ft(large, network), ft(small, network)) for network in NETWORKS]
-    architecture = [(ft(of, code), ft(of, paper)) for of in DATA]
-    for name, levels in (("data", data), ("architecture", architecture)):
-        for level in levels:
-            t, signs = difference(*level)
-            gain = (level[0].mean(axis=1) - level[1].mean(axis=1)).mean()
-            print(f"{name}: FT {gain:+.4f}, t(11) {t:+.2f}, signs over seeds {sorted(signs)}")
-        print(f"{name} has an effect: {has_effect(levels)}")
-    errors = scores.groupby([*facts, "seed"])["error"].mean()
-    for of in DATA:
-        for network in NETWORKS:
-            mine = ft(of, network)
-            average = ft(of, network, depth_range.AVERAGE)
-            t, _ = difference(mine, average)
-            exceeds = all((mine[seed] - average[seed]).mean() > 0 for seed in SEEDS)
-            is_below = all(
-                errors[of, network, PREDICTED, seed]
-                < errors[of, network, depth_range.AVERAGE, seed]
-                for seed in SEEDS
-            )
-            sees = t > LEAST_T and exceeds and is_below
-            print(
-                f"{network} on {of}: t(11) against the average body {t:+.2f}, "
-                f"sees the relief: {sees}"
-            )
+    def ft(self, data: str, network: str, setting: str = PREDICTED) -> pandas.DataFrame:
+        """Return FT of each body (rows) and seed (columns)."""
+        return self.values("FT", data, network, setting)
+
+    def levels_of_data(self) -> dict[str, tuple[pandas.DataFrame, pandas.DataFrame]]:
+        """Return FT on random people and on fold 0, for each network."""
+        fold, random_people = DATA
+        return {
+            network: (self.ft(random_people, network), self.ft(fold, network))
+            for network in NETWORKS
+        }
+
+    def levels_of_architecture(self) -> dict[str, tuple[pandas.DataFrame, pandas.DataFrame]]:
+        """Return FT of the global code and of the paper's network, for each data."""
+        code, paper = NETWORKS
+        return {data: (self.ft(data, code), self.ft(data, paper)) for data in DATA}
+
+    def against_average_body(self, data: str, network: str) -> float:
+        """Return t of FT of a cell minus that of the average body in its masks."""
+        average = self.ft(data, network, depth_range.AVERAGE)
+        return difference(self.ft(data, network), average)[0]
+
+    def sees_the_relief(self, data: str, network: str) -> bool:
+        """Return whether the rule lets us write that the network sees the relief."""
+        gains = self.ft(data, network) - self.ft(data, network, depth_range.AVERAGE)
+        errors = self.values("error", data, network)
+        errors_of_average = self.values("error", data, network, depth_range.AVERAGE)
+        is_higher = bool((gains.mean() > 0).all())
+        is_nearer = bool((errors.mean() < errors_of_average.mean()).all())
+        return self.against_average_body(data, network) > LEAST_T and is_higher and is_nearer
+
+
+def score_table(judged: Judgement) -> str:
+    """Return the scores of all cells and of their controls."""
+    lines = [
+        "| data | network | FT | seed 0 | seed 1 | average body | flat | true depth | L2 | error "
+        "| error of the average body |",
+        f"|---|---|{'---:|' * 9}",
+    ]
+    for data, title in DATA.items():
+        for network, name in NETWORKS.items():
+            of_seeds = judged.ft(data, network).mean()
+            scores = [of_seeds.mean(), *of_seeds]
+            for setting in (depth_range.AVERAGE, depth_range.FLAT, depth_range.TRUE, L2):
+                scores.append(judged.ft(data, network, setting).to_numpy().mean())
+            errors = [
+                judged.values("error", data, network, setting).to_numpy().mean()
+                for setting in (PREDICTED, depth_range.AVERAGE)
+            ]
+            row = [title, name]
+            row += [without_zero(score, 2) for score in scores]
+            row += [without_zero(error, 4) for error in errors]
+            lines.append(f"| {' | '.join(row)} |")
+    return "\n".join(lines)
+
+
+def comparison_table(judged: Judgement) -> str:
+    """Return the four differences that the rule judges."""
+    lines = [
+        "| difference of FT | for | mean | t(11) | signs over the choices of seeds |",
+        "|---|---|---:|---:|---|",
+    ]
+    of_data = {NETWORKS[name]: pair for name, pair in judged.levels_of_data().items()}
+    of_networks = {DATA[name]: pair for name, pair in judged.levels_of_architecture().items()}
+    for title, levels in (
+        ("random people minus fold 0", of_data),
+        ("global code minus the paper's network", of_networks),
+    ):
+        for level, pair in levels.items():
+            t, signs = difference(*pair)
+            mean = (pair[0].mean(axis=1) - pair[1].mean(axis=1)).mean()
+            words = " and ".join("+" if sign > 0 else "-" for sign in sorted(signs, reverse=True))
+            facts = [title, level, without_zero(mean, 2, "+"), f"{t:+.2f}", words]
+            lines.append(f"| {' | '.join(facts)} |")
+    return "\n".join(lines)
+
+
+def without_zero(number: float, decimals: int, sign: str = "-") -> str:
+    """Return a number below 1 without the zero before its point."""
+    return f"{number:{sign}.{decimals}f}".replace("0.", ".", 1)
+
+
+def results() -> str:
+    """Return both tables, and what the rule says of each cell's relief."""
+    judged = Judgement(pandas.read_csv(SCORES))
+    relief = [
+        "| data | network | t(11) against the average body | sees the relief |",
+        "|---|---|---:|---|",
+    ]
+    for data, title in DATA.items():
+        for network, name in NETWORKS.items():
+            t = f"{judged.against_average_body(data, network):+.2f}"
+            sees = "yes" if judged.sees_the_relief(data, network) else "not shown"
+            relief.append(f"| {title} | {name} | {t} | {sees} |")
+    tables = [score_table(judged), comparison_table(judged), "\n".join(relief)]
+    return "\n\n".join(tables)
 
 
 if __name__ == "__main__":
@@ -272,12 +350,12 @@ if __name__ == "__main__":
             if not (MODELS / each.folder / CARD).is_file():
                 say(f"{each.folder}")
                 each.train(Path(rest[0]))
-                write_status()
+                write_between("cells", status())
     elif what == "status":
-        write_status()
+        write_between("cells", status())
     elif what == "evaluate":
         evaluate(Path(rest[0]))
     elif what == "judge":
-        judge()
+        write_between("results", results())
     else:
         raise SystemExit(__doc__)

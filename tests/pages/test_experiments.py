@@ -142,3 +142,77 @@ def test_weights_of_ours_are_parameters_that_their_methods_declare(monkeypatch):
             value = select_one(name).parameters[weight]
             assert value == factor * component.defaults[weight], name
             assert factor in (halved, doubled)
+
+
+def test_the_page_on_data_and_architecture_has_what_its_scores_say(experiment):
+    page = experiment.PAGE.read_text(encoding="utf-8")
+    assert f"<!-- cells -->\n{experiment.status()}\n<!-- end of cells -->" in page
+    assert f"<!-- results -->\n{experiment.results()}\n<!-- end of results -->" in page
+
+
+def test_the_words_on_data_and_architecture_follow_from_the_scores(experiment):
+    judged = experiment.Judgement(pd.read_csv(experiment.SCORES))
+    page = " ".join(experiment.PAGE.read_text(encoding="utf-8").split())
+    of_data, of_architecture = judged.levels_of_data(), judged.levels_of_architecture()
+    assert not experiment.has_effect([*of_data.values()])
+    assert not experiment.has_effect([*of_architecture.values()])
+    assert "no effect of the data is shown, and none of the architecture" in page
+
+    t, signs = experiment.difference(*of_data["wide-extra"])
+    assert signs == {1} and f"(t(11) = {t:.2f}), for every choice of seeds. FT of the" in page
+    t, signs = experiment.difference(*of_data["literal"])
+    assert t < 0 and signs == {-1, 1}
+    t, signs = experiment.difference(*of_architecture["humans-sampled"])
+    assert signs == {1} and f"(t(11) = {t:.2f}), for every choice of seeds. On fold 0" in page
+    assert experiment.difference(*of_architecture["people-fold-0"])[1] == {-1, 1}
+
+    cells = {(cell.data, cell.network) for cell in experiment.cells()}
+    lowest = min(judged.ft(*cell, experiment.depth_range.TRUE).to_numpy().mean() for cell in cells)
+    assert f"FT is at least {lowest:.2f} in every cell".replace("0.", ".") in page
+    t = judged.against_average_body("humans-sampled", "literal")
+    assert t < -experiment.LEAST_T and f"(t(11) = {t:.2f})" in page
+    for cell in cells:
+        assert not judged.sees_the_relief(*cell)
+        predicted = judged.ft(*cell).to_numpy().mean()
+        assert predicted <= judged.ft(*cell, experiment.depth_range.AVERAGE).to_numpy().mean()
+        assert predicted < judged.ft(*cell, experiment.L2).to_numpy().mean()
+        error = judged.values("error", *cell).to_numpy().mean()
+        of_average = judged.values("error", *cell, experiment.depth_range.AVERAGE)
+        assert error < of_average.to_numpy().mean()
+
+
+def test_a_network_sees_the_relief_only_by_score_and_error_together(experiment):
+    higher, lower = cell(0.6), cell(0.5)
+    small, large = cell(0.004, noise=0.0), cell(0.008, noise=0.0)
+
+    def judgement(ft, ft_of_average, error, error_of_average):
+        tables = []
+        for setting, of_ft, of_error in (
+            (experiment.PREDICTED, ft, error),
+            (experiment.depth_range.AVERAGE, ft_of_average, error_of_average),
+        ):
+            for seed in (0, 1):
+                tables.append(
+                    pd.DataFrame(
+                        {
+                            "data": "people-fold-0",
+                            "network": "literal",
+                            "seed": seed,
+                            "setting": setting,
+                            "body": range(12),
+                            "FT": of_ft[seed],
+                            "error": of_error[seed],
+                        }
+                    )
+                )
+        return experiment.Judgement(pd.concat(tables))
+
+    def sees(*values):
+        return judgement(*values).sees_the_relief("people-fold-0", "literal")
+
+    assert sees(higher, lower, small, large)
+    assert not sees(higher, lower, large, small)
+    assert not sees(lower, higher, small, large)
+    one_seed = higher.copy()
+    one_seed[1] = lower[1] - 0.01
+    assert not sees(one_seed, lower, small, large)
