@@ -301,10 +301,16 @@ def markdown(view: TableView) -> str:
 
 
 def _markdown_head(view: TableView) -> list[str]:
-    """Return the headings of a table, of which the first group names its columns."""
-    first, *others = score_groups(view)
-    names = " ".join(column.title for column in first.columns)
-    headings = [f"{first.title}: {names}", *(group.title for group in others)]
+    """Return the headings of a table.
+
+    The first group names its columns, and so does each one whose columns differ from the last.
+    """
+    headings = []
+    last_names = ""
+    for group in score_groups(view):
+        names = " ".join(column.title for column in group.columns)
+        headings.append(group.title if names == last_names else f"{group.title}: {names}")
+        last_names = names
     return ["Method", *headings, *(column.title for column in PRINTED_QUANTITIES)]
 
 
