@@ -214,12 +214,9 @@ class _RecordsOfTable:
     @cached_property
     def measures(self) -> tuple[str, ...]:
         """Measures of tables that all records with scores hold; older ones may lack a new one."""
-        with_scores = [record for record in self.records if record.status == "ok"]
-        return tuple(
-            measure
-            for measure in TABLE_MEASURES
-            if all(measure in record.per_query for record in with_scores)
-        )
+        scored = [record.per_query for record in self.records if record.status == "ok"]
+        held = set(TABLE_MEASURES).intersection(*scored)
+        return tuple(measure for measure in TABLE_MEASURES if measure in held)
 
     @property
     def quick(self) -> bool:
