@@ -372,7 +372,9 @@ def test_one_constant_form_scores_chance_whatever_views_are_refused(rods, tmp_pa
 def test_a_frame_is_retrieved_among_the_views_of_meshes(rods, finished, in_this_process):
     asked = ("-d", rods, "--gallery-views", "2", "-m", "identity", *SMALL, "--results", finished)
     query = FRAMES / "man-1" / "kneeling.png"
-    assert "rods --gallery-views 2` first" in refusal("retrieve", *asked, query)
+    said = refusal("retrieve", *asked, query)
+    assert "rods --gallery-views 2 --scorer" in said
+    assert f"--results {finished}` first" in said
     call("run", *asked, "-j", "0")
     lines = call("retrieve", *asked, query).splitlines()
     assert sorted(line.split()[1] for line in lines[1:5]) == ["thick0", "thick1", "thin0", "thin1"]
