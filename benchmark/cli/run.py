@@ -11,8 +11,7 @@ from benchmark.cli.printing import print_markdown
 from benchmark.cli.progress import Bar
 from benchmark.commands.plan import Plan, lacking, plan
 from benchmark.commands.run import records_after, run_plan, tables_of_run
-from benchmark.commands.selection import RESULTS, outcome
-from benchmark.defaults import DEFAULT_SCORER
+from benchmark.commands.selection import further_options, outcome
 from benchmark.errors import ConfigurationError
 from benchmark.machine import available_cores
 from benchmark.pipeline.records import Record
@@ -283,12 +282,7 @@ def _report_of(selection: Selection) -> str:
             words += [option, str(name)]
     if selection.quick:
         words.append("--quick")
-    if selection.scorer != DEFAULT_SCORER:
-        words += ["--scorer", selection.scorer]
-    if selection.seed != 0:
-        words += ["--seed", str(selection.seed)]
-    if selection.results != RESULTS:
-        words += ["--results", str(selection.results)]
+    words += further_options(selection.results, selection.scorer, selection.seed)
     return shlex.join(words)
 
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from benchmark.commands.selection import RESULTS, as_list, is_of_methods
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.cache import RUNS, storing, writing
+from benchmark.pipeline.cache import storing, writing
 from benchmark.pipeline.data_names import label_data_sets, records_of
-from benchmark.pipeline.record_files import local_files, read_records, unneeded
+from benchmark.pipeline.record_files import local_files, local_folder, read_records, unneeded
 from benchmark.pipeline.records import Record
 from benchmark.registry import are_named
 
@@ -94,7 +94,7 @@ def forget(
     if has_selection:
         selected_keys = _keys_of_selection(all_records, as_list(methods), as_list(data))
 
-    if not (folder / RUNS / "records").is_dir():
+    if not local_folder(folder).is_dir():
         problem = f"{folder} holds no results of runs"
         raise ConfigurationError(problem, "name a results folder with --results")
     with writing(folder):  # no run may add files meanwhile

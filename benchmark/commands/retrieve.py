@@ -20,6 +20,7 @@ from benchmark.commands.selection import (
     as_paths,
     check_input,
     data_folder,
+    further_options,
 )
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.frames import frame_settings
@@ -229,7 +230,7 @@ def retrieve(
         command += ["--gallery-views", str(gallery_views)]
     else:
         command += ["--input", of_gallery]
-    command += _other_options(scorer, files, folder, seed)
+    command += further_options(folder, scorer, seed, files)
     job = _finished(planned.jobs, shapes, component, command, of_gallery)
     gallery = (job.before or job.record).sides[-1]
 
@@ -351,20 +352,6 @@ def _is_file(entry: Entry, path: Path) -> bool:
     if entry.path is None or not (entry.path.exists() and path.exists()):
         return False
     return entry.path.samefile(path)
-
-
-def _other_options(scorer: str, plugins: Sequence[Path], results: Path, seed: int) -> list[str]:
-    """Return the options, unless they have their defaults, with which ``run`` does what is kept."""
-    words: list[str] = []
-    if scorer != DEFAULT_SCORER:
-        words += ["--scorer", scorer]
-    for plugin in plugins:
-        words += ["--plugin", str(plugin)]
-    if results != RESULTS:
-        words += ["--results", str(results)]
-    if seed:
-        words += ["--seed", str(seed)]
-    return words
 
 
 def _finished(

@@ -65,6 +65,22 @@ def data_folder(given: str | Path | None = None) -> Path | None:
     return Path(named)
 
 
+def further_options(
+    results: Path, scorer: str, seed: int, plugins: Iterable[Path] = ()
+) -> list[str]:
+    """Return the options of a command that do not have their defaults, for a command to copy."""
+    words: list[str] = []
+    if scorer != DEFAULT_SCORER:
+        words += ["--scorer", scorer]
+    for plugin in plugins:
+        words += ["--plugin", str(plugin)]
+    if results != RESULTS:
+        words += ["--results", str(results)]
+    if seed != 0:
+        words += ["--seed", str(seed)]
+    return words
+
+
 def shadowed_folders(names: Iterable[str], data_root: Path | None) -> list[str]:
     """Say which names mean a data set of the suite, though there is a folder of the same name here.
 

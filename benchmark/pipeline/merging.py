@@ -12,12 +12,13 @@ import msgspec
 
 from benchmark.code_digest import FIRST_PARTY
 from benchmark.errors import ConfigurationError
-from benchmark.pipeline.cache import RUNS, Cache, StorageError, storing
+from benchmark.pipeline.cache import Cache, StorageError, storing
 from benchmark.pipeline.record_files import (
     age_of,
     facts_of_shapes,
     last_of_rows,
     local_files,
+    local_folder,
     read_files,
     read_records,
     say_skipped,
@@ -101,7 +102,7 @@ def merge_records(
     """
     merging = _Merging(results, take, rows)
     for folder in folders:
-        if not (folder / RUNS / "records").is_dir():
+        if not local_folder(folder).is_dir():
             raise StorageError(
                 f"{folder} holds no records", "name a results folder, which has runs/records"
             )
@@ -249,7 +250,7 @@ class _Merging:
             write_record(self.results, record)
             with storing(self.results):
                 for key in replaced - {record.key}:
-                    (self.results / RUNS / "records" / f"{key}.json").unlink(missing_ok=True)
+                    (local_folder(self.results) / f"{key}.json").unlink(missing_ok=True)
 
 
 def _is_same(ours: Record, theirs: Record) -> bool:

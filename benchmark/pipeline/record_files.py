@@ -85,9 +85,14 @@ def read_records(results: Path, *, local: bool = True, published: bool = True) -
     return last_of_rows([*sorted(fitting, key=age_of), *here])
 
 
+def local_folder(results: Path) -> Path:
+    """Return the folder of the records of jobs that ran here; it need not exist."""
+    return results / RUNS / "records"
+
+
 def local_files(results: Path) -> list[Path]:
     """Return the files of the records of jobs that ran here."""
-    return sorted((results / RUNS / "records").glob("*.json"))
+    return sorted(local_folder(results).glob("*.json"))
 
 
 def last_of_rows(records: Sequence[Record]) -> list[Record]:
@@ -294,7 +299,7 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
     StorageError
         If it cannot be written, or would replace a record of a newer version of the suite.
     """
-    folder = results / RUNS / "records"
+    folder = local_folder(results)
     newer_record = newer_record_at(results, record.key)
     if newer_record:
         raise StorageError(newer_record, "update the suite, or choose another --results DIR")
@@ -312,7 +317,7 @@ def write_record(results: Path, record: Record, replaces: str = "") -> None:
 
 def newer_record_at(results: Path, key: str) -> str:
     """Return why the record under a key may not be replaced: its layout is newer; "" if it may."""
-    path = results / RUNS / "records" / f"{key}.json"
+    path = local_folder(results) / f"{key}.json"
     if not path.exists():
         return ""
     for skipped in scan_files([path]).skipped:

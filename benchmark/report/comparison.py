@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pandas import DataFrame, Series, concat
 
 from benchmark.errors import ConfigurationError
+from benchmark.report.notation import signed_hundredths
 from benchmark.report.rivals import SAME, scatter_of
 from benchmark.report.rows import RowScores, TableRow
 from benchmark.report.statistics import (
@@ -371,7 +372,7 @@ def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
     for place, of_column in frame.groupby("place", sort=False):
         lines = [["", *of_column.measure.unique(), ""]]
         for _, of_row in of_column.groupby("other", sort=False):
-            differences = map(_signed, of_row.difference)
+            differences = map(signed_hundredths, of_row.difference)
             lines.append([of_row.title.iloc[0], *differences, _verdict(of_row)])
         n_queries = of_column.queries.max()
         among = AMONG.format(_range(of_column["rows"]))
@@ -395,9 +396,3 @@ def _verdict(of_row: DataFrame) -> str:
     if len(above) == len(of_row):
         return ABOVE
     return f"{ABOVE} ({', '.join(above)})"
-
-
-def _signed(difference: float) -> str:
-    """Return a difference of scores with its sign, two decimals and no leading zero."""
-    rounded = round(difference, 2) + 0.0  # no "-0.00"
-    return f"{rounded:+.2f}".replace("0.", ".", 1)

@@ -25,6 +25,12 @@ def hundredths(value: float | None) -> str:
     return f"{rounded:.2f}".removeprefix("0")
 
 
+def signed_hundredths(difference: float) -> str:
+    """Return a difference of scores with its sign, two decimals and no leading zero."""
+    rounded = round(difference, 2) + 0.0  # no "-0.00"
+    return f"{rounded:+.2f}".replace("0.", ".", 1)
+
+
 def two_digits(seconds: float) -> str:
     """Return seconds in two digits."""
     if seconds < 1:

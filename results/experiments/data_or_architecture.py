@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,8 @@ from torch import Tensor
 from benchmark.api.learning import CARD
 from benchmark.protocols.pairs import data_of_training
 from benchmark.protocols.trainings import SAMPLED_PEOPLE, TRAININGS
+from benchmark.report.formats import markdown_table
+from benchmark.report.notation import hundredths, signed_hundredths
 from benchmark.text import say
 from learned.fitting import train
 from learned.methods import Learned
@@ -276,70 +279,60 @@ class Judgement:
         return self.against_average_body(data, network) > LEAST_T and is_higher and is_nearer
 
 
-def score_table(judged: Judgement) -> str:
-    """Return the scores of all cells and of their controls."""
-    lines = [
-        "| data | network | FT | seed 0 | seed 1 | average body | flat | true depth | L2 | error "
-        "| error of the average body |",
-        f"|---|---|{'---:|' * 9}",
-    ]
-    for data, title in DATA.items():
-        for network, name in NETWORKS.items():
-            of_seeds = judged.ft(data, network).mean()
-            scores = [of_seeds.mean(), *of_seeds]
-            for setting in (depth_range.AVERAGE, depth_range.FLAT, depth_range.TRUE, L2):
-                scores.append(judged.ft(data, network, setting).to_numpy().mean())
-            errors = [
-                judged.values("error", data, network, setting).to_numpy().mean()
-                for setting in (PREDICTED, depth_range.AVERAGE)
-            ]
-            row = [title, name]
-            row += [without_zero(score, 2) for score in scores]
-            row += [without_zero(error, 4) for error in errors]
-            lines.append(f"| {' | '.join(row)} |")
-    return "\n".join(lines)
+def score_table(judged: Judgement) -> list[str]:
+    """Return the scores of all cells and of their controls as lines of a table."""
+    head = ["cell", "FT", "seed 0", "seed 1", "average body", "flat", "true depth", "L2"]
+    body = []
+    for data, network in product(DATA, NETWORKS):
+        of_seeds = judged.ft(data, network).mean()
+        scores = [of_seeds.mean(), *of_seeds]
+        for setting in (depth_range.AVERAGE, depth_range.FLAT, depth_range.TRUE, L2):
+            scores.append(judged.ft(data, network, setting).to_numpy().mean())
+        errors = []
+        for setting in (PREDICTED, depth_range.AVERAGE):
+            error = judged.values("error", data, network, setting).to_numpy().mean()
+            errors.append(f"{error:.4f}".removeprefix("0"))
+        body.append([cell_title(data, network), *map(hundredths, scores), *errors])
+    return markdown_table([*head, "error", "error of the average body"], body)
 
 
-def comparison_table(judged: Judgement) -> str:
-    """Return the four differences that the rule judges."""
-    lines = [
-        "| difference of FT | for | mean | t(11) | signs over the choices of seeds |",
-        "|---|---|---:|---:|---|",
-    ]
-    of_data = {NETWORKS[name]: pair for name, pair in judged.levels_of_data().items()}
-    of_networks = {DATA[name]: pair for name, pair in judged.levels_of_architecture().items()}
-    for title, levels in (
-        ("random people minus fold 0", of_data),
-        ("global code minus the paper's network", of_networks),
-    ):
-        for level, pair in levels.items():
-            t, signs = difference(*pair)
-            mean = (pair[0].mean(axis=1) - pair[1].mean(axis=1)).mean()
-            words = " and ".join("+" if sign > 0 else "-" for sign in sorted(signs, reverse=True))
-            facts = [title, level, without_zero(mean, 2, "+"), f"{t:+.2f}", words]
-            lines.append(f"| {' | '.join(facts)} |")
-    return "\n".join(lines)
+def comparison_table(judged: Judgement) -> list[str]:
+    """Return the four differences that the rule judges as lines of a table."""
+    head = ["difference of FT", "mean", "t(11)", "signs over the choices of seeds"]
+    pairs = {}
+    for network, pair in judged.levels_of_data().items():
+        pairs[f"random people minus fold 0, {NETWORKS[network]}"] = pair
+    for data, pair in judged.levels_of_architecture().items():
+        pairs[f"global code minus the paper's network, {DATA[data]}"] = pair
+    body = []
+    for title, (first, second) in pairs.items():
+        t, signs = difference(first, second)
+        mean = (first - second).to_numpy().mean()
+        words = " and ".join("+" if sign > 0 else "-" for sign in sorted(signs, reverse=True))
+        body.append([title, signed_hundredths(mean), f"{t:+.2f}", words])
+    return markdown_table(head, body)
 
 
-def without_zero(number: float, decimals: int, sign: str = "-") -> str:
-    """Return a number below 1 without the zero before its point."""
-    return f"{number:{sign}.{decimals}f}".replace("0.", ".", 1)
+def relief_table(judged: Judgement) -> list[str]:
+    """Return what the rule says of the relief of each cell as lines of a table."""
+    body = []
+    for data, network in product(DATA, NETWORKS):
+        t = judged.against_average_body(data, network)
+        sees = "yes" if judged.sees_the_relief(data, network) else "not shown"
+        body.append([cell_title(data, network), f"{t:+.2f}", sees])
+    return markdown_table(["cell", "t(11) against the average body", "sees the relief"], body)
+
+
+def cell_title(data: str, network: str) -> str:
+    """Return the data and the network of a cell in words."""
+    return f"{NETWORKS[network]}, {DATA[data]}"
 
 
 def results() -> str:
-    """Return both tables, and what the rule says of each cell's relief."""
+    """Return the three tables of what came out."""
     judged = Judgement(pandas.read_csv(SCORES))
-    relief = [
-        "| data | network | t(11) against the average body | sees the relief |",
-        "|---|---|---:|---|",
-    ]
-    for data, title in DATA.items():
-        for network, name in NETWORKS.items():
-            t = f"{judged.against_average_body(data, network):+.2f}"
-            sees = "yes" if judged.sees_the_relief(data, network) else "not shown"
-            relief.append(f"| {title} | {name} | {t} | {sees} |")
-    tables = [score_table(judged), comparison_table(judged), "\n".join(relief)]
-    return "\n\n".join(tables)
+    tables = [score_table(judged), comparison_table(judged), relief_table(judged)]
+    return "\n\n".join("\n".join(lines) for lines in tables)
 
 
 if __name__ == "__main__":

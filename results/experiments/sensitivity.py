@@ -23,6 +23,7 @@ from benchmark.pipeline.record_files import read_records
 from benchmark.pipeline.records import Record
 from benchmark.reference.paper import PAPER_MEASURES
 from benchmark.registry import select_one
+from benchmark.report.notation import signed_hundredths
 from benchmark.report.rivals import DRAW_ERRORS, SAME
 from benchmark.report.statistics import ALPHA, sign_flip_test
 
@@ -135,7 +136,7 @@ def lines(table: pd.DataFrame) -> list[str]:
 
 def text(change: Any) -> str:
     """Return a change with its sign; bold if it is significant and above the scatter."""
-    signed = f"{round(change.change, 2) + 0.0:+.2f}".replace("0.", ".", 1)
+    signed = signed_hundredths(change.change)
     return f"**{signed}**" if change.p < ALPHA and change.above_scatter else signed
 
 
