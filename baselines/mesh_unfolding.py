@@ -183,16 +183,18 @@ def repulsion(positions: FloatArray, masses: FloatArray) -> FloatArray:
     numpy.ndarray
         Gradient by the positions, shape (n, 3); coincident points do not push each other.
     """
-    # Every pair is visited twice: without writes, the inner loop vectorises.
+    # Every pair is visited once: it pushes its two points by the same force, in opposite directions.
     x = positions[:, 0].copy()
     y = positions[:, 1].copy()
     z = positions[:, 2].copy()
-    gradient = np.empty_like(positions)
+    force_x = np.zeros_like(x)
+    force_y = np.zeros_like(y)
+    force_z = np.zeros_like(z)
     for i in range(len(masses)):
         sum_x = 0.0
         sum_y = 0.0
         sum_z = 0.0
-        for j in range(len(masses)):
+        for j in range(i):
             dx = x[i] - x[j]
             dy = y[i] - y[j]
             dz = z[i] - z[j]
@@ -204,11 +206,14 @@ def repulsion(positions: FloatArray, masses: FloatArray) -> FloatArray:
                 if squared > COINCIDENT_SQUARED
                 else 0.0
             )
-            push = masses[j] * guess * (1.5 - 0.5 * squared * guess * guess)
+            push = masses[i] * masses[j] * guess * (1.5 - 0.5 * squared * guess * guess)
             sum_x = sum_x + push * dx
             sum_y = sum_y + push * dy
             sum_z = sum_z + push * dz
-        gradient[i, 0] = masses[i] * sum_x
-        gradient[i, 1] = masses[i] * sum_y
-        gradient[i, 2] = masses[i] * sum_z
-    return gradient
+            force_x[j] = force_x[j] - push * dx
+            force_y[j] = force_y[j] - push * dy
+            force_z[j] = force_z[j] - push * dz
+        force_x[i] += sum_x
+        force_y[i] += sum_y
+        force_z[i] += sum_z
+    return np.stack((force_x, force_y, force_z), axis=1)
