@@ -26,6 +26,12 @@ It bounds the product of the sums of two singular values of a covariance each, a
 cube of its norm.
 """
 
+NEWTON_STEPS = 30
+"""Most steps of Newton's method towards a sum of singular values."""
+
+LAST_STEP = 1e-15
+"""Length of the last of these steps, as a share of the sum."""
+
 
 @dataclass(frozen=True, eq=False)
 class AsRigidAsPossible:
@@ -123,44 +129,46 @@ def _closed_form(covariances: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]
     In a seventh of the time of singular values. The sum of the (signed) singular values is the
     largest root of a quartic, which Newton's method finds from above; the rotation follows from it.
     """
+    count = len(covariances)
     rotations = np.empty_like(covariances)
-    ambiguous = np.empty(len(covariances), np.bool_)
-    gram = np.empty((3, 3))
-    for k in range(len(covariances)):
+    ambiguous = np.empty(count, np.bool_)
+    squares = np.zeros(count)  # of the norms of the covariances
+    areas = np.zeros(count)  # the same of their cofactors
+    determinants = np.empty(count)
+    for k in range(count):
         matrix = covariances[k]
-        rotation = rotations[k]
-        square = 0.0
-        area = 0.0
+        cofactors = rotations[k]  # transposed
         for a in range(3):
             for b in range(3):
                 c = (a + 1) % 3
                 d = (a + 2) % 3
                 e = (b + 1) % 3
                 f = (b + 2) % 3
-                rotation[b, a] = matrix[c, e] * matrix[d, f] - matrix[c, f] * matrix[d, e]
+                cofactors[b, a] = matrix[c, e] * matrix[d, f] - matrix[c, f] * matrix[d, e]
+                squares[k] += matrix[a, b] ** 2
+                areas[k] += cofactors[b, a] ** 2
+        determinants[k] = (
+            matrix[0, 0] * cofactors[0, 0]
+            + matrix[0, 1] * cofactors[1, 0]
+            + matrix[0, 2] * cofactors[2, 0]
+        )
+    roots = _largest_roots(squares, areas, determinants)
+    gram = np.empty((3, 3))
+    for k in range(count):
+        matrix = covariances[k]
+        rotation = rotations[k]
+        square = squares[k]
+        root = roots[k]
+        for a in range(3):
+            for b in range(3):
                 gram[a, b] = (
                     matrix[0, a] * matrix[0, b]
                     + matrix[1, a] * matrix[1, b]
                     + matrix[2, a] * matrix[2, b]
                 )
-                square += matrix[a, b] ** 2
-                area += rotation[b, a] ** 2
-        determinant = (
-            matrix[0, 0] * rotation[0, 0]
-            + matrix[0, 1] * rotation[1, 0]
-            + matrix[0, 2] * rotation[2, 0]
-        )
-        root = np.sqrt(3.0 * square)
-        for _ in range(30):
-            gap = root * root - square
-            step = (gap * gap - 8.0 * determinant * root - 4.0 * area) / (
-                4.0 * root * gap - 8.0 * determinant
-            )
-            root -= step
-            if abs(step) < 1e-15 * root:
-                break
         half = 0.5 * (root * root - square)
-        scale = half * root - determinant  # product of the sums of two singular values each
+        # The product of the sums of two singular values each.
+        scale = half * root - determinants[k]
         ambiguous[k] = not scale > AMBIGUOUS * square**1.5
         for a in range(3):
             for b in range(3):
@@ -173,6 +181,35 @@ def _closed_form(covariances: FloatArray) -> tuple[FloatArray, NDArray[np.bool_]
                     (half + square) * matrix[b, a] + root * rotation[a, b] - cubic
                 ) / scale
     return rotations, ambiguous
+
+
+@njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def _largest_roots(squares: FloatArray, areas: FloatArray, determinants: FloatArray) -> FloatArray:
+    """Return the sums of the signed singular values of matrices, by Newton's method from above.
+
+    Parameters
+    ----------
+    squares, areas, determinants
+        Sum of the squared entries of each matrix, the same of its cofactors, and its determinant.
+    """
+    roots = np.sqrt(3.0 * squares)
+    is_open = np.ones(len(roots), np.bool_)
+    # All matrices take a step together, so that the loop over them vectorises.
+    for _ in range(NEWTON_STEPS):
+        n_open = 0
+        for k in range(len(roots)):
+            root = roots[k]
+            gap = root * root - squares[k]
+            step = (gap * gap - 8.0 * determinants[k] * root - 4.0 * areas[k]) / (
+                4.0 * root * gap - 8.0 * determinants[k]
+            )
+            better = root - step
+            roots[k] = better if is_open[k] else root
+            is_open[k] &= not abs(step) < LAST_STEP * better
+            n_open += is_open[k]
+        if n_open == 0:
+            break
+    return roots
 
 
 def aligned(points: FloatArray, reference: FloatArray, weights: FloatArray) -> FloatArray:
