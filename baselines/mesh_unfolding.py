@@ -183,7 +183,7 @@ def repulsion(positions: FloatArray, masses: FloatArray) -> FloatArray:
     numpy.ndarray
         Gradient by the positions, shape (n, 3); coincident points do not push each other.
     """
-    # Every pair is visited once: it pushes its two points by the same force, in opposite directions.
+    # Every pair is visited once: it pushes both of its points, in opposite directions.
     x = positions[:, 0].copy()
     y = positions[:, 1].copy()
     z = positions[:, 2].copy()
