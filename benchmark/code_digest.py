@@ -64,17 +64,17 @@ _ENDINGS = ("/__init__.py", ".py", *EXTENSION_SUFFIXES)
 _TEXTS = ("title", "summary", "departs", "cite")
 
 
-def code_digest(target: str, files: Iterable[str] = ()) -> str:
+def code_digest(target: str, files: Iterable[str] = (), without: Iterable[str] = ()) -> str:
     """Return the digest of :func:`code_of`; the name of a plugin file does not count."""
     plugin = plugin_file(target)
     content = []
-    for name, part in code_of(target, files).items():
+    for name, part in code_of(target, files, without).items():
         is_plugin = plugin is not None and name == plugin.name
         content.append(("" if is_plugin else name, part))
     return digest_of_bytes(json.dumps(sorted(content)).encode())
 
 
-def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
+def code_of(target: str, files: Iterable[str] = (), without: Iterable[str] = ()) -> dict[str, str]:
     """Return the digest of each part of the code of a module, by the name of the part.
 
     Parameters
@@ -83,6 +83,8 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
         Name of a module or path of a plugin file, optionally with ``:attribute``.
     files
         Other files on which its results depend, relative to its folder.
+    without
+        Names of modules that it imports, but that do not count, nor what they alone import.
 
     Returns
     -------
@@ -95,7 +97,7 @@ def code_of(target: str, files: Iterable[str] = ()) -> dict[str, str]:
     ConfigurationError
         If there is no such module, or one of the files is missing or is a folder.
     """
-    sources, packages = _closure(target)
+    sources, packages = _closure(target, without)
     parts = {}
     for path, base in sources.items():
         parts[_relative(path, base).as_posix()] = _parsed(path).digest
@@ -203,7 +205,7 @@ def digest(content: Any) -> str:
 # ------------------------------------------------------------------------------------------------
 
 
-def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
+def _closure(target: str, without: Iterable[str] = ()) -> tuple[dict[Path, Path], set[str]]:
     """Return all that a module imports, directly or through what it imports.
 
     Imports are read from the sources; nothing is executed.
@@ -212,6 +214,9 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
     ----------
     target
         Name of a module or path of a plugin file, optionally with ``:attribute``.
+    without
+        Names of modules that do not count. They lie in the folder that holds its package, or beside
+        the plugin.
 
     Returns
     -------
@@ -231,6 +236,7 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
             return base
         return _folder_of_sources(package)
 
+    left_out = {_locate(base, tuple(name.split("."))) for name in without}
     sources = {start: base}
     packages: set[str] = set()
     pending = [start]
@@ -244,7 +250,7 @@ def _closure(target: str) -> tuple[dict[Path, Path], set[str]]:
                 packages.add(package)
                 continue
             files = _files_of_import(import_path, folder, base)
-            new_files = [file for file in files if file not in sources]
+            new_files = [file for file in files if file not in sources and file not in left_out]
             sources.update(dict.fromkeys(new_files, folder))
             pending += new_files
     return sources, packages

@@ -73,6 +73,7 @@ class CMBOF(CheckedParameters):
         ),
         draws=3,  # the codebook is drawn at random
         invariant=False,
+        comparing=("retrieval.clock", "retrieval.codebook"),
     )
 
     n_words: Annotated[int, Interval(1, 100_000)] = 1500

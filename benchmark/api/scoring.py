@@ -52,6 +52,9 @@ class ScorerInfo(CheckedParameters):
         sampling. False for a scorer that undoes them only if the form has a well-defined pose.
     files
         Other files on which the scores depend; see :class:`benchmark.api.contracts.MethodInfo`.
+    comparing
+        Names of modules that compare signatures and compute none, in the package of the scorer or
+        beside its plugin. After an edit of them, shapes are ranked again by the same signatures.
     """
 
     name: Name
@@ -62,6 +65,7 @@ class ScorerInfo(CheckedParameters):
     draws: Annotated[int, Interval(1, 100)] = 1
     invariant: bool = True
     files: tuple[str, ...] = ()
+    comparing: tuple[str, ...] = ()
 
 
 @runtime_checkable

@@ -281,15 +281,25 @@ class Component:
             code |= code_of(self.target, self.files)
         return code
 
-    def key(self) -> dict[str, Any]:
-        """Return what determines its results; the path of a plugin file does not count."""
+    def key(self, without: Iterable[str] = ()) -> dict[str, Any]:
+        """Return what determines its results; the path of a plugin file does not count.
+
+        Parameters
+        ----------
+        without
+            Names of modules whose code does not count.
+        """
         module, _, attribute = self.target.rpartition(":")
         return {
             "target": attribute if self.plugin else f"{module}:{attribute}",
             "parameters": dict(self.parameters),
-            "code": "" if self.is_unknown else code_digest(self.target, self.files),
+            "code": "" if self.is_unknown else code_digest(self.target, self.files, without),
             "state": self.state,
         }
+
+    def key_of_signatures(self) -> dict[str, Any]:
+        """Return what determines the signatures of a scorer: all but what compares them."""
+        return self.key(without=self.info.comparing)
 
 
 def watching_component(

@@ -328,6 +328,7 @@ class _Planning:
 
     def __post_init__(self) -> None:
         self._component_key = cache(Component.key)
+        self._key_of_signatures = cache(Component.key_of_signatures)
         self._component_code = cache(Component.code)
         self._code_of_step = cache(code_of_step)
         self._code_of_forms = code_of_modules([STAGE_MODULES["forms"]])
@@ -473,15 +474,16 @@ class _Planning:
 
         # All that determines the record is in its key, titles too, but no place on the disk.
         titles = [method.title, scorer.title if scorer else ""]
-        result_key = digest(
-            [
-                row._replace(paths=()),
-                titles,
-                fields_of_shapes["gallery_digest"],
-                keys_of_views,
-                self._code_of_ranking,
-            ]
-        )
+        ingredients = [
+            row._replace(paths=()),
+            titles,
+            fields_of_shapes["gallery_digest"],
+            keys_of_views,
+            self._code_of_ranking,
+        ]
+        if scorer and scorer.info.comparing:  # this code is in no key of a view
+            ingredients.append(self._component_key(scorer))
+        result_key = digest(ingredients)
 
         parts = self._parts(sides, models, method, scorer)
         parts["the data"] = fields_of_shapes["gallery_digest"]
@@ -600,7 +602,7 @@ class _Planning:
             ]
             forms.append(digest(ingredients))
         if scorer:
-            scorer_key = self._component_key(scorer)
+            scorer_key = self._key_of_signatures(scorer)
             signatures = [digest([form_key, scorer_key]) for form_key in forms]
         else:
             signatures = [""] * len(forms)

@@ -52,8 +52,10 @@ NETWORK = FORM | modules("""
 SIGNATURE = modules("""
     benchmark.api: scoring
     benchmark.geometry: mesh rasterise
-    retrieval: clock cmbof codebook features gradient_histograms pose scale_space views
+    retrieval: cmbof features gradient_histograms pose scale_space views
 """)
+#: What compares signatures.
+COMPARING = modules("retrieval: clock codebook")
 RANKING = modules("""
     benchmark.api: scoring
     benchmark.geometry: mesh
@@ -136,7 +138,9 @@ def test_no_module_is_allowed_in_forms_that_is_in_none():
 
 
 def test_a_signature_holds_its_scorer_and_a_ranking_holds_the_measures():
-    assert of_suite(select_one("cm-bof", kind="scorer").code()) == SIGNATURE
+    scorer = select_one("cm-bof", kind="scorer")
+    assert of_suite(scorer.code()) == SIGNATURE | COMPARING
+    assert of_suite(code_of(scorer.target, without=scorer.info.comparing)) == SIGNATURE
     assert of_suite(code_of_modules([STAGE_MODULES["records"]])) == RANKING
 
 
@@ -154,7 +158,8 @@ def test_the_code_of_a_plugin_is_that_of_the_names_that_it_imports(tmp_path):
     assert of_suite(code_of(str(plugin))) > without | modules("benchmark.api: learning scoring")
 
 
-COMPUTES = MESH | VIEW | FORM | KERNELS | BASES | SIGNATURE | READER.union(*MAKERS.values())
+COMPUTES = MESH | VIEW | FORM | KERNELS | BASES | READER.union(*MAKERS.values())
+COMPUTES |= SIGNATURE | COMPARING
 #: Texts with two blanks in code that computes: of files, notes of forms, descriptions of bodies in
 #: keys, and a filter.
 NOT_SPOKEN = {
