@@ -8,10 +8,15 @@ from __future__ import annotations
 import os
 import platform
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path, PurePosixPath
+from typing import TypeVar
+
+Item = TypeVar("Item")
+Value = TypeVar("Value")
 
 #: Environment variables that numerical libraries read when they are loaded.
 VARIABLES = (
@@ -21,6 +26,9 @@ VARIABLES = (
     "NUMBA_NUM_THREADS",
     "VECLIB_MAXIMUM_THREADS",
 )
+
+#: Variable that says how many threads of a process share a comparison of shapes; one without it.
+THREADS = "CANONICAL_FORMS_THREADS"
 
 #: Share of the memory of the machine or container that all processes together may use.
 MEMORY_SHARE = 0.85
@@ -37,6 +45,20 @@ def pin_threads() -> None:
     """
     for name in VARIABLES:
         os.environ[name] = "1"
+
+
+def in_threads(function: Callable[[Item], Value], items: Iterable[Item]) -> list[Value]:
+    """Return what a function returns for each item, in their order.
+
+    The items are independent, and are shared by as many threads as :data:`THREADS` says. It pays
+    for functions that spend their time in kernels and products of matrices, which run beside each
+    other.
+    """
+    count = int(os.environ.get(THREADS, "1"))
+    if count == 1:
+        return [function(item) for item in items]
+    with ThreadPoolExecutor(count) as threads:
+        return list(threads.map(function, items))
 
 
 def available_cores() -> int:

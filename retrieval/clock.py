@@ -9,6 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from benchmark.machine import in_threads
+
 #: Numbers and occurrences of words and views.
 Counts = NDArray[np.int32]
 
@@ -131,7 +133,10 @@ def match(
     )
     sizes = np.array([form.view_sizes for form in columns], dtype=np.float64)
     distances = np.zeros((len(rows), len(columns)))
-    for index, row in enumerate(rows):
+
+    def compare(index: int) -> None:
+        """Compute the distances of one row; if columns are the rows, to those behind it."""
+        row = rows[index]
         row_cells = cells(row)
         order = np.argsort(row_cells, kind="stable")
         begins = np.searchsorted(row_cells[order], np.arange(n_words * n_orbits + 1))
@@ -146,6 +151,8 @@ def match(
             row_entries, row_sizes, entries, ends[first:], sizes[first:], first_turns, turns
         )
         distances[index, first:] = n_views - shared
+
+    in_threads(compare, range(len(rows)))
     return distances + distances.T if rows is columns else distances
 
 

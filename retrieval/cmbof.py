@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from benchmark.api.parameters import CheckedParameters, Interval
 from benchmark.api.scoring import ScorerInfo, SignatureArrays
 from benchmark.geometry.mesh import Mesh
+from benchmark.machine import in_threads
 from retrieval.clock import Histograms, count_words, match
 from retrieval.codebook import MANY, Descriptors, integers_pay, nearest_words, sample_codebook
 from retrieval.features import detect_views, mirrored
@@ -164,8 +165,10 @@ def _histograms(
         forms = [mirrored(form, reflected) for form in forms]
     n_descriptors = sum(len(form["descriptors"]) for form in forms)
     by_integers = n_descriptors >= MANY and integers_pay()
-    histograms = []
-    for form in forms:
+
+    def histograms_of(form: SignatureArrays) -> Histograms:
+        """Return the words of a form."""
         words = nearest_words(form["descriptors"], codebook, by_integers=by_integers)
-        histograms.append(count_words(words, form["view_offsets"], len(codebook)))
-    return histograms
+        return count_words(words, form["view_offsets"], len(codebook))
+
+    return in_threads(histograms_of, forms)

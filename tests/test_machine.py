@@ -1,3 +1,5 @@
+import threading
+
 import pytest
 
 from benchmark import machine
@@ -21,3 +23,19 @@ def test_a_container_limits_memory(tmp_path, monkeypatch, groups, files, memory)
     monkeypatch.setattr(machine, "_CONTROL_GROUPS", tmp_path)
     monkeypatch.setattr(machine, "_GROUPS_OF_PROCESS", tmp_path / "groups")
     assert machine.memory_limit() == memory
+
+
+@pytest.mark.parametrize("threads", [None, "1", "3"])
+def test_items_that_threads_share_keep_their_order(monkeypatch, threads):
+    monkeypatch.setenv(machine.THREADS, threads or "")
+    if threads is None:
+        monkeypatch.delenv(machine.THREADS)
+    used = set()
+
+    def double(item):
+        used.add(threading.get_ident())
+        return 2 * item
+
+    assert machine.in_threads(double, range(50)) == [*range(0, 100, 2)]
+    is_shared = threads == "3"
+    assert (threading.get_ident() not in used) == is_shared

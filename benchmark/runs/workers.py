@@ -19,6 +19,7 @@ from multiprocessing.connection import Pipe, wait
 from typing import Protocol
 
 from benchmark.errors import BenchmarkError
+from benchmark.machine import THREADS
 from benchmark.pipeline.stages import Incomplete
 from benchmark.places import away_from_home, make_folder, remove_folder
 from benchmark.registry.components import THIS_PROCESS
@@ -173,12 +174,15 @@ class Worker:
         Most bytes of memory that its process may take.
     timeout
         Seconds that a step may take, and a ranking for each of its shapes.
+    threads
+        Threads that share the comparison of shapes of one ranking.
     """
 
-    def __init__(self, memory: int, timeout: float) -> None:
+    def __init__(self, memory: int, timeout: float, threads: int) -> None:
         """Prepare a worker; its process is started with its first task."""
         self._memory = memory
         self._timeout = timeout
+        self._threads = threads
         self._process: subprocess.Popen[bytes] | None = None
         #: Empty folder that the process of a plugin sees as the user's home; "" for none.
         self._folder = ""
@@ -238,7 +242,7 @@ class Worker:
             self.connection, theirs = Pipe()
             with theirs:
                 arguments = theirs.fileno(), self._memory, os.getpid(), state_of_suite()
-                variables = environment()
+                variables = environment() | {THREADS: str(self._threads)}
                 if process:  # of a plugin
                     self._folder = make_folder()
                     variables = away_from_home(variables, self._folder)
@@ -466,7 +470,8 @@ class Pool:
             is_of_plugin = worker.task.process != ""
             if is_of_plugin:
                 return worker
-        return Worker(self._memory, self._timeout)
+        # The last ranking of a run may use all cores. While others go on, threads cost nothing.
+        return Worker(self._memory, self._timeout, self._size)
 
     @staticmethod
     def _put_back(worker: Worker, queue: Queue) -> None:

@@ -11,6 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmark.errors import DatasetError, InvalidMesh
 from benchmark.geometry.mesh import Mesh
+from benchmark.machine import THREADS
 from benchmark.pipeline.outputs import compute_distances
 from retrieval.clock import count_words, match
 from retrieval.cmbof import CMBOF
@@ -72,6 +73,18 @@ def test_queries_depend_on_the_gallery_alone(figures, mirrored):
     assert (scorer.compare([*gallery, first], 1)[-1, :-1] != both[0]).any(), (
         "its features are among the words"
     )
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_threads_that_share_a_comparison_change_no_bit(figures, mirrored, monkeypatch):
+    scorer = CMBOF(image_size=64, n_words=50, allow_mirror=mirrored)
+    gallery = [signature(scorer, figure) for figure in figures]
+    monkeypatch.delenv(THREADS, raising=False)
+    alone = scorer.compare(gallery, 0), scorer.compare_to(gallery[:2], gallery, 0)
+    monkeypatch.setenv(THREADS, "3")
+    together = scorer.compare(gallery, 0), scorer.compare_to(gallery[:2], gallery, 0)
+    for by_one, by_several in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(by_several, by_one)
 
 
 def test_noise_in_the_last_digits_of_a_form_changes_no_bit_of_its_signature(figures):

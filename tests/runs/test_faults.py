@@ -465,7 +465,7 @@ def test_what_a_plugin_sets_in_the_environment_reaches_no_other_process(tmp_path
     load_module(
         str(write_plugin(tmp_path / "own.py", imports="import os\nos.environ['OF_USER'] = 'after'"))
     )
-    worker = Worker(2**32, 1)
+    worker = Worker(2**32, 1, 1)
     worker._start("own")
     assert worker.connection.poll(60)  # it runs: before, its environment may not be readable
     assert psutil.Process(worker._process.pid).environ()["OF_USER"] == "before"
