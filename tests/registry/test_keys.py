@@ -10,6 +10,7 @@ import pytest
 from benchmark import code_digest
 from benchmark.api.datasets import Entry
 from benchmark.code_digest import FIRST_PARTY, ROOT, code_of, code_of_modules
+from benchmark.commands.plan import plan
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import FORMATS, mesh_file_set
 from benchmark.pipeline.prepared import PreparedShapes
@@ -142,6 +143,26 @@ def test_a_signature_holds_its_scorer_and_a_ranking_holds_the_measures():
     assert of_suite(scorer.code()) == SIGNATURE | COMPARING
     assert of_suite(code_of(scorer.target, without=scorer.info.comparing)) == SIGNATURE
     assert of_suite(code_of_modules([STAGE_MODULES["records"]])) == RANKING
+
+
+@pytest.mark.parametrize(
+    ("module", "same_signatures"), [("retrieval/clock.py", True), ("retrieval/features.py", False)]
+)
+def test_an_edit_of_what_compares_ranks_again_by_the_same_signatures(
+    rods, tmp_path, monkeypatch, module, same_signatures
+):
+    def record():
+        return plan(rods, "identity", input="mesh", results=tmp_path).jobs[0].record
+
+    def edited_code(*arguments):
+        code = code_of(*arguments)
+        return {name: "edited" if name == module else part for name, part in code.items()}
+
+    before = record()
+    monkeypatch.setattr(code_digest, "code_of", edited_code)
+    after = record()
+    assert after.key != before.key
+    assert (after.files["signatures"] == before.files["signatures"]) == same_signatures
 
 
 def test_the_code_of_a_plugin_is_that_of_the_names_that_it_imports(tmp_path):
