@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import msgspec
 import numpy as np
@@ -179,7 +179,7 @@ class DepthScale(msgspec.Struct, frozen=True):
     """
 
     mean: float = 0.5
-    factor: float = 1.0
+    factor: Annotated[float, msgspec.Meta(gt=0)] = 1.0
 
     @classmethod
     def of(cls, targets: Tensor) -> Self:

@@ -153,22 +153,29 @@ def _load(
     Raises
     ------
     ConfigurationError
-        If the weights are damaged or of another network.
+        If the weights are damaged, not finite, or of another network.
     """
-    network = configuration.build().to(dtype=dtype, memory_format=torch.channels_last)
+    # On this device tensors have shapes but no memory: a card that asks for a great network is
+    # refused for its weights before anything of that size exists.
+    with torch.device("meta"):
+        network = configuration.build()
     try:
         tensors = {
             name: tensor.to(dtype)
             for name, tensor in tensors_in(checked_weights(folder)).items()
             if not name.startswith(_TRAINING_ONLY)
         }
-        network.load_state_dict(tensors)
+        network.load_state_dict(tensors, assign=True)
     except (KeyError, TypeError, SafetensorError) as error:
         problem = f"the model in {folder} is damaged: {error}"
         raise ConfigurationError(problem, "train it again") from error
     except RuntimeError as error:
         problem = f"the weights in {folder} belong to another network than '{configuration.name}'"
         raise ConfigurationError(problem, "train it again") from error
+    if not all(bool(tensor.isfinite().all()) for tensor in tensors.values()):
+        problem = f"the model in {folder} is damaged: some of its weights are not finite"
+        raise ConfigurationError(problem, "train it again")
+    network = network.to(memory_format=torch.channels_last)
     # In double precision, convolutions of full size are computed in stripes, which saves memory.
     for module in network.modules():
         if dtype == torch.float64 and isinstance(module, nn.Conv2d) and module.stride == (1, 1):

@@ -24,7 +24,7 @@ from benchmark.errors import ConfigurationError, TrainingError
 from benchmark.machine import describe_machine
 from learned.fitting import train
 from learned.images import resampled
-from learned.models import HISTORY, load_model, predict
+from learned.models import HISTORY, Configuration, load_model, predict
 from tests.learned.toy import (
     BENDS,
     BUILDS,
@@ -196,6 +196,34 @@ def test_a_damaged_model_is_refused(
         load_model(copied)
 
 
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_weights_that_are_not_finite_are_refused(copied: Path, value: float) -> None:
+    tensors = tensors_in((copied / WEIGHTS).read_bytes())
+    name = sorted(tensors)[-1]
+    tensors[name].view(-1)[-1] = value
+    replace_weights(copied, save(tensors))
+    with pytest.raises(ConfigurationError, match="some of its weights are not finite; train it"):
+        load_model(copied)
+
+
+def test_a_network_takes_no_memory_before_its_weights_fit(
+    copied: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    devices = set()
+
+    def recorded(configuration: Configuration, seed: int = 0) -> torch.nn.Module:
+        network = build(configuration, seed)
+        devices.update(parameter.device.type for parameter in network.parameters())
+        return network
+
+    build = Configuration.build
+    monkeypatch.setattr(Configuration, "build", recorded)
+    edit_card(copied, lambda card: card["configuration"].update(width=4096))
+    with pytest.raises(ConfigurationError, match="belong to another network than 'tiny'"):
+        load_model(copied)
+    assert devices == {"meta"}
+
+
 UNBUILDABLE = [
     ("width", "16"),
     ("width", 0),
@@ -216,6 +244,13 @@ UNBUILDABLE = [
         (lambda card: card.update(subjects=None), r"at `\$.subjects`.*; train the model again"),
         (lambda card: card.update(digest="abc"), r"at `\$.digest`.*; train the model again"),
         (lambda card: card.update(note=math.nan), "malformed.*; train the model again"),
+        *(
+            (
+                lambda card, factor=factor: card.update(depth_scale={"factor": factor}),
+                r"at `\$.depth_scale.factor`; train the model again",
+            )
+            for factor in (0, -1.5)
+        ),
         (
             lambda card: card["configuration"].update(width=16),
             "belong to another network than 'tiny'",
