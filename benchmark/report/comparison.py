@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pandas import DataFrame, Series, concat
 
-from benchmark.errors import ConfigurationError
+from benchmark.errors import ConfigurationError, short_reason
+from benchmark.pipeline.records import Record
 from benchmark.report.notation import signed_hundredths
 from benchmark.report.rivals import SAME, scatter_of
 from benchmark.report.rows import RowScores, TableRow
@@ -23,6 +24,7 @@ from benchmark.report.statistics import (
     sign_flip_test,
 )
 from benchmark.report.table_view import TableView
+from benchmark.text import brief
 
 #: Verdict on a difference with p < .05 that is larger than codebooks and trainings scatter.
 ABOVE = "significant, above the scatter"
@@ -98,14 +100,22 @@ def _check_have_scores(views: Iterable[TableView], names: Iterable[str]) -> None
         If a method has none, or only scores of another version of the data.
     """
     with_scores: set[str] = set()
+    failures: dict[str, Record] = {}  # a job without scores by its method
     of_other_data: list[str] = []  # such as "gps on tosca, mesh"
     for view in views:
-        with_scores.update(row.method for row in view.rows if row.scored)
         of_other_data += view.left_out
+        for row in view.rows:
+            if row.scored:
+                with_scores.add(row.method)
+            for records in row.failed.values():
+                failures[row.method] = records[0]
     for name in names:
         if name in with_scores:
             continue
         problem = f"{name} has no scores"
+        if name in failures:
+            failed = failures[name]
+            problem = f"{problem} ({failed.status}: {brief(short_reason(failed.reason))})"
         other_data = [text for text in of_other_data if text.startswith(f"{name} on ")]
         if other_data:
             problem = f"{other_data[0]} ranks another version of the data"

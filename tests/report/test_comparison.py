@@ -10,7 +10,7 @@ from benchmark.report.comparison import ABOVE, compare_rows, details, summaries
 from benchmark.report.notes import QUICK, leads, table_notes
 from benchmark.report.statistics import permutation_test
 from benchmark.report.tables import table_views
-from tests.report.records import LABELS, record
+from tests.report.records import LABELS, failed, record
 
 LETTERS = [name for name in "abcdefgh" for _ in range(2)]
 
@@ -141,6 +141,7 @@ def test_a_row_without_a_gallery_is_compared_without_a_verdict():
         ),
         ([record("skeleton", dataset="tubes")], "no table has scores of both gps and skeleton"),
         ([record("other")], "skeleton has no scores; run it, or choose among gps, other"),
+        ([failed("skeleton")], r"skeleton has no scores \(failed: it fell\); run it, or choose"),
     ],
 )
 def test_rows_that_cannot_be_compared_are_refused(others, message):
