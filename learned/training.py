@@ -21,6 +21,7 @@ from torch import Tensor, nn
 
 from benchmark.api.contracts import Interval
 from benchmark.errors import ConfigurationError, TrainingError
+from benchmark.text import counted
 from learned.images import COVERED
 from learned.pairs import AnyPairs, PairsInMemory
 
@@ -109,7 +110,7 @@ class Schedule:
     def in_words(self) -> str:
         """Describe the schedule in one clause, with what differs from the paper's."""
         paper = Schedule(resolution=self.resolution, epochs=self.epochs, precision=self.precision)
-        words = [f"{self.resolution} x {self.resolution} pixels", f"{self.epochs} epochs"]
+        words = [f"{self.resolution} x {self.resolution} pixels", counted(self.epochs, "epoch")]
         for name, value in asdict(self).items():
             if value != getattr(paper, name):
                 words.append(f"{name} {value}")
