@@ -63,6 +63,7 @@ def table_notes(view: TableView) -> list[str]:
             _networks_without(rows, without_networks), "; "
         ),
         "No difference is significant and above the scatter: {}.": listed(_undecided(view)),
+        "Too few classes for a test: {}.": listed(_untested(view)),
         "No result: {}.": listed(_without_result(view, rows, without_networks), "; "),
         "Cannot be read or prepared, and count 0: {}.": listed(_unreadable(view, rows), "; "),
         "Refused shapes, which count 0: {}.": listed(_refused(rows), "; "),
@@ -180,25 +181,36 @@ def block_lead(view: TableView, title: str, block: Block) -> tuple[TableRow, int
     return next(row for row in view.rows if row.method == best), n_behind
 
 
-def _undecided(view: TableView) -> Iterable[str]:
+def _compared(view: TableView) -> Iterator[tuple[str, Block, ComparedRivals]]:
+    """Yield column, block and tests of each block with two or more printed rows in a column."""
+    printed = {row.method for row in view.printed_rows}
+    for (title, block), tested in view.tests.items():
+        if len(printed & tested.rivals.keys()) > 1:
+            yield title, block, tested
+
+
+def _undecided(view: TableView) -> Iterator[str]:
     """Name the blocks of rows, by column, in which no row is clearly better than another.
 
     A difference is clear if it is significant and larger than the scatter of repeated trainings or
-    codebooks. A column with too few classes for any test is named as a whole.
+    codebooks. Columns with too few classes for any test are named by :func:`_untested`.
     """
-    printed = {row.method for row in view.printed_rows}
-    undecided: dict[str, None] = {}  # an ordered set
-    for (title, block), tested in view.tests.items():
-        if len(printed & tested.rivals.keys()) < 2:  # there is nothing to compare
+    for title, block, tested in _compared(view):
+        if tested.n_classes < FEWEST_CLASSES or tested.is_above_scatter.any():
             continue
+        # Of networks that were trained once, the scatter is not known, and counts as infinite.
+        scatter = scatter_of([*tested.rivals.values()])
+        alone = ": one training each" if np.isinf(scatter.largest[0]) else ""
+        yield f"{BLOCKS[block]} ({title}{alone})"
+
+
+def _untested(view: TableView) -> Iterable[str]:
+    """Name the columns with too few classes for any test, with their numbers of classes."""
+    untested: dict[str, None] = {}  # an ordered set
+    for title, _, tested in _compared(view):
         if tested.n_classes < FEWEST_CLASSES:
-            undecided[f"{title} (not decidable: {tested.n_classes} classes)"] = None
-        elif not tested.is_above_scatter.any():
-            # Of networks that were trained once, the scatter is not known, and counts as infinite.
-            scatter = scatter_of([*tested.rivals.values()])
-            alone = ": one training each" if np.isinf(scatter.largest[0]) else ""
-            undecided[f"{BLOCKS[block]} ({title}{alone})"] = None
-    return undecided
+            untested[f"{title} ({tested.n_classes})"] = None
+    return untested
 
 
 # Data and columns
