@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from benchmark.api.learning import CARD, Learner, checked_weights, read_card
 from benchmark.commands.selection import RESULTS, as_paths, data_folder
 from benchmark.errors import BenchmarkError, ConfigurationError, TrainingError, locate
+from benchmark.pipeline.cache import locked, storing
 from benchmark.protocols.pairs import data_of_training, trainings_of
 from benchmark.protocols.trainings import own_training
 from benchmark.registry import Component, select_one
@@ -61,6 +62,8 @@ def train(
         If the method does not learn, or an option is unknown.
     TrainingError
         If the training fails, or leaves no model of its data.
+    StorageError
+        If the folder of a model cannot be written, or another process trains into it.
     """
     component = select_one(method, as_paths(plugins))
     # A method that can be trained may still lack something else that a learner needs.
@@ -78,15 +81,45 @@ def train(
     for training in trainings:
         tell(f"{component.name}, {training.name}")
         folder = Path(results) / "models" / training.name / learner.model_name
-        if (folder / CARD).exists():  # a learner keeps a finished model
-            _check_model(folder, training.name, "delete the folder to train anew")
-        data_of_this = data_of_training(training, root, tell)
-        with _training_of(component):
-            learner.train(data_of_this, folder, options or {}, tell)
-        _check_model(folder, training.name, _advice(component))
+        with _only_training_of(folder):
+            if (folder / CARD).exists():  # a learner keeps a finished model
+                _check_model(folder, training.name, "delete the folder to train anew")
+            data_of_this = data_of_training(training, root, tell)
+            with _training_of(component):
+                learner.train(data_of_this, folder, options or {}, tell)
+            _check_model(folder, training.name, _advice(component))
         tell(f"the model is in {folder}")
         folders.append(folder)
     return folders
+
+
+@contextmanager
+def _only_training_of(folder: Path) -> Iterator[None]:
+    """Return a context in which no other process trains the model of a folder.
+
+    The lock lies beside the folder, which is for the learner to make. Where nothing was trained,
+    no new folder stays.
+
+    Raises
+    ------
+    StorageError
+        If another process trains the model, or nothing can be written there.
+    """
+    lock = folder.with_name(f".{folder.name}.lock")
+    made = [path for path in lock.parents if not path.exists()]
+    try:
+        with storing(folder):
+            lock.parent.mkdir(parents=True, exist_ok=True)
+            file = lock.open("a")
+        with file, locked(file.fileno(), f"another training is writing to {folder}"):
+            try:
+                yield
+            finally:
+                lock.unlink()
+    finally:
+        for path in made:
+            with suppress(OSError):  # it is not empty
+                path.rmdir()
 
 
 @contextmanager

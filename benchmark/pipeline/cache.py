@@ -88,18 +88,30 @@ def writing(results: Path) -> Iterator[None]:
     with storing(results):
         (results / RUNS / "records").mkdir(parents=True, exist_ok=True)
         lock = (results / RUNS / "lock").open("a")
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise StorageError(
-                f"another run is writing to {results}",
-                "wait for its end, or choose another --results DIR",
-            ) from None
-        except OSError:
-            pass  # the file system has no locks: go on without
+    with lock, locked(lock.fileno(), f"another run is writing to {results}"):
         sweep(results / RUNS)
         yield
+
+
+@contextmanager
+def locked(descriptor: int, problem: str) -> Iterator[None]:
+    """Return a context in which no other process has the lock of an open file or folder.
+
+    Where the file system has no locks, there is none.
+
+    Raises
+    ------
+    StorageError
+        If another process has the lock; the problem is the given one.
+    """
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        hint = "wait for its end, or choose another --results DIR"
+        raise StorageError(problem, hint) from None
+    except OSError:
+        pass
+    yield
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 """A learner through the command line: trained once, and tested with its model."""
 
+import fcntl
 import json
 import re
 import shlex
@@ -65,6 +66,32 @@ def test_a_model_is_trained_once_and_its_row_names_what_it_has_seen(root, tmp_pa
     plan = call("plan", *selection)
     assert plan.startswith("stale")
     assert "the model tosca-III changed" in plan
+
+
+def test_one_process_trains_into_a_folder(root, tmp_path):
+    train = ("train", "nearest-view", "-t", "III", "--results", tmp_path, "--data-root", root)
+    folder = tmp_path / "models" / "tosca-III" / "seed0"
+    folder.parent.mkdir(parents=True)
+    with (folder.parent / ".seed0.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        told = " ".join(call(*train, code=2).split())
+    assert f"another training is writing to {folder}; wait for its end" in told
+    assert call(*train).endswith(f"the model is in {folder}\n")
+    assert [path.name for path in folder.parent.iterdir()] == ["seed0"]
+
+
+def test_a_folder_that_cannot_be_made_is_named_before_data_are_read(root, tmp_path):
+    (tmp_path / "models").write_text("a file")
+    train = ("train", "nearest-view", "-t", "III", "--results", tmp_path, "--data-root", root)
+    told = " ".join(call(*train, code=2).split())
+    assert "models/tosca-III/seed0: Not a directory; free some space, change its rights" in told
+    assert "pairs" not in told
+
+
+def test_a_refused_training_leaves_no_folder(root, tmp_path):
+    train = ("train", "nearest-view", "-t", "III", "--results", tmp_path / "results")
+    call(*train, "--data-root", root, "-o", "pairs=none", code=2)
+    assert not (tmp_path / "results").exists()
 
 
 def test_without_a_model_the_plan_names_the_command_that_trains_it(root, tmp_path, in_this_process):
