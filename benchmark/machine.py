@@ -15,6 +15,8 @@ from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import TypeVar
 
+from benchmark.errors import ConfigurationError
+
 Item = TypeVar("Item")
 Value = TypeVar("Value")
 
@@ -53,8 +55,16 @@ def in_threads(function: Callable[[Item], Value], items: Iterable[Item]) -> list
     The items are independent, and are shared by as many threads as :data:`THREADS` says. It pays
     for functions that spend their time in kernels and products of matrices, which run beside each
     other.
+
+    Raises
+    ------
+    ConfigurationError
+        If the variable is no number of threads.
     """
-    count = int(os.environ.get(THREADS, "1"))
+    text = os.environ.get(THREADS, "1")
+    if not text.isdecimal() or int(text) < 1:
+        raise ConfigurationError(f"{THREADS} is '{text}', not a number of threads", "unset it")
+    count = int(text)
     if count == 1:
         return [function(item) for item in items]
     with ThreadPoolExecutor(count) as threads:

@@ -3,6 +3,7 @@ import threading
 import pytest
 
 from benchmark import machine
+from benchmark.errors import ConfigurationError
 
 
 @pytest.mark.parametrize(
@@ -39,3 +40,10 @@ def test_items_that_threads_share_keep_their_order(monkeypatch, threads):
     assert machine.in_threads(double, range(50)) == [*range(0, 100, 2)]
     is_shared = threads == "3"
     assert (threading.get_ident() not in used) == is_shared
+
+
+@pytest.mark.parametrize("threads", ["", "0", "-2", "1.5", "all"])
+def test_what_is_no_number_of_threads_is_refused(monkeypatch, threads):
+    monkeypatch.setenv(machine.THREADS, threads)
+    with pytest.raises(ConfigurationError, match="not a number of threads; unset it"):
+        machine.in_threads(str, "abc")
