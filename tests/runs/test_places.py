@@ -180,5 +180,5 @@ def test_a_process_that_is_not_started_leaves_no_folder(temporary, monkeypatch):
     monkeypatch.setattr(subprocess, "Popen", refuse)
     task = SimpleNamespace(process="plugin.py", steps=(), record=None)
     with pytest.raises(BenchmarkError, match="no process can be started"):
-        Worker(2**30, 60.0).begin(task)
+        Worker(2**30, 60.0, 1).begin(task)
     assert [*temporary.iterdir()] == []
