@@ -265,9 +265,9 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
 
 
 def write_together(contents: Mapping[Path, bytes]) -> None:
-    """Write files, all or none of them: where the disk is full, the old ones stay as they are.
+    """Write files together: where the disk is full, all old ones stay as they are.
 
-    They take their names when all contents have been written to temporary files beside them.
+    All contents are first written to temporary files beside them, which then take their names.
 
     Raises
     ------
@@ -301,9 +301,9 @@ def _naming(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        error.filename = str(path)
-        error.filename2 = None
-        raise
+        if error.errno is None:  # of a library, and with a text of its own
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
 
 
 def write_text(path: Path, text: str) -> None:

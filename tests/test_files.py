@@ -1,6 +1,7 @@
 """Files are whole or absent, and what killed writers leave is removed."""
 
 import contextlib
+import errno
 import json
 import os
 import re
@@ -155,6 +156,40 @@ def test_a_file_is_replaced_as_a_whole_or_not_at_all(tmp_path):
     assert [found.name for found in path.parent.iterdir()] == ["file.txt"]
     write_text(path, "new ünd whole")
     assert path.read_bytes() == "new ünd whole".encode()
+
+
+def raises(*arguments):
+    """Return a writer whose disk fails, or whose library does."""
+
+    def write(file):
+        raise OSError(*arguments)
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((errno.ENOSPC, "No space left on device"), "[Errno 28] No space left on device: '{}'"),
+        ((errno.EIO, "Input/output error", "of.tmp"), "[Errno 5] Input/output error: '{}'"),
+        (("12 requested and 3 written",), "12 requested and 3 written"),
+    ],
+)
+def test_an_error_names_the_file_that_is_not_written_and_keeps_its_reason(
+    tmp_path, arguments, message
+):
+    path = tmp_path / "file"
+    with pytest.raises(OSError, match=r"(?s).*") as caught:
+        write_atomically(path, raises(*arguments))
+    assert str(caught.value) == message.format(path)
+    assert [*tmp_path.iterdir()] == []
+
+
+def test_an_error_of_renaming_names_one_file(tmp_path):
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(IsADirectoryError) as caught:
+        write_text(tmp_path / "folder", "text")
+    assert str(caught.value) == f"[Errno 21] Is a directory: '{tmp_path / 'folder'}'"
 
 
 def test_a_device_is_written_to_and_not_replaced(tmp_path):

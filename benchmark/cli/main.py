@@ -91,7 +91,7 @@ def program() -> None:
         _end(f"error: {error}", USAGE)
     except OSError as error:
         where = str(error.filename or "writing the output")[:_LONGEST_PLACE]
-        _end(f"error: {where}: {error.strerror}; choose another place", USAGE)
+        _end(f"error: {where}: {error.strerror or error}; choose another place", USAGE)
     if code == INTERRUPTED:
         _end(_interruption(sys.argv[1:]), INTERRUPTED)
     sys.exit(code)

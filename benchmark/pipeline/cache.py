@@ -70,7 +70,8 @@ def storing(results: Path) -> Iterator[None]:
     except OSError as error:
         hint = "free some space, change its rights, or choose another --results DIR"
         raise StorageError(
-            f"cannot write to {results}: {error.strerror}", f"{hint}; finished jobs are kept"
+            f"cannot write to {results}: {error.strerror or error}",
+            f"{hint}; finished jobs are kept",
         ) from error
 
 
