@@ -62,6 +62,10 @@ class StorageError(BenchmarkError):
         return isinstance(self.__cause__, OSError) and self.__cause__.errno in _OF_A_DISK
 
 
+class UnreadableFile(Incomplete):
+    """A cached file cannot be read, for a reason that is not in its content."""
+
+
 @contextmanager
 def storing(results: Path) -> Iterator[None]:
     """Turn errors of the file system into a :class:`StorageError`."""
@@ -154,8 +158,10 @@ class Cache:
 
         Raises
         ------
-        Incomplete
+        UnreadableFile
             If this process may open no file, or not this one, which may be whole.
+        MemoryError
+            If there is no memory for the arrays, which says nothing about the file either.
         """
         path = self._path(stage, key)
         try:
@@ -168,9 +174,11 @@ class Cache:
                 wanted = names.intersection(only or names).difference(without)
                 files = {name: archive.read(f"{name}.npy") for name in wanted}
             return {name: read_only(_array_of(file)) for name, file in files.items()}
+        except MemoryError:
+            raise
         except Exception as error:  # zip, zlib and numpy raise many types
             if isinstance(error, OSError) and error.errno in _SAYING_NOTHING:
-                raise Incomplete(f"{path} cannot be read: {error.strerror}") from error
+                raise UnreadableFile(f"{path}: {error.strerror}") from error
             return None
 
     def write(self, stage: Stage, key: str, arrays: Arrays) -> None:

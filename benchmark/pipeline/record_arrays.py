@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from benchmark.code_digest import digest_of_bytes
 from benchmark.errors import InvalidMesh
 from benchmark.files import read_file
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import Cache, Stage
+from benchmark.pipeline.cache import Cache, Stage, UnreadableFile
 from benchmark.pipeline.record_files import _say_skipped, published_folder
 from benchmark.pipeline.records import RankedShapes, Record
 
@@ -42,8 +43,7 @@ def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
     """
     # Distances of a job that ran here.
     shape = len(record.answered), len(record.sides[-1].answered)
-    arrays = Cache(results).read("records", record.key) or {}
-    distances = arrays.get("distances")
+    distances = _read_cached(results, "records", record.key, ["distances"]).get("distances")
     if distances is not None and distances.shape == shape:
         if distances.dtype.kind in _NUMBERS and np.isfinite(distances).all():
             return distances
@@ -143,4 +143,15 @@ def _read_arrays(
     """Return arrays of the first view of a shape; none if they are not kept here."""
     keys_of_first_views = record.files.get(stage, [])[:: record.views]
     key_of_shape = dict(zip(record.shapes, keys_of_first_views, strict=False))
-    return Cache(results).read(stage, key_of_shape.get(shape, ""), only=_READ) or {}
+    return _read_cached(results, stage, key_of_shape.get(shape, ""), _READ)
+
+
+def _read_cached(
+    results: Path, stage: Stage, key: str, names: Collection[str]
+) -> dict[str, NDArray[Any]]:
+    """Return arrays of a cached file; none if it is not kept here, or cannot be read."""
+    try:
+        return Cache(results).read(stage, key, only=names) or {}
+    except UnreadableFile as error:
+        _say_skipped(error.problem)
+        return {}

@@ -38,7 +38,14 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.errors import BenchmarkError, ConfigurationError, locate, with_hint
 from benchmark.machine import copies_end, same_umask
 from benchmark.pipeline import forms
-from benchmark.pipeline.cache import RUNS, Cache, CachedFile, Stage, StorageError
+from benchmark.pipeline.cache import (
+    RUNS,
+    Cache,
+    CachedFile,
+    Stage,
+    StorageError,
+    UnreadableFile,
+)
 from benchmark.pipeline.outputs import compute_output, make_distance_check, sign
 from benchmark.pipeline.prepared import CHANGED, PreparedShapes, last_change
 from benchmark.pipeline.ranking import DamagedFiles, rank
@@ -582,9 +589,9 @@ def _outcome_of_error(step: Step, error: BaseException) -> Outcome:
     It is ``"stopped"`` if the whole run has to end, ``"incomplete"`` if the method is not to blame,
     and a failure of the method otherwise.
     """
+    subject = "the ranking" if step.stage == "records" else step.view
     if isinstance(error, StorageError) and step.process and not error.is_of_disk:
         # A plugin may have limited what its process can write.
-        subject = step.view or "the ranking"
         reason = with_hint(
             f"{subject} has no result: the process of the plugin {error.problem}",
             "see what the plugin changes, and run again",
@@ -595,6 +602,8 @@ def _outcome_of_error(step: Step, error: BaseException) -> Outcome:
     if isinstance(error, CodeChanged):
         # This process may have imported the code before or after the change.
         return Outcome("incomplete", str(error), ends_process=True)
+    if isinstance(error, UnreadableFile):
+        return Outcome("incomplete", f"{subject} has no result: {error}")
     if isinstance(error, Incomplete):
         # Without geodesics, the other methods have no form of this shape either.
         has_no_geodesics = isinstance(error, forms.NoGeodesics)

@@ -12,8 +12,8 @@ from threading import Thread
 import numpy as np
 import pytest
 
-from benchmark.pipeline.cache import Cache
-from benchmark.pipeline.stages import SECONDS, Incomplete, timed
+from benchmark.pipeline.cache import Cache, UnreadableFile
+from benchmark.pipeline.stages import SECONDS, timed
 
 ARRAYS = {
     "descriptors": np.arange(24, dtype=np.uint8).reshape(2, 12),
@@ -50,11 +50,27 @@ def test_a_file_that_this_process_cannot_open_is_not_taken_for_damaged(tmp_path)
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (0, hard))
     try:
-        with pytest.raises(Incomplete, match=r"forms/key\.npz cannot be read: Too many open files"):
+        with pytest.raises(UnreadableFile, match=r"forms/key\.npz: Too many open files"):
             cache.read("forms", "key")
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
     assert cache.read("forms", "key") is not None
+
+
+def test_a_file_for_which_there_is_no_memory_is_not_taken_for_damaged(tmp_path, monkeypatch):
+    cache = Cache(tmp_path)
+    cache.write("forms", "key", ARRAYS)
+
+    def refuse(*_):
+        raise MemoryError
+
+    monkeypatch.setattr("benchmark.pipeline.cache._array_of", refuse)
+    with pytest.raises(MemoryError):
+        cache.read("forms", "key")
+    with pytest.raises(MemoryError):
+        cache.get("forms", "key", dict)
+    monkeypatch.undo()
+    assert cache.read("forms", "key").keys() == ARRAYS.keys()
 
 
 def test_processor_time_is_that_of_threads_and_ended_children_without_what_a_step_waits():

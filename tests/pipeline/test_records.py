@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import runpy
 import shutil
@@ -357,3 +358,21 @@ def test_stored_arrays_that_cannot_be_are_named_and_count_as_missing(tmp_path, c
         assert "distances of rods mesh gps: they are no finite" in capsys.readouterr().err
     cache.write("forms", keys["forms"], corner)
     assert np.array_equal(read_form(tmp_path, own, "cat0").vertices, np.eye(3))
+
+
+def test_a_stored_file_that_may_not_be_opened_costs_a_page_its_arrays_alone(
+    tmp_path, capsys, monkeypatch
+):
+    own = made_up.record("gps", files={"prepared": ["0" * 32] * 12})
+    corner = {"vertices": np.eye(3), "faces": np.array([[0, 1, 2]])}
+    Cache(tmp_path).write("prepared", "0" * 32, corner)
+    Cache(tmp_path).write("records", own.key, {"distances": np.zeros((12, 12))})
+    assert read_distances(tmp_path, own) is not None
+
+    def refuse(path):
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr("benchmark.pipeline.cache.zipfile.ZipFile", refuse)
+    assert read_prepared(tmp_path, own, "cat0") is read_distances(tmp_path, own) is None
+    said = capsys.readouterr().err.replace("\n", "")
+    assert said.count(".npz: Permission denied") == 2

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from benchmark.pipeline.cache import StorageError, storing
+from benchmark.pipeline.cache import Cache, StorageError, UnreadableFile, storing
 from benchmark.pipeline.record_files import read_records
 from benchmark.runs.tasks import _outcome_of_error
 from tests.toy import SMALL_SCORER, write_rods
@@ -209,3 +209,22 @@ def test_a_full_disk_ends_the_run_whichever_process_meets_it(tmp_path, number, p
     outcome = _outcome_of_error(step, raised.value)
     assert outcome.status == status
     assert os.strerror(number) in outcome.reason
+
+
+@pytest.mark.parametrize(
+    ("stage", "view", "subject"), [("forms", "thin0", "thin0"), ("records", "", "the ranking")]
+)
+def test_an_outcome_says_what_has_no_result_as_a_file_cannot_be_read(
+    tmp_path, monkeypatch, stage, view, subject
+):
+    def refuse(path):
+        raise OSError(errno.EMFILE, os.strerror(errno.EMFILE))
+
+    monkeypatch.setattr("benchmark.pipeline.cache.zipfile.ZipFile", refuse)
+    step = SimpleNamespace(process="", view=view, stage=stage)
+    with pytest.raises(UnreadableFile) as raised:
+        Cache(tmp_path).read("forms", "key")
+    outcome = _outcome_of_error(step, raised.value)
+    assert outcome.status == "incomplete"
+    assert outcome.reason.startswith(f"{subject} has no result: {tmp_path}")
+    assert outcome.reason.endswith("key.npz: Too many open files; run again")
