@@ -77,6 +77,9 @@ _CAUSES: dict[int, str] = {
 #: Seconds that a process may take to end once its connection is closed.
 _LONGEST_END = 10.0
 
+#: The same once what it has sent cannot be read: it may have been killed while it sent that.
+_LONGEST_END_OF_SENDER = 1.0
+
 #: Why a process was ended that cannot be understood.
 _CUT_OFF = (
     "its process closed the connection to the run, or sent what is no outcome; "
@@ -108,15 +111,17 @@ def _ends_by_itself(process: subprocess.Popen[bytes], error: Exception) -> bool:
         The process.
     error
         What its connection raised. One that is closed tells of the end of the process, unless the
-        process closed it itself. Any other error is what a method wrote into it.
+        process closed it itself. Any other error is of a message that the end of the process has
+        cut off, or of what a method wrote into the connection.
     """
-    if isinstance(error, EOFError | ConnectionError):
-        with suppress(subprocess.TimeoutExpired):
-            process.wait(_LONGEST_END)
-            return True
-    process.kill()
-    process.wait()
-    return False
+    is_closed = isinstance(error, EOFError | ConnectionError)
+    try:
+        process.wait(_LONGEST_END if is_closed else _LONGEST_END_OF_SENDER)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+        return False
+    return True
 
 
 class Workers(Protocol):
@@ -470,7 +475,7 @@ class Pool:
             is_of_plugin = worker.task.process != ""
             if is_of_plugin:
                 return worker
-        # The last ranking of a run may use all cores. While others go on, threads cost nothing.
+        # The last ranking of a run has all cores. While others go on, its threads share with them.
         return Worker(self._memory, self._timeout, self._size)
 
     @staticmethod

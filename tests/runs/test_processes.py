@@ -7,9 +7,11 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import struct
 import subprocess
 import sys
 import zipfile
+from multiprocessing.connection import Pipe
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,7 +19,8 @@ import pytest
 
 from benchmark.pipeline.cache import Cache, StorageError, UnreadableFile, storing
 from benchmark.pipeline.record_files import read_records
-from benchmark.runs.tasks import _outcome_of_error
+from benchmark.runs.tasks import Task, _outcome_of_error
+from benchmark.runs.workers import Worker
 from tests.toy import SMALL_SCORER, write_rods
 from tests.verbs import call
 
@@ -228,3 +231,18 @@ def test_an_outcome_says_what_has_no_result_as_a_file_cannot_be_read(
     assert outcome.status == "incomplete"
     assert outcome.reason.startswith(f"{subject} has no result: {tmp_path}")
     assert outcome.reason.endswith("key.npz: Too many open files; run again")
+
+
+def test_a_process_that_is_killed_while_it_sends_is_not_blamed_on_its_method():
+    worker = Worker(2**30, 60.0, 1)
+    worker.connection, theirs = Pipe()
+    worker._process = subprocess.Popen(["sleep", "100"])
+    worker.task = Task((SimpleNamespace(process="", view="thin0", stage="forms"),))
+    worker.waiting.extend(worker.task.steps)
+    with theirs:
+        os.write(theirs.fileno(), struct.pack("!i", 1000) + b"the first bytes of an outcome")
+    worker._process.kill()
+    ((_, outcome),) = worker.outcomes()
+    assert outcome.status == "incomplete"
+    assert outcome.reason.startswith("thin0 has no result: the process ended with SIGKILL")
+    worker.close()
