@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from benchmark.api.learning import CARD, Learner, checked_weights, read_card
 from benchmark.commands.selection import RESULTS, as_paths, data_folder
 from benchmark.errors import BenchmarkError, ConfigurationError, TrainingError, locate
-from benchmark.pipeline.cache import locked, storing
+from benchmark.pipeline.cache import StorageError, locked, storing
 from benchmark.protocols.pairs import data_of_training, trainings_of
 from benchmark.protocols.trainings import own_training
 from benchmark.registry import Component, select_one
@@ -112,14 +113,28 @@ def _only_training_of(folder: Path) -> Iterator[None]:
             lock.parent.mkdir(parents=True, exist_ok=True)
             file = lock.open("a")
         with file, locked(file.fileno(), f"another training is writing to {folder}"):
+            if not _has_path(file, lock):
+                problem = f"another training into {folder} has just ended"
+                raise StorageError(problem, "train again")
             try:
                 yield
             finally:
-                lock.unlink()
+                lock.unlink(missing_ok=True)
     finally:
         for path in made:
             with suppress(OSError):  # it is not empty
                 path.rmdir()
+
+
+def _has_path(file: IO[str], path: Path) -> bool:
+    """Return whether an open file still has its path.
+
+    If not, the one who had locked it has removed it, and a lock of it keeps nobody out.
+    """
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except FileNotFoundError:
+        return False
 
 
 @contextmanager

@@ -4,11 +4,15 @@ import fcntl
 import json
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import pytest
 
 from benchmark.api.learning import CARD
+from benchmark.commands.train import _only_training_of
+from benchmark.errors import TrainingError
+from benchmark.pipeline.cache import StorageError, locked
 from tests import verbs
 from tests.runs.toy import LIGHT
 from tests.toy import write_rods
@@ -78,6 +82,31 @@ def test_one_process_trains_into_a_folder(root, tmp_path):
     assert f"another training is writing to {folder}; wait for its end" in told
     assert call(*train).endswith(f"the model is in {folder}\n")
     assert [path.name for path in folder.parent.iterdir()] == ["seed0"]
+
+
+@pytest.mark.parametrize("is_made_anew", [False, True])
+def test_the_lock_of_a_training_that_ends_meanwhile_is_not_taken(
+    tmp_path, monkeypatch, is_made_anew
+):
+    folder = tmp_path / "models" / "tosca-III" / "seed0"
+    lock = folder.with_name(".seed0.lock")
+
+    def locked_too_late(descriptor, problem):
+        lock.unlink()  # by the process that had it
+        if is_made_anew:
+            lock.touch()  # by a third one
+        return locked(descriptor, problem)
+
+    monkeypatch.setattr("benchmark.commands.train.locked", locked_too_late)
+    with pytest.raises(StorageError, match="has just ended"), _only_training_of(folder):
+        pytest.fail("two processes train")
+
+
+def test_a_training_whose_folders_are_removed_says_so_itself(tmp_path):
+    folder = tmp_path / "models" / "tosca-III" / "seed0"
+    with pytest.raises(TrainingError, match="no place"), _only_training_of(folder):
+        shutil.rmtree(tmp_path / "models")
+        raise TrainingError("no place for a checkpoint")
 
 
 def test_a_folder_that_cannot_be_made_is_named_before_data_are_read(root, tmp_path):
