@@ -274,7 +274,7 @@ def _print_tables(planned: Plan, records: Sequence[Record], selection: Selection
 def _report_of(selection: Selection) -> str:
     """Return the command that writes the report of a selection.
 
-    It has each option without which the report would be of other jobs.
+    It has each option without which the report would be of other jobs or data.
     """
     words = ["python", "-m", "benchmark", "report"]
     for option, names in (("-t", selection.tables), ("-d", selection.data)):
@@ -282,7 +282,9 @@ def _report_of(selection: Selection) -> str:
             words += [option, str(name)]
     if selection.quick:
         words.append("--quick")
-    words += further_options(selection.results, selection.scorer, selection.seed)
+    words += further_options(
+        selection.results, selection.scorer, selection.seed, selection.data_root
+    )
     return shlex.join(words)
 
 

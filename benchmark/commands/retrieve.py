@@ -230,7 +230,7 @@ def retrieve(
         command += ["--gallery-views", str(gallery_views)]
     else:
         command += ["--input", of_gallery]
-    command += further_options(folder, scorer, seed, files)
+    command += further_options(folder, scorer, seed, data_root, files)
     job = _finished(planned.jobs, shapes, component, command, of_gallery)
     gallery = (job.before or job.record).sides[-1]
 

@@ -66,7 +66,11 @@ def data_folder(given: str | Path | None = None) -> Path | None:
 
 
 def further_options(
-    results: Path, scorer: str, seed: int, plugins: Iterable[Path] = ()
+    results: Path,
+    scorer: str,
+    seed: int,
+    data_root: str | Path | None,
+    plugins: Iterable[Path] = (),
 ) -> list[str]:
     """Return the options of a command that do not have their defaults, for a command to copy."""
     words: list[str] = []
@@ -76,6 +80,8 @@ def further_options(
         words += ["--plugin", str(plugin)]
     if results != RESULTS:
         words += ["--results", str(results)]
+    if data_root is not None and str(data_root) != os.environ.get(DATA_VARIABLE):
+        words += ["--data-root", str(data_root)]
     if seed != 0:
         words += ["--seed", str(seed)]
     return words

@@ -77,10 +77,11 @@ def test_a_gallery_without_forms_is_refused_in_the_words_of_the_verb(gallery, tm
         benchmark.retrieve(query, gallery.data, "gps", results=tmp_path)
     said = refusal("retrieve", "-d", gallery.data, "-m", "gps", "--results", tmp_path, query)
     assert str(error.value).splitlines()[0].split(";")[0] in said.replace("\n", " ")
-    words = ("-d", gallery.data, "-m", "gps", "--seed", "3", "--results", tmp_path, query)
+    own = ("--seed", "3", "--results", tmp_path, "--data-root", gallery.data)
+    words = ("-d", gallery.data, "-m", "gps", *own, query)
     command = refusal("retrieve", *words).partition("run `")[2].partition("` first")[0]
     assert "1 of 1 jobs to run" in call("plan", *shlex.split(command)[4:])
-    assert f"--results {tmp_path} --seed 3" in command
+    assert f"--results {tmp_path} --data-root {gallery.data} --seed 3" in command
 
 
 @pytest.mark.parametrize(
