@@ -45,7 +45,7 @@ ROOT = Path(__file__).parents[1]
 IN_NO_KEY = {
     "benchmark.errors": "says what went wrong",
     "benchmark.text": "prints",
-    "benchmark.machine": "describes the machine",
+    "benchmark.machine": "describes the machine, and shares work among threads",
     "benchmark.files": "fetches bytes, whose digest is in the key",
     "benchmark.api.parameters": "checks parameters, whose values are in the key",
     "learned.fitting": "trains models, the digest of whose weights is in the key",
@@ -95,7 +95,8 @@ def code_of(target: str, files: Iterable[str] = (), without: Iterable[str] = ())
     Raises
     ------
     ConfigurationError
-        If there is no such module, or one of the files is missing or is a folder.
+        If there is no such module, or none of a name in ``without``, or one of the files is missing
+        or is a folder.
     """
     sources, packages = _closure(target, without)
     parts = {}
@@ -236,7 +237,7 @@ def _closure(target: str, without: Iterable[str] = ()) -> tuple[dict[Path, Path]
             return base
         return _folder_of_sources(package)
 
-    left_out = {_locate(base, tuple(name.split("."))) for name in without}
+    left_out = {_left_out(name, base, start) for name in without}
     sources = {start: base}
     packages: set[str] = set()
     pending = [start]
@@ -254,6 +255,30 @@ def _closure(target: str, without: Iterable[str] = ()) -> tuple[dict[Path, Path]
             sources.update(dict.fromkeys(new_files, folder))
             pending += new_files
     return sources, packages
+
+
+def _left_out(name: str, base: Path, start: Path) -> Path:
+    """Return the file of a module that does not count in the code of another one.
+
+    Parameters
+    ----------
+    name
+        Name of the module.
+    base, start
+        Folder that holds the package of the other one, and its file.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no such module. Its code would count without a word.
+    """
+    file = _locate(base, tuple(name.split(".")))
+    if file is None:
+        raise ConfigurationError(
+            f"{start.name} says that '{name}' compares, and there is no such module",
+            f"correct 'comparing': names of modules, as imported from {base}",
+        )
+    return file
 
 
 def _start_of(target: str, plugin: Path | None) -> tuple[Path, Path]:

@@ -13,6 +13,7 @@ from benchmark.code_digest import FIRST_PARTY, ROOT, code_of, code_of_modules
 from benchmark.commands.plan import plan
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import FORMATS, mesh_file_set
+from benchmark.errors import ConfigurationError
 from benchmark.pipeline.prepared import PreparedShapes
 from benchmark.registry import select, select_one
 from benchmark.runs.tasks import STAGE_MODULES
@@ -163,6 +164,16 @@ def test_an_edit_of_what_compares_ranks_again_by_the_same_signatures(
     after = record()
     assert after.key != before.key
     assert (after.files["signatures"] == before.files["signatures"]) == same_signatures
+
+
+def test_what_a_plugin_says_that_compares_is_a_module_beside_it(tmp_path):
+    plugin = tmp_path / "plugin.py"
+    plugin.write_text("import matching\nimport words\n")
+    for name in ("matching", "words"):
+        (tmp_path / f"{name}.py").write_text("")
+    assert code_of(str(plugin), without=["matching"]).keys() == {"plugin.py", "words.py"}
+    with pytest.raises(ConfigurationError, match=r"plugin\.py says that 'match' compares"):
+        code_of(str(plugin), without=["match"])
 
 
 def test_the_code_of_a_plugin_is_that_of_the_names_that_it_imports(tmp_path):
