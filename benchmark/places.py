@@ -70,8 +70,8 @@ def no_places_of_the_user() -> Iterator[None]:
     The code sees an empty folder instead, which also takes temporary files. A worker has such a
     folder already, so that nothing changes there.
     """
-    is_worker = os.environ.get("HOME") == os.environ.get("TMPDIR")
-    if is_worker:
+    is_away = Path(os.environ.get("HOME", "")).name.startswith(_PREFIX)
+    if is_away:
         yield
         return
     environment = dict(os.environ)
@@ -132,7 +132,7 @@ def make_folder() -> str:
     _remove_abandoned()
     folder = tempfile.mkdtemp(prefix=_PREFIX)
     lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    with suppress(OSError):  # a file system without locks, where none is ever abandoned
+    with suppress(OSError):  # a file system without locks, where no folder counts as abandoned
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
     _locks[folder] = lock
     return folder

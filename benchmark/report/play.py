@@ -437,8 +437,8 @@ def _with_shortest_edges_collapsed(
 
     That takes a quarter of the time of collapses by quadric error, whose finer shapes nobody sees
     on small pictures. These are made only of a mesh that libigl cannot take: one that is not
-    manifold, or whose faces cannot be oriented alike, such as a Möbius strip, which libigl would
-    go around forever. Fused limbs of a scan may make such a surface.
+    manifold, or whose faces are not oriented alike. Those of a Möbius strip cannot be, and libigl
+    would never end; fused limbs of a scan may make such a surface.
     """
     import igl  # which few commands need
 
@@ -455,7 +455,7 @@ def _with_shortest_edges_collapsed(
 
 
 def _is_oriented(mesh: Mesh) -> bool:
-    """Return whether no two sides of triangles run from the same vertex to the same other one."""
+    """Return whether neighbouring triangles run along their common edge in opposite directions."""
     starts, ends = sides_of(mesh.faces)
     return len(np.unique(starts * mesh.n_vertices + ends)) == len(starts)
 

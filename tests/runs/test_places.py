@@ -119,6 +119,18 @@ def test_variables_are_as_before_and_what_else_changed_stays(monkeypatch):
     assert dict(os.environ) == {**before, "MINE": "1"}
 
 
+@pytest.mark.parametrize("variables", [{}, {"HOME": "/tmp", "TMPDIR": "/tmp"}])
+def test_a_home_that_is_also_the_folder_of_temporary_files_is_hidden(monkeypatch, variables):
+    for name in ("HOME", "TMPDIR"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    home = Path.home()
+    with no_places_of_the_user():
+        assert Path.home() != home
+    assert Path.home() == home
+
+
 # Folders that go with their process
 # ------------------------------------------------------------------------------------------------
 
