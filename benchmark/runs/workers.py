@@ -51,6 +51,10 @@ _MOST_SHAPES = 10**6
 #: Seconds of waiting work for which another process of the same code starts.
 _WORTH_A_PROCESS = 1.0
 
+#: Most threads that share a comparison of shapes: each takes some 16 MB, and the memory of a
+#: process is the smaller the more there are.
+_MOST_THREADS = 8
+
 #: Work during which nothing is stopped: kernels may take minutes to compile, and the program has
 #: imported plugins, too.
 _UNLIMITED = frozenset({"starting", "loading", "compiling"})
@@ -475,8 +479,9 @@ class Pool:
             is_of_plugin = worker.task.process != ""
             if is_of_plugin:
                 return worker
-        # The last ranking of a run has all cores. While others go on, its threads share with them.
-        return Worker(self._memory, self._timeout, self._size)
+        # The last ranking of a run may use other cores, too. While other processes go on, its
+        # threads share the cores with them.
+        return Worker(self._memory, self._timeout, min(self._size, _MOST_THREADS))
 
     @staticmethod
     def _put_back(worker: Worker, queue: Queue) -> None:

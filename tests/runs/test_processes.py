@@ -20,7 +20,7 @@ import pytest
 from benchmark.pipeline.cache import Cache, StorageError, UnreadableFile, storing
 from benchmark.pipeline.record_files import read_records
 from benchmark.runs.tasks import Task, _outcome_of_error
-from benchmark.runs.workers import Worker
+from benchmark.runs.workers import Pool, Worker
 from tests.toy import SMALL_SCORER, write_rods
 from tests.verbs import call
 
@@ -246,3 +246,9 @@ def test_a_process_that_is_killed_while_it_sends_is_not_blamed_on_its_method():
     assert outcome.status == "incomplete"
     assert outcome.reason.startswith("thin0 has no result: the process ended with SIGKILL")
     worker.close()
+
+
+@pytest.mark.parametrize(("size", "threads"), [(1, 1), (4, 4), (100, 8)])
+def test_threads_of_a_ranking_take_little_of_the_memory_of_one_of_many_processes(size, threads):
+    worker = Pool(size, 2**30, 60.0)._worker_for(Task((SimpleNamespace(process=""),)), [], 0)
+    assert worker._threads == threads
