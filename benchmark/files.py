@@ -243,7 +243,8 @@ def write_atomically(path: Path, write: Callable[[Any], object], *, durable: boo
     Raises
     ------
     OSError
-        If the file cannot be written; then no temporary file remains. It names the file.
+        If the file cannot be written; then no temporary file remains. An error of the system names
+        the file.
     """
     with _naming(path):
         if path.is_char_device() or path.is_fifo():
@@ -272,7 +273,7 @@ def write_together(contents: Mapping[Path, bytes]) -> None:
     Raises
     ------
     OSError
-        If a file cannot be written; it names the file.
+        If a file cannot be written, which it names.
     """
     temporaries: dict[Path, Path] = {}
     try:

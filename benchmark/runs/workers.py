@@ -128,6 +128,15 @@ def _ends_by_itself(process: subprocess.Popen[bytes], error: Exception) -> bool:
     return True
 
 
+def _ending(code: int) -> str:
+    """Say how a process ended, by its exit code, which is negative for a signal."""
+    if code >= 0:
+        return f"exit code {code}"
+    with suppress(ValueError):  # most signals of real time have no name
+        return signal.Signals(-code).name + _CAUSES.get(-code, "")
+    return f"signal {-code}"
+
+
 class Workers(Protocol):
     """Where the tasks of a run are done."""
 
@@ -327,12 +336,10 @@ class Worker:
 
         Its own code ended it unless a signal came from outside, or it was still starting.
         """
-        ending = signal.Signals(-code).name if code < 0 else f"exit code {code}"
-        ending += _CAUSES.get(-code, "")
         is_from_inside = code >= 0 or -code in _OWN_SIGNALS
         is_own = is_from_inside and "starting" not in self._uncharged
         status = "crashed" if is_own else "incomplete"
-        return self._blame(status, f"the process ended with {ending}")
+        return self._blame(status, f"the process ended with {_ending(code)}")
 
     def _blame(self, status: str, reason: str) -> tuple[Step, Outcome]:
         """Return the step at work, and its outcome after the process died or was stopped.

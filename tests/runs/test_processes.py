@@ -7,6 +7,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import signal
 import struct
 import subprocess
 import sys
@@ -252,3 +253,20 @@ def test_a_process_that_is_killed_while_it_sends_is_not_blamed_on_its_method():
 def test_threads_of_a_ranking_take_little_of_the_memory_of_one_of_many_processes(size, threads):
     worker = Pool(size, 2**30, 60.0)._worker_for(Task((SimpleNamespace(process=""),)), [], 0)
     assert worker._threads == threads
+
+
+@pytest.mark.parametrize(
+    ("code", "said", "status"),
+    [
+        (3, "exit code 3", "crashed"),
+        (-signal.SIGSEGV, "SIGSEGV", "crashed"),
+        (-signal.SIGXCPU, "SIGXCPU: its processor time was used up", "incomplete"),
+        (-40, "signal 40", "incomplete"),
+    ],
+)
+def test_what_ended_a_process_is_said_of_any_signal(code, said, status):
+    worker = Worker(2**30, 60.0, 1)
+    worker.waiting.append(SimpleNamespace(view="thin0", stage="forms"))
+    _, outcome = worker._ended(code)
+    assert outcome.status == status
+    assert f"the process ended with {said}" in outcome.reason
