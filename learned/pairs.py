@@ -243,7 +243,12 @@ def keep(
     folder.mkdir(parents=True, exist_ok=True)
     n_images = bodies.n_images
     shape = (len(bodies.names) * n_images, resolution, resolution)
-    depths = _open_or_make(folder / "depths.npy", shape)
+    path = folder / "depths.npy"
+    if not path.is_file():
+        finished = 0
+        note.unlink(missing_ok=True)  # it counts images that were deleted
+        write_atomically(path, lambda file: _write_empty(file, shape))
+    depths: np.memmap[Any, np.dtype[np.float16]] = np.lib.format.open_memmap(path, mode="r+")
 
     def note_finished(count: int) -> None:
         """Note that the images of the first bodies are in the file."""
@@ -283,13 +288,6 @@ def _finished_bodies(note: Path, recipe: Mapping[str, Any]) -> int:
         problem = f"the pairs in {note.parent} were made by other code"
         raise TrainingError(problem, "delete that folder to make them again")
     return finished
-
-
-def _open_or_make(path: Path, shape: tuple[int, ...]) -> np.memmap[Any, np.dtype[np.float16]]:
-    """Open an array in a file, to read and write; make one of zeros if there is no file."""
-    if not path.is_file():
-        write_atomically(path, lambda file: _write_empty(file, shape))
-    return np.lib.format.open_memmap(path, mode="r+")
 
 
 def _write_empty(file: BinaryIO, shape: tuple[int, ...]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -88,3 +89,15 @@ def test_pairs_of_other_code_are_refused(tmp_path: Path) -> None:
     with pytest.raises(TrainingError, match="made by other code; delete that folder"):
         kept(tmp_path / "pairs", other)
     assert json.loads((tmp_path / "pairs" / "progress.json").read_text())["bodies"] == 3
+
+
+def test_pairs_whose_images_were_deleted_are_made_again(tmp_path: Path) -> None:
+    before = kept(tmp_path / "pairs").digest()
+    (tmp_path / "pairs" / "depths.npy").unlink()
+
+    def stopping(number: int) -> Iterable[Image]:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        kept(tmp_path / "pairs", replace(BODIES, images=stopping))
+    assert kept(tmp_path / "pairs").digest() == before
