@@ -409,22 +409,23 @@ class Work:
             If the user leaves the debugger.
         """
         try:
-            if self.task.record:
-                return self._rank(step, self.task.record)
-            return self._make(step)
+            return self._run(step)
         except (KeyboardInterrupt, BdbQuit):
             raise
-        except DamagedFiles as error:
-            self._remove(step, error.files)
-            return _incomplete(f"a file of {step.view or 'the gallery'} was damaged")
         except BaseException as error:  # SystemExit included: a method must not end its worker
             return _outcome_of_error(step, error)
 
-    def _remove(self, step: Step, files: Iterable[tuple[Stage, str]]) -> None:
-        """Remove damaged files from the cache, so that they are computed again."""
-        cache_of_run = Cache(step.job.results)
-        for stage, key in files:
-            cache_of_run.remove(stage, key)
+    def _run(self, step: Step) -> Outcome:
+        """Run a step; damaged files of the cache are removed, so that they are computed again."""
+        try:
+            if self.task.record:
+                return self._rank(step, self.task.record)
+            return self._make(step)
+        except DamagedFiles as error:
+            cache_of_run = Cache(step.job.results)
+            for stage, key in error.files:
+                cache_of_run.remove(stage, key)
+            return _incomplete(f"a file of {step.view or 'the gallery'} was damaged")
 
     def _make(self, step: Step) -> Outcome:
         """Compute the file of a step, unless it is in the cache, and return how that ended.

@@ -20,7 +20,7 @@ import pytest
 
 from benchmark.pipeline.cache import Cache, StorageError, UnreadableFile, storing
 from benchmark.pipeline.record_files import read_records
-from benchmark.runs.tasks import Task, _outcome_of_error
+from benchmark.runs.tasks import RunContext, Task, Work, _outcome_of_error
 from benchmark.runs.workers import Pool, Worker
 from tests.toy import SMALL_SCORER, write_rods
 from tests.verbs import call
@@ -270,3 +270,17 @@ def test_what_ended_a_process_is_said_of_any_signal(code, said, status):
     _, outcome = worker._ended(code)
     assert outcome.status == status
     assert f"the process ended with {said}" in outcome.reason
+
+
+def test_a_damaged_file_that_cannot_be_removed_ends_no_process(tmp_path, monkeypatch):
+    def refuse(path, missing_ok):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    job = SimpleNamespace(results=tmp_path)
+    step = SimpleNamespace(
+        process="", view="thin0", stage="forms", keys={"prepared": "key"}, job=job
+    )
+    outcome = Work(Task((step,)), RunContext()).outcome(step)
+    assert outcome.status == "stopped"
+    assert "Read-only file system" in outcome.reason
