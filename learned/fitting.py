@@ -100,12 +100,12 @@ def train(
         raise ConfigurationError(f"the network has no resolution {schedule.resolution}", hint)
     network = configuration.build(seed)
     recipe = asdict(schedule) | {"seed": seed, "shapes": list(data.identifiers)}
-    _check_finished(folder, recipe)
+    check_finished(folder, recipe)
     torch.set_num_threads(machine.threads or available_cores())
     say(f"training '{name}', seed {seed}: {schedule.in_words()}; {data.title}")
     pairs = _pairs(configuration, data, schedule, folder, say)
     recipe["images"] = pairs.digest()
-    if _check_finished(folder, recipe):
+    if check_finished(folder, recipe):
         say(f"{folder} holds this model already")
         return
     unseen = gather(
@@ -187,7 +187,7 @@ def _pairs(
     return pairs.stretched() if schedule.stretch_depth else pairs
 
 
-def _check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
+def check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
     """Check the model in a folder, and return whether it is the finished one of this training.
 
     Parameters

@@ -4,15 +4,17 @@ The rules are in README.md beside this file, under "Targets that fill the range"
 models that were trained with ``stretch_depth``; EARLIER is ``learned/models`` of commit 37a963d1.
 ``lengthen RESULTS EARLIER`` trains for 250 epochs and evaluates on the way, ``take-apart FOLD``
 looks at the network as printed, ``go-on RESULTS as-they-are|stretched`` trains it further, and
-``judge`` prints the table. Scores go to depth-range.csv; what it holds is not computed again.
-``average-bodies`` writes those of the rows of tables."""
+``judge`` prints the table. Scores go to depth-range.csv; what it holds is not computed again, and
+two processes may add to it. ``average-bodies`` writes those of the rows of tables."""
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -35,6 +37,7 @@ from benchmark.pipeline.prepared import frame_of
 from benchmark.pipeline.views import prepare_view
 from benchmark.protocols.pairs import data_of_training
 from benchmark.protocols.trainings import TRAININGS
+from benchmark.text import say
 from learned import fitting, training
 from learned.images import COVERED, DepthScale, checked_image, enlarged, resampled
 from learned.methods import Learned
@@ -69,6 +72,9 @@ AVERAGE = "average body"
 FLAT = "flat"
 TRUE = "true depth"
 
+#: Targets of a network that is trained further, other than ``NEW``: depths as they are.
+PLAIN = "as-they-are"
+
 #: Settings that ``NEW`` has to exceed if it sees more than the range of depths and a mean body.
 CONTROLS = (DIVIDED, AVERAGE)
 
@@ -101,7 +107,7 @@ def judges() -> tuple[list[str], NDArray[np.float32], NDArray[np.float32]]:
 def training_bodies(fold: int, resolution: int) -> Tensor:
     """Return depth and mask of each training body, shape (n, 2, r, r)."""
     seen: dict[str, NDArray[np.float32]] = {}
-    for pair in data_of_training(TRAININGS[f"people-fold-{fold}"], None, print).pairs():
+    for pair in data_of_training(TRAININGS[f"people-fold-{fold}"], None, say).pairs():
         if pair.target_identifier not in seen:
             seen[pair.target_identifier] = resampled(checked_image(pair.target), resolution)
     return torch.from_numpy(np.stack([*seen.values()])).double()
@@ -178,13 +184,26 @@ def predictions(method: Learned) -> list[Tensor]:
     return [method.predict(image) for image in judges()[1]]
 
 
+def known_scores() -> pandas.DataFrame:
+    """Return the scores that are in the table."""
+    if not SCORES.is_file():
+        return pandas.DataFrame(columns=["fold", "seed", "epochs", "setting"])
+    return pandas.read_csv(SCORES)
+
+
+def append(found: Sequence[pandas.DataFrame]) -> None:
+    """Add scores to the table as it is now: another process may have added its own meanwhile."""
+    with Path(__file__).open() as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        table = pandas.concat([known_scores(), *found])
+        partial = SCORES.with_suffix(".tmp")
+        table.to_csv(partial, index=False, lineterminator="\n")
+        partial.replace(SCORES)
+
+
 def evaluate(fold: int, seed: int, folder: Path, earlier: Path, epochs: int) -> None:
     """Append the scores of a model, of the earlier one and of the controls."""
-    known = (
-        pandas.read_csv(SCORES)
-        if SCORES.is_file()
-        else pandas.DataFrame(columns=["fold", "seed", "epochs"])
-    )
+    known = known_scores()
     if len(known.query(f"fold == {fold} and seed == {seed} and epochs == {epochs}")):
         return
     card = json.loads((folder / CARD).read_text())
@@ -198,7 +217,7 @@ def evaluate(fold: int, seed: int, folder: Path, earlier: Path, epochs: int) -> 
         found.append(scored({**facts, "setting": setting}, ranked(given), given, truth))
     for setting, given in ((EARLIER, of_earlier), (NEW, new)):
         found.append(scored({**facts, "setting": f"{setting}, L2"}, by_pixels(given), given, truth))
-    pandas.concat([known, *found]).to_csv(SCORES, index=False, lineterminator="\n")
+    append(found)
 
 
 def take_apart(fold: int) -> None:
@@ -224,63 +243,82 @@ def take_apart(fold: int) -> None:
             scored({**facts, "setting": f"as printed: {setting}"}, ranked(images), images, truth)
         )
     found.append(scored({**facts, "setting": "as printed: L2"}, by_pixels(given), given, truth))
-    known = [pandas.read_csv(SCORES)] if SCORES.is_file() else []
-    pandas.concat([*known, *found]).to_csv(SCORES, index=False, lineterminator="\n")
+    append(found)
 
 
 def go_on(results: Path, targets: str) -> None:
     """Train the network as printed of fold 0 further, on targets of either range, and append its
     scores.
     """
-    known = pandas.read_csv(SCORES)
-    if known["setting"].str.startswith(f"as printed, then {targets}:").any():
+    if targets not in (PLAIN, NEW):
+        raise SystemExit(__doc__)
+    if known_scores()["setting"].str.startswith(f"as printed, then {targets}:").any():
         return
     name = "as_printed"
-    data = data_of_training(TRAININGS["people-fold-0"], None, print)
+    data = data_of_training(TRAININGS["people-fold-0"], None, say)
     configuration = CONFIGURATIONS[name]
     device = torch.device("cpu")
     schedule = training.resolved(training.Schedule(epochs=FURTHER, early_epochs=0), device)
     pairs = gather(data.pairs(), data.n_pairs, schedule.resolution, configuration.crop)
     stretched = DepthScale.of(pairs.targets)
-    scale = {"as-they-are": DepthScale(), NEW: stretched}[targets]
+    scale = {PLAIN: DepthScale(), NEW: stretched}[targets]
+    pairs = pairs.scaled(scale)
     folder = results / "models" / "people-fold-0" / f"{name}-{targets}"
     folder.mkdir(parents=True, exist_ok=True)
-    if not (folder / CARD).is_file():
+    recipe = {
+        **asdict(schedule),
+        "seed": FURTHER_SEED,
+        "shapes": list(data.identifiers),
+        "images": pairs.digest(),
+    }
+    if not fitting.check_finished(folder, recipe):
         network = configuration.build()
         network.load_state_dict(
             {key: each.float() for key, each in tensors_in(checked_weights(AS_PRINTED)).items()}
         )
-        head = network.reconstruction.head
-        with torch.no_grad():  # the same function in the units of the targets
-            head.weight[0] *= scale.factor
-            head.bias[0] = 0.5 + scale.factor * (head.bias[0] - scale.mean)
+        express_depths_in(network.reconstruction.head, scale)
         history, _ = training.fit(
-            network,
-            pairs.scaled(scale),
-            None,
-            schedule,
-            folder,
-            seed=FURTHER_SEED,
-            device=device,
-            log=print,
+            network, pairs, None, schedule, folder, seed=FURTHER_SEED, device=device, log=say
         )
-        facts = {"seed": FURTHER_SEED, "depth_scale": msgspec.to_builtins(scale)}
+        facts = {
+            "seed": FURTHER_SEED,
+            "data_digest": recipe["images"],
+            "depth_scale": msgspec.to_builtins(scale),
+        }
         save_model(network.eval(), configuration, data, schedule, history, folder, facts)
     truth = true_images(schedule.resolution)
     before, new = (
         predictions(Learned(configuration="as_printed").load(each)) for each in (AS_PRINTED, folder)
     )
     facts = {"fold": 0, "seed": FURTHER_SEED, "epochs": FURTHER}
-    found = [
-        scored(
-            {**facts, "setting": f"as printed, then {targets}: {setting}"},
-            ranked(given),
-            given,
-            truth,
-        )
-        for setting, given in settings(before, new, truth, 0, stretched.factor)
-    ]
-    pandas.concat([known, *found]).to_csv(SCORES, index=False, lineterminator="\n")
+    append(
+        [
+            scored(
+                {**facts, "setting": f"as printed, then {targets}: {setting}"},
+                ranked(given),
+                given,
+                truth,
+            )
+            for setting, given in settings(before, new, truth, 0, stretched.factor)
+        ]
+    )
+
+
+def express_depths_in(head: torch.nn.Conv2d, scale: DepthScale) -> None:
+    """Make a network predict the same depths in the units of stretched targets.
+
+    Parameters
+    ----------
+    head
+        Last layer of the network, changed in place; its first channel is the depth.
+    scale
+        Map of the depths of the targets.
+    """
+    bias = head.bias
+    assert bias is not None
+    with torch.no_grad():
+        head.weight[0] *= scale.factor
+        bias[0] = 0.5 + scale.factor * (bias[0] - scale.mean)
 
 
 def true_images(resolution: int) -> list[Tensor]:
@@ -331,14 +369,14 @@ def lengthen(results: Path, earlier: Path) -> None:
         "stretch_depth": True,
         "threads": 1,
     }
-    data = data_of_training(TRAININGS["people-fold-0"], None, print)
+    data = data_of_training(TRAININGS["people-fold-0"], None, say)
     fitting.train(
         "literal",
         0,
         data,
         folder,
         {**options, "device": "cpu"},
-        lambda text: print(text, flush=True),
+        say,
     )
     card = json.loads((folder / CARD).read_text())
     for epoch in AT:
@@ -400,28 +438,37 @@ def standard_error(values: NDArray[np.float64]) -> float:
 
 
 def judge_further_trainings(scores: pandas.DataFrame) -> None:
-    """Print how far stretched targets exceed others, if the network as printed is trained further.
+    """Print how far stretched targets exceed others, if the network as printed is trained further,
+    and what the rule says.
 
     Parameters
     ----------
     scores
         One line for each body and setting.
     """
-    further = scores.groupby(["setting", "body"])["FT"].mean().unstack("setting")
+    of_bodies = scores.groupby(["setting", "body"])[["FT", "error"]].mean()
     mine = f"as printed, then {NEW}: {NEW}"
-    others = [
-        f"as printed, then as-they-are: {NEW}",
-        *(f"as printed, then {NEW}: {each}" for each in CONTROLS),
-    ]
-    if not {mine, *others} <= {*further}:  # not all have run
-        return
-    for other in others:
-        each = further[mine] - further[other]
-        reach = student.ppf(0.975, len(each) - 1) * each.sem()
-        print(
-            f"{mine} - {other}: FT over bodies "
-            f"{each.mean() - reach:+.4f} to {each.mean() + reach:+.4f}"
-        )
+    plain = f"as printed, then {PLAIN}: {NEW}"
+    controls = [f"as printed, then {NEW}: {each}" for each in CONTROLS]
+    if not {mine, plain, *controls} <= {*of_bodies.index.get_level_values("setting")}:
+        return  # not all have run
+    ft = of_bodies["FT"].unstack("setting")
+    errors = of_bodies["error"].unstack("setting").mean()
+    lowest = {}
+    highest = {}
+    for other in (plain, *controls):
+        gain = (ft[mine] - ft[other]).to_numpy()
+        reach = student.ppf(0.975, len(gain) - 1) * standard_error(gain)
+        lowest[other] = gain.mean() - reach
+        highest[other] = gain.mean() + reach
+        print(f"{mine} - {other}: FT over bodies {lowest[other]:+.4f} to {highest[other]:+.4f}")
+    average = f"as printed, then {NEW}: {AVERAGE}"
+    print(f"error: {errors[mine]:.5f}, of the average body {errors[average]:.5f}")
+    range_matters = lowest[plain] > 0 or highest[plain] < 0
+    exceeds_controls = all(lowest[control] > 0 for control in controls)
+    print("the range of depths matters:", bool(range_matters))
+    is_below = errors[mine] < errors[average]
+    print("sees the relief:", bool(range_matters and exceeds_controls and is_below))
 
 
 def judge_long_training(scores: pandas.DataFrame) -> None:
@@ -455,5 +502,7 @@ if __name__ == "__main__":
         go_on(Path(rest[0]), rest[1])
     elif what == "lengthen":
         lengthen(Path(rest[0]), Path(rest[1]))
-    else:
+    elif what == "judge":
         judge()
+    else:
+        raise SystemExit(__doc__)

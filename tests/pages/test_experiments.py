@@ -1,11 +1,20 @@
-"""The rule of the experiment on data and architecture, on made-up scores."""
+"""The rules of experiments on made-up scores, and what their pages say."""
 
+import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+import torch
+
+from benchmark.api.learning import CARD
+from benchmark.errors import ConfigurationError
+from learned.images import DepthScale
+from learned.training import Schedule, resolved
+from tests.learned.toy import toy_data
 
 FOLDER = Path(__file__).parents[2] / "results" / "experiments"
 
@@ -18,6 +27,13 @@ def experiment(monkeypatch):
     yield data_or_architecture
     for name in ("data_or_architecture", "depth_range"):
         sys.modules.pop(name, None)
+
+
+@pytest.fixture
+def depth_range(experiment, monkeypatch, tmp_path):
+    module = experiment.depth_range
+    monkeypatch.setattr(module, "SCORES", tmp_path / "depth-range.csv")
+    return module
 
 
 def cell(mean, between_seeds=0.0, noise=0.01):
@@ -216,3 +232,106 @@ def test_a_network_sees_the_relief_only_by_score_and_error_together(experiment):
     one_seed = higher.copy()
     one_seed[1] = lower[1] - 0.01
     assert not sees(one_seed, lower, small, large)
+
+
+def further_scores(module, gains, errors=(0.5, 1.0)):
+    """Scores of twelve bodies by the network as printed that was trained further.
+
+    Parameters
+    ----------
+    module
+        The experiment.
+    gains
+        How far FT with stretched targets exceeds that with plain ones, and that of each control.
+    errors
+        Error of the depth with stretched targets, and that of the average body.
+    """
+    stretched = f"as printed, then {module.NEW}"
+    plain = f"as printed, then {module.PLAIN}: {module.NEW}"
+    controls = [f"{stretched}: {name}" for name in module.CONTROLS]
+    bodies = 0.5 + 0.1 * np.random.default_rng(3).normal(size=12)
+    noise = 0.01 * np.random.default_rng(4).normal(size=12)
+    ft = {f"{stretched}: {module.NEW}": bodies + noise}
+    for setting, gain in zip([plain, *controls], gains, strict=True):
+        ft[setting] = bodies - gain
+    error = {f"{stretched}: {module.NEW}": errors[0], f"{stretched}: {module.AVERAGE}": errors[1]}
+    tables = []
+    for setting, values in ft.items():
+        facts = {"setting": setting, "body": range(12), "error": error.get(setting, 2.0)}
+        tables.append(pd.DataFrame({**facts, "FT": values}))
+    return pd.concat(tables)
+
+
+@pytest.mark.parametrize(
+    ("gains", "errors", "matters", "sees"),
+    [
+        ((0.1, 0.1, 0.1), (0.5, 1.0), True, True),
+        ((0.1, 0.1, 0.1), (1.0, 0.5), True, False),
+        ((0.1, 0.0, 0.1), (0.5, 1.0), True, False),
+        ((0.1, 0.1, -0.1), (0.5, 1.0), True, False),
+        ((0.0, 0.1, 0.1), (0.5, 1.0), False, False),
+        ((-0.1, -0.1, -0.1), (0.5, 1.0), True, False),
+    ],
+)
+def test_a_network_trained_further_sees_the_relief_only_by_scores_and_error_together(
+    gains, errors, matters, sees, depth_range, capsys
+):
+    depth_range.judge_further_trainings(further_scores(depth_range, gains, errors))
+    said = capsys.readouterr().out
+    assert f"the range of depths matters: {matters}" in said
+    assert f"sees the relief: {sees}" in said
+
+
+def test_scores_that_another_process_adds_meanwhile_are_kept(depth_range, monkeypatch, tmp_path):
+    def found(setting):
+        return pd.DataFrame({"fold": [0], "seed": [1], "epochs": [50], "setting": [setting]})
+
+    def predictions(_):
+        depth_range.append([found("of another process")])
+        return []
+
+    monkeypatch.setattr(depth_range, "data_of_training", lambda *_: toy_data())
+    monkeypatch.setattr(depth_range.fitting, "check_finished", lambda *_: True)
+    monkeypatch.setattr(depth_range.Learned, "load", lambda *_: None)
+    monkeypatch.setattr(depth_range, "predictions", predictions)
+    monkeypatch.setattr(depth_range, "true_images", lambda _: [])
+    monkeypatch.setattr(depth_range, "settings", lambda *_: iter([("predicted", [])]))
+    monkeypatch.setattr(depth_range, "ranked", lambda _: {})
+    monkeypatch.setattr(depth_range, "scored", lambda facts, *_: found(facts["setting"]))
+    depth_range.append([found("known")])
+    depth_range.go_on(tmp_path, depth_range.PLAIN)
+    settings = pd.read_csv(depth_range.SCORES)["setting"].tolist()
+    other = "of another process"
+    assert settings == ["known", other, other, "as printed, then as-they-are: predicted"]
+
+
+def test_a_finished_model_of_other_pairs_is_no_model_of_the_experiment(
+    depth_range, monkeypatch, tmp_path
+):
+    data = toy_data()
+    monkeypatch.setattr(depth_range, "data_of_training", lambda *_: data)
+    folder = tmp_path / "models" / "people-fold-0" / f"as_printed-{depth_range.PLAIN}"
+    folder.mkdir(parents=True)
+    schedule = Schedule(epochs=depth_range.FURTHER, early_epochs=0)
+    card = {
+        "schedule": asdict(resolved(schedule, torch.device("cpu"))),
+        "seed": depth_range.FURTHER_SEED,
+        "identifiers": list(data.identifiers),
+        "data_digest": "0" * 64,
+    }
+    (folder / CARD).write_text(json.dumps(card))
+    with pytest.raises(ConfigurationError, match="of another training, with another images"):
+        depth_range.go_on(tmp_path, depth_range.PLAIN)
+
+
+def test_a_network_predicts_the_same_depths_in_the_units_of_stretched_targets(depth_range):
+    torch.manual_seed(0)
+    head = torch.nn.Conv2d(3, 2, 1)
+    features = torch.rand(1, 3, 4, 4)
+    scale = DepthScale(mean=0.47, factor=7.5)
+    with torch.no_grad():
+        (before,) = head(features)
+        depth_range.express_depths_in(head, scale)
+        (after,) = head(features)
+    assert not torch.allclose(before[0], after[0])
+    torch.testing.assert_close(scale.undo(after), before, rtol=0, atol=1e-6)
