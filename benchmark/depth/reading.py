@@ -111,13 +111,8 @@ _MASK = re.compile("(?<![A-Za-z])(mask|MASK)(s|S)?(?![A-Za-z])|Masks?(?![a-z])")
 #: Extension of what may be a mask.
 _PICTURE = r"\.(png|jpe?g|tiff?|bmp|gif|webp|pbm|pgm|npy|npz)"
 
-#: Bytes at the beginning of a portable grey map within which its header ends.
-_ROOM_OF_HEADER = 1000
-
-#: Maximum value of a portable grey map, which Pillow stretches to 16 bits.
-_MAXIMUM = re.compile(
-    rb"P[25](?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+\d+(?:\s+|#[^\n]*\n)+(\d{1,5})\s"
-)
+#: Decoders of Pillow that stretch a portable grey map to 16 bits, from its stated maximum.
+_STRETCHING = ("ppm", "ppm_plain")
 
 
 def read_values(path: Path) -> NDArray[Any]:
@@ -417,26 +412,24 @@ def _pixels(content: bytes) -> NDArray[Any]:
                 f"the image holds {kind}, no depth",
                 "export depth with 16 bits per pixel and one channel",
             )
+        maximum = _stated_maximum(image)  # before the pixels are read, which forgets it
         values = np.array(image)
         has_16_bits_in_32 = image.mode == "I" and image.format in ("PNG", "PPM")
-        return _unstretched(values, content) if has_16_bits_in_32 else values
+        if not has_16_bits_in_32:
+            return values
+        return np.asarray(np.round(values * (maximum / 65535)).astype(np.uint16))
 
 
-def _unstretched(values: NDArray[Any], content: bytes) -> NDArray[np.uint16]:
-    """Return the values of 16 bits in an image file from those that Pillow makes of them.
+def _stated_maximum(image: ImageFile.ImageFile) -> int:
+    """Return the maximum that the header of a PGM states; 65535 for files that are not stretched.
 
-    Pillow stretches a PGM from its stated maximum to 65535. Other files are not stretched.
-
-    Parameters
-    ----------
-    values
-        Pixels as Pillow returns them, shape (h, w), 32 bits.
-    content
-        Bytes of the file.
+    Pillow stretches the values of a PGM from its maximum to 65535, unless both are the same.
     """
-    maximum = _MAXIMUM.match(content[:_ROOM_OF_HEADER])
-    factor = int(maximum[1]) / 65535 if maximum else 1
-    return np.asarray(np.round(values * factor).astype(np.uint16))
+    if image.format != "PPM":
+        return 65535
+    tile: Any = image.tile[0]
+    decoder, _, _, arguments = tile
+    return int(arguments[-1]) if decoder in _STRETCHING else 65535
 
 
 def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:

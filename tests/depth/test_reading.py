@@ -52,6 +52,23 @@ def test_all_kinds_of_images_say_the_same(name: str) -> None:
     assert is_depth_file(INPUTS / "images" / name)
 
 
+@pytest.mark.parametrize("kind", [b"P2", b"P5"])
+@pytest.mark.parametrize("maximum", [4095, 65535])
+@pytest.mark.parametrize(
+    ("comment", "end"), [(b"", b"\n"), (b"# " + 2000 * b"x", b"\n"), (b"# of a camera", b"\r")]
+)
+def test_depths_of_a_portable_grey_map_are_its_own_whatever_its_header_says(
+    tmp_path: Path, kind: bytes, maximum: int, comment: bytes, end: bytes
+) -> None:
+    path = tmp_path / "image.pgm"
+    header = end.join([kind, comment, b"160 120", b"%d" % maximum, b""])
+    pixels = MILLIMETRES.astype(">u2").tobytes()
+    if kind == b"P2":
+        pixels = b" ".join(b"%d" % value for value in MILLIMETRES.ravel()) + b"\n"
+    path.write_bytes(header + pixels)
+    np.testing.assert_array_equal(read_values(path), MILLIMETRES)
+
+
 @pytest.mark.parametrize("dtype", [np.uint16, np.int16, np.int32, np.uint32])
 def test_no_positive_number_and_the_largest_of_a_type_are_no_reading(dtype: type) -> None:
     values = np.tile(np.arange(50, 90), (30, 1)).astype(dtype)
