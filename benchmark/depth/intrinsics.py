@@ -150,6 +150,9 @@ _FOCAL_LENGTHS = (0.1, 20)
 #: Largest coordinate of a ray at depth 1: one of 89.4 degrees off the axis.
 _STEEPEST = 100
 
+#: Largest change of a ray at depth 1 by the last iteration if it has converged.
+_CONVERGED = 1e-4
+
 
 @dataclass(frozen=True)
 class Intrinsics:
@@ -280,13 +283,14 @@ def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
     Raises
     ------
     DepthError
-        If the iteration diverges.
+        If the iteration does not converge: no ray appears there, or it is too steep.
     """
     padding = [0.0] * (len(_BROWN) - len(coefficients))
     k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *padding)
     rays = seen
     with np.errstate(all="ignore"):  # rays that diverge are refused below
         for _ in range(_STEPS):
+            before = rays
             x = rays[..., 0]
             y = rays[..., 1]
             r2 = x * x + y * y  # the squared radius
@@ -296,9 +300,12 @@ def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
             tangential_y = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
             tangential = np.stack([tangential_x, tangential_y], axis=-1)
             rays = (seen - tangential) * (numerator / denominator)[..., None]
-    if not (np.isfinite(rays).all() and np.abs(rays).max() < _STEEPEST):
+        change = np.abs(rays - before).max()
+    # Neither holds for NaN.
+    if not (np.abs(rays).max() < _STEEPEST and change < _CONVERGED):
         raise DepthError(
-            f"distortion {coefficients} cannot be inverted on this image", "check its coefficients"
+            f"distortion {coefficients} cannot be inverted on this image",
+            "check its coefficients, or rectify the image",
         )
     return rays
 

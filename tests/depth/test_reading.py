@@ -385,6 +385,15 @@ def test_rays_of_a_distorted_camera_are_those_of_opencv(coefficients: tuple[floa
     np.testing.assert_allclose(seen.reshape(-1, 2), np.c_[u.ravel(), v.ravel()], atol=1e-3)
 
 
+@pytest.mark.parametrize("focal_length", [560, 300, 200])
+def test_a_distortion_that_no_ray_has_at_the_corners_is_refused(focal_length: float) -> None:
+    """With this lens, no ray appears farther from the middle than 0.703 focal lengths."""
+    with pytest.raises(
+        DepthError, match=r"distortion \(-0\.3, 0.* cannot be inverted on this imag"
+    ):
+        Intrinsics(focal_length, focal_length, 319.5, 239.5, SIZE, (-0.3, 0, 0, 0)).rays(*SIZE)
+
+
 @pytest.mark.parametrize("name", BAD_CAMERAS)
 def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(name: str) -> None:
     path = INPUTS / "bad-cameras" / name
