@@ -664,9 +664,11 @@ class FrameFiles:
     def intrinsics_file(self) -> Path | None:
         """Path of the file that holds intrinsics or depth scale.
 
-        None if both are passed directly, or it is missing.
+        None if both are passed, or it is missing. Intrinsics may state the scale themselves.
         """
-        return None if self.intrinsics and self.scale else find_intrinsics(self.image)
+        if self.intrinsics and (self.scale or self.intrinsics.scales):
+            return None
+        return find_intrinsics(self.image)
 
     def observe(self) -> ObservedObject:
         """Read the image, its intrinsics and its mask, and return the object that it shows.
@@ -722,7 +724,7 @@ class FrameFiles:
                 )
                 raise DepthError("there are no intrinsics", hint, self.image)
             return read_intrinsics(file)
-        if self.intrinsics.scales or file is None:
+        if file is None:
             return self.intrinsics
         # Intrinsics that were passed lack the unit of depths, which the file may state. The file is
         # not needed otherwise, so that it may be of any kind.

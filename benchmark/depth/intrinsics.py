@@ -5,6 +5,7 @@ They are read from text, files of Open3D, ROS or OpenCV, or four numbers.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import math
 import re
@@ -335,9 +336,16 @@ def intrinsics_of(value: str, folder: Path = Path()) -> Intrinsics:
 
     See :func:`read_intrinsics`.
     """
-    if "," in value and not (folder / value).exists():
+    if "," in value and not _is_there(folder / value):
         return parse_intrinsics(value)
     return read_intrinsics(folder / value)
+
+
+def _is_there(path: Path) -> bool:
+    """Return whether a path exists; False for numbers that are too long to be a name."""
+    with contextlib.suppress(OSError):
+        return path.exists()
+    return False
 
 
 def read_intrinsics(path: Path) -> Intrinsics:
@@ -452,7 +460,10 @@ def find_intrinsics(image: Path) -> Path | None:
         found = sorted(path for path in folder.glob("*.*") if CAMERA_FILES.fullmatch(path.name))
         if len(found) > 1:
             problem = f"two camera files are near it, {found[0].name} and {found[1].name}"
-            hint = "keep that of the depth image, or name it: --intrinsics FILE, or in dataset.toml"
+            hint = (
+                "keep that of the depth image; or name it, and the units if it does not state them:"
+                " --intrinsics FILE --depth-scale UNITS, or in dataset.toml"
+            )
             raise DepthError(problem, hint, image)
         if found:
             return found[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -495,3 +496,24 @@ def test_intrinsics_are_found_by_their_usual_names_the_nearest_first(
         match=f"two camera files are near it, K.txt and {Path(files[0]).name}; keep that of",
     ):
         find_intrinsics(tmp_path / image)
+
+
+def test_of_two_camera_files_the_one_that_is_named_is_enough_if_it_states_the_units(
+    tmp_path: Path,
+) -> None:
+    image = tmp_path / "0.npy"
+    np.save(image, np.round(1000 * THERE).astype(np.uint16))
+    for name in ("camera.json", "camera_depth.json"):
+        (tmp_path / name).write_text(json.dumps(CAMERA | {"depth_scale": "mm"}))
+    named = FrameFiles(image, read_intrinsics(tmp_path / "camera.json"))
+    assert named.intrinsics_file is None
+    assert named.observe().notes["unit"] == "1 / 1000 m"
+    numbers = FrameFiles(image, Intrinsics(130, 130, 79.5, 59.5))
+    with pytest.raises(DepthError, match="name it, and the units .* --depth-scale UNITS"):
+        numbers.observe()
+    assert replace(numbers, scale=1000).observe().notes["unit"] == "1 / 1000 m"
+
+
+def test_numbers_may_be_longer_than_the_name_of_a_file(tmp_path: Path) -> None:
+    matrix = ",".join(f"{number:.30f}" for number in K)
+    assert intrinsics_of(matrix, tmp_path) == Intrinsics(525, 526, 319.5, 239.5)
