@@ -154,7 +154,8 @@ def _split_header(data: bytes) -> tuple[list[str], bytes]:
     head, mark, body = data.partition(end + b"end_header" + end)
     if not data.startswith(b"ply" + end) or not mark:
         raise ValueError("it does not begin with a header between the lines 'ply' and 'end_header'")
-    return head.decode("latin-1").splitlines()[1:], body
+    # Comments may hold any characters, of which other bytes than these end no line.
+    return head.decode("latin-1").split(end.decode())[1:], body
 
 
 def _elements(lines: Sequence[str]) -> tuple[list[_Element], bool]:
