@@ -18,7 +18,9 @@ from numpy.typing import NDArray
 
 from benchmark.errors import UnreadableMesh
 from benchmark.files import parse_json, read_file
+from benchmark.formats.ascii import whole_numbers
 from benchmark.formats.base import Format
+from benchmark.formats.polygons import count_from_0
 from benchmark.geometry.mesh import FloatArray, IntArray
 
 #: Vertices and triangles.
@@ -50,10 +52,11 @@ _HARMLESS = (
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 
 #: Numbers of an item by its type.
-_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+_WIDTHS = {"SCALAR": 1, "VEC3": 3}
 
-#: Most vertices of a scene.
+#: Most vertices of a scene, and most triangles: nodes may show a mesh any number of times.
 _MOST_VERTICES = 2**24
+_MOST_TRIANGLES = 2**25
 
 #: Bytes at the beginning of a binary file.
 _MAGIC = b"glTF"
@@ -118,17 +121,23 @@ def _joined(surfaces: Iterable[Surface]) -> Surface:
     Raises
     ------
     UnreadableMesh
-        If they have more than :data:`_MOST_VERTICES` vertices together.
+        If they have more than :data:`_MOST_VERTICES` vertices together, or more than
+        :data:`_MOST_TRIANGLES` triangles.
     """
     vertices = [np.empty((0, 3))]
     faces = [np.empty((0, 3), dtype=np.int64)]
     n_vertices = 0
+    n_triangles = 0
     for points, corners in surfaces:
         vertices.append(points)
         faces.append(corners + n_vertices)
         n_vertices += len(points)
-        if n_vertices > _MOST_VERTICES:
-            problem = f"its scene shows more than {_MOST_VERTICES} vertices"
+        n_triangles += len(corners)
+        if n_vertices > _MOST_VERTICES or n_triangles > _MOST_TRIANGLES:
+            problem = (
+                f"its scene shows more than {_MOST_VERTICES} vertices"
+                f" or {_MOST_TRIANGLES} triangles"
+            )
             raise UnreadableMesh(problem, "export one shape")
     return np.concatenate(vertices), np.concatenate(faces)
 
@@ -330,14 +339,16 @@ class _File:
 
         Raises
         ------
+        InvalidMesh
+            If a corner is none of its vertices.
         UnreadableMesh
             If it is a strip or a fan of triangles.
         """
-        vertices = self._accessor(primitive["attributes"]["POSITION"])
+        vertices = self._accessor(primitive["attributes"]["POSITION"], "VEC3")
         # Without indices, three vertices each are a triangle.
         corners: NDArray[Any] = np.arange(len(vertices))
         if primitive.get("indices") is not None:
-            corners = self._accessor(primitive["indices"])[:, 0]
+            corners = whole_numbers(self._accessor(primitive["indices"], "SCALAR")[:, 0])
         # Modes 0 to 3 are points and lines, 5 and 6 strips and fans of triangles.
         mode = primitive.get("mode", _TRIANGLES)
         if mode not in range(_TRIANGLES + 1):
@@ -345,9 +356,11 @@ class _File:
             raise UnreadableMesh(problem, f"export triangles, mode {_TRIANGLES}")
         if mode != _TRIANGLES:
             corners = corners[:0]
-        return vertices, corners.astype(np.int64).reshape(-1, 3)
+        if corners.size:  # checked here: in the joined mesh, they would be vertices of other parts
+            corners = count_from_0(corners, len(vertices), 0)
+        return vertices, corners.reshape(-1, 3)
 
-    def _accessor(self, number: int) -> FloatArray:
+    def _accessor(self, number: int, kind: str) -> FloatArray:
         """Return the numbers that an accessor describes, as floats, shape (count, width).
 
         An accessor is a table within a buffer: it has the type of the numbers, how many of them a
@@ -358,15 +371,19 @@ class _File:
         ----------
         number
             Number of the accessor.
+        kind
+            Type of its rows, a key of :data:`_WIDTHS`.
 
         Raises
         ------
         ValueError
-            If the buffer with the numbers is cut off.
+            If its rows are of another type, or the buffer with the numbers is cut off.
         UnreadableMesh
             If they are sparse, compressed or missing.
         """
         accessor = self._tree["accessors"][number]
+        if accessor["type"] != kind:
+            raise ValueError(f"accessor {number} has rows of type {accessor['type']}, not {kind}")
         if "sparse" in accessor:
             problem = f"accessor {number} is sparse, which is not read"
             raise UnreadableMesh(problem, "export it in full")

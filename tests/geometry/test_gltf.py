@@ -212,5 +212,19 @@ def test_a_scene_of_more_vertices_than_a_file_can_hold_is_refused(
     file.tree["nodes"] = [{"mesh": 0}] * 5
     file.tree["scenes"] = [{"nodes": [0, 1, 2, 3, 4]}]
     monkeypatch.setattr("benchmark.formats.gltf._MOST_VERTICES", 19)
-    with pytest.raises(UnreadableMesh, match="its scene shows more than 19 vertices"):
+    with pytest.raises(UnreadableMesh, match="its scene shows more than 19 vertices or "):
+        file.read(tmp_path)
+    monkeypatch.setattr("benchmark.formats.gltf._MOST_VERTICES", 20)
+    assert file.read(tmp_path).n_faces == 10
+    monkeypatch.setattr("benchmark.formats.gltf._MOST_TRIANGLES", 9)
+    with pytest.raises(UnreadableMesh, match="more than 20 vertices or 9 triangles; export one"):
+        file.read(tmp_path)
+
+
+def test_a_corner_is_a_vertex_of_its_own_part(tmp_path: Path) -> None:
+    """The vertices of the next part follow in the joined mesh."""
+    file = File()
+    corners = file.add([[0], [1], [5]], "u2")
+    file.mesh["primitives"].insert(0, {**file.primitive, "indices": corners})
+    with pytest.raises(InvalidMesh, match="faces name vertices 0 to 5, but there are 0 to 3"):
         file.read(tmp_path)
