@@ -24,8 +24,8 @@ from benchmark.defaults import DEFAULT_SCORER
 from benchmark.machine import available_cores
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import TABLES, own_table
-from benchmark.report.record_facts import change_of, chosen_records, fold_of
+from benchmark.protocols.tables import TABLES
+from benchmark.report.record_facts import change_of, chosen_records, fold_of, tables_of
 from benchmark.report.results import Results
 from benchmark.report.tables import table_views
 from benchmark.runs.planning import Planned
@@ -245,9 +245,11 @@ def _places_of_jobs(
             table = gallery.table
             if not table.is_robustness:
                 datasets.add(record.data.name)
-            if table not in TABLES:  # it was made for this data set
-                table = own_table(record.data.name, fold_of(record))
-            identifiers.add(table.identifier)
+            if table in TABLES:
+                identifiers.add(table.identifier)
+            else:  # it was made for this data set, which may have tables under another name
+                shown = tables_of(record.data.name, fold_of(record))
+                identifiers.update(table.identifier for table in shown)
     return identifiers, datasets
 
 

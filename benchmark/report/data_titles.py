@@ -36,7 +36,7 @@ def data_title(record: Record) -> str:
     """
     data = record.data
     if data.stand_in_for:
-        name = data.name.partition("[draw=")[0]
+        name = data.name.replace("[draw=0]", "")
         replaced = data.stand_in_for
         if replaced in SETS:
             replaced = SETS[replaced].title

@@ -267,11 +267,15 @@ def _printed_places(view: TableView) -> Iterator[tuple[TableRow, GalleryGroup]]:
 
 
 def _spread_over_draws(view: TableView, column: GalleryGroup) -> Iterator[str]:
-    """Yield how much the scores of a column vary over draws of generated data.
+    """Yield how much the scores of a column vary over draws of generated data, and which lack.
 
     Some data sets are generated several times, with other random bodies, and their column shows
     means. For other columns, nothing is yielded.
     """
+    draws = view.table.stand_ins
+    n_known = len(view.samples[column.title])
+    if column.over_draws and view.dataset in draws and n_known < len(draws):
+        yield f"{column.title}: {n_known} of {len(draws)} draws only."
     rows = [(row, row.scored[column.title]) for row in view.rows if column.title in row.scored]
     numbers_of_draws = [len(scores.records) for _, scores in rows]  # of each row
     n_draws = max(numbers_of_draws, default=0)

@@ -104,8 +104,12 @@ def _records_by_table(
     -------
     dict
         Records by table and name of the data set. If the table shows means over several data sets,
-        such as random draws, it is the name of the first.
+        such as random draws, it is the name of the first, if that has records.
     """
+    records = list(records)
+    known = {record.data.name for record in records}
+    if names:
+        known &= names
     by_table: dict[tuple[Table, str], list[Record]] = {}
     for record in records:
         name = record.data.name
@@ -115,7 +119,8 @@ def _records_by_table(
                 has_wanted_data = table.is_cross or not change_of(name)
             is_wanted = not wanted or not wanted.isdisjoint({table.identifier, table.part_of})
             if has_wanted_data and is_wanted:
-                dataset = table.stand_ins[0] if name in table.stand_ins else name
+                first = next((draw for draw in table.stand_ins if draw in known), "")
+                dataset = first if name in table.stand_ins else name
                 by_table.setdefault((table, dataset), []).append(record)
     return dict(filter(_has_queries, by_table.items()))
 
@@ -168,7 +173,7 @@ class _RecordsOfTable:
     table
         The table.
     dataset
-        Name of the data set, or of the first stand-in.
+        Name of the data set, or of the first stand-in with records.
     every
         The records, of all versions of the data.
     """
@@ -231,16 +236,19 @@ class _RecordsOfTable:
     def _galleries_of(self, column: GalleryGroup) -> list[str]:
         """Return the names of the galleries over which a column shows the mean.
 
-        They are the folds of a data set, or random draws of it. A quick run has the first alone.
+        They are the folds of a data set, or those random draws of it that have records. A quick run
+        has the first alone.
         """
         sets: tuple[str, ...] = (self.dataset,)
+        may_be_left_out = self.quick
         if column.over_draws and self.dataset in self.table.stand_ins:
             sets = self.table.stand_ins
+            may_be_left_out = True
         names = []
         for dataset in sets:
             for part in column.parts:
                 name = gallery_name(dataset, part, quick=self.quick)
-                if name in self.labels or not self.quick:
+                if name in self.labels or not may_be_left_out:
                     names.append(name)
         return names
 

@@ -12,8 +12,11 @@ import benchmark
 from benchmark.api import CanonicalForm, MethodInfo
 from benchmark.commands.forget import forget
 from benchmark.commands.forms import form_with_notes
+from benchmark.commands.plan import Plan
+from benchmark.commands.run import tables_of_run
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.record_files import write_record
+from benchmark.protocols.tables import own_table
 from tests.report.records import failed, record
 from tests.toy import rod, write_rods
 from tests.verbs import call, refusal
@@ -277,3 +280,13 @@ def test_a_named_method_without_a_job_is_named_beside_the_table():
     said = call("tables", "-t", "III", "-m", "gps", "-m", "gsp", "-m", "identity", "--published")
     assert "no finished job of gsp: run it, or see 'list methods' for its name" in said
     assert "no finished job" not in call("tables", "-t", "III", "-m", "gps", "--published")
+
+
+def test_a_run_of_a_set_by_its_short_name_prints_the_tables_of_that_set(tmp_path):
+    """'people' is the first draw, which has a table of its own in plans, and Table I in records."""
+    done = record("gps", 0.6, dataset="people[draw=0]", stand_in_for="shrec14-synthetic")
+    job = SimpleNamespace(record=done, galleries=[SimpleNamespace(table=own_table("people"))])
+    planned = Plan(tmp_path, (job,), (done,))
+    tables = tables_of_run(planned, [done], scorer="cm-bof")
+    assert [view.table.identifier for view in tables.views] == ["I"]
+    assert "|GPS|" in tables.markdown()

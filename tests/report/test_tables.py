@@ -141,6 +141,29 @@ def test_a_row_is_the_mean_of_all_draws_of_people_and_networks_see_the_first():
     ]
 
 
+@pytest.mark.parametrize(
+    ("draws", "expected"),
+    [
+        (SYNTHETIC_HUMANS[:1], 0.6),
+        (SYNTHETIC_HUMANS[1:2], 0.6),
+        (SYNTHETIC_HUMANS[::2], 0.7),
+    ],
+)
+def test_a_draw_that_no_row_ranks_does_not_count_as_missing(draws, expected):
+    stand_in = {"stand_in_for": "shrec14-synthetic"}
+    rows = [record("gps", 0.6 + 0.2 * k, dataset=d, **stand_in) for k, d in enumerate(draws)]
+    table = view(*rows, tables=["I"], datasets=draws)
+    assert cell(table, "gps", "15 subjects") == pytest.approx(expected)
+    assert table.dataset == draws[0]
+    assert "'people'" in table.caption or f"'{draws[0]}'" in table.caption
+    notes = " ".join(table_notes(table))
+    assert f"15 subjects: {len(draws)} of 3 draws only." in notes
+    assert "Missing" not in notes
+    # A draw that another row ranks is missing, and counts 0.
+    table = view(*rows, record("skeleton", 0.9, dataset=draws[0], **stand_in), tables=["I"])
+    assert cell(table, "skeleton", "15 subjects") == pytest.approx(0.9 / len(draws))
+
+
 def test_skeletons_of_views_say_that_they_are_level_sets():
     surface, view_ = (record("skeleton", 0.5, input_=name) for name in ("mesh", "view"))
     swept = record("skeleton[bands=12]", 0.5, input_="view", parameters={"bands": 12})
