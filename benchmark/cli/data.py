@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
 from benchmark.cli.progress import counting
 from benchmark.commands.selection import data_folder, shadowed_folders
+from benchmark.datasets.catalogue import is_known
 from benchmark.text import say
 
 
@@ -31,7 +33,9 @@ def write_data(name: str, data_root: Path | None, output: Path, *, views: bool) 
     written, problems = export(name, output, views=views, data_root=root, watched=watched)
     for problem in problems:
         say(f"not written: {problem}", err=True)
-    say(f"wrote {len(written)} files to {output}; use them with -d {output}")
+    # A name of the suite would mean its set, and not this folder.
+    folder = f"./{output}" if is_known(str(output)) else str(output)
+    say(f"wrote {len(written)} files to {output}; use them with {shlex.join(['-d', folder])}")
     return not problems
 
 

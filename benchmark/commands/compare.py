@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmark.api.contracts import Input
-from benchmark.commands.selection import RESULTS
-from benchmark.commands.tables import tables as tables_of
+from benchmark.commands.selection import RESULTS, RecordSelection, as_list
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.report.comparison import compare_rows
 
@@ -52,18 +51,19 @@ def compare(
     ConfigurationError
         If a row has no scores, or no table has scores of both.
     """
-    found = tables_of(
-        tables,
-        results=results,
-        data=data,
-        methods=[first, second],
+    selection = RecordSelection(
+        results=Path(results),
+        tables=as_list(tables),
+        methods=[*filter(None, (first, second))],
+        data=[str(name) for name in as_list(data)],
         input=input,
         scorer=scorer,
         seed=seed,
         quick=quick,
         published=published,
-        failed=True,  # so that a method without scores is named in the error
     )
-    frame = compare_rows(found.views, first, second)
-    frame.attrs["notes"] = list(found.notes)
+    # Failed jobs stay, so that a method without scores is named in the error.
+    records, notes = selection.records(failed=True)
+    frame = compare_rows(selection.views(records), first, second)
+    frame.attrs["notes"] = notes
     return frame

@@ -286,7 +286,7 @@ def _data_sheet(
 
 {_description(dataset)}
 Version {version(_PROJECT)} of the canonical forms benchmark wrote it:
-`python -m benchmark data export '{name}'{option}`.
+`python -m benchmark data export '{name}'{option} -o FOLDER`.
 {stands_in}
 ## Composition
 

@@ -293,6 +293,30 @@ class RecordSelection:
         problem = f"no finished job under {self.results} belongs to {what}"
         raise ConfigurationError(problem, "run it first, or select less")
 
+    def printed_views(
+        self, records: Sequence[Record], notes: Sequence[str], *, paper: bool = False
+    ) -> list[TableView]:
+        """Return the tables that have a row of a selected method.
+
+        Parameters
+        ----------
+        records, notes
+            From :meth:`records`.
+        paper
+            Whether to add rows of the paper that never ran.
+
+        Raises
+        ------
+        ConfigurationError
+            If there is none.
+        """
+        views = self.views(records, paper=paper)
+        printed = [view for view in views if view.printed_rows]
+        if views and not printed:
+            problem = f"no table has a row of {listed(self.methods)}"
+            raise ConfigurationError(problem, "; ".join([*notes, "select other methods with -m"]))
+        return printed
+
     def _of_other_scorers(self, records: Iterable[Record]) -> list[str]:
         """Say how many jobs of other scorers or seeds there are, and which options show them."""
         others = [

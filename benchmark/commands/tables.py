@@ -75,7 +75,7 @@ def tables(
     )
     records, notes = selection.records(failed=failed)
     return Tables(
-        tuple(selection.views(records, paper=paper)),
+        tuple(selection.printed_views(records, notes, paper=paper)),
         tuple(records),
         (*notes, *notes_on_submissions),
         refused,

@@ -290,3 +290,21 @@ def test_a_run_of_a_set_by_its_short_name_prints_the_tables_of_that_set(tmp_path
     tables = tables_of_run(planned, [done], scorer="cm-bof")
     assert [view.table.identifier for view in tables.views] == ["I"]
     assert "|GPS|" in tables.markdown()
+
+
+def test_only_tables_with_a_row_of_a_named_method_are_printed(results):
+    write_record(results, record("shape-dna", dataset="balls", scorer=""))
+    for format_ in ("markdown", "latex"):
+        said = call("tables", "-m", "shape-dna", "--results", results, "--format", format_)
+        assert "balls" in said
+        assert "rods" not in said
+    says = refusal("tables", "-m", "sheep", "--results", results, "--format", "latex")
+    assert "no table has a row of sheep;" in says
+    assert "no finished job of sheep: run it" in says
+
+
+def test_a_comparison_with_all_rows_names_no_method_that_is_missing(results):
+    assert "no finished job of" not in call("compare", "gps", "--results", results)
+    assert benchmark.compare("gps", results=results).attrs["notes"] == [
+        "not shown: 1 job of another scorer or seed: pass --scorer cm-bof --seed 3"
+    ]

@@ -123,7 +123,7 @@ def test_a_data_sheet_says_what_it_is_and_how_to_cite_it(animals):
     for heading in ("Composition", "Splits", "How it was made", "Use", "Licence and citation"):
         assert f"\n## {heading}\n" in sheet
     assert "18 meshes `CLASS/POSE.off`: 6 classes with 3 poses each" in sheet
-    assert "data export 'animals-few' --views`" in sheet
+    assert "data export 'animals-few' --views -o FOLDER`" in sheet
     assert "MIT License" in (animals / "LICENSE.txt").read_text(encoding="utf-8")
     cited = yaml.safe_load((animals / "CITATION.cff").read_text(encoding="utf-8"))
     assert cited["type"] == "dataset" and cited["license"] == "MIT"
@@ -171,3 +171,14 @@ def test_the_folder_scores_as_the_set_does(animals, tmp_path, in_this_process, i
     assert len(scores[0]) == len(methods)
     # Means sum queries in the order of the shapes, which is that of names in a folder.
     assert np.allclose(scores[0], scores[1], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("folder", "words"),
+    [("people", "-d ./people"), ("my set", "-d 'my set'"), ("mine", "-d mine")],
+)
+def test_the_command_for_an_exported_folder_means_that_folder(monkeypatch, folder, words):
+    """'-d people' would be the set of the suite."""
+    monkeypatch.setattr(exporting, "export", lambda *_, **__: (("a", "b"), []))
+    said = call("data", "export", "animals-few", "-o", folder)
+    assert f"wrote 2 files to {folder}; use them with {words}\n" in said
