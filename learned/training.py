@@ -416,7 +416,8 @@ class _State:
         Raises
         ------
         TrainingError
-            If the checkpoint is damaged, or belongs to a training with another recipe.
+            If the checkpoint cannot be read, is damaged, or belongs to a training with another
+            recipe.
         """
         self.recipe = recipe
         if not self.path.is_file():
@@ -442,6 +443,9 @@ class _State:
             self.seconds = state.get("seconds", 0.0)
         except TrainingError:
             raise
+        except (OSError, MemoryError) as error:  # which says nothing against the file
+            problem = f"cannot read checkpoint {self.path}: {str(error) or 'out of memory'}"
+            raise TrainingError(problem, "correct that, and train again to go on") from error
         except Exception as error:  # torch raises errors of many types for a damaged file
             problem = f"checkpoint {self.path} is damaged"
             raise TrainingError(problem, "delete it and train again") from error
@@ -538,8 +542,8 @@ class _Progress:
         Parameters
         ----------
         n_done
-            Number of finished epochs, with a fraction for the present one. It is larger than the
-            number that was done before.
+            Number of finished epochs, with a fraction for the present one. While it is the number
+            that was done before, the time left is not known.
         losses_by_name
             Losses of the last finished epoch; None to show no losses.
         at_once
@@ -549,14 +553,15 @@ class _Progress:
         if now - self.last_line < _PROGRESS_SECONDS and not at_once:
             return
         self.last_line = now
-        seconds_an_epoch = (now - self.began) / (n_done - self.n_done_before)
-        seconds_left = seconds_an_epoch * (self.n_epochs - n_done)
         bar = "#" * round(20 * n_done / self.n_epochs)
         words = [f"[{bar:20}] epoch {round(n_done, 2):g}/{self.n_epochs}"]
         for name, value in (losses_by_name or {}).items():
             if name != "epoch":
                 words.append(f"{name} {value:.5f}")
-        words.append(f"{seconds_left:.0f} s left")
+        n_done_here = n_done - self.n_done_before
+        if n_done_here > 0:
+            seconds_left = (now - self.began) / n_done_here * (self.n_epochs - n_done)
+            words.append(f"{seconds_left:.0f} s left")
         self.log("  ".join(words))
 
 

@@ -283,6 +283,41 @@ def test_a_training_that_stops_anywhere_ends_with_the_same_weights(
     assert again == history
 
 
+def test_a_training_goes_on_from_the_last_step_of_its_last_epoch(
+    pairs: PairsInMemory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    expected, history = run(pairs, tmp_path / "undisturbed")
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+
+    def stopping(state: training._State, n_pairs: int) -> dict[str, float]:
+        if state.epoch == PLAN.epochs - 1:
+            raise KeyboardInterrupt
+        return finish(state, n_pairs)
+
+    finish = training._State.finished_epoch
+    with monkeypatch.context() as patch:
+        patch.setattr(training._State, "finished_epoch", stopping)
+        with pytest.raises(KeyboardInterrupt):
+            run(pairs, tmp_path / "stopped")
+    network, again = run(pairs, tmp_path / "stopped")
+    assert equal(network, expected)
+    assert again == history
+
+
+@pytest.mark.parametrize("error", [PermissionError(13, "Permission denied"), MemoryError()])
+def test_a_checkpoint_that_cannot_be_read_is_not_called_damaged(
+    error: Exception, pairs: PairsInMemory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run(pairs, tmp_path)
+
+    def failing(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(torch, "load", failing)
+    with pytest.raises(TrainingError, match="cannot read checkpoint .*; correct that, and train"):
+        run(pairs, tmp_path)
+
+
 @pytest.mark.parametrize(
     ("changes", "seed", "named"),
     [
