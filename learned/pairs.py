@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import hashlib
 import json
 import math
+import os
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -23,6 +27,9 @@ from learned.images import DepthScale, checked_image, resampled
 
 KEEPING_SECONDS = 60.0
 """Seconds between two notes of how many pairs are on disk, which is what an interruption costs."""
+
+#: Errors of a file system that cannot reserve space.
+_NOT_ON_THIS_DISK = (errno.EINVAL, errno.EOPNOTSUPP)
 
 #: Depth that is 0 on disk: near it, where all bodies are, half precision is finest.
 _MIDDLE = 0.5
@@ -217,7 +224,8 @@ def keep(
 ) -> PairsOnDisk:
     """Render the images of many bodies to a file on disk, and return them as training pairs.
 
-    If the file exists, it is used; if an earlier call was interrupted, this one goes on.
+    If the file exists, it is used; if an earlier call was interrupted, this one goes on. If another
+    process makes it, this one waits.
 
     Parameters
     ----------
@@ -237,14 +245,56 @@ def keep(
     TrainingError
         If the folder holds the pairs of other bodies or of other code.
     """
-    note = folder / "progress.json"
     recipe = {"recipe": bodies.recipe, "resolution": resolution, "crop": crop}
-    finished = _finished_bodies(note, recipe)
     folder.mkdir(parents=True, exist_ok=True)
+    with _alone(folder, say):
+        depths = _made(bodies, recipe, folder, say)
+    # The target of each image is the first one of its body.
+    rows = torch.arange(len(depths))
+    return PairsOnDisk(bodies.identifiers(), depths, rows // bodies.n_images * bodies.n_images)
+
+
+@contextmanager
+def _alone(folder: Path, say: Callable[[str], None]) -> Iterator[None]:
+    """Return a context in which no other process makes the pairs of a folder.
+
+    Trainings with several seeds share them. Where the file system has no locks, there is none.
+    """
+    with (folder / "lock").open("a") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            say(f"waiting for another training, which makes the images in {folder}")
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        except OSError:
+            pass
+        yield
+
+
+def _made(
+    bodies: Bodies, recipe: Mapping[str, Any], folder: Path, say: Callable[[str], None]
+) -> np.memmap[Any, np.dtype[np.float16]]:
+    """Return the depths of all images, after those that are missing are made.
+
+    Parameters
+    ----------
+    bodies
+        The bodies and their images.
+    recipe
+        What makes the images: the digest of the bodies, and ``resolution`` and ``crop`` as in
+        :func:`keep`.
+    folder
+        Folder of the file.
+    say
+        Called with a line of progress every minute.
+    """
+    resolution = recipe["resolution"]
+    note = folder / "progress.json"
+    path = folder / "depths.npy"
+    finished = _finished_bodies(note, recipe)
     n_images = bodies.n_images
     shape = (len(bodies.names) * n_images, resolution, resolution)
-    path = folder / "depths.npy"
-    if not path.is_file():
+    if not finished or not _holds(path, shape):
         finished = 0
         note.unlink(missing_ok=True)  # it counts images that were deleted
         write_atomically(path, lambda file: _write_empty(file, shape))
@@ -259,7 +309,7 @@ def keep(
     noted = time.perf_counter()
     for number in range(finished, len(bodies.names)):
         for place, image in enumerate(bodies.images(number)):
-            depth, _ = resampled(checked_image(image), resolution, crop=crop)
+            depth, _ = resampled(checked_image(image), resolution, crop=recipe["crop"])
             depths[number * n_images + place] = depth - _MIDDLE
         if time.perf_counter() - noted > KEEPING_SECONDS:
             noted = time.perf_counter()
@@ -267,9 +317,16 @@ def keep(
             say(f"images of {number + 1} of {len(bodies.names)} bodies are made")
     if finished < len(bodies.names):
         note_finished(len(bodies.names))
-    # The target of each image is the first one of its body.
-    rows = torch.arange(len(depths))
-    return PairsOnDisk(bodies.identifiers(), depths, rows // n_images * n_images)
+    return depths
+
+
+def _holds(path: Path, shape: tuple[int, ...]) -> bool:
+    """Return whether a file is a whole array of depths of this shape."""
+    try:
+        depths = np.lib.format.open_memmap(path, mode="r")
+    except (FileNotFoundError, EOFError, ValueError):  # the last for one that was cut short
+        return False
+    return depths.shape == shape and depths.dtype == np.float16
 
 
 def _finished_bodies(note: Path, recipe: Mapping[str, Any]) -> int:
@@ -291,7 +348,23 @@ def _finished_bodies(note: Path, recipe: Mapping[str, Any]) -> int:
 
 
 def _write_empty(file: BinaryIO, shape: tuple[int, ...]) -> None:
-    """Write an array of zeros that takes no space before it is filled."""
+    """Write an array of zeros."""
     header = {"descr": np.dtype(np.float16).str, "fortran_order": False, "shape": shape}
     np.lib.format.write_array_header_1_0(file, header)
-    file.truncate(file.tell() + math.prod(shape) * np.dtype(np.float16).itemsize)
+    size = file.tell() + math.prod(shape) * np.dtype(np.float16).itemsize
+    file.truncate(size)
+    _reserve(file, size)
+
+
+def _reserve(file: BinaryIO, size: int) -> None:
+    """Take the space of a file at once, where the system can.
+
+    A process that fills a mapped file dies without a word when the disk is full.
+    """
+    if not hasattr(os, "posix_fallocate"):  # as on macOS
+        return
+    try:
+        os.posix_fallocate(file.fileno(), 0, size)
+    except OSError as error:
+        if error.errno not in _NOT_ON_THIS_DISK:
+            raise

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import threading
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -101,3 +104,67 @@ def test_pairs_whose_images_were_deleted_are_made_again(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         kept(tmp_path / "pairs", replace(BODIES, images=stopping))
     assert kept(tmp_path / "pairs").digest() == before
+
+
+@pytest.mark.parametrize("content", [b"", b"\x93NUMPY", None])
+def test_pairs_whose_images_were_cut_short_are_made_again(
+    tmp_path: Path, content: bytes | None
+) -> None:
+    before = kept(tmp_path / "pairs").digest()
+    path = tmp_path / "pairs" / "depths.npy"
+    path.write_bytes(path.read_bytes()[:-2] if content is None else content)
+    assert kept(tmp_path / "pairs").digest() == before
+
+
+def test_images_of_which_nothing_is_noted_are_made_again(tmp_path: Path) -> None:
+    """As those of other code, of which only the note was deleted."""
+    more = replace(BODIES, names=(*BODIES.names, "other"), images=lambda number: images(number % 3))
+    kept(tmp_path / "pairs", more)
+    (tmp_path / "pairs" / "progress.json").unlink()
+    made = kept(tmp_path / "pairs")
+    assert made.digest() == kept(tmp_path / "whole").digest()
+    assert made.stretched().scale == kept(tmp_path / "whole").stretched().scale
+    assert len(made.depths) == len(made) == 9
+
+
+def test_a_training_waits_while_another_makes_its_images(tmp_path: Path) -> None:
+    """The second begins before the first has made any image."""
+    said: list[str] = []
+    others: list[PairsOnDisk] = []
+    waits = threading.Event()
+
+    def say(text: str) -> None:
+        said.append(text)
+        waits.set()
+
+    def second() -> None:
+        others.append(keep(replace(BODIES, images=never), 32, False, tmp_path / "pairs", say))
+
+    def never(number: int) -> Iterable[Image]:
+        raise AssertionError(number)
+
+    thread = threading.Thread(target=second)
+
+    def first(number: int) -> Iterable[Image]:
+        if number == 0:
+            thread.start()
+            assert waits.wait(60)
+        return images(number)
+
+    ours = kept(tmp_path / "pairs", replace(BODIES, images=first))
+    thread.join(60)
+    assert "waiting for another training" in said[0]
+    assert others[0].digest() == ours.digest()
+
+
+@pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="space cannot be reserved")
+def test_a_disk_that_is_full_is_named_before_images_are_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "posix_fallocate", full)
+    with pytest.raises(OSError, match="No space left on device: .*depths.npy"):
+        kept(tmp_path / "pairs")
+    assert [path.name for path in (tmp_path / "pairs").iterdir()] == ["lock"]
