@@ -384,9 +384,9 @@ def summaries(frame: DataFrame) -> Iterator[tuple[str, list[list[str]]]]:
         for _, of_row in of_column.groupby("other", sort=False):
             differences = map(signed_hundredths, of_row.difference)
             lines.append([of_row.title.iloc[0], *differences, _verdict(of_row)])
-        n_queries = of_column.queries.max()
+        numbers = _range(of_column.queries)
         among = AMONG.format(_range(of_column["rows"]))
-        yield f"{place}: {frame.method[0]} - each row, {n_queries} queries, {among}", lines
+        yield f"{place}: {frame.method[0]} - each row, {numbers} queries, {among}", lines
 
 
 def _range(numbers: Series) -> str:
@@ -399,10 +399,12 @@ def _range(numbers: Series) -> str:
 
 
 def _verdict(of_row: DataFrame) -> str:
-    """Return in which measures a row differs above the scatter, or why in none."""
-    above = list(of_row.measure[of_row.verdict == ABOVE])
-    if not above:
-        return str(of_row.verdict.iloc[0])
-    if len(above) == len(of_row):
-        return ABOVE
-    return f"{ABOVE} ({', '.join(above)})"
+    """Return the strongest verdict on a row, and in which measures it holds unless in all."""
+    verdicts: list[str] = list(of_row.verdict)
+    significant = [verdict for verdict in verdicts if verdict.startswith("significant")]
+    from_strongest = [ABOVE, *significant, verdicts[0]]
+    strongest = next(verdict for verdict in from_strongest if verdict in verdicts)
+    measures = list(of_row.measure[of_row.verdict == strongest])
+    if len(measures) == len(of_row):
+        return strongest
+    return f"{strongest} ({', '.join(measures)})"

@@ -100,10 +100,21 @@ def test_a_row_is_compared_with_every_row_of_its_tables_in_their_order_by_the_te
             found = compared([*records, seen, other_block], *pair)
             assert found.verdict[0] == of_nn.verdict[other], "a comparison has one verdict"
     ((heading, (head, first, *_)),) = summaries(frame)
-    assert heading == "Table III on tosca, ours: mine - each row, 16 queries, among the 4 to 5 rows"
+    place = "Table III on tosca, ours"
+    assert heading == f"{place}: mine - each row, 14 to 16 queries, among the 4 to 5 rows"
     assert [*zip(head, first, strict=True)][1:3] == [("NN", "+.40"), ("FT", "+.00")]
     assert first[0::5] == ["Classic MDS", "significant, above the scatter (NN)"]
     assert len(json.loads(frame.to_json(orient="records"))) == 20
+
+
+def test_of_a_row_the_strongest_verdict_is_said_with_its_measures():
+    """The first measure may be as good, and another one differ."""
+    rows = [record("a", 0.5, labels=LETTERS), record("b", 0.52, labels=LETTERS)]
+    frame = compared(rows, "a")
+    shuffled = frame.iloc[[1, 0, 2, 3]].reset_index(drop=True)
+    for each in (frame, shuffled):
+        ((_, (_, line)),) = summaries(each)
+        assert line[-1] == "significant, within the scatter of codebooks (NN)"
 
 
 @pytest.mark.parametrize(
