@@ -571,22 +571,22 @@ def robustness_markdown(records: Iterable[Record]) -> str:
     for each of some methods. "" if there is no result for damaged shapes.
     """
     known = [record for record in records if _is_of_robustness(record)]
-    scores = _scores_by_change(known)
+    by_change = _methods_by_change(known)
     # Data sets that were never changed are left out.
-    changed_sets = [change.base for change in sorted(scores) if change.kind]
-    changes = [change for change in sorted(scores) if change.base in changed_sets]
+    changed_sets = [change.base for change in sorted(by_change) if change.kind]
+    changes = [change for change in sorted(by_change) if change.base in changed_sets]
     if not changes:
         return ""
 
-    # Kind and strength of the change, then one column for each method that has scores.
+    # Kind and strength of the change, then one column for each method that ran.
     columns = [
         Column[DataChange]("change", lambda change: change.kind or "unchanged", "Change"),
         Column[DataChange]("strength", lambda change: change.strength, "strength"),
     ]
     titles = {record.method: TITLES.get(record.method, record.title) for record in known}
-    methods = set(chain.from_iterable(scores[change] for change in changes))
+    methods = set(chain.from_iterable(by_change[change] for change in changes))
     columns += [
-        _robustness_of(method, titles[method], scores) for method in ROBUST if method in methods
+        _robustness_of(method, titles[method], by_change) for method in ROBUST if method in methods
     ]
     head = [column.title for column in columns]
     table = markdown_table(head, [cells(columns, change) for change in changes])
@@ -610,20 +610,21 @@ def _robustness_caption(records: Iterable[Record], datasets: Iterable[str]) -> s
         if record.data.name in titles:
             titles[record.data.name] = data_title(record)
     sets = ", ".join(map(markdown_text, titles.values()))
+    quick = " (quick run with some of the poses)" if any(r.data.quick for r in records) else ""
     return (
-        f"**Robustness.** {_ROBUSTNESS_MEASURE} of complete surfaces of {sets}; "
+        f"**Robustness.** {_ROBUSTNESS_MEASURE} of complete surfaces of {sets}{quick}; "
         f"a destroyed shape counts 0. {scored_by(records).note}"
     )
 
 
-def _scores_by_change(records: Iterable[Record]) -> dict[DataChange, dict[str, float]]:
-    """Return the score of each method, by the change of its data; unchanged data have kind ""."""
-    scores = defaultdict[DataChange, dict[str, float]](dict)
+def _methods_by_change(records: Iterable[Record]) -> dict[DataChange, dict[str, Record]]:
+    """Return the record of each method, by the change of its data; unchanged data have kind ""."""
+    by_change = defaultdict[DataChange, dict[str, Record]](dict)
     for record in records:
         name = record.data.name
         change = change_of(name) or DataChange(name, "", "0")
-        scores[change][record.method] = record.scores.get(_ROBUSTNESS_MEASURE, 0.0)
-    return scores
+        by_change[change][record.method] = record
+    return by_change
 
 
 def _is_of_robustness(record: Record) -> bool:
@@ -632,10 +633,19 @@ def _is_of_robustness(record: Record) -> bool:
 
 
 def _robustness_of(
-    method: str, title: str, scores: Mapping[DataChange, Mapping[str, float]]
+    method: str, title: str, by_change: Mapping[DataChange, Mapping[str, Record]]
 ) -> Column[DataChange]:
     """Return the column of a method in the table of robustness."""
-    return Column(method, lambda change: scores[change].get(method), title, text=hundredths)
+    return Column(
+        method, lambda change: by_change[change].get(method), title, text=_robustness_text
+    )
+
+
+def _robustness_text(record: Record) -> str:
+    """Return the score of a record; without scores, its status, such as ``timeout``."""
+    if record.status != "ok":
+        return record.status
+    return hundredths(record.scores[_ROBUSTNESS_MEASURE])
 
 
 # JSON

@@ -33,9 +33,9 @@ def signed_hundredths(difference: float) -> str:
 
 def two_digits(seconds: float) -> str:
     """Return seconds in two digits."""
-    if seconds < 1:
+    if seconds < 0.995:  # which would be rounded to 1.00
         return hundredths(seconds)
-    if seconds < 10:
+    if seconds < 9.95:
         return f"{seconds:.1f}"
     return f"{seconds:.0f}"
 

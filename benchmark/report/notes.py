@@ -160,11 +160,11 @@ def _lead_of_block(view: TableView, title: str, block: Block, tested: ComparedRi
     score = hundredths(tested.rivals[row.method].means[_LEADING_MEASURE])
     n_others = len(tested.rivals) - 1
     leader = f"{BLOCKS[block]}: {row.title} has the highest {_LEADING_MEASURE}, {score}"
+    every = f"the {n_others} others" if n_others > 1 else "the other row"
     if n_worse == 0:
-        return f"{leader}, but not significantly above any of the {n_others} others"
-    worse = f"{n_worse} of {n_others} others"
-    if n_worse == n_others:
-        worse = f"the {n_others} others"
+        none = f"any of {every}" if n_others > 1 else every
+        return f"{leader}, but not significantly above {none}"
+    worse = every if n_worse == n_others else f"{n_worse} of {n_others} others"
     return f"{leader}, significantly and by more than the scatter above {worse}"
 
 
@@ -413,17 +413,21 @@ def _refused(rows: Iterable[TableRow]) -> Iterator[str]:
         for title, scores in row.scored.items():
             reasons = _refusals(scores)
             if reasons:
-                shape, reason = next(iter(reasons.items()))
+                (_, shape), reason = next(iter(reasons.items()))
                 why = brief(short_reason(reason))
                 yield f"{row.title} {len(reasons)} ({title}; {shape}: {why})"
 
 
-def _refusals(scores: RowScores) -> dict[str, str]:
-    """Return the shapes that a method refused though they could be prepared, with the reasons."""
-    reasons: dict[str, str] = {}
+def _refusals(scores: RowScores) -> dict[tuple[str, str], str]:
+    """Return the shapes that a method refused though they could be prepared, with the reasons.
+
+    A shape is known by its gallery and its name, as bodies of several draws share their names.
+    """
+    reasons: dict[tuple[str, str], str] = {}
     for side in chain.from_iterable(record.sides for record in scores.all_records):
-        refused = [(shape, why) for shape, why in side.unsupported if shape not in side.unprepared]
-        reasons.update(refused)
+        for shape, why in side.unsupported:
+            if shape not in side.unprepared:
+                reasons[side.gallery, shape] = why
     return reasons
 
 
@@ -498,7 +502,7 @@ def _moved_ranks(view: TableView) -> str:
     if not view.ranks:
         return "no record yet"
     moved = []
-    for row in view.rows:
+    for row in view.printed_rows:
         far = [
             f"{measure} {ranks.by_default} to {ranks.by_second}"
             for measure, ranks in view.ranks.get(row.method, {}).items()
@@ -506,5 +510,5 @@ def _moved_ranks(view: TableView) -> str:
         ]
         if far:
             moved.append(f"{row.title} ({', '.join(far)})")
-    names = ", ".join(moved)
+    names = ", ".join(moved) or "none"
     return f"those of {len(view.ranks)} rows. Three or more away from the ranks by CM-BOF: {names}"

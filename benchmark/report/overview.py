@@ -174,14 +174,14 @@ def _leads(columns: Mapping[_Place, _ColumnOfTable]) -> list[str]:
     """Return a sentence on each row that is clearly above all other rows of its block.
 
     Clearly means significantly, and by more than repeated trainings or codebooks differ. The
-    sentence names all the data on which the row leads.
+    sentence names all the data on which the row leads. Quick runs decide nothing.
     """
     labels = defaultdict[str, list[str]](list)  # of the data, by first part of the sentence
     for place, (view, column) in sorted(columns.items()):
         for (title, block), tested in view.tests.items():
             # Networks see views, also in a column of surfaces.
             is_of_views = place.group == _OF_SURFACES and block == "network"
-            if title != column.title or is_of_views:
+            if title != column.title or is_of_views or view.quick:
                 continue
             row, n_worse = block_lead(view, title, block)
             if n_worse == len(tested.rivals) - 1:

@@ -172,9 +172,10 @@ class TableView:
 
     @property
     def has_ranks(self) -> bool:
-        """Whether it may show ranks by a second scorer, as III and III-view of TOSCA do."""
+        """Whether it may show ranks by a second scorer, as full runs of III and III-view do."""
         is_table_iii = (self.table.part_of or self.table.identifier) == "III"
-        return is_table_iii and self.dataset == "tosca" and not self.scored_by.caption
+        is_of_tosca = is_table_iii and self.dataset == "tosca"
+        return is_of_tosca and not (self.quick or self.scored_by.caption)
 
     @cached_property
     def ranks(self) -> dict[str, dict[str, Ranks]]:

@@ -388,8 +388,9 @@ def _has_sign_in_folds(
 def verdicts_markdown(views: Sequence[TableView]) -> str:
     """Return as Markdown what our scores say of the paper: first its figures, then its claims.
 
-    "" if all tables are of the user's own data.
+    "" if all tables are of the user's own data, or of quick runs, which decide nothing.
     """
+    views = [view for view in views if not view.quick]
     if not any(view.table in TABLES for view in views):
         return ""
     lines = [f"**What holds up in the paper.** {views[0].scored_by.note}", ""]

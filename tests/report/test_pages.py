@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from PIL import Image
 
 from benchmark.errors import ConfigurationError
@@ -144,6 +145,7 @@ def test_the_overview_has_a_column_for_each_table_and_the_best_of_each_block_is_
     found = pages(
         tmp_path,
         record("gps", dataset="people[draw=0]"),
+        *[record("skeleton", dataset=name) for name in SYNTHETIC_HUMANS],
         record("gps", dataset="humans-scanlike"),
         refused,
     )
@@ -324,6 +326,8 @@ def test_a_sentence_above_a_table_says_which_row_leads_and_how_surely(tmp_path):
     ):
         rows = [record(name, nn, labels=of_labels(count)) for name, nn in values.items()]
         assert says in pages(tmp_path / str(count), *rows)["index.html"]
+    two = [record(name, labels=of_labels(9)) for name in ("gps", "skeleton")]
+    assert "but not significantly above the other row." in pages(tmp_path / "2", *two)["index.html"]
 
 
 def test_the_overview_names_rows_above_all_others_of_their_block_and_says_where_data_are_generated(
@@ -362,6 +366,13 @@ def test_the_overview_names_rows_above_all_others_of_their_block_and_says_where_
     assert "None." not in found
     none = pages(tmp_path / "none", *others)
     assert "None." in Facts(none["index.html"]).text
+    quick = [
+        replace(each, gallery=f"{each.gallery} (quick)", data=replace(each.data, quick=True))
+        for each in (*first, *others)
+    ]
+    of_quick = pages(tmp_path / "quick", *quick)
+    assert ".90" in Facts(of_quick["index.html"]).text
+    assert "None." in Facts(of_quick["index.html"]).text
 
 
 def test_refused_and_missed_queries_come_first_and_others_are_hidden(monkeypatch, tmp_path):

@@ -13,6 +13,7 @@ from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.reference.paper import AS_PRINTED, PAPER_MEASURES, PRINTED
 from benchmark.report.columns import PRINTED_QUANTITIES, score_groups
 from benchmark.report.formats import as_json, blocks, latex, markdown, robustness_markdown
+from benchmark.report.notation import two_digits
 from benchmark.report.notes import block_lead, table_notes
 from benchmark.report.output import table_files
 from benchmark.report.record_facts import chosen_records
@@ -481,6 +482,47 @@ def test_robustness_has_a_line_for_each_change_and_strength_below_the_unchanged_
         "|noise|5|--|.25|",
     ]
     assert robustness_markdown([record("gps", dataset="rods")]) == ""
+
+
+def test_a_failed_job_has_its_status_and_no_score_in_the_table_of_robustness():
+    rows = [
+        record("gps", 0.5, dataset="rods[noise=2]", quick=True),
+        failed("classic-mds", status="timeout", dataset="rods[noise=2]", quick=True),
+    ]
+    text = robustness_markdown(rows)
+    assert "|noise|2|timeout|.50|" in text
+    assert "rods (quick run with some of the poses);" in text
+    assert "quick" not in robustness_markdown([record("gps", 0.5, dataset="rods[noise=2]")])
+
+
+def test_a_shape_refused_in_two_draws_is_two_shapes():
+    rows = [
+        record("gps", dataset=name, unsupported=[("cat0", "too thin")])
+        for name in SYNTHETIC_HUMANS[:2]
+    ]
+    trainings = [
+        record(f"net[training_seed={seed}]", input_="view", unsupported=[("cat0", "too thin")])
+        for seed in (0, 1)
+    ]
+    notes = " ".join(table_notes(view(*rows, tables=["I"])))
+    assert "GPS 2 (15 subjects; cat0: too thin)" in notes
+    assert " 1 (view; cat0: too thin)" in " ".join(table_notes(view(*trainings)))
+
+
+def test_quick_runs_have_no_ranks_by_a_second_scorer():
+    """Those are of all shapes, but a score of a quick run may happen to be equal."""
+    equal = [record("gps", 0.5, dataset="tosca", quick=quick) for quick in (False, True)]
+    full, of_quick = (view(row, tables=["III"]) for row in equal)
+    assert any("Ranks by spherical harmonics" in note for note in table_notes(full))
+    assert not any("Ranks by spherical harmonics" in note for note in table_notes(of_quick))
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.994, ".99"), (0.996, "1.0"), (1.26, "1.3"), (9.94, "9.9"), (9.96, "10"), (12.3, "12")],
+)
+def test_seconds_have_two_digits(seconds, text):
+    assert two_digits(seconds) == text
 
 
 def test_seconds_are_of_the_processor_and_an_old_record_without_them_has_none():

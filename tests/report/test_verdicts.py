@@ -38,6 +38,11 @@ def test_figures_are_judged_on_tosca_alone():
     assert "Table III" not in verdicts_markdown(table_views(on_stand_in))
 
 
+def test_quick_runs_give_no_verdicts():
+    rows = [record(name, 0.74, dataset="tosca", quick=True) for name in CLASSICAL]
+    assert verdicts_markdown(table_views(rows)) == ""
+
+
 def claim_on(better, *others, measures=("NN",)):
     return Claim("One is better.", "III", better, others, measures)
 
