@@ -19,8 +19,9 @@ from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError
 from benchmark.machine import available_cores, describe_machine
 from learned.code_network import CODE_RESOLUTION
+from learned.images import DepthScale
 from learned.models import CONFIGURATIONS, Configuration, load_model, save_model
-from learned.pairs import AnyPairs, gather, keep
+from learned.pairs import AnyPairs, NoPairs, PairsInMemory, gather, keep
 from learned.paper_network import RESOLUTIONS
 from learned.training import (
     CHECKPOINT,
@@ -108,15 +109,14 @@ def train(
     if check_finished(folder, recipe):
         say(f"{folder} holds this model already")
         return
-    unseen = gather(
-        data.validation(), data.n_validation, schedule.resolution, configuration.crop
-    ).scaled(pairs.scale)
+    unseen = _unseen_pairs(configuration, data, schedule, pairs.scale, say)
     folder.mkdir(parents=True, exist_ok=True)
     history, seconds = fit(
         network, pairs, unseen, schedule, folder, seed=seed, device=device, log=say
     )
     network = network.cpu().eval()
     facts = {
+        "pairs": len(pairs),  # without those of shapes that cannot be rendered
         "seed": seed,
         "data_digest": recipe["images"],
         "depth_scale": msgspec.to_builtins(pairs.scale),
@@ -125,8 +125,9 @@ def train(
         "machine": describe_machine(),
         "core_seconds": round(seconds),
         "training_measures": _measured(network, pairs),
-        "validation_measures": _measured(network, unseen),
     }
+    if unseen:
+        facts["validation_measures"] = _measured(network, unseen)
     save_model(network, configuration, data, schedule, history, folder, facts)
     load_model(folder)  # which checks what was written
     (folder / CHECKPOINT).unlink(missing_ok=True)
@@ -185,6 +186,32 @@ def _pairs(
         kept = folder.parent / f"pairs-{resolution}{suffix}"
         pairs = keep(data.bodies, resolution, crop, kept, say)
     return pairs.stretched() if schedule.stretch_depth else pairs
+
+
+def _unseen_pairs(
+    configuration: Configuration,
+    data: TrainingData,
+    schedule: Schedule,
+    scale: DepthScale,
+    say: Callable[[str], None],
+) -> PairsInMemory | None:
+    """Return the pairs of other subjects, on which a network is measured; None if there are none.
+
+    Parameters
+    ----------
+    configuration, data, schedule, say
+        As for :func:`_pairs`.
+    scale
+        Map of the depths of the training.
+    """
+    try:
+        unseen = gather(
+            data.validation(), data.n_validation, schedule.resolution, configuration.crop
+        )
+    except NoPairs:
+        say("no shape of another subject can be rendered, so that there is no validation")
+        return None
+    return unseen.scaled(scale)
 
 
 def check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:

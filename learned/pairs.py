@@ -35,6 +35,10 @@ _NOT_ON_THIS_DISK = (errno.EINVAL, errno.EOPNOTSUPP)
 _MIDDLE = 0.5
 
 
+class NoPairs(TrainingError):
+    """None of the shapes has an image and a canonical one."""
+
+
 @dataclass(frozen=True, eq=False)
 class PairsInMemory:
     """All pairs of a training at its resolution.
@@ -114,7 +118,7 @@ def gather(
 
     Raises
     ------
-    TrainingError
+    NoPairs
         If there is no pair.
     """
     images = np.empty((n_pairs, 1, resolution, resolution), dtype=np.float32)
@@ -130,7 +134,7 @@ def gather(
         if row == len(targets):  # the target is new
             targets.append(resampled(checked_image(pair.target), resolution, crop=crop))
     if not names:
-        raise TrainingError("there is no pair to train on", "check the data set with 'data check'")
+        raise NoPairs("there is no pair to train on", "check the data set with 'data check'")
     return PairsInMemory(
         names=tuple(names),
         images=torch.from_numpy(images[: len(names)]),

@@ -339,6 +339,17 @@ def test_no_pair_is_no_training(tmp_path: Path) -> None:
         again(tmp_path, pairs=lambda: iter(()))
 
 
+def test_a_card_counts_the_pairs_that_were_rendered_and_needs_no_validation(tmp_path: Path) -> None:
+    """A shape of the training cannot be rendered, nor can any other subject."""
+    data = replace(toy_data(), n_pairs=7, validation=lambda: iter(()))
+    said: list[str] = []
+    train(TINY.name, 0, data, tmp_path / "model", {**OPTIONS, "epochs": 1}, said.append)
+    card = json.loads((tmp_path / "model" / CARD).read_text())
+    assert card["pairs"] == 6
+    assert "validation_measures" not in card and "training_measures" in card
+    assert any("there is no validation" in line for line in said)
+
+
 def test_networks_of_generated_bodies_come_trained(tmp_path: Path) -> None:
     for name in ("streamed-people", "field-plain"):
         with pytest.raises(
