@@ -32,7 +32,10 @@ class AcceleratedMDS(CheckedParameters):
             "Does what Classic MDS does with the distances of a few points, between which it "
             "interpolates."
         ),
-        departs="Signs of the axes, and with them the mirror image, follow our rule.",
+        departs=(
+            "Uses the geodesic distances of Classic MDS. Signs of the axes, and with them the "
+            "mirror image, follow our rule."
+        ),
         needs=("connected",),
     )
 

@@ -79,8 +79,8 @@ class LeastSquaresMDS(CheckedParameters):
         departs=(
             "Uses the geodesic distances of Classic MDS. No source states when to stop on a "
             "surface: this row ends in a local minimum, where a step lowers the stress by at most "
-            "1e-6 of itself. Earlier versions stopped at 1e-3 or after 100 steps, the rule of "
-            "Pickup et al. (2016) for the joints of a skeleton."
+            "1e-6 of itself. Pickup et al. (2016) stop at 1e-3 or after 100 steps, for the joints "
+            "of a skeleton."
         ),
         needs=("pairs",),
     )
