@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -100,6 +100,7 @@ def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> Shap
         key=views.key,
         camera=views.camera,
         sensor=views.sensor,
+        code=views.code,
         framed=shapes,
     )
 
@@ -150,6 +151,10 @@ class _Views:
     def sensor(self, view: Entry) -> DepthSensor | None:
         """Return the depth sensor of the shape."""
         return self.shapes.sensor(self.seen[view.identifier].shape)
+
+    def code(self, view: Entry) -> Sequence[str]:
+        """Return the modules that make the mesh of the shape."""
+        return self.shapes.code(self.seen[view.identifier].shape)
 
 
 CHANGES = {
@@ -280,7 +285,11 @@ def with_change(shapes: ShapeSet, name: str, level: int) -> ShapeSet:
     if of_set := change.of_set:
         views = of_set(shapes, level)
         return replace(
-            views, name=result.name, title=result.title, code=result.code, inputs=("view",)
+            views,
+            name=result.name,
+            title=result.title,
+            code=lambda view: (*views.code(view), surface.__name__),
+            inputs=("view",),
         )
     if of_mesh := change.of_mesh:
 

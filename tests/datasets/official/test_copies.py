@@ -4,9 +4,11 @@ from dataclasses import replace
 
 import pytest
 
+from benchmark.datasets.changes import with_change
 from benchmark.datasets.checking import check_dataset
 from benchmark.datasets.copies import KnownCopy
 from benchmark.datasets.official import SETS
+from benchmark.datasets.sizes import scaled_to_area
 from benchmark.files import file_digest
 from tests.datasets.official.layouts import write_tetrahedron
 from tests.report.records import record
@@ -50,6 +52,9 @@ def test_surfaces_of_files_without_size_get_their_area_and_other_files_keep_thei
     assert shapes.key(listed) == f"{file_digest(listed.path)} scaled to area 1.8"
     assert shapes.load(other).area != pytest.approx(1.8)
     assert shapes.key(other) == file_digest(other.path)
+    views = with_change(shapes, "cameras", 1)
+    assert set(views.code(views.shapes[0])) > set(shapes.code(listed))
+    assert scaled_to_area.__module__ not in views.code(views.shapes[7])
 
 
 def checked(shapes):
