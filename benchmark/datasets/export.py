@@ -135,12 +135,16 @@ def _file_names(entries: Sequence[Entry]) -> dict[str, str]:
         If a class or pose cannot be the name of a file.
     """
     counts = Counter((entry.subject, entry.pose.casefold()) for entry in entries)
+    taken = {place for place, count in counts.items() if count == 1}
     names = {}
     for number, entry in enumerate(entries):
         pose = entry.pose
         is_unique = counts[entry.subject, pose.casefold()] == 1
         if not pose or not is_unique:
             pose = f"{pose or 'pose'}-{number}"
+            while (entry.subject, pose.casefold()) in taken:  # as another pose has that name
+                pose = f"{pose}-{number}"
+            taken.add((entry.subject, pose.casefold()))
         for word in (entry.subject, pose):
             if not re.fullmatch(r"\w[\w .+-]*", word):
                 problem = f"{word!r} of '{entry.identifier}' cannot be the name of a file"

@@ -61,6 +61,16 @@ def test_depth_noise_is_no_part_of_a_mesh(tmp_path):
         write_meshes(with_change(beasts(), "depth-noise", 5), tmp_path / "out")
 
 
+def test_each_shape_has_a_file_of_its_own_whatever_the_poses_are_called(tmp_path):
+    """Equal poses get the numbers of their shapes, which other poses may hold."""
+    poses = ("sit", "Sit", "sit-1", "", "pose-3", "sit-0", "Sit-0")
+    entries = tuple(Entry(str(n), "cat", pose) for n, pose in enumerate(poses))
+    source = beasts(shapes=entries, load=lambda _: rod(0.05, 0))
+    written, _ = write_meshes(source, tmp_path / "out")
+    assert len({name.casefold() for name in written}) == len(poses) + 1
+    assert len(folder_set(tmp_path / "out").shapes) == len(poses)
+
+
 def test_a_set_without_a_readable_mesh_leaves_no_folder(tmp_path):
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "cat0.off").write_text("OFF 1")
