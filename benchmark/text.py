@@ -151,21 +151,49 @@ def say(text: object = "", *, err: bool = False, indent: int = 2, is_wrapped: bo
 
 
 class Printed(io.TextIOBase):
-    """Standard output of a plugin, which is printed as cleaned lines on stderr."""
+    """Standard output of a plugin, which is printed as cleaned lines on stderr.
 
-    #: Name of what prints, with which lines begin; "" for none.
-    name = ""
+    A line also ends where another name begins, and with the stream.
+    """
 
-    #: Text behind the last line that has ended.
-    _rest = ""
+    def __init__(self) -> None:
+        super().__init__()
+        self._name = ""
+        self._rest = ""  # the beginning of a line that has not ended
+
+    @property
+    def name(self) -> str:
+        """Name of what prints, with which lines begin; "" for none."""
+        return self._name
+
+    @name.setter
+    def name(self, name: str) -> None:
+        self._end_line()
+        self._name = name
 
     def write(self, text: str) -> int:
         """Print the lines that have ended."""
-        *lines, self._rest = (self._rest + text).split("\n")
-        start = f"{self.name}: " if self.name else ""
+        *lines, rest = (self._rest + text).split("\n")
         for line in lines:
-            say(start + brief(line), err=True)
+            self._print(line)
+        self._rest = rest[: 2 * LONGEST_REASON]  # more of it is never printed
         return len(text)
+
+    def close(self) -> None:
+        """Print a line that has not ended, and close the stream."""
+        self._end_line()
+        super().close()
+
+    def _end_line(self) -> None:
+        """Print a line that has not ended."""
+        if self._rest:
+            self._print(self._rest)
+        self._rest = ""
+
+    def _print(self, line: str) -> None:
+        """Print a line behind the name of what prints."""
+        start = f"{self._name}: " if self._name else ""
+        say(start + brief(line), err=True)
 
 
 def say_lines(text: str) -> None:

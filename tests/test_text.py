@@ -1,10 +1,12 @@
 """Text from outside is one line that can be printed anywhere, and says what it said."""
 
+from contextlib import redirect_stdout
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmark.text import clean_text
+from benchmark.text import Printed, clean_text
 
 ANY = st.text(st.characters(codec=None, exclude_categories=()))
 
@@ -35,3 +37,30 @@ def test_whatever_it_was_it_can_be_printed_on_one_line(text):
 )
 def test_what_cannot_be_printed_is_written_as_python_writes_it(text, told):
     assert clean_text(text) == told
+
+
+def test_what_a_plugin_prints_last_is_shown_without_a_line_break_behind_it(capsys):
+    printed = Printed()
+    with redirect_stdout(printed):
+        for step in ("first", "second"):
+            printed.name = step
+            print("one\ntwo", end="")
+            print(" and more", end="")
+    del printed
+    shown = capsys.readouterr()
+    assert shown.err.splitlines() == [
+        "first: one",
+        "first: two and more",
+        "second: one",
+        "second: two and more",
+    ]
+    assert not shown.out
+
+
+def test_a_line_that_a_plugin_never_ends_takes_no_memory(capsys):
+    printed = Printed()
+    for _ in range(1000):
+        print("." * 1000, end="", file=printed)
+    assert len(printed._rest) < 10_000
+    printed.close()
+    assert capsys.readouterr().err.rstrip().endswith(". ...")
