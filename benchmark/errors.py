@@ -17,6 +17,9 @@ FILE = "<file>"
 #: The folders in an absolute path, up to the name of the file.
 _FOLDERS = re.compile(r"(?<![\w./])/(?:[^/\s]+/)+(?=[^/\s])")
 
+#: A name of a file that stands in a command as it is.
+_PLAIN_NAME = re.compile(r"[\w.+ -]+")
+
 #: What stands between a problem and its hint in a message.
 _BEFORE_HINT = "; "
 
@@ -243,7 +246,12 @@ def check_seed(seed: object) -> None:
 
 
 def surface_command(name: str) -> str:
-    """Return a command for a hint: it makes a surface of the points in a file."""
+    """Return a command for a hint: it makes a surface of the points in a file.
+
+    A name that a shell or Python would take apart, by a quote or a dollar sign, is called FILE.
+    """
+    if not _PLAIN_NAME.fullmatch(name):
+        name = "FILE"
     return (
         f"python -c \"import pymeshlab; m = pymeshlab.MeshSet(); m.load_new_mesh('{name}'); "
         "m.compute_normal_for_point_clouds(); "

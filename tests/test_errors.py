@@ -1,5 +1,7 @@
 """Errors are text on one line, with the place where they were raised."""
 
+import shlex
+
 import pytest
 
 from benchmark.errors import (
@@ -10,6 +12,7 @@ from benchmark.errors import (
     locate,
     one_line,
     short_reason,
+    surface_command,
     with_hint,
     without_hint,
 )
@@ -77,3 +80,20 @@ def test_tables_for_print_have_the_short_reason(message, short):
 def test_a_name_that_is_known_twice_is_suggested_once():
     assert did_you_mean("model", "x", ["people", "people"]).hint == "choose one of people"
     assert did_you_mean("model", "peopl", ["people", "people"]).hint == "did you mean people?"
+
+
+@pytest.mark.parametrize(
+    ("name", "called"),
+    [
+        ("scan of Åsa-1.ply", "scan of Åsa-1.ply"),
+        ("it's.ply", "FILE"),
+        ('a"; b.ply', "FILE"),
+        ("$(id).ply", "FILE"),
+        ("`id`.ply", "FILE"),
+        ("a\\.ply", "FILE"),
+    ],
+)
+def test_a_command_to_copy_is_whole_whatever_a_file_is_called(name, called):
+    command = surface_command(name)
+    assert f"load_new_mesh('{called}')" in command
+    assert len(shlex.split(command)) == 3
