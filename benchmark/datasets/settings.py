@@ -83,13 +83,18 @@ def with_settings(shapes: ShapeSet) -> ShapeSet:
         unit_of = _by_name(values.get("unit", 1), "unit", read_unit, shapes, path)
         resized = _Resized(shapes, unit_of, is_normalised="normalise" in values)
         changes |= {"load": resized.load, "key": resized.key, "code": resized.code}
+
+    def usual_camera(entry: Entry) -> Camera:
+        """Return the camera of a shape for which the file names none."""
+        camera = shapes.camera(entry)
+        return _y_up(camera) if up == "y" else camera
+
+    changes["camera"] = usual_camera
     if "camera" in values:
         cameras = _by_name(
             values["camera"], "camera", lambda value: _camera(value, up, path), shapes, path
         )
-        changes["camera"] = lambda entry: cameras(entry) or shapes.camera(entry)
-    elif up == "y":
-        changes["camera"] = lambda entry: _y_up(shapes.camera(entry))
+        changes["camera"] = lambda entry: cameras(entry) or usual_camera(entry)
     return replace(shapes, **changes)
 
 

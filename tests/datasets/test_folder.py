@@ -280,6 +280,12 @@ def test_cameras(rods, text, camera):
     assert cameras(settled(rods, text)) == {"thick": camera, "thin": camera}
 
 
+def test_the_up_axis_is_that_of_shapes_for_which_no_camera_is_named_too(rods):
+    sides = cameras(settled(rods, 'up = "y"\n[camera]\nthin = "side"\n'))
+    front = Camera((0, 0, -1), (0, 1, 0))
+    assert sides == {"thick": front, "thin": Camera((1, 0, 0), (0, 1, 0))}
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
