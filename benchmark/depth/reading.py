@@ -795,22 +795,48 @@ def find_mask(image: Path) -> Path | None:
         If there are several.
     """
     image = image.absolute()  # a relative path may not name the folders above
-    without_depth = re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem)
-    stems = {image.stem, without_depth or image.stem}
+    stems = _stems_of(image)
     found = _pictures(image.parent, stems, "[._-]masks?([^a-z].*)?")
     with_longer_names: list[Path] = []
     for folder in _mask_folders(image):
         found += _pictures(folder, stems, "(_mask)?")
         with_longer_names += _pictures(folder, stems, "_.*")
     if not found:
-        # "masks/a_1.png" is the mask of "a.png" only if there is no image "a_1.png".
-        found = [path for path in with_longer_names if not image.with_name(path.name).exists()]
+        # "masks/a_1.png" is the mask of "a.png" only if there is no image "a_1.png" or "a_1.tif".
+        found = [path for path in with_longer_names if not _is_of_another(path, image)]
     if len(found) > 1:
         names = [path.relative_to(image.parent.parent).as_posix() for path in found[:2]]
         raise DepthError(
             f"it has the masks {' and '.join(names)}", "keep that of the object", image
         )
     return found[0] if found else None
+
+
+def _stems_of(image: Path) -> set[str]:
+    """Return the names by which masks name an image: its own, and that without the word depth."""
+    without_depth = re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem)
+    return {image.stem, without_depth or image.stem}
+
+
+def _is_of_another(mask: Path, image: Path) -> bool:
+    """Return whether a mask names another image more closely than one that it may belong to.
+
+    Parameters
+    ----------
+    mask
+        A mask whose name begins with that of the image.
+    image
+        The image, beside which others lie.
+    """
+    named = [stem for stem in _stems_of(image) if mask.stem.startswith(f"{stem}_")]
+    own = max(named, key=len)
+    for other in image.parent.glob("*.*"):
+        if other.suffix.lower() in EXTENSIONS:
+            for stem in _stems_of(other):
+                is_nearer = len(stem) > len(own) and f"{mask.stem}_".startswith(f"{stem}_")
+                if is_nearer:
+                    return True
+    return False
 
 
 def _mask_folders(image: Path) -> list[Path]:

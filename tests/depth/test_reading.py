@@ -324,6 +324,30 @@ def test_masks_are_found_by_their_usual_names_and_several_are_refused(
         find_mask(tmp_path / "a/5.png")
 
 
+@pytest.mark.parametrize(
+    ("others", "mask"),
+    [
+        (["a_1.tif"], "a_1.png"),
+        (["a_1_depth.png"], "a_1.png"),
+        (["a_1.png"], "a_1_mask.png"),
+        (["a_1.png"], "a_1_man.png"),
+    ],
+)
+def test_a_mask_belongs_to_the_image_whose_name_it_has_in_full(
+    tmp_path: Path, others: list[str], mask: str
+) -> None:
+    (tmp_path / "masks").mkdir()
+    for name in ("a.png", "a_depth.png", f"masks/{mask}"):
+        (tmp_path / name).write_text("")
+    for image in ("a.png", "a_depth.png"):
+        assert find_mask(tmp_path / image) == tmp_path / "masks" / mask
+    for name in others:
+        (tmp_path / name).write_text("")
+        assert find_mask(tmp_path / name) == tmp_path / "masks" / mask
+    for image in ("a.png", "a_depth.png"):
+        assert find_mask(tmp_path / image) is None
+
+
 def test_a_mask_is_found_from_the_folder_of_its_image(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
