@@ -12,9 +12,10 @@ import torch
 
 from benchmark.api.learning import CARD
 from benchmark.errors import ConfigurationError
+from learned import fitting
 from learned.images import DepthScale
 from learned.training import Schedule, resolved
-from tests.learned.toy import toy_data
+from tests.learned.toy import BUILDS, quiet, toy_data, toy_pairs
 
 FOLDER = Path(__file__).parents[2] / "results" / "experiments"
 
@@ -33,7 +34,10 @@ def experiment(monkeypatch):
 def depth_range(experiment, monkeypatch, tmp_path):
     module = experiment.depth_range
     monkeypatch.setattr(module, "SCORES", tmp_path / "depth-range.csv")
-    return module
+    n_threads = torch.get_num_threads()
+    yield module
+    torch.set_num_threads(n_threads)
+    torch.set_flush_denormal(False)  # as before a training
 
 
 def cell(mean, between_seeds=0.0, noise=0.01):
@@ -335,3 +339,45 @@ def test_a_network_predicts_the_same_depths_in_the_units_of_stretched_targets(de
         (after,) = head(features)
     assert not torch.allclose(before[0], after[0])
     torch.testing.assert_close(scale.undo(after), before, rtol=0, atol=1e-6)
+
+
+def test_the_network_as_printed_goes_on_from_the_same_function(depth_range, monkeypatch, tmp_path):
+    """With few pixels, pairs and bodies: both trainings, their scores, and what is not repeated."""
+    small = {"resolution": 32, "batch": 2, "precision": "float32"}
+    printed = tmp_path / "printed"
+    one_epoch = {**small, "epochs": 1, "device": "cpu", "threads": 1}
+    fitting.train("as_printed", 0, toy_data(), printed, one_epoch, quiet)
+    monkeypatch.setattr(depth_range, "AS_PRINTED", printed)
+    monkeypatch.setattr(depth_range, "FURTHER", 2)
+    monkeypatch.setattr(depth_range, "data_of_training", lambda *_: toy_data())
+    monkeypatch.setattr(
+        depth_range.training, "Schedule", lambda **given: Schedule(**small, **given)
+    )
+    images = [pair.image for pair in toy_pairs(BUILDS)]
+    bodies = [pair.subject for pair in toy_pairs(BUILDS)]
+    truth = [pair.target for pair in toy_pairs(BUILDS)]
+    monkeypatch.setattr(depth_range, "judges", lambda: (bodies, images, truth))
+    ranked = {name: np.linspace(0, 1, len(bodies)) for name in depth_range.MEASURES}
+    monkeypatch.setattr(depth_range, "ranked", lambda _: ranked)
+    begun = {}
+    fit = depth_range.training.fit
+
+    def watched(network, pairs, *given, **named):
+        (start,) = network(pairs.images[:1]).detach()
+        begun[pairs.scale] = pairs.scale.undo(start)
+        return fit(network, pairs, *given, **named)
+
+    monkeypatch.setattr(depth_range.training, "fit", watched)
+    for targets in (depth_range.PLAIN, depth_range.NEW, depth_range.NEW):
+        depth_range.go_on(tmp_path / "results", targets)
+    (plain, of_plain), (stretched, of_stretched) = begun.items()
+    assert plain == DepthScale() and stretched.factor > 1
+    torch.testing.assert_close(of_plain, of_stretched, rtol=0, atol=1e-5)
+    scores = pd.read_csv(depth_range.SCORES)
+    assert len(scores) == 2 * 6 * len(BUILDS)
+    assert scores["setting"].nunique() == 2 * 6
+    for targets, scale in ((depth_range.PLAIN, plain), (depth_range.NEW, stretched)):
+        folder = tmp_path / "results" / "models" / "people-fold-0" / f"as_printed-{targets}"
+        card = json.loads((folder / CARD).read_text())
+        assert card["depth_scale"] == {"mean": scale.mean, "factor": scale.factor}
+        assert (card["schedule"]["early_epochs"], card["schedule"]["epochs"]) == (0, 2)
