@@ -378,8 +378,7 @@ class _Planning:
             The method.
         """
         gallery = sides[0].gallery
-        needs_scorer = not (method.missing_packages() or method.describes)
-        scorer = self.scorer if needs_scorer else None
+        scorer = None if method.describes else self.scorer
         row = self._row(fields_of_shapes["input"], sides, method, scorer)
 
         # Find the trained models, some of which may be missing.

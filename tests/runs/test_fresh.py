@@ -20,6 +20,7 @@ from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.record_arrays import read_distances
 from benchmark.pipeline.record_files import read_records
 from benchmark.runs.planning import plan_selection
+from benchmark.runs.runner import with_results
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, LIGHT, LIGHT_SCORER, done, planned, run_toy
 from tests.toy import rod, write_off, write_rods
@@ -290,8 +291,12 @@ def test_what_cannot_run_replaces_no_record(own, tmp_path):
     before = read_records(tmp_path / "results", published=False)
     write_plugin(plugin, info=info)
     options = ("run", "-d", own, "--input", "mesh", *LIGHT, "-m", "smooth", "--plugin", plugin)
-    assert "unavailable  rods mesh smooth  needs benchmark_absent" in call(*options, code=1)
+    told = call(*options, code=1)
+    assert "unavailable  rods mesh smooth by light  needs benchmark_absent" in told
     assert read_records(tmp_path / "results", published=False) == before
+    jobs = planned(own, tmp_path / "results", "smooth", plugins=(plugin,))
+    assert [job.state for job in jobs] == ["unavailable"]
+    assert with_results(before, jobs, {}) == before, "the result of the row stands alone"
 
 
 def paths_and_states(folder, results):
