@@ -73,14 +73,15 @@ def read_records(results: Path, *, local: bool = True, published: bool = True) -
     if local:
         here = sorted(read_files(local_files(results)), key=age_of)
 
-    # Leave out published records of a gallery that holds other shapes here.
-    digests = {record.gallery: record.gallery_digest for record in here}
+    # Leave out published records of a gallery that holds other shapes here. A folder of the user is
+    # another data set, also if it has the name of one of the suite.
+    digests = {(record.gallery, record.row.paths): record.gallery_digest for record in here}
     fitting: list[Record] = []
     if published:
         folder = published_folder(results) / "records"
         for record in read_files(folder.glob("*.jsonl")):
-            digest_here = digests.get(record.gallery, record.gallery_digest)
-            if record.gallery_digest == digest_here:
+            gallery = record.gallery, record.row.paths
+            if digests.get(gallery, record.gallery_digest) == record.gallery_digest:
                 fitting.append(msgspec.structs.replace(record, published=True))
     return last_of_rows([*sorted(fitting, key=age_of), *here])
 

@@ -140,6 +140,13 @@ def test_published_records_fill_in_for_the_same_shapes_alone(tmp_path):
     assert {record.method for record in read_records(tmp_path)} == {"gps", "pca", "identity"}
 
 
+def test_a_folder_of_the_same_name_hides_no_published_records(tmp_path):
+    write_published(tmp_path, [made("identity", key="b")])
+    own = {"name": "pets", "title": "Pets", "source": "./pets", "path": "/home/pets"}
+    write_record(tmp_path, made("gps", gallery_digest="2", data=own))
+    assert {record.method for record in read_records(tmp_path)} == {"gps", "identity"}
+
+
 def merged(folder, *records, into=()):
     """Merge records into those that are here; return the outcome, scores and status here."""
     for record in into:
