@@ -44,6 +44,13 @@ def print_what_is_left(*, quick: bool) -> None:
             print(f"{kernel.__module__}.{kernel.__name__}")
 
 
+def test_a_word_that_means_nothing_is_no_success(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["gsp"])
+    assert ended.value.code == 2
+    assert "error: unknown step with kernels 'gsp'" in capsys.readouterr().err
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("quick", "modules"), [(False, set()), (True, {"benchmark.datasets.scanning"})]

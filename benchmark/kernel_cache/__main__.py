@@ -10,12 +10,14 @@ import sys
 import time
 from collections.abc import Sequence
 
-from benchmark.kernel_cache import drop_stale_kernels
+from benchmark.errors import ConfigurationError, check_known
+from benchmark.kernel_cache import choose_kernel_cache, drop_stale_kernels
 from benchmark.machine import pin_threads
 from benchmark.text import say
 
-#: Exit code of an interruption.
+#: Exit codes of an interruption, and of words that mean nothing.
 _INTERRUPTED = 130
+_USAGE = 2
 
 
 def main(arguments: Sequence[str] = ()) -> None:
@@ -28,6 +30,7 @@ def main(arguments: Sequence[str] = ()) -> None:
         theirs alone; none for all.
     """
     pin_threads()  # before numerical libraries are imported
+    choose_kernel_cache()  # the one that later commands choose
     from benchmark.cli.progress import counting
     from benchmark.commands.kernels import kernel_uses
 
@@ -35,6 +38,12 @@ def main(arguments: Sequence[str] = ()) -> None:
     start = time.monotonic()
     names = [argument for argument in arguments if argument != "--quick"]
     uses = kernel_uses(names, quick="--quick" in arguments)
+    if not {use.name for use in uses}.issuperset(names):
+        try:
+            check_known("step with kernels", names, [use.name for use in kernel_uses()])
+        except ConfigurationError as error:
+            say(f"error: {error}", err=True)
+            sys.exit(_USAGE)
     try:
         for use in counting("compiling kernels", uses, name=lambda use: use.name):
             use.compile()
