@@ -160,6 +160,14 @@ def sources_of(target: str) -> list[Path]:
     return list(sources)
 
 
+def sources_below(folder: Path) -> list[Path]:
+    """Return the source files in a folder and in those below it.
+
+    A link to nothing is none: an editor puts one beside a file that is not saved yet.
+    """
+    return sorted(path for path in folder.rglob("*.py") if path.is_file())
+
+
 def is_installed(module: str) -> bool:
     """Return whether a module is of the suite, of Python, or of an installed package.
 
@@ -339,7 +347,7 @@ def _files_of_import(parts: tuple[str, ...], folder: Path, base: Path) -> list[P
     top = parts[0]
     files = _suite_files(parts) if top in FIRST_PARTY else _files_around(folder, parts)
     if folder not in (ROOT, base):  # a package without a version, which imports in any way
-        files += sorted((folder / top).rglob("*.py"))
+        files += sources_below(folder / top)
     return files
 
 

@@ -91,3 +91,13 @@ def test_kernels_of_a_plugin_are_compiled_anew_in_each_process(tmp_path, monkeyp
             ).stdout.strip()
         )
     assert printed == ["2.0", "21.0", "321.0"]
+
+
+def test_the_link_of_an_editor_beside_an_unsaved_file_is_no_source(tmp_path, monkeypatch):
+    monkeypatch.setattr(kernel_cache, "ROOT", tmp_path)
+    monkeypatch.setattr(kernel_cache, "FIRST_PARTY", ["package"])
+    (tmp_path / "package").mkdir()
+    (tmp_path / "package" / "inner.py").write_text("")
+    (tmp_path / "package" / ".#inner.py").symlink_to("user@machine.1234")
+    drop_stale_kernels()
+    assert kernel_cache.suite_sources() == [tmp_path / "package" / "inner.py"]

@@ -15,7 +15,7 @@ from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 
-from benchmark.code_digest import FIRST_PARTY, ROOT, sources_of
+from benchmark.code_digest import FIRST_PARTY, ROOT, sources_below, sources_of
 from benchmark.places import make_folder, remove_folder
 
 #: Environment variable with the folder where numba stores compiled kernels.
@@ -80,7 +80,7 @@ def suite_sources() -> list[Path]:
     """Return the source files of the suite."""
     sources: list[Path] = []
     for package in FIRST_PARTY:
-        sources += sorted((ROOT / package).rglob("*.py"))
+        sources += sources_below(ROOT / package)
     return sources
 
 

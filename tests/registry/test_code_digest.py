@@ -238,6 +238,7 @@ def test_all_modules_of_a_package_without_a_version_count(plugin, tmp_path_facto
     for name in ("__init__.py", "inner.py"):
         (folder / "lazy_library").mkdir(exist_ok=True)
         (folder / "lazy_library" / name).write_text("VALUE = 1\n")
+    (folder / "lazy_library" / ".#inner.py").symlink_to("user@machine.1234")  # of an editor
     monkeypatch.syspath_prepend(folder)
     write_plugin(plugin, imports="import lazy_library")
     assert "lazy_library/inner.py" in code_of(str(plugin))
