@@ -126,7 +126,7 @@ def components_named(name: str, plugins: Iterable[Path] = ()) -> list[Component]
     ----------
     name
         A name, or the path of a plugin file; both optionally with parameters in brackets, which
-        methods take.
+        methods take; those of a file without methods are taken by its scorers.
     plugins
         Plugin files that may define the name.
 
@@ -149,14 +149,18 @@ def components_named(name: str, plugins: Iterable[Path] = ()) -> list[Component]
 
 
 def _in_file_with(path: Path, parameters: str) -> list[Component]:
-    """Return the components of a plugin file; with parameters its methods, which take them."""
+    """Return the components of a plugin file; with parameters those that take them.
+
+    These are its methods, or its scorers if it has no methods.
+    """
     components = in_file(path)
     for kind in get_args(Kind):
         by_name(kind, [path])  # which refuses two of one name, also beside those of the suite
     if not parameters:
         return components
-    methods = {component.name: component for component in components if component.kind == "method"}
+    methods = [component for component in components if component.kind == "method"]
+    taking = {component.name: component for component in methods or components}
     selected: list[Component] = []
-    for name in methods:
-        selected += variants(f"{name}[{parameters}]", methods)
+    for name in taking:
+        selected += variants(f"{name}[{parameters}]", taking)
     return selected

@@ -11,9 +11,10 @@ from baselines.identity import Identity
 from benchmark.errors import ConfigurationError
 from benchmark.registry import BUILT_IN, Component, by_name, component_of, select, select_one
 from benchmark.registry.names import combinations
-from benchmark.registry.selection import variants
+from benchmark.registry.selection import components_named, variants
 from tests.registry.plugin import write_plugin
 from tests.registry.test_objects import Power
+from tests.runs.toy import LIGHT_SCORER
 
 FIELDS = 'power: float = 1.0\n    kind: str = "a"\n    sizes: tuple[int, ...] = (1, 2)'
 
@@ -167,3 +168,11 @@ def test_a_target_that_is_not_there_is_named():
         Component("method", "gps", "baselines.gps:GSP").create()
     with pytest.raises(ConfigurationError, match="has no 'info: ClassVar.MethodInfo.'"):
         Component("method", "gps", "baselines.gps:np").create()
+
+
+def test_a_file_of_scorers_takes_parameters(tmp_path):
+    text = LIGHT_SCORER.read_text()
+    path = tmp_path / "light.py"
+    path.write_text(text.replace("    def signature", "    bins: int = 64\n\n    def signature"))
+    (scorer,) = components_named(f"{path}[bins=32]")
+    assert (scorer.kind, scorer.name) == ("scorer", "light[bins=32]")
