@@ -4,7 +4,7 @@ from collections import Counter
 
 from benchmark.api.learning import CARD
 from benchmark.registry import select_one
-from benchmark.runs.lacking import lacking_models
+from benchmark.runs.lacking import LackingModel, lacking_models
 
 STRICT = "learned-strict"
 
@@ -59,3 +59,10 @@ def test_controls_share_the_models_of_their_network(tmp_path, monkeypatch):
         for name in ("learned", "learned[training_seed=1]")
         for fold in range(3)
     }
+
+
+def test_options_of_a_recipe_are_passed_as_they_are(tmp_path):
+    options = {"optimiser": "AdamW", "stretch": False, "rate": 1e-5, "sizes": (1, 2)}
+    words = LackingModel("own", None, "people", options, None).words(tmp_path, None)
+    passed = [word for before, word in zip(words, words[1:], strict=False) if before == "-o"]
+    assert passed == ["optimiser=AdamW", "stretch=false", "rate=1e-05", "sizes=(1,2)"]
