@@ -18,8 +18,9 @@ from benchmark.pipeline.cache import Cache, Stage
 from benchmark.pipeline.forms import SharedResults, mesh_of
 from benchmark.pipeline.outputs import compute_output, make_distance_check, sign
 from benchmark.pipeline.ranking import distances
-from benchmark.pipeline.records import RankedShapes
+from benchmark.pipeline.records import RankedShapes, ShapeView
 from benchmark.pipeline.stages import NOTE, REFUSED, Arrays, require_result
+from benchmark.text import listed
 
 
 class Hit(NamedTuple):
@@ -97,7 +98,8 @@ def search(
     Raises
     ------
     ConfigurationError
-        If no form of the gallery is stored here.
+        If a form of the gallery is not stored here, or its file is damaged; or it has none besides
+        those to leave out.
     ShapeError
         If the query is refused.
     """
@@ -114,10 +116,14 @@ def search(
         stage = "forms"
         comparing = method
 
-    arrays_of_views = _read_gallery(Cache(results), gallery, stage, without)
+    arrays_of_views, missing = _read_gallery(Cache(results), gallery, stage, without)
+    if missing:
+        of_which = f"{len(missing)} of {len(missing) + len(arrays_of_views)}"
+        problem = f"{of_which} forms of {gallery.gallery} are not kept in {results}: {listed(missing)}"
+        raise ConfigurationError(problem, "run its job again with --force")
     if not arrays_of_views:
-        problem = f"no form of {gallery.gallery} is kept in {results}"
-        raise ConfigurationError(problem, "run it again here")
+        problem = f"{gallery.gallery} has no other shape with a form"
+        raise ConfigurationError(problem, "choose another gallery")
     check = make_distance_check(comparing)
     matrices = distances(comparing, check, [*arrays_of_views.values()], [of_query])
     distances_of_views = np.concatenate([*matrices])  # (draws of the scorer, views)
@@ -183,16 +189,40 @@ def _margins(hits: Sequence[Hit], of_draws: NDArray[np.float64]) -> NDArray[np.f
 
 def _read_gallery(
     cache: Cache, gallery: RankedShapes, stage: Stage, without: Collection[str]
-) -> dict[int, Arrays]:
-    """Return the arrays of a stage for each view with a result that is kept, by its index."""
+) -> tuple[dict[int, Arrays], list[str]]:
+    """Return the arrays of a stage for each view with a result.
+
+    Returns
+    -------
+    arrays_of_views : dict
+        Arrays by the index of the view.
+    missing : list of str
+        Names of the views whose file is not here, or is damaged.
+    """
+    left_out = {*without, *(name for name, _ in gallery.unsupported)}
     arrays_of_views: dict[int, Arrays] = {}
+    missing: list[str] = []
     for index, view in enumerate(gallery.views_of_shapes):
-        if view.shape in without or stage not in view.keys:
+        if view.shape in left_out:
             continue
-        arrays = cache.read(stage, view.keys[stage])
-        if arrays is not None and REFUSED not in arrays:
+        arrays = cache.read(stage, view.keys[stage]) if stage in view.keys else None
+        if arrays is None:
+            if not _is_refused_before(cache, view, stage):
+                missing.append(view.name)
+        elif REFUSED not in arrays:
             arrays_of_views[index] = arrays
-    return arrays_of_views
+    return arrays_of_views, missing
+
+
+def _is_refused_before(cache: Cache, view: ShapeView, last: Stage) -> bool:
+    """Return whether a view was refused in an earlier stage, so that it has no file of the last."""
+    for stage, key in view.keys.items():
+        if stage == last:
+            return False
+        arrays = cache.read(stage, key, only=[REFUSED])
+        if arrays and REFUSED in arrays:
+            return True
+    return False
 
 
 def _first_of_second_class(hits: Sequence[Hit]) -> int | None:

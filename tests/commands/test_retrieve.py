@@ -10,6 +10,7 @@ import trimesh
 
 import benchmark
 from benchmark.errors import ConfigurationError, UnreadableMesh
+from benchmark.pipeline.record_files import read_records
 from tests.runs.toy import without_processes
 from tests.toy import SMALL_SCORER, rod
 from tests.verbs import call, refusal
@@ -82,6 +83,23 @@ def test_a_gallery_without_forms_is_refused_in_the_words_of_the_verb(gallery, tm
     command = refusal("retrieve", *words).partition("run `")[2].partition("` first")[0]
     assert "1 of 1 jobs to run" in call("plan", *shlex.split(command)[4:])
     assert f"--results {tmp_path} --data-root {gallery.data} --seed 3" in command
+
+
+def test_a_gallery_of_which_a_form_is_gone_is_refused_and_not_searched_in_part(gallery, tmp_path):
+    results = shutil.copytree(gallery.results, tmp_path / "results")
+    part = SimpleNamespace(**{**vars(gallery), "results": results})
+    query = shutil.copy(gallery.data / QUERY, tmp_path)
+    assert len(found(query, part, count=9).frame) == 4
+    (record,) = (record for record in read_records(results) if record.input == "mesh")
+    first, second, *_ = record.files["signatures"]
+    (results / "runs" / "signatures" / f"{first}.npz").unlink()
+    (results / "runs" / "signatures" / f"{second}.npz").write_bytes(b"PK")
+    with pytest.raises(ConfigurationError, match=r"2 of 4 forms of rods are not kept in .*results"):
+        found(query, part)
+    selected = ("-d", part.data, "-m", part.method, "--scorer", part.scorer)
+    with without_processes():
+        call("run", *selected, "--results", results, "-j", 0, "--force")
+    assert len(found(query, part, count=9).frame) == 4
 
 
 @pytest.mark.parametrize(
