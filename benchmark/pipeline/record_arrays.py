@@ -13,7 +13,7 @@ from benchmark.code_digest import digest_of_bytes
 from benchmark.errors import InvalidMesh
 from benchmark.files import read_file
 from benchmark.geometry.mesh import Mesh
-from benchmark.pipeline.cache import Cache, Stage, UnreadableFile
+from benchmark.pipeline.cache import RUNS, Cache, Stage, UnreadableFile
 from benchmark.pipeline.record_files import _say_skipped, published_folder
 from benchmark.pipeline.records import RankedShapes, Record
 
@@ -47,7 +47,8 @@ def read_distances(results: Path, record: Record) -> NDArray[np.float64] | None:
     if distances is not None and distances.shape == shape:
         if distances.dtype.kind in _NUMBERS and np.isfinite(distances).all():
             return distances
-        _say_skipped(f"distances of {record.row}: they are no finite numbers; run its job again")
+        reason = "they are no finite numbers; run its job again with --force"
+        _say_skipped(f"distances of {record.row}: {reason}")
 
     # Those that were published with the record.
     if not record.distances:
@@ -149,9 +150,17 @@ def _read_arrays(
 def _read_cached(
     results: Path, stage: Stage, key: str, names: Collection[str]
 ) -> dict[str, NDArray[Any]]:
-    """Return arrays of a cached file; none if it is not kept here, or cannot be read."""
+    """Return arrays of a cached file; none if it is not kept here.
+
+    One that is damaged, or cannot be read, is named on stderr.
+    """
+    cache = Cache(results)
     try:
-        return Cache(results).read(stage, key, only=names) or {}
+        arrays = cache.read(stage, key, only=names)
     except UnreadableFile as error:
         _say_skipped(error.problem)
         return {}
+    if arrays is None and cache.has(stage, key):
+        path = results / RUNS / stage / f"{key}.npz"
+        _say_skipped(f"{path}: it is damaged; run its job again with --force")
+    return arrays or {}

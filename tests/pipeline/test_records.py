@@ -367,6 +367,16 @@ def test_stored_arrays_that_cannot_be_are_named_and_count_as_missing(tmp_path, c
     assert np.array_equal(read_form(tmp_path, own, "cat0").vertices, np.eye(3))
 
 
+def test_a_stored_file_that_is_damaged_is_named(tmp_path, capsys):
+    own = made_up.record("gps", files={"prepared": ["0" * 32] * 12})
+    for stage, key in (("prepared", "0" * 32), ("records", own.key)):
+        (tmp_path / "runs" / stage).mkdir(parents=True)
+        (tmp_path / "runs" / stage / f"{key}.npz").write_bytes(b"PK")
+    assert read_prepared(tmp_path, own, "cat0") is read_distances(tmp_path, own) is None
+    said = capsys.readouterr().err.replace("\n", "")
+    assert said.count(".npz: it is damaged; run its job again with --force") == 2
+
+
 def test_a_stored_file_that_may_not_be_opened_costs_a_page_its_arrays_alone(
     tmp_path, capsys, monkeypatch
 ):
