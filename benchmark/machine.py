@@ -86,22 +86,28 @@ def memory_per_process(processes: int = 1) -> int:
     return int(_memory() * MEMORY_SHARE / processes)
 
 
-@cache
 def describe_machine() -> str:
-    """Describe this machine: processor, cores, memory, BLAS, and the GPU if one is used.
+    """Describe this machine: processor, cores, memory, BLAS, and the GPU that this process uses.
 
     Records name it beside their seconds, which depend on it.
     """
+    parts = [_machine_without_gpu()]
+    torch = sys.modules.get("torch")
+    if torch and torch.cuda.is_initialized():  # a method may use it later than others
+        parts.append(torch.cuda.get_device_name())
+    return ", ".join(parts)
+
+
+@cache
+def _machine_without_gpu() -> str:
+    """Describe processor, cores, memory and BLAS."""
     cores = available_cores()
     parts = [
         _processor(),
         f"{cores} core" if cores == 1 else f"{cores} cores",
         f"{round(_memory() / 2**30)} GiB",
+        *_blas_of_numpy(),
     ]
-    parts += _blas_of_numpy()
-    torch = sys.modules.get("torch")
-    if torch and torch.cuda.is_available():
-        parts.append(torch.cuda.get_device_name())
     return ", ".join(parts)
 
 

@@ -1,4 +1,6 @@
+import sys
 import threading
+from types import SimpleNamespace
 
 import pytest
 
@@ -47,3 +49,17 @@ def test_what_is_no_number_of_threads_is_refused(monkeypatch, threads):
     monkeypatch.setenv(machine.THREADS, threads)
     with pytest.raises(ConfigurationError, match="not a number of threads; unset it"):
         machine.in_threads(str, "abc")
+
+
+def test_a_gpu_is_named_from_when_this_process_uses_it(monkeypatch):
+    used = []
+    cuda = SimpleNamespace(
+        is_available=lambda: True,
+        is_initialized=lambda: bool(used),
+        get_device_name=lambda: "a large GPU",
+    )
+    monkeypatch.setitem(sys.modules, "torch", SimpleNamespace(cuda=cuda))
+    before = machine.describe_machine()
+    assert "GPU" not in before
+    used.append(True)
+    assert machine.describe_machine() == f"{before}, a large GPU"
