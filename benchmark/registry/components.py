@@ -247,7 +247,7 @@ class Component:
     def missing_packages(self) -> tuple[str, ...]:
         """Return the declared packages that are not installed."""
         requires = getattr(self.info, "requires", ())
-        return tuple(name for name in requires if importlib.util.find_spec(name) is None)
+        return tuple(name for name in requires if not _is_importable(name))
 
     def in_this_process(self) -> Self:
         """Return it as an object of this process, where it can be debugged.
@@ -300,6 +300,14 @@ class Component:
     def key_of_signatures(self) -> dict[str, Any]:
         """Return what determines the signatures of a scorer: all but what compares them."""
         return self.key(without=self.info.comparing)
+
+
+def _is_importable(name: str) -> bool:
+    """Return whether there is a package or a module of it, such as ``"sksparse.cholmod"``."""
+    try:
+        return importlib.util.find_spec(name) is not None
+    except (ImportError, ValueError):  # without the package of a module
+        return False
 
 
 def watching_component(

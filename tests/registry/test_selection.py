@@ -152,13 +152,14 @@ def test_a_class_that_cannot_be_created_is_named(changes, message, tmp_path):
         component.create()
 
 
-def test_a_missing_package_is_named(tmp_path):
+@pytest.mark.parametrize("package", ["absent", "absent.part"])
+def test_a_missing_package_is_named(tmp_path, package):
     component = select_one(
-        "smooth", [write_plugin(tmp_path / "smooth.py", info='requires=("absent",)')]
+        "smooth", [write_plugin(tmp_path / "smooth.py", info=f'requires=("{package}", "os.path")')]
     )
-    assert component.missing_packages() == ("absent",)
+    assert component.missing_packages() == (package,)
     with pytest.raises(
-        ConfigurationError, match="method 'smooth' needs absent; pip install absent"
+        ConfigurationError, match=f"method 'smooth' needs {package}; pip install {package}"
     ):
         component.create()
 
