@@ -590,7 +590,7 @@ def _outcome_of_error(step: Step, error: BaseException) -> Outcome:
     It is ``"stopped"`` if the whole run has to end, ``"incomplete"`` if the method is not to blame,
     and a failure of the method otherwise.
     """
-    subject = "the ranking" if step.stage == "records" else step.view
+    subject = "the ranking" if step.stage == "records" else step.view or "the camera"
     if isinstance(error, StorageError) and step.process and not error.is_of_disk:
         # A plugin may have limited what its process can write.
         reason = with_hint(

@@ -191,7 +191,7 @@ class Worker:
     memory
         Most bytes of memory that its process may take.
     timeout
-        Seconds that a step may take, and a ranking for each of its shapes.
+        Seconds that a step may take, and a ranking for each query and shape of the gallery.
     threads
         Threads that share the comparison of shapes of one ranking.
     """
@@ -236,7 +236,8 @@ class Worker:
     def _time_limit(self, task: Task) -> float:
         """Return the seconds that each step of a task may take."""
         if task.record:
-            return self._timeout * len(task.record.shapes)
+            n_shapes = sum(len(side.shapes) for side in task.record.sides)
+            return self._timeout * n_shapes
         is_frame = not task.steps[0].view
         if is_frame:  # which takes as long as its data set is large
             return self._timeout * _MOST_SHAPES

@@ -216,7 +216,12 @@ def test_a_full_disk_ends_the_run_whichever_process_meets_it(tmp_path, number, p
 
 
 @pytest.mark.parametrize(
-    ("stage", "view", "subject"), [("forms", "thin0", "thin0"), ("records", "", "the ranking")]
+    ("stage", "view", "subject"),
+    [
+        ("forms", "thin0", "thin0"),
+        ("records", "", "the ranking"),
+        ("prepared", "", "the camera"),
+    ],
 )
 def test_an_outcome_says_what_has_no_result_as_a_file_cannot_be_read(
     tmp_path, monkeypatch, stage, view, subject
@@ -284,3 +289,10 @@ def test_a_damaged_file_that_cannot_be_removed_ends_no_process(tmp_path, monkeyp
     outcome = Work(Task((step,)), RunContext()).outcome(step)
     assert outcome.status == "stopped"
     assert "Read-only file system" in outcome.reason
+
+
+def test_one_query_in_a_large_gallery_has_the_time_of_all_its_shapes():
+    sides = SimpleNamespace(shapes=["query"]), SimpleNamespace(shapes=["thin0"] * 99)
+    record = SimpleNamespace(sides=sides, shapes=sides[0].shapes)
+    step = SimpleNamespace(process="", view="", stage="records")
+    assert Worker(2**30, 60.0, 1)._time_limit(Task((step,), record)) == 6000.0
