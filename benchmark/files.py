@@ -96,9 +96,11 @@ _IN_ZIP = {
 
 #: Byte-order marks and their encodings. UTF-32 comes first: its mark begins with that of UTF-16.
 _BYTE_ORDER_MARKS = {
-    codecs.BOM_UTF32_LE: "utf-32",
-    codecs.BOM_UTF16_LE: "utf-16",
-    codecs.BOM_UTF16_BE: "utf-16",
+    codecs.BOM_UTF8: "UTF-8",
+    codecs.BOM_UTF32_LE: "UTF-32-LE",
+    codecs.BOM_UTF32_BE: "UTF-32-BE",
+    codecs.BOM_UTF16_LE: "UTF-16-LE",
+    codecs.BOM_UTF16_BE: "UTF-16-BE",
 }
 
 #: Ending of the names of temporary files.
@@ -150,7 +152,7 @@ def chunks_of(path: Path, largest: int | None = None, size: int = _CHUNK) -> Ite
     path
         The file.
     largest
-        Largest size that is allowed, in bytes; None for the limit of all files.
+        Largest size that is allowed, in bytes; None for no limit.
     size
         Largest size of a piece, in bytes.
 
@@ -332,17 +334,18 @@ def decode(content: bytes) -> str:
     kind = binary_format(content)
     if kind:
         raise UnicodeError(f"it is {kind}, not text")
-    encoding = "utf-8-sig"
+    encoding = "UTF-8"
+    start = 0
     for mark, marked_encoding in _BYTE_ORDER_MARKS.items():
         if content.startswith(mark):
             encoding = marked_encoding
+            start = len(mark)
             break
     try:
-        text = content.decode(encoding)
+        text = content[start:].decode(encoding)
     except UnicodeDecodeError as error:
-        problem = (
-            f"byte {error.start + 1} is no text in UTF-8: it is binary, or in another encoding"
-        )
+        place = start + error.start + 1
+        problem = f"byte {place} is no text in {encoding}: it is binary, or in another encoding"
         raise UnicodeError(problem) from error
     if "\0" in text:
         raise UnicodeError("it is binary, or in UTF-16 without a byte-order mark")

@@ -20,7 +20,15 @@ from benchmark.depth.frame import FrameFiles
 from benchmark.depth.intrinsics import Intrinsics, read_intrinsics
 from benchmark.depth.reading import read_mask, read_values
 from benchmark.errors import BenchmarkError
-from benchmark.files import file_digest, read_file, sweep, write_atomically, write_text
+from benchmark.files import (
+    _BYTE_ORDER_MARKS,
+    decode,
+    file_digest,
+    read_file,
+    sweep,
+    write_atomically,
+    write_text,
+)
 from benchmark.pipeline.record_files import read_files
 
 
@@ -198,6 +206,16 @@ def test_a_device_is_written_to_and_not_replaced(tmp_path):
     write_text(link, "text")
     assert link.is_symlink()
     assert list(tmp_path.iterdir()) == [link]
+
+
+@pytest.mark.parametrize("mark", [*_BYTE_ORDER_MARKS])
+def test_text_is_read_in_the_encoding_of_its_mark_which_a_damaged_byte_names(mark):
+    encoding = _BYTE_ORDER_MARKS[mark]
+    whole = mark + "né".encode(encoding)
+    assert decode(whole) == "né"
+    place = len(mark + "n".encode(encoding)) + 1
+    with pytest.raises(UnicodeError, match=f"byte {place} is no text in {encoding}: it is binary"):
+        decode(whole[:-1])
 
 
 def test_what_a_killed_writer_left_is_swept(tmp_path):
