@@ -118,8 +118,11 @@ def search(
 
     arrays_of_views, missing = _read_gallery(Cache(results), gallery, stage, without)
     if missing:
-        of_which = f"{len(missing)} of {len(missing) + len(arrays_of_views)}"
-        problem = f"{of_which} forms of {gallery.gallery} are not kept in {results}: {listed(missing)}"
+        n_forms = len(missing) + len(arrays_of_views)
+        problem = (
+            f"{len(missing)} of {n_forms} forms of {gallery.gallery} are not kept in {results}: "
+            f"{listed(missing)}"
+        )
         raise ConfigurationError(problem, "run its job again with --force")
     if not arrays_of_views:
         problem = f"{gallery.gallery} has no other shape with a form"

@@ -1,6 +1,7 @@
 """Models that the networks of a selection lack: those of published tables, and no others."""
 
 from collections import Counter
+from itertools import pairwise
 
 from benchmark.api.learning import CARD
 from benchmark.registry import select_one
@@ -64,5 +65,5 @@ def test_controls_share_the_models_of_their_network(tmp_path, monkeypatch):
 def test_options_of_a_recipe_are_passed_as_they_are(tmp_path):
     options = {"optimiser": "AdamW", "stretch": False, "rate": 1e-5, "sizes": (1, 2)}
     words = LackingModel("own", None, "people", options, None).words(tmp_path, None)
-    passed = [word for before, word in zip(words, words[1:], strict=False) if before == "-o"]
+    passed = [word for before, word in pairwise(words) if before == "-o"]
     assert passed == ["optimiser=AdamW", "stretch=false", "rate=1e-05", "sizes=(1,2)"]
