@@ -263,7 +263,7 @@ def _of_row(column: Column[TableRow]) -> Column[Place]:
 OBJECTS: tuple[Column[Place], ...] = (
     Column("table", lambda place: place.view.table.identifier),
     Column("dataset", lambda place: place.view.dataset),
-    Column("stand_in", lambda place: "stand-in" in place.view.title),
+    Column("stand_in", lambda place: bool(place.view.sample.data.stand_in_for)),
     Column("column", lambda place: place.group),
     Column("scorer", lambda place: place.fact("scorer", "")),
     Column("seed", lambda place: place.fact("seed", None)),

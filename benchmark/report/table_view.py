@@ -84,6 +84,11 @@ class TableView:
         return not self.methods or not self.methods.isdisjoint({row.method, row.base_name})
 
     @property
+    def sample(self) -> Record:
+        """A record of its data."""
+        return next(iter(self.samples.values()))[0]
+
+    @property
     def is_of_own_data(self) -> bool:
         """Whether it is the table of a data set that no table of the suite uses."""
         return self.table.identifier == self.dataset

@@ -566,7 +566,7 @@ def _showing_defaults(row: TableRow, names: Iterable[str]) -> TableRow:
     if not texts:
         return row
     defaults = ", ".join(texts)
-    if row.parameters:  # which stand in brackets at the end of the title
+    if row.parameters and row.method not in TITLES:  # they stand in brackets at the end
         return replace(row, title=f"{row.title.removesuffix(')')}, {defaults})")
     return replace(row, title=f"{row.title} ({defaults})")
 

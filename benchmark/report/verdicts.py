@@ -263,10 +263,9 @@ def _decision(claim: Claim, words: DecisionWords, leads: _Leads, n_classes: int)
 
 def decision_words(view: TableView) -> DecisionWords:
     """Return what decisions are called on the data of a table, by what these are."""
-    sample = next(iter(view.samples.values()))[0]
-    if known_copy(sample):
+    if known_copy(view.sample):
         return ON_PAPERS_DATA
-    if official_set(sample):
+    if official_set(view.sample):
         return UNVERIFIED
     return ON_OTHER_DATA
 

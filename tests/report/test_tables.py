@@ -213,6 +213,24 @@ def test_rows_of_a_sweep_are_in_the_order_of_its_numbers_and_the_default_row_sho
     ]
 
 
+def test_the_title_of_a_known_row_gets_brackets_of_its_own_for_the_defaults_of_a_sweep():
+    shown = "learned[configuration=as_printed,training=animals-III]"
+    chosen = {"configuration": "as_printed", "training": "animals-III"}
+    rows = [
+        record(shown, input_="view", parameters=chosen, defaults={"epochs": 5}),
+        record("learned[epochs=2]", input_="view", parameters={"epochs": 2}),
+    ]
+    titles = {row.method: row.title for row in view(*rows).rows}
+    assert titles[shown] == "Depth network, 500 px, generated animals (epochs=5)"
+
+
+def test_data_are_a_stand_in_by_their_record_and_not_by_their_title():
+    named = {"name": "rods", "title": "my stand-in", "source": "rods"}
+    assert [row["stand_in"] for row in as_json([view(record(data=named))])] == [False]
+    table = view(record(dataset="animals", stand_in_for="tosca"), tables=["III"])
+    assert [row["stand_in"] for row in as_json([table]) if row["method"] == "gps"] == [True]
+
+
 def test_trainings_are_averaged_within_a_fold_before_folds_are():
     seeds = [
         record(f"learned[training_seed={s}]", 0.2 * s, fold="fold 0", input_="view", **HUMANS)
