@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
-from benchmark.protocols.tables import AGAINST, SURFACES, Block, GalleryGroup
+from benchmark.protocols.tables import AGAINST, SURFACES, TABLES, Block, GalleryGroup
 from benchmark.report.notes import block_lead
 from benchmark.report.page_builder import Pages, data_label
 from benchmark.report.rows import BLOCKS, RowScores, TableRow
@@ -23,10 +23,14 @@ _AGAINST_SURFACES = 2
 
 
 class _Place(NamedTuple):
-    """Where a column of a table stands in the overview: number of its group, and its label."""
+    """Where a column of a table stands in the overview: number of its group, label, and data set.
+
+    Two data sets may have one label.
+    """
 
     group: int
     label: str
+    dataset: str
 
 
 class _ColumnOfTable(NamedTuple):
@@ -93,15 +97,19 @@ def _place(view: TableView, column: GalleryGroup) -> _Place:
     """
     # The label names the data, and their part if the column does not show all of them.
     label = data_label(view)
-    if view.table.is_ablation:
+    if view.table not in TABLES:
+        label = ", ".join(filter(None, (label, *column.parts)))
+    elif view.table.is_ablation:
         label += ", ablation"
     elif column.parts not in [("",), (SURFACES,)]:
         label += f", {column.title.removeprefix(AGAINST)}"
-    if any(part.startswith(AGAINST) for part in column.parts):
-        return _Place(_AGAINST_SURFACES, label)
-    if column.input == "view":
-        return _Place(_OF_VIEWS, label)
-    return _Place(_OF_SURFACES, label)
+    is_against_others = any(part.startswith(AGAINST) for part in column.parts)
+    group = _OF_SURFACES
+    if column.input != "mesh" and is_against_others:
+        group = _AGAINST_SURFACES
+    elif column.input == "view":
+        group = _OF_VIEWS
+    return _Place(group, label, view.dataset)
 
 
 def _sizes_of_groups(places: Iterable[_Place]) -> dict[str, int]:
@@ -133,7 +141,7 @@ def _rows_of_block(
     """
     cells_of_columns = []
     for place in places:
-        has_own_views = _Place(_OF_VIEWS, place.label) in columns
+        has_own_views = place._replace(group=_OF_VIEWS) in columns
         cells = _cells_of_column(block, columns[place], has_own_views=has_own_views)
         cells_of_columns.append(cells)
     rows: dict[str, list[_Cell | None]] = {}

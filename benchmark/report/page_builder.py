@@ -159,5 +159,7 @@ def label_of_table(view: TableView) -> str:
 
 def data_label(view: TableView) -> str:
     """Return a short name of the data of a table."""
-    sample = next(iter(view.samples.values()))[0]
-    return clean_text(short_data_title(sample))
+    name = view.sample.data.name
+    if "/" in name:  # by its path, a folder is told apart from another one of its name
+        return clean_text(name)
+    return clean_text(short_data_title(view.sample))

@@ -5,6 +5,7 @@ It has an overview, a page to play with, and for each table scores, forms and qu
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
@@ -13,8 +14,10 @@ from typing import Any
 
 from plotly.offline import get_plotlyjs
 
+from benchmark.defaults import RESULTS
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Record
+from benchmark.protocols.tables import TABLES
 from benchmark.report.columns import PRINTED_QUANTITIES, score_groups
 from benchmark.report.figures import MEASURE, class_means, map_figure
 from benchmark.report.form_pages import forms_of_column
@@ -119,6 +122,7 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
     scores["classes"] = [(facet.columns[0].title, class_means(facet)) for facet in facets]
     scores["maps"] = _add_maps(pages, facets)
     _add_published_pictures(pages, view, scores["pictures"])
+    scores["command"] = _command(view, pages.forms.folder)
     scores["matrix"] = {}
     of_same_data = [other for other in pages.views if pages.main(other) is view]
     if len(of_same_data) > 1:  # seen by several cameras, whose pages it leads to
@@ -126,6 +130,39 @@ def _add_table(pages: Pages, view: TableView) -> dict[str, str]:
 
     contents = {"": scores, "-forms": {"facets": forms}, "-queries": {"facets": queries}}
     return _add_pages(pages, view, contents)
+
+
+def _command(view: TableView, results: Path) -> str:
+    """Return the command that makes the forms and the distances of a table in a results folder."""
+    words = ["python", "-m", "benchmark", "run"]
+    table = view.table
+    data = view.sample.data
+    if table in TABLES and table.identifier != view.dataset:
+        words += ["-t", table.part_of or table.identifier]
+    words += ["-d", data.path or view.dataset]
+    if table not in TABLES:
+        words += _options_of_gallery(view.sample)
+    if view.quick:
+        words.append("--quick")
+    words += view.scored_by.options
+    if results != RESULTS:
+        words += ["--results", str(results)]
+    return shlex.join(words)
+
+
+def _options_of_gallery(record: Record) -> list[str]:
+    """Return the options that name the gallery of the queries of a record; none without one."""
+    gallery = record.gallery_of_queries
+    if gallery is None:
+        return []
+    words = []
+    if gallery.data.name != record.data.name:
+        words += ["--gallery", gallery.data.path or gallery.data.source]
+        if not record.keeps_same_names:
+            words.append("--same-names")
+    if gallery.views > 1:
+        words += ["--gallery-views", str(gallery.views)]
+    return words
 
 
 def _add_pages(

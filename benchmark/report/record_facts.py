@@ -112,11 +112,14 @@ class ScoredBy:
         A sentence for the notes; "" without a scorer.
     caption, suffix
         What captions and names of files add; "" for the default scorer and seed.
+    options
+        Options of a command that runs with this scorer and seed.
     """
 
     note: str
     caption: str
     suffix: str
+    options: tuple[str, ...] = ()
 
 
 def scored_by(records: Iterable[Record]) -> ScoredBy:
@@ -135,19 +138,22 @@ def scored_by(records: Iterable[Record]) -> ScoredBy:
     seed = records[0].seed
     caption = ""
     words = []  # in names of files
+    options: list[str] = []
     details = ""
     if scorer not in ("", DEFAULT_SCORER):
         caption = f", scored by {title}"
         words += ["by", scorer]
+        options += ["--scorer", scorer]
     if base_name(scorer) == DEFAULT_SCORER:
         details = " (three codebooks)"
     if seed:
         caption += f", seed {seed}"
         words += ["seed", str(seed)]
+        options += ["--seed", str(seed)]
         details += f", seed {seed}"
     note = f"Scored by {title}{details}." if scorer else ""
     suffix = f"-{file_name('-'.join(words))}" if words else ""
-    return ScoredBy(note, caption, suffix)
+    return ScoredBy(note, caption, suffix, tuple(options))
 
 
 @cache

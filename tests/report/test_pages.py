@@ -17,6 +17,7 @@ from PIL import Image
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.camera import FRONT
 from benchmark.geometry.mesh import Mesh
+from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import RankedShapes
 from benchmark.protocols.tables import SYNTHETIC_HUMANS, TABLE_MEASURES
 from benchmark.report.drawing import shaded
@@ -160,6 +161,75 @@ def test_the_overview_has_a_column_for_each_table_and_the_best_of_each_block_is_
     ]  # two of three draws are missing
     assert cells_of(index, "Classic MDS") == [("", "", ""), ("29", "other", ".70")]
     assert cells_of(index, "Random order") == [("", "", ".57"), ("", "", ".57")]
+
+
+def test_two_folders_of_one_name_have_columns_of_their_own_in_the_overview(tmp_path):
+    rows = [
+        record(
+            "gps",
+            dataset="scans",
+            data={"name": "scans", "title": "scans", "source": "scans", "path": f"/{place}/scans"},
+        )
+        for place in ("a", "b")
+    ]
+    found = pages(tmp_path, *label_data_sets(rows))
+    headings = re.findall(r'title="[^"]*">([^<]*)</a></th>', found["index.html"])
+    assert headings == ["a/scans", "b/scans"]
+
+
+def gallery_of(name, views=1):
+    """Fields of a gallery of three shapes."""
+    return {
+        "gallery": name,
+        "gallery_digest": "2",
+        "input": "mesh",
+        "data": {"name": name, "title": name, "source": f"../{name}"},
+        "shapes": ["cat90", "dog90", "owl90"],
+        "labels": ["cat", "dog", "owl"],
+        "views": views,
+    }
+
+
+def test_a_set_against_two_galleries_has_a_column_for_each_in_the_overview(tmp_path):
+    rows = [
+        record("gps", fold=f"against {name}", against=gallery_of(name), keeps_same_names=True)
+        for name in ("balls", "cones")
+    ]
+    found = pages(tmp_path, *rows)
+    headings = re.findall(r'title="[^"]*">([^<]*)</a></th>', found["index.html"])
+    assert headings == ["rods, against balls", "rods, against cones"]
+    assert "Complete surfaces" in found["index.html"]
+    assert "View against surfaces" not in found["index.html"]
+
+
+@pytest.mark.parametrize(
+    ("more", "command"),
+    [
+        ({"dataset": "rods"}, "run -d rods"),
+        ({"dataset": "rods", "quick": True, "seed": 2}, "run -d rods --quick --seed 2"),
+        ({"dataset": "rods", "scorer": "bbox"}, "run -d rods --scorer bbox"),
+        ({"dataset": "animals", "stand_in_for": "tosca"}, "run -t III -d animals"),
+        (
+            {
+                "data": {"name": "rods", "title": "rods", "source": "r", "path": "/my rods"},
+                "fold": "against balls",
+                "against": gallery_of("balls"),
+            },
+            "run -d &#39;/my rods&#39; --gallery ../balls --same-names",
+        ),
+        (
+            {
+                "fold": "against 3 cameras",
+                "input_": "view",
+                "against": gallery_of("rods", views=3),
+            },
+            "run -d rods --gallery-views 3",
+        ),
+    ],
+)
+def test_the_command_on_a_page_makes_the_forms_of_its_table(tmp_path, more, command):
+    page = pages(tmp_path, record("gps", **more))["index.html"]
+    assert f"<code>python -m benchmark {command} --results {tmp_path}</code>" in page
 
 
 def cells_of(text, title):
