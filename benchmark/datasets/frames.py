@@ -98,10 +98,10 @@ class _Frames:
         frame = self.files[entry.identifier]
         try:
             parts = [file_digest(frame.image)]
-            if frame.mask_file:
-                parts.append(f"mask:{file_digest(frame.mask_file)}")
-            if frame.intrinsics_file:
-                parts.append(f"intrinsics:{file_digest(frame.intrinsics_file)}")
+            if mask := frame.mask_file:
+                parts.append(f"mask:{file_digest(mask)}")
+            if intrinsics := frame.intrinsics_file:
+                parts.append(f"intrinsics:{file_digest(intrinsics)}")
         except ShapeError as error:
             # An unreadable file has no digest. The shape is refused later, when it is prepared.
             return f"{entry.identifier}: {error}"

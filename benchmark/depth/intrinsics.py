@@ -18,13 +18,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import DepthError
-from benchmark.files import check_different, decode, named_errors, parse_json, read_file
+from benchmark.files import (
+    check_different,
+    decode,
+    named_errors,
+    names_in,
+    parse_json,
+    read_file,
+)
 
 Rays = NDArray[np.float64]
 
 #: Names of intrinsics files, in the folder of the image or in one of its two parents: not those of
 #: colour cameras.
 CAMERA_FILES = re.compile(
+    r"(?=[cdikm])"  # leaves out most names at once
     r"(?=.*(camera|intrinsic|\bk\b))"
     r"((camera|depth|info|intrinsics?|k|matrix)[-_ ]?)+\.(json|txt|ya?ml)",
     re.IGNORECASE,
@@ -457,7 +465,7 @@ def find_intrinsics(image: Path) -> Path | None:
         If the nearest folder with one has several.
     """
     for folder in (image.parent, *image.absolute().parent.parents[:2]):
-        found = sorted(path for path in folder.glob("*.*") if CAMERA_FILES.fullmatch(path.name))
+        found = sorted(folder / name for name in names_in(folder) if CAMERA_FILES.fullmatch(name))
         if len(found) > 1:
             problem = f"two camera files are near it, {found[0].name} and {found[1].name}"
             hint = (

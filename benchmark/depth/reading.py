@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmark.errors import DepthError
-from benchmark.files import load_arrays, named_errors, open_file, read_file
+from benchmark.files import load_arrays, named_errors, names_in, open_file, read_file
 
 if TYPE_CHECKING:
     from PIL import ImageFile
@@ -830,7 +830,7 @@ def _is_of_another(mask: Path, image: Path) -> bool:
     """
     named = [stem for stem in _stems_of(image) if mask.stem.startswith(f"{stem}_")]
     own = max(named, key=len)
-    for other in image.parent.glob("*.*"):
+    for other in map(Path, names_in(image.parent)):
         if other.suffix.lower() in EXTENSIONS:
             for stem in _stems_of(other):
                 is_nearer = len(stem) > len(own) and f"{mask.stem}_".startswith(f"{stem}_")
@@ -843,7 +843,7 @@ def _mask_folders(image: Path) -> list[Path]:
     """Return the folders of masks beside an image, and beside its folder."""
     folders: list[Path] = []
     for above in image.parents[:2]:
-        folders += [path for path in above.glob("[mM]*") if path.name.lower() in MASK_FOLDERS]
+        folders += [above / name for name in names_in(above) if name.lower() in MASK_FOLDERS]
     return folders
 
 
@@ -853,5 +853,5 @@ def _pictures(folder: Path, stems: Iterable[str], end: str) -> list[Path]:
     The end is a regular expression.
     """
     known = "|".join(map(re.escape, stems))
-    name = re.compile(f"({known})(?i:{end}{_PICTURE})")
-    return sorted(path for path in folder.glob("*.*") if name.fullmatch(path.name))
+    wanted = re.compile(f"({known})(?i:{end}{_PICTURE})")
+    return sorted(folder / name for name in names_in(folder) if wanted.fullmatch(name))
