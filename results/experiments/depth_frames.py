@@ -1,8 +1,9 @@
 """Forms of frames with missing pixels, beside the rule in README.md.
 
-``python results/experiments/depth_frames.py measure CODE FOLDER [FRAME...]`` adds the errors of the
-code that runs, under the name CODE, to depth-frames.csv, and keeps the forms of undamaged frames in
-FOLDER; ``judge`` prints what the rule says of ``before`` and ``after``."""
+``python -m results.experiments.depth_frames measure CODE FOLDER [FRAME...]``, in the folder of the
+repository, adds the errors of the code that runs, under the name CODE, to depth-frames.csv, and
+keeps the forms of undamaged frames in FOLDER; ``judge`` prints what the rule says of ``before`` and
+``after``."""
 
 from __future__ import annotations
 
@@ -52,7 +53,13 @@ FILTERS = {
 WRONG = 2.0
 """Largest error, as a multiple of that of another measurement of the same frame."""
 
+UNDAMAGED = "none"
 AGAINST_TRUTH = "none, against the true depths"
+REPEAT = "repeat"
+HALVED = "halved"
+SCALES = (REPEAT, HALVED, AGAINST_TRUTH)
+"""What is no damage, but says how large errors are."""
+
 BEFORE = "before"
 AFTER = "after"
 CLASSICAL, NETWORK = METHODS = ("classic-mds", "learned-streamed")
@@ -144,7 +151,7 @@ def without_random_pixels(frame: Frame, share: float) -> Frame:
 
 def damaged(frame: Frame) -> Iterator[tuple[str, Frame]]:
     """Yield the damages of a frame by kind."""
-    yield "halved", halved(frame, Image.Resampling.NEAREST)
+    yield HALVED, halved(frame, Image.Resampling.NEAREST)
     yield "rows", without_lines(frame)
     yield "columns", turned(without_lines(turned(frame)))
     yield "random", without_random_pixels(frame, LOST_AT_RANDOM)
@@ -229,7 +236,7 @@ def measure(code: str, folder: Path, names: Sequence[str]) -> None:
         keep(folder / f"{stem}-{code}.npz", undamaged)
         others = [*damaged(frame)]
         if name in again:
-            others = [("repeat", again[name]), *others]
+            others = [(REPEAT, again[name]), *others]
         for kind, other in others:
             row: dict[str, object] = {"code": code, "frame": name, "damage": kind}
             try:
@@ -242,7 +249,7 @@ def measure(code: str, folder: Path, names: Sequence[str]) -> None:
             print(row, flush=True)
         if code != BEFORE:
             earlier = kept(folder / f"{stem}-{BEFORE}.npz")
-            same = {"code": code, "frame": name, "damage": "none", **said(undamaged)}
+            same = {"code": code, "frame": name, "damage": UNDAMAGED, **said(undamaged)}
             rows.append(same | errors(earlier, undamaged))
             if name in true:
                 of_truth = seen(true[name])
@@ -274,8 +281,8 @@ def judge() -> None:
     table = pandas.read_csv(TABLE)
     # A damage is repaired if errors are at most twice those of another measurement of the frame;
     # for resized frames, twice those of halved ones, if these are larger.
-    repeat = table[(table["code"] == AFTER) & (table["damage"] == "repeat")]
-    halving = table[(table["code"] == AFTER) & (table["damage"] == "halved")]
+    repeat = table[(table["code"] == AFTER) & (table["damage"] == REPEAT)]
+    halving = table[(table["code"] == AFTER) & (table["damage"] == HALVED)]
     limit = repeat[[*METHODS]].median()
     limit_of_halved = np.maximum(limit, halving[[*METHODS]].median())
     for kind in dict.fromkeys(table["damage"]):
@@ -286,12 +293,13 @@ def judge() -> None:
             is_silent = rows["pieces"].isna() & rows["doubt"].isna()
             wrong = (rows[CLASSICAL] > WRONG * repeat[CLASSICAL].max()) & is_silent
             medians = rows[[*METHODS]].fillna(np.inf).median()
-            floor = limit_of_halved if "resized" in str(kind) else limit
-            print(
-                f"  {code:6s} {medians[CLASSICAL]:.3f} {medians[NETWORK]:.4f},"
-                f" refused {(~has_form).sum()}, wrong in silence {wrong.sum()},"
-                f" repaired {bool((medians <= WRONG * floor).all())}"
-            )
+            words = f"refused {(~has_form).sum()}, wrong in silence {wrong.sum()}"
+            if kind == UNDAMAGED:
+                words += f", moves too far {bool((medians > limit).any())}"
+            elif kind not in SCALES:
+                floor = limit_of_halved if "resized" in str(kind) else limit
+                words += f", repaired {bool((medians <= WRONG * floor).all())}"
+            print(f"  {code:6s} {medians[CLASSICAL]:.3f} {medians[NETWORK]:.4f}, {words}")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The rules of experiments on made-up scores, and what their pages say."""
 
 import json
+import subprocess
 import sys
 from dataclasses import asdict
 from pathlib import Path
@@ -381,3 +382,22 @@ def test_the_network_as_printed_goes_on_from_the_same_function(depth_range, monk
         card = json.loads((folder / CARD).read_text())
         assert card["depth_scale"] == {"mean": scale.mean, "factor": scale.factor}
         assert (card["schedule"]["early_epochs"], card["schedule"]["epochs"]) == (0, 2)
+
+
+def test_frames_are_judged_by_their_command_as_their_page_says():
+    command = [sys.executable, "-m", "results.experiments.depth_frames", "judge"]
+    done = subprocess.run(
+        command, cwd=FOLDER.parents[1], capture_output=True, text=True, check=True
+    )
+    said = {}
+    for block in done.stdout.replace("\n  ", "|").splitlines():
+        kind, *of_codes = block.split("|")
+        said[kind.removesuffix(":")] = of_codes[-1]
+    page = (FOLDER / "README.md").read_text()
+    assert "| rows | .231, .0064 | .014, .0017 | repaired |" in page
+    assert said["rows"].endswith("repaired True")
+    assert "| resized, box | .742, .0101 | .182, .0104 | not repaired |" in page
+    assert said["resized, box"].endswith("repaired False")
+    assert "| none | | .035, .0040 | moves too far |" in page
+    assert said["none"].endswith("moves too far True")
+    assert said["repeat"].endswith("wrong in silence 0")
