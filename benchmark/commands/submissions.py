@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import warnings
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -290,7 +290,7 @@ def score_submission(submission: Submission, results: Path) -> Record:
         raise ConfigurationError(f"'{data}' is no data set with rows here", "name one of tables")
     check_known("class", submission.facts["seen"], beside.labels)
     if submission.scored.is_dir():
-        record = _score_forms(submission, results)
+        record = _score_forms(submission, beside, results)
     else:
         labels = dict(zip(beside.shapes, beside.labels, strict=True))
         with warnings.catch_warnings():
@@ -307,13 +307,16 @@ def score_submission(submission: Submission, results: Path) -> Record:
     return msgspec.structs.replace(record, seen=seen_shapes, merged_from=origin)
 
 
-def _score_forms(submission: Submission, results: Path) -> Record:
+def _score_forms(submission: Submission, beside: Record, results: Path) -> Record:
     """Score the forms of a submission, as a run scores those of a method, and return the record.
 
     Parameters
     ----------
     submission
         The submission, with a folder of forms.
+    beside
+        A record of the shapes that they are forms of. Parts of these, which a run would also rank,
+        are left out.
     results
         The results folder. What is computed is kept in a folder of its own there.
 
@@ -329,6 +332,8 @@ def _score_forms(submission: Submission, results: Path) -> Record:
         results=results / KEPT,
         rerun=["failed"],
     )
+    jobs = tuple(job for job in planned.jobs if job.record.gallery == beside.gallery)
+    planned = replace(planned, jobs=jobs)
     ended = list(run_plan(planned))
     (record,) = planned.known_records(records_after(planned, ended))
     if record.status != "ok":

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from pandas import DataFrame
 
 import benchmark
@@ -254,6 +255,23 @@ def test_forms_make_a_row_of_the_scorer_of_tables(rods):
 
 
 @pytest.mark.slow
+def test_forms_of_views_are_scored_on_the_whole_set_alone(submit, monkeypatch):
+    """Table III-view also ranks cats and horses by themselves."""
+    galleries = []
+
+    def run(planned):
+        galleries.extend(job.record.gallery for job in planned.jobs)
+        return [replace(job.record, status="failed", reason="stop") for job in planned.jobs]
+
+    monkeypatch.setattr("benchmark.commands.submissions.run_plan", run)
+    folder = submit(distances="", forms='"forms"', input='"view"')
+    (folder / "forms").mkdir()
+    (folder / "forms" / "cat0.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    (note,) = submitted_rows("submissions", "results").notes
+    assert "its forms have no scores: stop" in note
+    assert galleries == ["animals"]
+
+
 def test_missing_and_damaged_forms_are_named(rods):
     """A form that is missing or no mesh scores 0, and is named; a folder of others is refused."""
     (rods / "forms" / "thin1.off").unlink()
