@@ -472,7 +472,7 @@ def _of_tables(
     ConfigurationError
         If a table is unknown, or tables and data sets do not belong together.
     DatasetError
-        If a data set is unfit for a table that was named.
+        If a data set is unfit for a table that was named, or for every table that uses it.
     """
     check_known("table", wanted, [table.identifier for table in TABLES] + ["extended"])
     for table in TABLES:
@@ -487,14 +487,22 @@ def _of_tables(
             problem = f"no selected table uses {', '.join(sets)}"
         raise ConfigurationError(problem, "drop -t or -d, or choose ones that belong together")
     chosen: list[Gallery] = []
+    used: set[str] = set()
+    refused: dict[str, DatasetError] = {}
     for table, dataset in tables_with_data:
         try:
             # A list: of a table that fails halfway, no gallery is added.
             chosen += list(_galleries(table, dataset, data_root, quick=quick))
-        except DatasetError:
+            used.add(dataset)
+        except DatasetError as error:
             # A table that accompanies another one may do without its data.
             if not table.part_of or table.identifier in wanted:
                 raise
+            refused.setdefault(dataset, error)
+    for dataset, error in refused.items():
+        is_lost = dataset in sets or not chosen
+        if is_lost and dataset not in used:
+            raise error
     return chosen
 
 
