@@ -26,12 +26,12 @@ def print_scores_of_file(
     title: str,
     dataset: str,
     format: str,
+    input_: Input | None,
 ) -> None:
-    """Print the scores of distances in a file."""
-    if dataset:
-        raise ConfigurationError(
-            "--dataset names the data of a row that is kept", "pass --results, too"
-        )
+    """Print the scores of distances in a file; refuse options of a row that is kept."""
+    if dataset or input_:
+        option = "--dataset names the data" if dataset else "--input names the input"
+        raise ConfigurationError(f"{option} of a row that is kept", "pass --results, too")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # these are among the notes
         evaluation = score(distances, labels, order, gallery)

@@ -278,8 +278,8 @@ def score_verb(
         str, Option("--dataset", metavar="NAME", help="Data set of that row. [the labels']")
     ] = "",
     input: Annotated[
-        Literal["mesh", "view"], Option("--input", help="Input of that row.")
-    ] = "mesh",
+        Literal["mesh", "view"] | None, Option("--input", help="Input of that row. [mesh]")
+    ] = None,
 ) -> None:
     """Score the distances of any program.
 
@@ -290,10 +290,18 @@ def score_verb(
 
     title = title or distances.stem
     if results is None:
-        print_scores_of_file(distances, labels, order or "", gallery, title, dataset, format)
+        print_scores_of_file(distances, labels, order or "", gallery, title, dataset, format, input)
     else:
         print_kept_scores(
-            distances, labels, order or "", gallery, title, dataset, format, results, input
+            distances,
+            labels,
+            order or "",
+            gallery,
+            title,
+            dataset,
+            format,
+            results,
+            input or "mesh",
         )
 
 
@@ -318,8 +326,9 @@ def train_verb(
     selection: Selection,
     method: Annotated[str, Argument(metavar="METHOD")],
     target: Annotated[
-        str, Option("-t", "--table", metavar="TABLE", help="Table of the model, or a training.")
-    ] = "I",
+        str,
+        Option("-t", "--table", metavar="TABLE", help="Table of the model, or a training. [I]"),
+    ] = "",
     assigned: Annotated[
         list[str], Option("-o", "--option", metavar="NAME=VALUE", help="Option of the training.")
     ] = [],

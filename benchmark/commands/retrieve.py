@@ -202,6 +202,11 @@ def retrieve(
     start = time.perf_counter()
     check_input(input)
     check_whole("count", count, 1)
+    if gallery_views and input == "mesh":
+        raise ConfigurationError(
+            "cameras show views of the gallery, and not its surfaces",
+            "omit --gallery-views or --input mesh",
+        )
     path = Path(query) if isinstance(query, str | Path) else None
     name = "the query" if path is None else str(query)
     files = as_paths(plugins)

@@ -20,7 +20,7 @@ from benchmark.text import say
 
 def train(
     method: str,
-    target: str = "I",
+    target: str = "",
     *,
     options: Mapping[str, Any] | None = None,
     data: str | Path | None = None,
@@ -39,7 +39,7 @@ def train(
     method
         Name of the learner.
     target
-        Table of the models, or the name of a training.
+        Table of the models, or the name of a training; by default Table I, without ``data``.
     options
         Options of the training.
     data, hold_out
@@ -60,7 +60,7 @@ def train(
     Raises
     ------
     ConfigurationError
-        If the method does not learn, or an option is unknown.
+        If the method does not learn, an option is unknown, or the data are named twice.
     TrainingError
         If the training fails, or leaves no model of its data.
     StorageError
@@ -74,10 +74,18 @@ def train(
             f"method '{method}' is not a learner", "choose one, such as 'learned'"
         )
     root = data_folder(data_root)
+    subjects = tuple(filter(None, hold_out))
     if data is None:
-        trainings = trainings_of(learner, target, root)
+        if subjects:
+            raise ConfigurationError(
+                "subjects are held out of your own data", "name them, too, with --data FOLDER"
+            )
+        trainings = trainings_of(learner, target or "I", root)
     else:
-        trainings = [own_training(Path(data), tuple(filter(None, hold_out)))]
+        if target:
+            problem = f"{data} are your own data, and '{target}' names others"
+            raise ConfigurationError(problem, "omit --table or --data")
+        trainings = [own_training(Path(data), subjects)]
     folders = []
     for training in trainings:
         tell(f"{component.name}, {training.name}")

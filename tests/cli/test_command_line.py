@@ -97,6 +97,22 @@ def test_what_a_shell_left_empty_or_did_not_replace_is_refused(
     assert not [*tmp_path.iterdir()]
 
 
+@pytest.mark.parametrize(
+    ("line", "reason"),
+    [
+        ("train learned --hold-out ben", "held out of your own data; name them, too, with --data"),
+        ("train learned -t II --data scans", "scans are your own data, and 'II' names others"),
+        ("score D.csv --labels a.txt --input view", "--input names the input of a row"),
+        ("score D.csv --labels a.txt --dataset x", "--dataset names the data of a row"),
+        ("retrieve q.off -m gps -d a --gallery-views 3 --input mesh", "omit --gallery-views or"),
+    ],
+)
+def test_an_option_that_would_be_ignored_is_refused(tmp_path, monkeypatch, line, reason):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "q.off").touch()
+    assert reason in refusal(*line.split())
+
+
 def test_what_a_report_cannot_use_is_refused_before_it_is_drawn(tmp_path, monkeypatch):
     monkeypatch.setattr("benchmark.report.pages.report_files", None)
     write_record(tmp_path, record("gps"), "")
