@@ -34,9 +34,7 @@ def test_without_data_the_stand_ins_run_and_say_so():
 
 
 @pytest.mark.parametrize("sets", [["faust"], ["animals", "faust"]])
-def test_an_absent_set_that_was_named_is_refused_though_its_tables_accompany_others(
-    sets, tmp_path
-):
+def test_an_absent_set_that_was_named_is_refused_though_its_tables_accompany_others(sets, tmp_path):
     with pytest.raises(DatasetError, match="faust"):
         galleries([], sets, tmp_path)
 
