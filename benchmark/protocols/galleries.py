@@ -499,10 +499,10 @@ def _of_tables(
             if not table.part_of or table.identifier in wanted:
                 raise
             refused.setdefault(dataset, error)
-    for dataset, error in refused.items():
+    for dataset, reason in refused.items():
         is_lost = dataset in sets or not chosen
         if is_lost and dataset not in used:
-            raise error
+            raise reason
     return chosen
 
 
