@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import CanonicalForm, Input, MethodInfo, Shape
 from benchmark.code_digest import code_of_modules, digest, digest_of_bytes
 from benchmark.commands.score import Evaluation, score
-from benchmark.datasets.catalogue import is_known
+from benchmark.datasets.catalogue import folder_name, is_known
 from benchmark.datasets.mesh_files import READABLE, read_mesh
 from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
 from benchmark.pipeline.cache import Cache, writing
@@ -76,7 +76,8 @@ def score_and_keep(
         Whether the distances are of surfaces or of views.
     """
     row = title or distances.stem
-    name = dataset or labels.resolve().stem
+    of_labels = folder_name(labels) if labels.is_dir() else labels.resolve().stem
+    name = dataset or of_labels
     record_beside(results, name, input, row)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # among the notes

@@ -212,6 +212,8 @@ def _draw_map(place: Axes, record: Record, matrix: NDArray[np.float64], page: st
 
 def _positions(matrix: NDArray[np.float64]) -> Points:
     """Return points in the plane, shape (n, 2), whose distances have the order of a matrix."""
+    if len(matrix) == 1:  # which has no distances to keep
+        return np.zeros((1, 2))
     symmetric = (matrix + matrix.T) / 2
     ranks = rankdata(squareform(symmetric, checks=False))
     scaling = MDS(metric_mds=True, metric="precomputed", init="classical_mds", n_init=1)
@@ -300,11 +302,8 @@ def forms_figure(view: TableView, forms: StoredForms, shapes: Sequence[str] = ()
     ConfigurationError
         If there is no such shape, or no form of these shapes is stored.
     """
-    records = {
-        row.title: record
-        for row, record in first_records(view).items()
-        if row.kind in ("form", "network")
-    }
+    # What compares itself, as a descriptor or distances of another program, has no scorer.
+    records = {row.title: record for row, record in first_records(view).items() if record.scorer}
     if not records:
         raise ConfigurationError(
             f"no selected row of table {view.table.identifier} has forms", "select another method"

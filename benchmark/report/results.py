@@ -102,7 +102,7 @@ class Results:
         input
             ``"mesh"`` or ``"view"``.
         fold
-            Part of the data set, as ``"fold-0"``; "" for the whole one.
+            Part of the data set, as ``"fold 0"``; "" for the whole one.
         quick
             Whether the job ran with some of the poses alone.
         seed
@@ -124,9 +124,11 @@ class Results:
         if scorer or len(of_scorer):
             jobs = of_scorer
         if jobs.empty:
-            place = f"{dataset} {fold}".rstrip()
-            problem = f"{self.folder} has no scores of {method} on {place}, {input}"
-            raise ConfigurationError(problem, f"run -d {dataset} -m {method}")
+            place = " ".join(filter(None, (dataset, fold, "(quick)" if quick else "")))
+            details = [input, f"seed {seed}" if seed else "", f"by {scorer}" if scorer else ""]
+            listed = ", ".join(filter(None, details))
+            problem = f"{self.folder} has no scores of {method} on {place}, {listed}"
+            raise ConfigurationError(problem, "run it, or take a key from jobs.index")
         return str(jobs.index[0])
 
     def distances(self, job: str) -> DataFrame:

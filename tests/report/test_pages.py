@@ -24,6 +24,7 @@ from benchmark.report.drawing import shaded
 from benchmark.report.figures import (
     COLOURS,
     GREY,
+    _positions,
     class_means,
     first_records,
     forms_figure,
@@ -745,6 +746,19 @@ def test_a_figure_of_forms_has_a_column_a_method_and_a_row_a_pose(results, tmp_p
     assert {text.get_bbox_patch().get_facecolor()[:3] for text in words} == {(1, 1, 1)}
     with pytest.raises(ConfigurationError, match="thin9"):
         forms_figure(view, forms, ["thin9"])
+
+
+def test_forms_of_other_programs_are_drawn_too(results):
+    job = results.job("gps", "rods")
+    (of_gps,) = (each for each in results.records if each.key == job)
+    other = replace(of_gps, method="external-other", title="Other", family="external")
+    figure = forms_figure(table_views([other])[0], StoredForms(results.folder))
+    assert [place.get_title() for place in figure.axes[:2]] == ["Shape", "Other"]
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_map_of_one_shape_is_a_point():
+    assert _positions(np.zeros((1, 1))).tolist() == [[0, 0]]
 
 
 def test_pictures_without_words_stand_close_together():

@@ -26,6 +26,10 @@ def test_frames_say_what_ran(results):
     ("call", "message"),
     [
         (lambda r: r.job("gps", "rods", "view"), "has no scores of gps on rods, view"),
+        (
+            lambda r: r.job("gps", "rods", fold="fold 0", quick=True, seed=3, scorer="bbox"),
+            r"has no scores of gps on rods fold 0 \(quick\), mesh, seed 3, by bbox; run it",
+        ),
         (lambda r: r.distances("nothing"), "has no job 'nothing'"),
         (lambda r: r.form(r.job("gps", "rods"), "rods9"), "unknown shape 'rods9'"),
         (lambda r: r.form(r.job("surface-area", "rods"), r.jobs.index[0]), "unknown shape"),
