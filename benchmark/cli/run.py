@@ -238,8 +238,10 @@ def _folders_of_forms(words: Sequence[str]) -> dict[str, str]:
     for word in words:
         title, _, folder = word.partition("=")
         folders[title] = folder
-    has_repeated = len(folders) < len(words)
-    if has_repeated or not all(folders) or not all(folders.values()):
+    if len(folders) < len(words):
+        problem = "--forms gives two folders one title"
+        raise ConfigurationError(problem, "give each NAME=DIR another NAME")
+    if not all(folders) or not all(folders.values()):
         problem = "--forms scores the meshes of folders as forms of a data set"
         raise ConfigurationError(problem, "pass -d FOLDER --forms NAME=DIR, without -m")
     return folders

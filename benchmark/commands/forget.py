@@ -13,6 +13,7 @@ from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.record_files import local_files, local_folder, read_records, unneeded
 from benchmark.pipeline.records import Record
 from benchmark.registry import are_named
+from benchmark.text import counted
 
 
 @dataclass(frozen=True)
@@ -35,9 +36,11 @@ class Forgotten:
 
     def __str__(self) -> str:
         """Return how many records and forms these are, and their size."""
-        n_records = sum(path.suffix == ".json" for path in self.files)
+        json_files = [path for path in self.files if path.suffix == ".json"]
+        n_records = sum(path.parent.name == "records" for path in json_files)
         n_forms = sum(path.parent.name == "forms" for path in self.files)
-        return f"{n_records} records, {n_forms} forms, {self.size / 1e6:.1f} MB"
+        numbers = f"{counted(n_records, 'record')}, {counted(n_forms, 'form')}"
+        return f"{numbers}, {self.size / 1e6:.1f} MB"
 
 
 def forget(

@@ -16,6 +16,8 @@ from benchmark.report.forms import StoredForms
 #: Folder of a report where none is named.
 REPORT_FOLDER = Path("results/report")
 
+_OTHER_TABLE = "select another one with -t, or print it with 'tables -t robustness'"
+
 
 def write_report(
     folder: str | Path = REPORT_FOLDER,
@@ -85,6 +87,8 @@ def write_pages(
     from benchmark.report.pages import report_files
 
     check_folder(Path(folder))  # before pages are drawn, which takes long
+    if not selected.views:
+        raise ConfigurationError("the table of robustness has no pages", _OTHER_TABLE)
     root = Path(data_root) if data_root else None
     files = report_files(Path(results), selected.views, root)
     write_files(Path(folder), files, force=force)
@@ -126,9 +130,7 @@ def draw_tables(
     from benchmark.report.grids import write_figure
 
     if not selected.views:
-        raise ConfigurationError(
-            "the table of robustness has no figures", "select another one with -t"
-        )
+        raise ConfigurationError("the table of robustness has no figures", _OTHER_TABLE)
     view = selected.views[0]
     forms = StoredForms(results, data_root)
     if kind == "map":

@@ -10,9 +10,12 @@ import pytest
 
 import benchmark
 from benchmark.api import CanonicalForm, MethodInfo
-from benchmark.commands.forget import forget
+from benchmark.commands.external_rows import score_and_keep
+from benchmark.commands.forget import Forgotten, forget
 from benchmark.commands.forms import form_with_notes
 from benchmark.commands.plan import Plan
+from benchmark.commands.printable_tables import Tables
+from benchmark.commands.report import write_pages
 from benchmark.commands.run import tables_of_run
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.record_files import write_record
@@ -308,3 +311,38 @@ def test_a_comparison_with_all_rows_names_no_method_that_is_missing(results):
     assert benchmark.compare("gps", results=results).attrs["notes"] == [
         "not shown: 1 job of another scorer or seed: pass --scorer cm-bof --seed 3"
     ]
+
+
+def test_what_is_forgotten_counts_records_and_no_other_json():
+    names = ["records/a.json", "records/a.npz", "code.json", "forms/b.npz", "forms/c.npz"]
+    files = tuple(Path("results/runs") / name for name in names)
+    assert str(Forgotten((), files, 2_500_000)) == "1 record, 2 forms, 2.5 MB"
+
+
+def test_robustness_has_no_pages(tmp_path):
+    with pytest.raises(ConfigurationError, match="the table of robustness has no pages"):
+        write_pages(Tables((), ()), tmp_path / "report")
+    assert not (tmp_path / "report").exists()
+
+
+def test_two_folders_of_forms_with_one_title_are_refused():
+    said = refusal("run", "-d", "rods", "--forms", "A=x", "--forms", "A=y")
+    assert "two folders one title; give each NAME=DIR another NAME" in said
+
+
+@pytest.mark.parametrize(
+    ("folder", "name"), [("scans.v2", "scans.v2"), ("tosca", "tosca-folder"), ("a.cla", "a")]
+)
+def test_distances_stand_beside_the_rows_of_the_folder_of_their_labels(
+    tmp_path, monkeypatch, folder, name
+):
+    """Its name may have a dot, or be that of a set of the suite."""
+
+    def beside(results, dataset, input_, title):
+        raise ConfigurationError(f"beside {dataset}")
+
+    monkeypatch.setattr("benchmark.commands.external_rows.record_beside", beside)
+    labels = tmp_path / folder
+    labels.touch() if folder.endswith(".cla") else labels.mkdir()
+    with pytest.raises(ConfigurationError, match=f"beside {name}$"):
+        score_and_keep(tmp_path / "D.csv", labels, results=tmp_path)
