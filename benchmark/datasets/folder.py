@@ -114,8 +114,12 @@ def _meshes(folder: Path) -> list[Entry]:
 def _no_shapes(folder: Path) -> DatasetError:
     """Return the error for a folder without shapes."""
     problem = f"no meshes in {folder}"
-    unread = sorted({path.suffix for path in skipped_files(folder)})
-    if unread:
+    skipped = skipped_files(folder)
+    hidden = [path.name for path in skipped if is_hidden(path)]
+    unread = sorted({path.suffix for path in skipped if path.suffix and not is_hidden(path)})
+    if hidden:
+        problem = f"{problem} but hidden ones, {listed(hidden)}"
+    elif unread:
         problem = f"{problem} that can be read: {', '.join(unread)} cannot"
     hint = (
         f"expected files ending in {', '.join(READABLE)}, depth images of 16 bits, "

@@ -219,6 +219,21 @@ def test_a_list_of_labels_is_the_first_rule(rods, name, mark):
         folder_set(rods)
 
 
+@pytest.mark.parametrize(
+    ("files", "said"),
+    [
+        (["README"], "no meshes in {folder}; expected files ending in .off"),
+        (["README", "a.docx", "b.exr"], "no meshes in {folder} that can be read: .docx, .exr cann"),
+        (["._cat0.off", "a.docx"], "no meshes in {folder} but hidden ones, ._cat0.off; expected"),
+    ],
+)
+def test_a_folder_without_shapes_says_what_it_holds_instead(tmp_path, files, said):
+    for name in files:
+        (tmp_path / name).write_text("")
+    with pytest.raises(DatasetError, match=re.escape(said.format(folder=tmp_path))):
+        folder_set(tmp_path)
+
+
 # Settings
 
 
