@@ -225,8 +225,8 @@ def form_of_surface(
 ) -> Form:
     """Return the form of a surface, prepared as in a run.
 
-    Where each vertex of the surface has one in the prepared surface, the form has those of the
-    surface in their order; otherwise it has those of the prepared surface, and says in
+    Where each vertex of the surface has one of its own in the prepared surface, the form has those
+    of the surface in their order; otherwise it has those of the prepared surface, and says in
     ``vertex_map`` which one of the surface is nearest.
     """
     prepared = prepare(mesh, n_vertices)
@@ -235,7 +235,8 @@ def form_of_surface(
     if not np.array_equal(form.faces, prepared.mesh.faces):
         return form
     numbers = prepared.numbers_of(mesh)
-    if numbers is None:
+    # Where sheets touch in a vertex, preparation gives each sheet one: they part in the form.
+    if numbers is None or len(np.unique(numbers)) < prepared.mesh.n_vertices:
         return replace(form, vertex_map=prepared.vertex_map(mesh))
     return replace(form, vertices=form.vertices[numbers], faces=mesh.faces, body=mesh)
 

@@ -57,6 +57,24 @@ def test_a_path_is_a_mesh_and_names_its_form(tmp_path):
     assert len(form.vertices) == ROD.n_vertices
 
 
+def test_sheets_that_touch_in_a_vertex_part_in_the_form():
+    """A ribbon is bent to a ring whose ends touch in one point; its form is straight."""
+    along, across = 40, 5
+    angles = np.linspace(0.1, 2 * np.pi - 0.1, along).repeat(across)
+    heights = np.tile(np.linspace(-0.3, 0.3, across), along)
+    vertices = np.stack([np.cos(angles), np.sin(angles), heights], axis=1)
+    vertices[[across // 2, -(across // 2) - 1]] = [1, 0, 0]
+    corners = np.arange(along * across).reshape(along, across)
+    a, b, c, d = corners[:-1, :-1], corners[1:, :-1], corners[1:, 1:], corners[:-1, 1:]
+    halves = [np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)]
+    faces = np.concatenate(halves).reshape(-1, 3)
+    form = benchmark.canonicalise(vertices, faces, "classic-mds")
+    ends = form.vertices[form.faces]
+    lengths = np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2)
+    assert lengths.max() < np.ptp(form.vertices, axis=0).max() / 5
+    np.testing.assert_allclose(np.ptp(vertices[form.vertex_map], axis=0), np.ptp(vertices, axis=0))
+
+
 @pytest.mark.parametrize("what", ["vertices", "faces"])
 def test_masked_values_of_a_mesh_are_no_values(what):
     arrays = {"vertices": ROD.vertices, "faces": ROD.faces}
