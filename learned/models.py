@@ -266,7 +266,9 @@ def average_body(folder: Path, resolution: int) -> Tensor:
     bodies = tensors_in(path.read_bytes())
     if training not in bodies or len(bodies[training]) != resolution:
         problem = f"training '{training}' has no average body of {resolution} x {resolution} pixels"
-        raise ConfigurationError(problem, f"take the model of a training among {', '.join(bodies)}")
+        raise ConfigurationError(
+            problem, f"take a model of 128 x 128 pixels, of {', '.join(bodies)}"
+        )
     return bodies[training].double() + 0.5
 
 

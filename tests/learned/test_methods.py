@@ -88,7 +88,7 @@ def test_controls_have_the_predicted_mask_and_a_depth_that_no_image_moves(method
     object.__setattr__(method, "relief", "average")
     with pytest.raises(
         ConfigurationError,
-        match="no average body of 32 x 32 pixels; take the model of a training among",
+        match="no average body of 32 x 32 pixels; take a model of 128 x 128 pixels, of people-fold",
     ):
         method.predict(person())
 
