@@ -492,7 +492,8 @@ class _Module(NamedTuple):
     definitions
         Of a file of the suite: digest of each function, method, class and constant by its name.
     passed_on
-        Of a file of the suite: what it imports by the names that it gives it, outside of functions.
+        Of a file of the suite: what it imports by the names that it gives it, outside of functions
+        or once it is asked for them.
     """
 
     digest: str
@@ -536,6 +537,7 @@ def _parse(content: bytes) -> ast.Module | None:
 
 def _parsed_suite(tree: ast.Module) -> _Module:
     """Return what counts in a file of the suite."""
+    offered = _offered(tree)
     imports: dict[Import, None] = {}
     parts: list[Any] = []
     parts_by_name: defaultdict[str, list[Any]] = defaultdict(list)
@@ -544,7 +546,9 @@ def _parsed_suite(tree: ast.Module) -> _Module:
         parts += of_definition
         parts_by_name[name] += of_definition
     definitions = {name: _digest_of_parts(of_name) for name, of_name in parts_by_name.items()}
-    return _Module(_digest_of_parts(parts), tuple(imports), definitions, _passed_on(tree))
+    imports |= dict.fromkeys(offered.values())
+    passed_on = _passed_on(tree) | offered
+    return _Module(_digest_of_parts(parts), tuple(imports), definitions, passed_on)
 
 
 def _digest_of_parts(parts: Sequence[Any]) -> str:
@@ -561,6 +565,15 @@ def _passed_on(tree: ast.Module) -> dict[str, Import]:
                 imported = node.level, node.module or "", alias.name
                 passed_on[alias.asname or alias.name] = imported
     return passed_on
+
+
+def _offered(tree: ast.Module) -> dict[str, Import]:
+    """Return what a package imports once it is asked for a name: its table ``_OFFERED``."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and _defined_name(node) == "_OFFERED":
+            modules = ast.literal_eval(node.value)
+            return {name: (0, module, name) for name, module in modules.items()}
+    return {}
 
 
 def _definitions(body: Iterable[ast.stmt], within: str = "") -> Iterator[tuple[str, ast.AST]]:

@@ -190,6 +190,15 @@ def test_the_code_of_a_plugin_is_that_of_the_names_that_it_imports(tmp_path):
     assert of_suite(code_of(str(plugin))) > without | modules("benchmark.api: learning scoring")
 
 
+def test_what_python_offers_is_in_the_code_of_a_plugin_that_calls_it(tmp_path):
+    plugin = tmp_path / "plugin.py"
+    plugin.write_text("from benchmark import canonicalise\n")
+    used = modules("benchmark.commands: canonicalise")
+    assert of_suite(code_of(str(plugin))) > used | MESH
+    plugin.write_text("import benchmark\n")
+    assert of_suite(code_of(str(plugin))) > used | modules("benchmark.commands: retrieve")
+
+
 COMPUTES = MESH | VIEW | FORM | KERNELS | BASES | READER.union(*MAKERS.values())
 COMPUTES |= SIGNATURE | COMPARING
 #: Texts with two blanks in code that computes: of files, notes of forms, descriptions of bodies in
