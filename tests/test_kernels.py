@@ -101,3 +101,10 @@ def test_the_link_of_an_editor_beside_an_unsaved_file_is_no_source(tmp_path, mon
     (tmp_path / "package" / ".#inner.py").symlink_to("user@machine.1234")
     drop_stale_kernels()
     assert kernel_cache.suite_sources() == [tmp_path / "package" / "inner.py"]
+
+
+def test_kernels_that_another_python_compiled_are_not_compiled_for_this_one(tmp_path, monkeypatch):
+    mark("step", tmp_path / "inner.py")
+    assert is_marked("step", tmp_path / "inner.py")
+    monkeypatch.setattr(sys.implementation, "cache_tag", "cpython-399")
+    assert not is_marked("step", tmp_path / "inner.py")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import atexit
 import os
 import stat
+import sys
 from collections.abc import Iterable
 from contextlib import suppress
 from importlib.metadata import version
@@ -112,8 +113,9 @@ def is_marked(name: str, source: Path) -> bool:
 
 
 def _mark_of(name: str, source: Path) -> Path:
-    """Return the file that says that the kernels of a step were compiled by this numba."""
-    return kernel_folder(source) / f"{source.stem}.{name}-{version('numba')}{_MARK}"
+    """Return the file that says that this Python and numba compiled the kernels of a step."""
+    makers = f"{sys.implementation.cache_tag}-{version('numba')}"
+    return kernel_folder(source) / f"{source.stem}.{name}-{makers}{_MARK}"
 
 
 def kernel_folder(source: Path) -> Path:
