@@ -184,10 +184,13 @@ class PlannedFiles:
 
 def _changed_files_of_model(model: Path, card: str) -> list[str]:
     """Return which files of a model are not those of the plan: the card names the weights."""
-    if file_digest(model / CARD, None) != card:
-        return [CARD]
-    if file_digest(model / WEIGHTS, None) != read_card(model).digest:
-        return [WEIGHTS]
+    try:
+        if file_digest(model / CARD, None) != card:
+            return [CARD]
+        if file_digest(model / WEIGHTS, None) != read_card(model).digest:
+            return [WEIGHTS]
+    except BenchmarkError as error:  # a file is gone, or may not be read
+        return [error.file.name if error.file else CARD]
     return []
 
 

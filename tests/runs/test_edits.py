@@ -505,3 +505,11 @@ def test_contents_decide_where_a_clock_is_too_coarse(folder, model, monkeypatch)
     monkeypatch.setattr(unchanged, "_state_of", coarse)
     with pytest.raises(CodeChanged, match=r"^below.py"), files.unchanged():
         (folder.folder / "below.py").write_text("FACTOR = 3.0\n")
+
+
+@pytest.mark.parametrize("name", ["card.json", "weights.safetensors"])
+def test_a_file_of_a_model_that_is_gone_is_named(folder, model, name):
+    files = files_of(folder, model)
+    (model / name).unlink()
+    with pytest.raises(CodeChanged, match=rf"^{name} changed during the run"), files.unchanged():
+        pass
