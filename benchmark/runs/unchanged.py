@@ -152,8 +152,8 @@ class PlannedFiles:
         try:
             for target in (self._code.target, *self._code.modules):
                 sources += sources_of(target)
-        except BenchmarkError as error:
-            raise CodeChanged(f"its code ({error.problem})") from error
+        except (BenchmarkError, OSError) as error:
+            raise _changed_code(error) from error
         folder = sources[0].parent  # declared files lie beside the source of the component
         files = [*sources, *(folder / name for name in self._code.files)]
         if self._model:
@@ -175,11 +175,18 @@ class PlannedFiles:
             changed += [name for name in current if name not in planned]
             if self._model:
                 changed += _changed_files_of_model(self._model, self._card)
-        except BenchmarkError as error:
-            raise CodeChanged(f"its code ({error.problem})") from error
+        except (BenchmarkError, OSError) as error:
+            raise _changed_code(error) from error
         if changed:
             names = dict.fromkeys(Path(name).name for name in changed)
             raise CodeChanged(listed(names))
+
+
+def _changed_code(error: BenchmarkError | OSError) -> CodeChanged:
+    """Return the error for code of which a file is not found, or may not be read any more."""
+    if isinstance(error, BenchmarkError):
+        return CodeChanged(f"its code ({error.problem})")
+    return CodeChanged(f"its code ({Path(str(error.filename)).name}: {error.strerror})")
 
 
 def _changed_files_of_model(model: Path, card: str) -> list[str]:

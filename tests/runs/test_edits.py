@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import builtins
+import errno
 import hashlib
 import json
 import os
@@ -513,3 +514,16 @@ def test_a_file_of_a_model_that_is_gone_is_named(folder, model, name):
     (model / name).unlink()
     with pytest.raises(CodeChanged, match=rf"^{name} changed during the run"), files.unchanged():
         pass
+
+
+def test_code_that_may_not_be_read_any_more_is_no_fault_of_the_method(folder, monkeypatch):
+    files = PlannedFiles(plan_code(str(folder.folder / "edited.py"), [], []))
+
+    def refuse(*_):
+        raise PermissionError(errno.EACCES, "Permission denied", str(folder.folder / "top.py"))
+
+    for name in ("code_of", "sources_of"):
+        with monkeypatch.context() as patched:
+            patched.setattr(unchanged, name, refuse)
+            with pytest.raises(CodeChanged, match=r"its code \(top.py: Permission denied\)"):
+                files.unchanged().__enter__()
