@@ -9,7 +9,8 @@ import logging
 import secrets
 import threading
 import time
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from importlib.util import find_spec
 from typing import Any
 
@@ -29,7 +30,9 @@ _CONNECTION_TIMEOUT = 10
 _of_thread = threading.local()
 
 
-def run_in_worker(task: Task, run: str, timeout: float, threads: int) -> list[tuple[Step, Outcome]]:
+def run_in_worker(
+    task: Task, run: str, timeout: float, threads: Mapping[str, int]
+) -> list[tuple[Step, Outcome]]:
     """Run a task on a worker of a dask cluster, and return the outcome of each of its steps.
 
     The task runs in a process of its own, so that a crash does not end the dask worker. The process
@@ -44,7 +47,7 @@ def run_in_worker(task: Task, run: str, timeout: float, threads: int) -> list[tu
     timeout
         Seconds that a method may take for a shape.
     threads
-        Number of threads of the cluster, which share the memory.
+        Number of threads of the cluster on each of its machines, which share the memory of that.
     """
     is_first_of_run = getattr(_of_thread, "run", "") != run
     if is_first_of_run:
@@ -52,7 +55,7 @@ def run_in_worker(task: Task, run: str, timeout: float, threads: int) -> list[tu
             _of_thread.pool.close()  # the process of the run before
         drop_stale_kernels()
         _of_thread.run = run
-        _of_thread.pool = Pool(1, memory_per_process(threads), timeout)
+        _of_thread.pool = Pool(1, memory_per_process(_threads_here(threads)), timeout)
 
     queue = Queue(lambda step: True)  # the outcome of every step is wanted
     queue.add(task)
@@ -60,6 +63,33 @@ def run_in_worker(task: Task, run: str, timeout: float, threads: int) -> list[tu
     while len(ended) < len(task.steps):
         ended += _of_thread.pool.poll(queue)
     return ended
+
+
+def _threads_here(threads: Mapping[str, int]) -> int:
+    """Return the number of threads of the cluster on this machine, of a worker of which one asks.
+
+    Parameters
+    ----------
+    threads
+        Number of threads on each machine; see :func:`_threads_of_machines`.
+    """
+    from distributed import get_worker
+    from distributed.comm import get_address_host
+
+    worker = get_worker()
+    of_worker = int(worker.state.nthreads)
+    # A worker that has just joined may not be among them.
+    return max(threads.get(get_address_host(worker.address), 0), of_worker)
+
+
+def _threads_of_machines(threads: Mapping[str, int]) -> dict[str, int]:
+    """Return the number of threads on each machine, from that of each worker by its address."""
+    from distributed.comm import get_address_host
+
+    of_machines: Counter[str] = Counter()
+    for address, count in threads.items():
+        of_machines[get_address_host(address)] += count
+    return dict(of_machines)
 
 
 class DaskPool:
@@ -125,8 +155,9 @@ class DaskPool:
 
     def _submit_tasks(self, queue: Queue) -> None:
         """Submit tasks of a queue until each thread of the cluster has enough."""
-        threads = max(sum(self._client.nthreads().values()), 1)
-        while len(self._tasks) < _TASKS_PER_THREAD * threads:
+        threads = _threads_of_machines(self._client.nthreads())
+        n_threads = max(sum(threads.values()), 1)
+        while len(self._tasks) < _TASKS_PER_THREAD * n_threads:
             # Prefer a task for the code of the last one: its process is running already.
             task = queue.take_any([self._last_process])
             if task is None:

@@ -5,19 +5,32 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+from types import SimpleNamespace
 
 import psutil
 import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.record_arrays import read_distances
+from benchmark.runs import dask
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 from tests.toy import SMALL_SCORER, rod, write_off
 
-pytestmark = pytest.mark.slow
+
+def test_a_process_has_a_share_of_the_memory_of_its_own_machine(monkeypatch):
+    """Machines of a cluster share no memory."""
+    pytest.importorskip("distributed")
+    threads = {"tcp://10.0.0.1:40001": 4, "tcp://10.0.0.1:40002": 4, "tcp://10.0.0.2:40001": 2}
+    of_machines = dask._threads_of_machines(threads)
+    assert of_machines == {"10.0.0.1": 8, "10.0.0.2": 2}
+    for address, count in (("tcp://10.0.0.2:40001", 2), ("tcp://10.0.0.3:40001", 3)):
+        worker = SimpleNamespace(address=address, state=SimpleNamespace(nthreads=count))
+        monkeypatch.setattr("distributed.get_worker", lambda worker=worker: worker)
+        assert dask._threads_here(of_machines) == count
 
 
+@pytest.mark.slow
 def test_rows_are_those_of_one_machine_though_a_worker_is_killed(rods, tmp_path, cluster, notes):
     jobs = planned(
         rods, tmp_path / "results", "slow", "surface-area", "bug", "segfault", plugins=(FAULTS,)
@@ -43,6 +56,7 @@ def test_rows_are_those_of_one_machine_though_a_worker_is_killed(rods, tmp_path,
         assert (records[name].scores, records[name].per_query) == (record.scores, record.per_query)
 
 
+@pytest.mark.slow
 def test_a_cluster_serves_each_run_anew(rods, tmp_path, cluster):
     folder, plugin = shutil.copytree(rods, tmp_path / "rods"), tmp_path / "smooth.py"
     for number, factor in enumerate((1, 3)):
@@ -75,6 +89,7 @@ def test_a_cluster_serves_each_run_anew(rods, tmp_path, cluster):
         assert (there == here).all()
 
 
+@pytest.mark.slow
 def test_a_later_run_has_its_own_time_limit(rods, tmp_path, cluster):
     """Its shapes are prepared: nothing but the method that hangs comes near the limit."""
     jobs = planned(rods, tmp_path, "fine", plugins=(FAULTS,))
@@ -85,6 +100,7 @@ def test_a_later_run_has_its_own_time_limit(rods, tmp_path, cluster):
     assert "stopped after 3 s" in limited["hang"].reason
 
 
+@pytest.mark.slow
 def test_a_scheduler_that_does_not_answer_is_named(rods, tmp_path, monkeypatch):
     jobs = planned(rods, tmp_path / "results", "surface-area")
     with pytest.raises(
