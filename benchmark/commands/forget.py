@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 from benchmark.commands.selection import RESULTS, as_list, is_of_methods
@@ -142,10 +143,22 @@ def _keys_of_selection(
 
 
 def _check_known(folder: Path, every: Sequence[Record], named: Sequence[str]) -> None:
-    """Raise ``ConfigurationError`` if a record that is named is not in the folder."""
+    """Check that each name of a record is that of one in the folder.
+
+    Raises
+    ------
+    ConfigurationError
+        If it is that of none, or a row of several data sets, which may be folders of one name.
+    """
     known = {path.stem for path in local_files(folder)} | {str(record.row) for record in every}
     unknown = {*named} - known
     if unknown:
         problem = f"there is no record '{min(unknown)}' under {folder}"
         hint = "name a row as 'plan' and 'merge' do, or a file of runs/records without '.json'"
         raise ConfigurationError(problem, hint)
+    for name in named:
+        rows = [record.row for record in every if str(record.row) == name]
+        if len(rows) > 1:
+            paths = ", ".join(filter(None, chain.from_iterable(row.paths for row in rows)))
+            problem = f"'{name}' names rows of several data sets: {paths}"
+            raise ConfigurationError(problem, "pass the key of a record instead")

@@ -11,6 +11,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmark.commands.forget import forget
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline import environment
 from benchmark.pipeline.cache import Cache, StorageError
@@ -245,6 +246,16 @@ def test_files_that_no_other_record_names_are_unneeded(rods, tmp_path):
     )  # four rods, their views, and the frame of the camera
     every = {path for path in runs.rglob("*.*") if path.is_file()}
     assert set(unneeded(tmp_path, lambda record: True)[1]) == every
+
+
+def test_a_row_of_two_folders_of_one_name_is_forgotten_by_its_key_alone(tmp_path):
+    for key, place in (("a", "/one/pets"), ("b", "/two/pets")):
+        own = {"name": "pets", "title": "Pets", "source": place, "path": place}
+        write_record(tmp_path, made("gps", key=key, data=own))
+    with pytest.raises(ConfigurationError, match="several data sets: /one/pets, /two/pets; pass"):
+        forget(records=["pets mesh gps"], results=tmp_path, yes=True)
+    forget(records=["a" * 32], results=tmp_path, yes=True)
+    assert [record.key for record in read_records(tmp_path)] == ["b" * 32]
 
 
 @pytest.fixture
