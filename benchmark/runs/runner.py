@@ -188,7 +188,9 @@ class _Run:
             for step, outcome in workers.poll(self._queue):
                 if self._open_jobs.is_wanted(step):
                     yield from self._take(step, outcome)
-            watch(Progress(total - self._open_jobs.n_missing, total, workers.working))
+            n_missing = self._open_jobs.n_missing
+            total = max(total, n_missing)  # a file that was there may be damaged
+            watch(Progress(total - n_missing, total, workers.working))
 
     def _begin(
         self, jobs: Sequence[Planned], retried: CachedFile | None = None

@@ -385,8 +385,7 @@ class Worker:
         # leads none, and has to be killed itself.
         with suppress(OSError):
             os.killpg(process.pid, signal.SIGKILL)
-        with suppress(OSError):
-            os.kill(process.pid, signal.SIGKILL)
+        process.kill()
         process.wait()
         self._process = None
         self.connection.close()

@@ -118,8 +118,11 @@ def test_a_damaged_file_of_any_kind_is_made_again(rods, finished, tmp_path, stag
         middle = len(content) // 2
         content[middle] ^= 255
         path.write_bytes({"truncated": content[:middle], "flipped": content, "empty": b""}[damage])
-    after = run_toy(rods, results, "identity", rerun=("finished",))["identity"]
+    jobs = planned(rods, results, "identity", rerun=("finished",))
+    states = []
+    after = done(jobs, results, workers=ThisProcess(), watch=states.append)["identity"]
     assert (after.scores, after.per_query) == (before.scores, before.per_query)
+    assert all(0 <= state.done <= state.total for state in states)
 
 
 def test_a_plan_says_that_a_plugin_ran_in_this_process(rods, tmp_path):
