@@ -13,6 +13,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Callable
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -128,7 +129,10 @@ def run(folder: Path) -> None:
 
 
 def judge(folder: Path) -> None:
-    """Write the scores, and print their scatter over meshes beside that over codebooks."""
+    """Write the scores, and print their scatter over meshes beside that over codebooks.
+
+    Raises ``SystemExit`` before all meshes are scored.
+    """
     rows = []
     for record in read_records(folder / "results", published=False):
         for measure in PAPER_MEASURES:
@@ -142,6 +146,10 @@ def judge(folder: Path) -> None:
                         "codebooks": np.sqrt(DRAWS) * record.draw_errors.get(measure, np.nan),
                     }
                 )
+    scored = {(row["mesh"], row["method"]) for row in rows}
+    missing = [" ".join(pair) for pair in product(MESHES, METHODS) if pair not in scored]
+    if missing:
+        raise SystemExit(f"these rows have not run: {', '.join(missing)}")
     scores = pd.DataFrame(rows).sort_values(["method", "measure", "mesh"])
     scores.to_csv(TABLE, index=False, float_format="%.6f", lineterminator="\n")
     print("\n".join(lines(scores)))

@@ -109,17 +109,25 @@ def changes(ours: Record, other: Record) -> pd.DataFrame:
 
 
 def judge(results: Path) -> None:
-    """Write what each change of a weight does, and print a table of it."""
+    """Write what each change of a weight does, and print a table of it.
+
+    Raises ``SystemExit`` before all changes have run.
+    """
     found = []
+    missing = []
     for data in DATA:
         known = {of.method: of for of in records_of(PUBLISHED, data)}
         known |= {of.method: of for of in records_of(results, data)}
         for method in WEIGHTS:
             for name, weight, factor in variants(method):
-                if name in known and method in known:
+                lacking = [f"{data} {row}" for row in (method, name) if row not in known]
+                missing += lacking
+                if not lacking:
                     table = changes(known[method], known[name])
                     place = {"data": data, "method": method, "weight": weight, "factor": factor}
                     found.append(table.assign(**place))
+    if missing:
+        raise SystemExit(f"these rows have not run: {', '.join(dict.fromkeys(missing))}")
     table = pd.concat(found)[["data", "method", "weight", "factor", *found[0].columns[:5]]]
     table.to_csv(TABLE, index=False, float_format="%.6f", lineterminator="\n")
     print("\n".join(lines(table)))

@@ -1,10 +1,12 @@
 """The rules of experiments on made-up scores, and what their pages say."""
 
+import importlib
 import json
 import subprocess
 import sys
 from dataclasses import asdict
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -401,3 +403,31 @@ def test_frames_are_judged_by_their_command_as_their_page_says():
     assert "| none | | .035, .0040 | moves too far |" in page
     assert said["none"].endswith("moves too far True")
     assert said["repeat"].endswith("wrong in silence 0")
+
+
+@pytest.mark.parametrize("name", ["sensitivity", "other_meshes"])
+def test_no_table_is_made_before_all_rows_have_run(name, monkeypatch, tmp_path):
+    """Of the first method, one row of each data set has run."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    module = importlib.import_module(name)
+    scored = {"NN": 1.0, "FT": 1.0, "ST": 1.0, "DCG": 1.0}
+
+    def record(data, method):
+        facts = {"input": "mesh", "status": "ok", "scorer": "cm-bof", "scores": scored}
+        facts |= {"labels": ["a", "a"], "per_query": {key: [1.0, 1.0] for key in scored}}
+        draws = dict.fromkeys(scored, 0.0)
+        return SimpleNamespace(
+            data=SimpleNamespace(name=data), gallery=data, method=method, draw_errors=draws, **facts
+        )
+
+    if name == "sensitivity":
+        method = "sd-gdm"
+        ran = [method, next(module.variants(method))[0]]
+        found = [record(data, row) for data in module.DATA for row in ran]
+    else:
+        found = [record("copy", method) for method in module.METHODS]
+    monkeypatch.setattr(module, "read_records", lambda *_, **__: found)
+    monkeypatch.setattr(module, "TABLE", tmp_path / "table.csv")
+    with pytest.raises(SystemExit, match="these rows have not run: "):
+        module.judge(tmp_path)
+    assert not (tmp_path / "table.csv").exists()
