@@ -76,7 +76,8 @@ _LATEX = {
     '"': "''",
     "|": r"\textbar{}",
     "`": r"\textasciigrave{}",
-    "[": "{[}",
+    "[": "{[}",  # behind the end of a row, it would begin an option, and a star be part of that
+    "*": "{*}",
 }
 
 

@@ -233,19 +233,29 @@ _COLUMN_OF_SUBJECTS = "5 subjects"
 def _rows_of_claim(claim: Claim, view: TableView) -> tuple[list[RowScores], list[str]]:
     """Return the scores of the methods that a claim compares, and the methods without any.
 
-    The claimed better one is the first. Incomplete scores are none.
+    The claimed better one is the first. Incomplete scores are none: those without a gallery, or
+    without a shape that another of the methods has.
     """
     # In the column of the five subjects, if the table has it; else in its first column.
     title = view.columns[0].title
     if _COLUMN_OF_SUBJECTS in view.groups:
         title = _COLUMN_OF_SUBJECTS
+    methods = (claim.better, *claim.others)
     scores_of_methods = {}
     for row in view.rows:
-        if title in row.scored and not row.scored[title].missing:
+        if row.method in methods and title in row.scored and not row.scored[title].missing:
             scores_of_methods[row.method] = row.scored[title]
-    methods = (claim.better, *claim.others)
-    lacking = [method for method in methods if method not in scores_of_methods]
-    return [scores_of_methods[method] for method in methods if method not in lacking], lacking
+    refused = [scores.refused for scores in scores_of_methods.values()]
+    refused_by_all = refused[0].intersection(*refused) if refused else frozenset[str]()
+    rows = []
+    lacking = []
+    for method in methods:
+        scores = scores_of_methods.get(method)
+        if scores is None or scores.refused - refused_by_all:
+            lacking.append(method)
+        else:
+            rows.append(scores)
+    return rows, lacking
 
 
 def _decision(claim: Claim, words: DecisionWords, leads: _Leads, n_classes: int) -> str:

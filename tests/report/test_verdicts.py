@@ -72,6 +72,18 @@ def test_a_claim_needs_other_classes_to_hold():
     )
 
 
+def test_a_row_that_lacks_a_shape_of_another_decides_nothing():
+    """The shape counts 0, which would be a lead of the other row."""
+    labels = [name for name in "abcdefgh" for _ in range(3)]
+    lacks = {"labels": labels, "unsupported": [("a0", "too thin")]}
+    rows = [record(name, nn, **lacks) for name, nn in (("high", 0.9), ("low", 0.1))]
+    assert judged(claim_on("high", "low"), *rows).decision == "holds on the stand-in"
+    whole = record("high", 0.9, labels=labels)
+    assert judged(claim_on("high", "low"), whole, rows[1]).decision == (
+        "not comparable: no complete scores of Low"
+    )
+
+
 def test_queries_of_classes_that_a_row_has_seen_decide_nothing():
     """A lead on training shapes is none: every other class is behind."""
     labels = [name for name in "abcdefghi" for _ in range(2)]
