@@ -11,6 +11,7 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.settings import SETTINGS_FILE, canonical_poses, positive, read_settings
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, ObservedObject, checked_up
 from benchmark.depth.intrinsics import intrinsics_of
+from benchmark.depth.reading import check_names
 from benchmark.errors import BenchmarkError, DatasetError, ShapeError
 from benchmark.files import file_digest
 from benchmark.geometry.mesh import Mesh
@@ -94,16 +95,20 @@ class _Frames:
         return self.observe(entry).surface
 
     def key(self, entry: Entry) -> str:
-        """Return a text that determines a shape: digests of its files, and settings of the set."""
+        """Return a text that determines a shape: digests of its files, and settings of the set.
+
+        Of the names, what decides whether and how an image is read: a wrong one can be corrected.
+        """
         frame = self.files[entry.identifier]
         try:
-            parts = [file_digest(frame.image)]
+            check_names(frame.image)
+            parts = [frame.image.suffix.lower(), file_digest(frame.image)]
             if mask := frame.mask_file:
-                parts.append(f"mask:{file_digest(mask)}")
+                parts.append(f"mask{mask.suffix.lower()}:{file_digest(mask)}")
             if intrinsics := frame.intrinsics_file:
                 parts.append(f"intrinsics:{file_digest(intrinsics)}")
         except ShapeError as error:
-            # An unreadable file has no digest. The shape is refused later, when it is prepared.
+            # The shape is refused later, when it is prepared: an unreadable file has no digest.
             return f"{entry.identifier}: {error}"
         return " ".join([*parts, repr(self.settings)])
 

@@ -140,11 +140,19 @@ def read_values(path: Path) -> NDArray[Any]:
             raise DepthError(
                 f"unknown extension '{suffix}'", f"convert it to one of {', '.join(EXTENSIONS)}"
             )
-        _check_name(path.stem)
-        if not re.search("depth|plane", path.stem, re.IGNORECASE):
-            _check_name(path.parent.name)
+        check_names(path)
         content = read_file(path, _LARGEST_FILE)
         return _array(content) if suffix in (".npy", ".npz") else _pixels(content)
+
+
+def check_names(path: Path) -> None:
+    """Raise ``DepthError`` if the name of an image or of its folder says that it shows no depths.
+
+    The name of the folder does not count if the image is named by depth itself.
+    """
+    _check_name(path.stem)
+    if not re.search("depth|plane", path.stem, re.IGNORECASE):
+        _check_name(path.parent.name)
 
 
 def _check_name(name: str) -> None:

@@ -8,7 +8,7 @@ from PIL import Image
 
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.checking import check_dataset
-from benchmark.errors import ConfigurationError, DatasetError, UnsupportedShape
+from benchmark.errors import ConfigurationError, DatasetError, DepthError, UnsupportedShape
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.prepared import PreparedShapes
 from benchmark.pipeline.stages import require_result
@@ -106,6 +106,27 @@ def test_what_determines_a_shape_are_all_its_files_and_settings(tmp_path):
         path.write_bytes(old)
     (tmp_path / "frames" / "dataset.toml").write_text("depth_scale = 999")
     assert open_dataset(str(tmp_path / "frames"), None).key(entry) != before
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [("disparity.png", "0.png"), ("0.npy", "0.png"), ("0_mask.npy", "0_mask.png")],
+)
+def test_a_shape_whose_file_is_renamed_is_another_as_a_refusal_is_kept(tmp_path, wrong, right):
+    one = write_frames(tmp_path / "frames", classes=("one",), count=1) / "one"
+
+    def key():
+        (entry,) = open_dataset(str(one.parent), None).shapes
+        return open_dataset(str(one.parent), None).key(entry).replace(entry.identifier, "")
+
+    if "mask" not in wrong:
+        (one / "0_mask.png").unlink()
+    good = key()
+    (one / right).rename(one / wrong)
+    refused = open_dataset(str(one.parent), None)
+    with pytest.raises(DepthError):
+        refused.load(refused.shapes[0])
+    assert key() != good
 
 
 def test_images_beside_meshes_are_textures(frames, tmp_path):
