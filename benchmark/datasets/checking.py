@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 import re
 import statistics
 from collections import Counter
@@ -768,5 +769,5 @@ def _file_of(dataset: ShapeSet, entry: Entry) -> str:
 
 
 def _relative(path: Path, folder: Path) -> str:
-    """Return a path relative to a folder; the name of the folder for itself."""
-    return folder.resolve().name if path == folder else path.relative_to(folder).as_posix()
+    """Return a path relative to a folder, which may lead out of it; its name for the folder."""
+    return folder.resolve().name if path == folder else os.path.relpath(path, folder)

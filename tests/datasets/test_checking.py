@@ -1,10 +1,12 @@
+import json
 import re
+from pathlib import Path
 
 import igl
 import numpy as np
 import pytest
 
-from benchmark.datasets.checking import check_dataset, check_source
+from benchmark.datasets.checking import check_dataset, check_source, unreadable_files
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.mesh_files import read_mesh, write_mesh
 from benchmark.geometry.cleaning import count_holes
@@ -284,3 +286,18 @@ def test_tosca_is_whole_but_for_one_open_mesh(data_root):
         "warning  victoria10.off  20 boundary edges; "
         "close the surface for methods that need it closed"
     ]
+
+
+def test_files_that_lie_elsewhere_are_named_as_seen_from_the_folder(rods, tmp_path, monkeypatch):
+    buffer = {"byteLength": 4, "uri": f"{tmp_path}/absent.bin"}
+    tree = {"asset": {"version": "2.0"}, "buffers": [buffer]}
+    (rods / "thick9.gltf").write_text(json.dumps(tree))
+    (unread,) = unreadable_files(folder_set(rods))
+    assert unread.files == ("../absent.bin",)
+    (tmp_path / "frames").mkdir()
+    np.save(tmp_path / "frames" / "one0.npy", np.ones((4, 4)))
+    (tmp_path / "frames" / "one0_mask.png").symlink_to("nowhere")
+    (tmp_path / "camera.json").symlink_to("nowhere")
+    monkeypatch.chdir(tmp_path)
+    names = [anomaly.files for anomaly in unreadable_files(folder_set(Path("frames")))]
+    assert names == [("one0_mask.png",), ("../camera.json",)]
