@@ -68,8 +68,13 @@ def fold_of(record: Record) -> str:
 
 
 def row_of(record: Record) -> str:
-    """Return the method of a record without the parameters over which rows are averaged."""
-    base, bracket, text = record.method.partition("[")
+    """Return the name of the row of a record; see :func:`row_name`."""
+    return row_name(record.method)
+
+
+def row_name(method: str) -> str:
+    """Return the name of a method without the parameters over which rows are averaged."""
+    base, bracket, text = method.partition("[")
     parameters = text.removesuffix("]").split(",")
     kept = [part for part in parameters if not part.startswith(AVERAGED_PARAMETERS)]
     if bracket and any(kept):

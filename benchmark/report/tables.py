@@ -34,6 +34,7 @@ from benchmark.report.record_facts import (
     by_gallery,
     change_of,
     fold_of,
+    row_name,
     row_of,
     scored_by,
     tables_of,
@@ -70,7 +71,7 @@ def table_views(
     records = list(records)
     wanted_tables = frozenset(tables)
     wanted_datasets = frozenset(datasets)
-    printed_methods = frozenset(methods)
+    printed_methods = frozenset(map(row_name, methods))
     by = scored_by(records)
     by_table = _records_by_table(records, wanted_tables, wanted_datasets)
     views = []
@@ -344,7 +345,7 @@ def _rows(
 def _has_row(record: Record, table: Table, methods: frozenset[str]) -> bool:
     """Return whether a record has a row: of a method of the table, or one that was asked for."""
     base = base_name(record.method)
-    is_asked_for = not methods.isdisjoint({base, record.method})
+    is_asked_for = not methods.isdisjoint({base, row_of(record)})
     return table not in TABLES or table.includes(base) or is_asked_for
 
 

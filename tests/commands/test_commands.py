@@ -346,3 +346,10 @@ def test_distances_stand_beside_the_rows_of_the_folder_of_their_labels(
     labels.touch() if folder.endswith(".cla") else labels.mkdir()
     with pytest.raises(ConfigurationError, match=f"beside {name}$"):
         score_and_keep(tmp_path / "D.csv", labels, results=tmp_path)
+
+
+def test_a_row_is_printed_by_the_name_of_one_of_its_trainings(results):
+    write_record(results, record("net[training_seed=1]", 0.5))
+    write_record(results, record("net", 0.25))
+    said = call("tables", "-m", "net[training_seed=1]", "--results", results)
+    assert "|.38 .50 .60 .70|" in said

@@ -337,7 +337,7 @@ def test_forget_takes_a_row_or_the_name_of_a_file(tmp_path):
     for selection in ((), ("--unused", "-m", "gps"), ("--record", KEY, "-m", "gps")):
         assert "one selection is needed" in refusal("forget", *selection, *words)
     assert "there is no record '../x'" in refusal("forget", "--record", "../x", *words)
-    assert "this deletes 1 records" in refusal("forget", "--record", "pets mesh gps", *words)
+    assert "this deletes 1 record," in refusal("forget", "--record", "pets mesh gps", *words)
     call("forget", "--record", "pets mesh gps", "--yes", *words)
     call("forget", "--record", "2" * 32, "--yes", *words)
     assert [record.method for record in read_records(tmp_path)] == ["gps[power=2]"]
