@@ -161,7 +161,7 @@ class Gallery:
             try:
                 if self._includes(input_, method, is_wanted):
                     chosen += self._trainings(method, trained_here, is_wanted)
-            except ConfigurationError:  # it cannot be imported, and its row says why
+            except ConfigurationError:  # it lacks a package, and its row says which
                 chosen.append(method)
         return list({method.name: method for method in chosen}.values())
 

@@ -754,15 +754,15 @@ def _find_models(side: _ShapesOfSide, method: Component, trained_here: Path) -> 
     """
     gallery = side.gallery
     no_models: Models = [None] * len(side.prepared_keys)
-    missing = method.missing_packages()
-    if missing:
-        reason = f"needs {', '.join(missing)}: pip install {' '.join(missing)}"
-        return _Trained(no_models, "unavailable", reason)
     if side.shapes.input not in method.info.inputs:
         reason = f"does not take the {side.shapes.input} input"
         if gallery.gallery_of_queries:
             reason = with_hint(reason, "pass --gallery-views 12 to see meshes as views")
         return _Trained(no_models, "unsupported", reason)
+    missing = method.missing_packages()
+    if missing:
+        reason = f"needs {', '.join(missing)}: pip install {' '.join(missing)}"
+        return _Trained(no_models, "unavailable", reason)
     try:
         model_by_shape = gallery.models(method, trained_here)
     except MissingModel as error:

@@ -299,6 +299,17 @@ def test_what_cannot_run_replaces_no_record(own, tmp_path):
     assert with_results(before, jobs, {}) == before, "the result of the row stands alone"
 
 
+def test_no_package_is_named_for_an_input_that_a_method_never_takes(own, tmp_path):
+    info = 'requires=("benchmark_absent",), inputs=("view",)'
+    plugin = write_plugin(tmp_path / "smooth.py", info=info)
+    states = {
+        input_: planned(own, tmp_path / "results", "smooth", plugins=(plugin,), input=input_)[0]
+        for input_ in ("mesh", "view")
+    }
+    assert states["mesh"].reason == "does not take the mesh input"
+    assert states["view"].reason.startswith("needs benchmark_absent: ")
+
+
 def paths_and_states(folder, results):
     run_toy(folder, results, "identity")
     return sorted(
