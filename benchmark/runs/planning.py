@@ -382,7 +382,9 @@ class _Planning:
         row = self._row(fields_of_shapes["input"], sides, method, scorer)
 
         # Find the trained models, some of which may be missing.
-        trained = [_find_models(side, method, self.results / "models") for side in sides]
+        trained_here = self.results / "models"
+        is_pair = len(sides) > 1
+        trained = [_find_models(side, method, trained_here, is_of_pair=is_pair) for side in sides]
         models = [side.models for side in trained]
         seen = _seen_shapes(gallery, models[0])
 
@@ -740,7 +742,9 @@ def _facts_of_both(queries: Mapping[str, Any], gallery: Gallery, other: Gallery)
     }
 
 
-def _find_models(side: _ShapesOfSide, method: Component, trained_here: Path) -> _Trained:
+def _find_models(
+    side: _ShapesOfSide, method: Component, trained_here: Path, *, is_of_pair: bool
+) -> _Trained:
     """Return the trained model of a method for each view, or why the method cannot run.
 
     Parameters
@@ -751,12 +755,14 @@ def _find_models(side: _ShapesOfSide, method: Component, trained_here: Path) -> 
         The method; one that does not learn has None for each view.
     trained_here
         Folder of models that the user trained. They are preferred to those of the suite.
+    is_of_pair
+        Whether queries are ranked in another gallery, which may be shown from several cameras.
     """
     gallery = side.gallery
     no_models: Models = [None] * len(side.prepared_keys)
     if side.shapes.input not in method.info.inputs:
         reason = f"does not take the {side.shapes.input} input"
-        if gallery.gallery_of_queries:
+        if is_of_pair and side.shapes.input == "mesh":
             reason = with_hint(reason, "pass --gallery-views 12 to see meshes as views")
         return _Trained(no_models, "unsupported", reason)
     missing = method.missing_packages()

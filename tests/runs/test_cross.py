@@ -27,6 +27,7 @@ from benchmark.report.tables import table_views
 from benchmark.runs.planning import plan_selection
 from benchmark.runs.runner import run_jobs
 from benchmark.runs.tasks import Work
+from tests.registry.plugin import write_plugin
 from tests.report.records import record as made_up
 from tests.runs.toy import ThisProcess, done
 from tests.toy import SMALL_SCORER, rod, write_off, write_rods
@@ -399,3 +400,18 @@ def test_tables_of_twelve_cameras_have_a_column_with_their_own(tmp_path):
             <= {*ROUND}
         )
     assert not [one for one in galleries() if one.gallery_of_queries]
+
+
+@pytest.mark.parametrize(
+    ("inputs", "queries", "reason"),
+    [
+        ("view", "view", "does not take the mesh input; pass --gallery-views 12 to see meshes"),
+        ("view", "mesh", "does not take the mesh input; pass --gallery-views 12 to see meshes"),
+        ("mesh", "view", "does not take the view input"),
+    ],
+)
+def test_cameras_are_advised_where_they_help(rods, tmp_path, inputs, queries, reason):
+    plugin = write_plugin(tmp_path / "smooth.py", info=f'inputs=("{inputs}",)')
+    (job,) = jobs(rods, rods, tmp_path, "smooth", plugins=[plugin], input=queries)
+    assert job.state == "unsupported"
+    assert job.reason.partition(" as views")[0] == reason
