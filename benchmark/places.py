@@ -19,6 +19,8 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
+from benchmark.errors import ConfigurationError
+
 #: Prefix of the names of fresh folders.
 _PREFIX = "canonical-forms-of-process-"
 
@@ -128,9 +130,19 @@ def make_folder() -> str:
     """Make a fresh folder, and remove those that killed processes have left.
 
     It is locked as long as this process lives. Who makes it removes it by :func:`remove_folder`.
+
+    Raises
+    ------
+    ConfigurationError
+        If none can be made, as on a full disk.
     """
-    _remove_abandoned()
-    folder = tempfile.mkdtemp(prefix=_PREFIX)
+    try:
+        _remove_abandoned()
+        folder = tempfile.mkdtemp(prefix=_PREFIX)
+    except OSError as error:
+        problem = f"no folder can be made for temporary files: {error.strerror}"
+        hint = "free some space, or name another folder by the variable TMPDIR"
+        raise ConfigurationError(problem, hint) from error
     lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     with suppress(OSError):  # a file system without locks, where no folder counts as abandoned
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -255,7 +255,7 @@ class Worker:
         Raises
         ------
         BenchmarkError
-            If the system starts no process.
+            If the system starts no process, or makes no folder for it.
         """
         try:
             self.connection, theirs = Pipe()
@@ -277,9 +277,9 @@ class Worker:
                     env=variables,
                 )
                 self._process = starting.result()
-        except OSError as error:
+        except (OSError, RuntimeError) as error:  # the latter without a thread that starts it
             self.close()
-            problem = f"no process can be started: {error.strerror}"
+            problem = f"no process can be started: {getattr(error, 'strerror', error)}"
             raise BenchmarkError(problem, "end other programs, or use -j 0") from error
         self._uncharged = ["starting"]
 

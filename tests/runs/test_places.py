@@ -185,12 +185,29 @@ def test_a_check_leaves_no_folder(temporary):
     assert left <= before
 
 
-def test_a_process_that_is_not_started_leaves_no_folder(temporary, monkeypatch):
+@pytest.mark.parametrize(
+    ("error", "reason"),
+    [
+        (OSError(11, "Resource temporarily unavailable"), "Resource temporarily unavailable"),
+        (RuntimeError("can't start new thread"), "can't start new thread"),
+    ],
+)
+def test_a_process_that_is_not_started_leaves_no_folder(temporary, monkeypatch, error, reason):
     def refuse(*_, **__):
-        raise OSError(11, "Resource temporarily unavailable")
+        raise error
 
     monkeypatch.setattr(subprocess, "Popen", refuse)
     task = SimpleNamespace(process="plugin.py", steps=(), record=None)
-    with pytest.raises(BenchmarkError, match="no process can be started"):
+    with pytest.raises(BenchmarkError, match=f"no process can be started: {reason}; end other"):
         Worker(2**30, 60.0, 1).begin(task)
     assert [*temporary.iterdir()] == []
+
+
+def test_without_space_for_temporary_files_the_advice_is_about_them(temporary, monkeypatch):
+    def refuse(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("tempfile.mkdtemp", refuse)
+    task = SimpleNamespace(process="plugin.py", steps=(), record=None)
+    with pytest.raises(BenchmarkError, match="No space left on device; free some .* TMPDIR$"):
+        Worker(2**30, 60.0, 1).begin(task)
