@@ -159,8 +159,8 @@ _FOCAL_LENGTHS = (0.1, 20)
 #: Largest coordinate of a ray at depth 1: one of 89.4 degrees off the axis.
 _STEEPEST = 100
 
-#: Largest change of a ray at depth 1 by the last iteration if it has converged.
-_CONVERGED = 1e-4
+#: Largest distance in pixels from where a ray appears to the pixel that it is found for.
+_LARGEST_MISS = 0.5
 
 
 @dataclass(frozen=True)
@@ -267,15 +267,13 @@ class Intrinsics:
         y = (np.arange(height) - self.cy) / self.fy
         rays = np.stack(np.broadcast_arrays(x[None, :], y[:, None]), axis=-1)
         if any(self.distortion):
-            rays = _undistorted(rays, self.distortion)
+            rays = _undistorted(rays, self.distortion, _LARGEST_MISS / max(self.fx, self.fy))
         rays.flags.writeable = False
         return rays
 
 
-def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
+def _undistorted(seen: Rays, coefficients: Sequence[float], largest_miss: float) -> Rays:
     """Remove Brown's lens distortion [1971] from rays, by fixed-point iteration as in OpenCV.
-
-    A ray is distorted by a radial factor, numerator over denominator, and a tangential shift.
 
     Parameters
     ----------
@@ -283,6 +281,8 @@ def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
         Distorted rays, x and y at depth 1, shape (h, w, 2).
     coefficients
         k1, k2, p1, p2, k3, k4, k5 and k6, in OpenCV's order; missing ones are 0.
+    largest_miss
+        How far from the distorted rays those that are found may appear, at depth 1.
 
     Returns
     -------
@@ -294,29 +294,49 @@ def _undistorted(seen: Rays, coefficients: Sequence[float]) -> Rays:
     DepthError
         If the iteration does not converge: no ray appears there, or it is too steep.
     """
-    padding = [0.0] * (len(_BROWN) - len(coefficients))
-    k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *padding)
     rays = seen
     with np.errstate(all="ignore"):  # rays that diverge are refused below
         for _ in range(_STEPS):
-            before = rays
-            x = rays[..., 0]
-            y = rays[..., 1]
-            r2 = x * x + y * y  # the squared radius
-            numerator = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
-            denominator = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
-            tangential_x = 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
-            tangential_y = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
-            tangential = np.stack([tangential_x, tangential_y], axis=-1)
-            rays = (seen - tangential) * (numerator / denominator)[..., None]
-        change = np.abs(rays - before).max()
+            inverse_factor, shift = _distortion_of(rays, coefficients)
+            rays = (seen - shift) * inverse_factor
+        inverse_factor, shift = _distortion_of(rays, coefficients)
+        misses = np.abs(rays / inverse_factor + shift - seen)
     # Neither holds for NaN.
-    if not (np.abs(rays).max() < _STEEPEST and change < _CONVERGED):
+    if not (np.abs(rays).max() < _STEEPEST and misses.max() < largest_miss):
         raise DepthError(
             f"distortion {coefficients} cannot be inverted on this image",
             "check its coefficients, or rectify the image",
         )
     return rays
+
+
+def _distortion_of(rays: Rays, coefficients: Sequence[float]) -> tuple[Rays, Rays]:
+    """Return by what a lens distorts rays: a radial factor and a tangential shift.
+
+    Parameters
+    ----------
+    rays
+        Rays without distortion, shape (h, w, 2).
+    coefficients
+        As in :func:`_undistorted`.
+
+    Returns
+    -------
+    inverse_factor : numpy.ndarray
+        One over the factor, shape (h, w, 1).
+    shift : numpy.ndarray
+        The shift, which is added after the multiplication, shape (h, w, 2).
+    """
+    padding = [0.0] * (len(_BROWN) - len(coefficients))
+    k1, k2, p1, p2, k3, k4, k5, k6 = (*coefficients, *padding)
+    x = rays[..., 0]
+    y = rays[..., 1]
+    r2 = x * x + y * y  # the squared radius
+    numerator = 1 + r2 * (k4 + r2 * (k5 + r2 * k6))
+    denominator = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    tangential_x = 2 * p1 * x * y + p2 * (r2 + 2 * x * x)
+    tangential_y = p1 * (r2 + 2 * y * y) + 2 * p2 * x * y
+    return (numerator / denominator)[..., None], np.stack([tangential_x, tangential_y], axis=-1)
 
 
 def parse_intrinsics(text: str) -> Intrinsics:

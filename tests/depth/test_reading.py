@@ -419,6 +419,13 @@ def test_a_distortion_that_no_ray_has_at_the_corners_is_refused(focal_length: fl
         Intrinsics(focal_length, focal_length, 319.5, 239.5, SIZE, (-0.3, 0, 0, 0)).rays(*SIZE)
 
 
+def test_a_wide_lens_whose_steepest_rays_are_found_slowly_is_no_fault() -> None:
+    """As that of an Azure Kinect, whose images in the wide mode are 1024 pixels wide."""
+    lens = (5.34, 3.5, -2e-5, 9e-5, 0.18, 5.67, 5.23, 0.92)
+    rays = Intrinsics(504, 504, 516, 518, (1024, 1024), lens).rays(1024, 1024)
+    assert 3.5 < np.abs(rays).max() < 3.7
+
+
 @pytest.mark.parametrize("name", BAD_CAMERAS)
 def test_each_fault_of_intrinsics_is_named_in_one_line_with_a_hint(name: str) -> None:
     path = INPUTS / "bad-cameras" / name
