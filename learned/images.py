@@ -77,6 +77,11 @@ def resampled(image: DepthImage, resolution: int, *, crop: bool = False) -> Dept
     -------
     numpy.ndarray
         Shape (2, r, r), float32: depth and binary mask.
+
+    Raises
+    ------
+    UnsupportedShape
+        If the foreground covers half of no pixel.
     """
     size = image.shape[-1]
     seen = image > 0
@@ -96,6 +101,9 @@ def resampled(image: DepthImage, resolution: int, *, crop: bool = False) -> Dept
 
     cover = summed(seen)
     mask = cover >= COVERED - _TIE
+    if not mask.any():
+        problem = f"the object is too thin or too small for {resolution} x {resolution} pixels"
+        raise UnsupportedShape(problem, "take a network with more pixels, or a closer view")
     depth = summed(image) / np.where(mask, cover, 1)
     if crop:
         depth = 0.5 + (depth - float(image[seen].mean(dtype=np.float64))) * (size / length)
@@ -209,21 +217,31 @@ class DepthScale(msgspec.Struct, frozen=True):
 def undecided(mask: Tensor, decided: Tensor, tolerance: float) -> Tensor:
     """Return the pixels of a mask, shape (k, 2), that may decide a pixel of its enlargement.
 
-    That pixel is near the threshold.
+    That pixel is near the threshold, and depends on up to four pixels of the mask. Of these, the
+    one in the first row and column is returned.
 
     Parameters
     ----------
     mask
         Shape (r, r).
     decided
-        Pixels to leave out, shape (r, r).
+        Pixels that are known precisely, shape (r, r). Four of them are left out.
     tolerance
         Largest distance from the threshold.
     """
     fine = _at_full_size(mask[None])[0]
     near = ((fine - COVERED).abs() < tolerance).nonzero()
     places = ((near + 0.5) * (len(mask) / SIZE) - 0.5).floor().clamp(min=0).long()
-    return places[~decided[tuple(places.T)]]
+    rows, columns = places.T
+    next_rows = (rows + 1).clamp(max=len(mask) - 1)
+    next_columns = (columns + 1).clamp(max=len(mask) - 1)
+    are_decided = (
+        decided[rows, columns]
+        & decided[rows, next_columns]
+        & decided[next_rows, columns]
+        & decided[next_rows, next_columns]
+    )
+    return places[~are_decided]
 
 
 def outline_blur(mask: Tensor) -> float:

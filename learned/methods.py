@@ -160,9 +160,6 @@ class Learned(TrainedNetwork):
         Seed of the training whose model is used.
     training
         Name of the training data; "" for that of the table.
-    relief
-        Depth inside the predicted mask: the predicted one, or, to see what it adds, that of the
-        average training body (of folds of people, at 128 x 128 pixels), or none.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
@@ -189,8 +186,12 @@ class Learned(TrainedNetwork):
     usual_blur: ClassVar[float] = math.inf
     """Width in pixels of outlines of validation images, which 90 % do not exceed, if known."""
 
+    relief: ClassVar[Relief] = "predicted"
+    """Depth inside the predicted mask: the predicted one, or, in controls, that of the average
+    training body (of folds of people, at 128 x 128 pixels), or none.
+    """
+
     configuration: ConfigurationName = "literal"
-    relief: Relief = "predicted"
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
         """Predict the canonical pose and return its surface, of unit area.
@@ -357,7 +358,7 @@ class Average(Learned):
         files=("models/average-bodies.safetensors",),
     )
 
-    relief: Relief = "average"
+    relief: ClassVar[Relief] = "average"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -373,7 +374,7 @@ class Flat(Learned):
         departs="A control: only the mask is predicted.",
     )
 
-    relief: Relief = "flat"
+    relief: ClassVar[Relief] = "flat"
 
 
 @dataclass(frozen=True, kw_only=True)

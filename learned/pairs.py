@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from benchmark.api.learning import Bodies, TrainingPair
-from benchmark.errors import TrainingError
+from benchmark.errors import ShapeError, TrainingError
 from benchmark.files import write_atomically, write_text
 from benchmark.geometry.depth import DepthImage
 from learned.images import DepthScale, checked_image, resampled
@@ -120,6 +120,9 @@ def gather(
     ------
     NoPairs
         If there is no pair.
+    InvalidMesh, UnsupportedShape
+        If an image cannot be read; see :func:`learned.images.checked_image` and
+        :func:`learned.images.resampled`.
     """
     images = np.empty((n_pairs, 1, resolution, resolution), dtype=np.float32)
     names: list[str] = []
@@ -127,12 +130,15 @@ def gather(
     row_of: dict[str, int] = {}  # index of each target by its identifier
     target_of: list[int] = []  # index of the target of each pair
     for pair in pairs:
-        images[len(names)] = resampled(checked_image(pair.image), resolution, crop=crop)[:1]
-        names.append(pair.identifier)
         row = row_of.setdefault(pair.target_identifier, len(targets))
+        try:
+            images[len(names)] = resampled(checked_image(pair.image), resolution, crop=crop)[:1]
+            if row == len(targets):  # the target is new
+                targets.append(resampled(checked_image(pair.target), resolution, crop=crop))
+        except ShapeError as error:
+            raise type(error)(f"{pair.identifier}: {error.problem}", error.hint) from error
+        names.append(pair.identifier)
         target_of.append(row)
-        if row == len(targets):  # the target is new
-            targets.append(resampled(checked_image(pair.target), resolution, crop=crop))
     if not names:
         raise NoPairs("there is no pair to train on", "check the data set with 'data check'")
     return PairsInMemory(

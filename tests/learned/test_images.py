@@ -7,9 +7,16 @@ import pytest
 import torch
 
 from benchmark.api.learning import TrainingPair
-from benchmark.errors import InvalidMesh
+from benchmark.errors import InvalidMesh, UnsupportedShape
 from benchmark.geometry.depth import SIZE
-from learned.images import DepthScale, checked_image, enlarged, outline_blur, resampled
+from learned.images import (
+    DepthScale,
+    checked_image,
+    enlarged,
+    outline_blur,
+    resampled,
+    undecided,
+)
 from learned.pairs import gather
 from tests.learned.toy import Image, ellipsoid, person
 
@@ -94,11 +101,39 @@ def test_each_distinct_target_is_kept_once() -> None:
     assert pairs.digest() == gather(given, 3, 64).digest()
 
 
+@pytest.mark.parametrize("crop", [False, True])
+def test_an_object_that_is_too_thin_for_the_pixels_is_refused(crop: bool) -> None:
+    wire = np.zeros((SIZE, SIZE), dtype=np.float32)
+    wire[50:450, 250] = 0.5
+    assert resampled(wire, SIZE)[1].sum() == 400
+    with pytest.raises(UnsupportedShape, match="too thin or too small for 64 x 64 pixels; take a"):
+        resampled(wire, 64, crop=crop)
+    for image, target in ((wire, person()), (person(), wire)):
+        with pytest.raises(UnsupportedShape, match="^b: the object is too thin"):
+            gather([pair("a", "a", person(), person()), pair("b", "b", image, target)], 2, 64)
+
+
+def test_a_pixel_is_decided_together_with_its_neighbours() -> None:
+    mask = torch.ones(4, 4, dtype=torch.float64)
+    mask[2, 2] = 0.0  # so that pixels around it cross the threshold on their way to it
+    nothing = torch.zeros(4, 4, dtype=torch.bool)
+    first_pixels = {(1, 1), (1, 2), (2, 1), (2, 2)}
+    assert {tuple(place) for place in undecided(mask, nothing, 0.01).tolist()} == first_pixels
+    decided = ~nothing
+    assert len(undecided(mask, decided, 0.01)) == 0
+    for row, column in ((1, 1), (1, 2), (2, 1)):
+        decided = ~nothing
+        decided[row, column] = False
+        left = {tuple(place) for place in undecided(mask, decided, 0.01).tolist()}
+        around = {(row - i, column - j) for i in (0, 1) for j in (0, 1)}
+        assert left == first_pixels & around
+
+
 def test_nan_in_a_pair_is_found_before_training() -> None:
     broken = person()
     broken[0, 0] = np.nan
     for image, target in ((broken, person()), (person(), broken)):
-        with pytest.raises(InvalidMesh, match="NaN"):
+        with pytest.raises(InvalidMesh, match="^b: .*NaN"):
             gather([pair("a", "a", person(), person()), pair("b", "b", image, target)], 2, 32)
 
 

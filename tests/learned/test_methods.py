@@ -16,6 +16,7 @@ from benchmark.api.contracts import CanonicalForm, Shape, UnsupportedShape
 from benchmark.api.learning import WEIGHTS
 from benchmark.errors import ConfigurationError
 from benchmark.geometry.depth import back_project
+from benchmark.registry import select_one
 from learned.methods import Average, ConfigurationName, Flat, Learned, Streamed, WideExtra
 from learned.models import CONFIGURATIONS, average_body
 from tests.learned.toy import TINY, Image, ellipsoid, person, replace_weights
@@ -75,7 +76,9 @@ def test_a_model_of_another_network_is_refused(trained: Path) -> None:
         Learned().load(trained)
 
 
-def test_controls_have_the_predicted_mask_and_a_depth_that_no_image_moves(method: Learned) -> None:
+def test_controls_have_the_predicted_mask_and_a_depth_that_no_image_moves(
+    method: Learned, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for image in (person(), ellipsoid(0.3, 0.7)):
         depth, mask = Learned().predict(image)
         for control, expected in (
@@ -85,12 +88,19 @@ def test_controls_have_the_predicted_mask_and_a_depth_that_no_image_moves(method
             found = control.predict(image)
             assert torch.equal(found[1], mask) and torch.equal(found[0], expected.double())
             assert not torch.equal(found[0], depth)
-    object.__setattr__(method, "relief", "average")
+    monkeypatch.setattr(Learned, "relief", "average")
     with pytest.raises(
         ConfigurationError,
         match="no average body of 32 x 32 pixels; take a model of 128 x 128 pixels, of people-fold",
     ):
         method.predict(person())
+
+
+def test_only_rows_of_controls_replace_the_predicted_depth() -> None:
+    """Their keys hold the file of average bodies, which those of other networks lack."""
+    with pytest.raises(ConfigurationError, match="relief"):
+        select_one("learned[relief=average]")
+    assert "average-bodies.safetensors" in " ".join(select_one("learned-average").files)
 
 
 def test_the_rows_differ_in_what_their_names_say() -> None:
