@@ -400,7 +400,8 @@ def scale_of(
     if len(readings) > 1 and not np.isclose(readings, usual_scale(values)).any():
         listed = " or ".join(f"{unit:g}" for unit in dict.fromkeys(readings))
         problem = f"the depth scale of the camera file may mean {listed} units per metre"
-        raise DepthError(problem, "pass --depth-scale with the units per metre")
+        hint = "pass --depth-scale with the units per metre, or depth_scale in dataset.toml"
+        raise DepthError(problem, hint)
     return readings[0] if len(readings) == 1 else None
 
 

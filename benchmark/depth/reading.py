@@ -230,7 +230,8 @@ def _check_plausible(depth: Depths, units: float) -> None:
     if not NEAREST <= median <= FARTHEST:
         raise DepthError(
             f"the median depth is {median:g} m with {units:g} units per metre",
-            "pass the camera's --depth-scale: 1000 for millimetres, 5000 for TUM, 1 for metres",
+            "pass the camera's --depth-scale, or depth_scale in dataset.toml for a folder:"
+            " 1000 for millimetres, 5000 for TUM, 1 for metres",
         )
     if seen.min() == seen.max():
         raise DepthError(
@@ -253,7 +254,8 @@ def _check_looks(depth: Depths, units: float) -> None:
     if looks:
         raise DepthError(
             f"the values {looks}",
-            f"export depths in millimetres or metres, or pass --depth-scale {units:g} if they are",
+            f"export depths in millimetres or metres, or pass --depth-scale {units:g} if they are,"
+            f" for a folder depth_scale = {units:g} in dataset.toml",
         )
 
 
