@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from benchmark.api.contracts import CanonicalForm, Input, MethodInfo, Shape
 from benchmark.code_digest import code_of_modules, digest, digest_of_bytes
 from benchmark.commands.score import Evaluation, score
+from benchmark.commands.selection import as_sets
 from benchmark.datasets.catalogue import folder_name, is_known
 from benchmark.datasets.mesh_files import READABLE, read_mesh
 from benchmark.errors import ConfigurationError, ShapeError, UnsupportedShape
@@ -238,9 +239,10 @@ def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Rec
         If the data set is known, but has no row here, or the name cannot be that of a table.
     """
     method = method_name(title)
+    (name,) = as_sets([dataset])
     beside = [
         record
-        for record in _records_of_gallery(read_records(results), dataset)
+        for record in _records_of_gallery(read_records(results), name)
         if record.input == input_
         and record.status == "ok"
         and record.method != method

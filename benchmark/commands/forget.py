@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 
-from benchmark.commands.selection import RESULTS, as_list, is_of_methods
+from benchmark.commands.selection import RESULTS, as_list, as_sets, is_of_methods
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.cache import storing, writing
 from benchmark.pipeline.data_names import label_data_sets, records_of
@@ -136,7 +136,7 @@ def _keys_of_selection(
     """
     selected = label_data_sets(records)
     if data:
-        selected = records_of(selected, [str(name) for name in data])
+        selected = records_of(selected, as_sets(data))
     if are_named(methods):
         selected = [record for record in selected if is_of_methods(record, methods)]
     return {record.key for record in selected}

@@ -15,7 +15,7 @@ from benchmark.errors import ConfigurationError, check_known, check_seed
 from benchmark.pipeline.data_names import label_data_sets, records_of
 from benchmark.pipeline.record_files import read_records
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import INPUTS, TABLES, TITLES
+from benchmark.protocols.tables import INPUTS, SYNTHETIC_HUMANS, TABLES, TITLES
 from benchmark.registry import are_named
 from benchmark.registry.names import base_name
 from benchmark.report.columns import PRINTED_SCORES, QUANTITIES
@@ -31,6 +31,17 @@ def as_list(values: Any) -> list[Any]:
     if isinstance(values, list | tuple):
         return list(values)
     return [values]
+
+
+def as_sets(names: Iterable[str | Path]) -> list[str]:
+    """Return names and folders of data sets as records name them: 'people' is its first draw."""
+    first_draw = SYNTHETIC_HUMANS[0]
+    short = base_name(first_draw)
+    sets = []
+    for name in map(str, names):
+        base, _ = split_changes(name)
+        sets.append(first_draw + name.removeprefix(short) if base == short else name)
+    return sets
 
 
 def as_paths(paths: str | Path | Iterable[str | Path]) -> list[Path]:
@@ -199,7 +210,7 @@ class RecordSelection:
         names.update(record.data.name for record in all_records)  # each has a table of its own
         check_known("table", self.tables, names | {"extended"})
 
-        of_data = records_of(all_records, self.data) if self.data else all_records
+        of_data = records_of(all_records, as_sets(self.data)) if self.data else all_records
         of_input = [record for record in of_data if self.input in (None, record.input)]
         # Quick runs, which leave out most poses, are shown if asked for, or if there are no others.
         full = chosen_records(of_input, scorer=self.scorer, seed=self.seed)

@@ -10,7 +10,7 @@ import pytest
 
 import benchmark
 from benchmark.api import CanonicalForm, MethodInfo
-from benchmark.commands.external_rows import score_and_keep
+from benchmark.commands.external_rows import record_beside, score_and_keep
 from benchmark.commands.forget import Forgotten, forget
 from benchmark.commands.forms import form_with_notes
 from benchmark.commands.plan import Plan
@@ -353,3 +353,17 @@ def test_a_row_is_printed_by_the_name_of_one_of_its_trainings(results):
     write_record(results, record("net", 0.25))
     said = call("tables", "-m", "net[training_seed=1]", "--results", results)
     assert "|.38 .50 .60 .70|" in said
+
+
+def test_the_short_name_of_the_first_draw_finds_its_records(tmp_path):
+    for name in ("people[draw=0]", "people[draw=0][noise=1]", "people[draw=1]"):
+        write_record(tmp_path, record("gps", dataset=name, stand_in_for="shrec14-synthetic"))
+    for short, full in (
+        ("people", "people[draw=0]"),
+        ("people[noise=1]", "people[draw=0][noise=1]"),
+        ("people[draw=1]", "people[draw=1]"),
+    ):
+        shown = benchmark.tables(results=tmp_path, data=short)
+        assert {each.data.name for each in shown.records} == {full}
+        assert [each.data.name for each in forget(data=short, results=tmp_path).records] == [full]
+    assert record_beside(tmp_path, "people", "mesh", "mine").data.name == "people[draw=0]"
