@@ -56,6 +56,10 @@ class OpenJobs:
         """Return whether a job still waits for the outcome of a step."""
         return bool(self.waiting_for(step))
 
+    def is_missing(self, file: CachedFile) -> bool:
+        """Return whether a file is missing and not settled yet."""
+        return file in self._jobs_of_missing
+
     def add_missing(self, job: Planned, file: CachedFile) -> None:
         """Note that a job lacks a file."""
         key = job.record.key

@@ -333,8 +333,8 @@ class _Run:
         step
             The step.
         outcome
-            Why it has no result. With ``of_shape``, no other method has a result of this shape
-            either, for example because its geodesics cannot be computed.
+            Why it has no result. With ``of_shape``, the geodesics of the shape cannot be computed,
+            so that no other method that needs them has a result of this shape either.
         """
         if step.stage == "prepared" or outcome.of_shape:
             self._announce(step, outcome.reason)
@@ -343,10 +343,28 @@ class _Run:
                 self._open_jobs.add_reason(job, outcome.reason)
                 yield from self._finish(job)
             return
-        file = step.file
-        if outcome.of_shape:  # all that is made from the prepared shape is lost
-            file = CachedFile("prepared", step.keys["prepared"])
-        yield from self._release(file, self._open_jobs.mark_lost(file, outcome.reason))
+        lost = [step.file]
+        if outcome.of_shape:
+            lost += self._forms_by_geodesics(step.keys["prepared"])
+        for file in dict.fromkeys(lost):
+            yield from self._release(file, self._open_jobs.mark_lost(file, outcome.reason))
+
+    def _forms_by_geodesics(self, prepared_key: str) -> list[CachedFile]:
+        """Return the missing forms of a shape by methods that declare to need its geodesics.
+
+        Parameters
+        ----------
+        prepared_key
+            Key of the prepared shape.
+        """
+        forms: list[CachedFile] = []
+        for job in self._open_jobs:
+            if "pairs" not in job.job.method.info.needs:
+                continue
+            for side in job.record.sides:
+                keys = zip(side.files["prepared"], side.files["forms"], strict=True)
+                forms += [CachedFile("forms", form) for key, form in keys if key == prepared_key]
+        return [form for form in forms if self._open_jobs.is_missing(form)]
 
     def _release(self, file: CachedFile, jobs: Iterable[Planned]) -> Iterator[Record]:
         """Queue the tasks that waited for a file; go on with jobs that waited for it."""

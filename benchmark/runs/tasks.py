@@ -216,7 +216,8 @@ class Outcome(NamedTuple):
     reason, traceback
         Why there is no result.
     of_shape
-        Whether an outcome without a result holds for all files of this shape.
+        Whether an outcome without a result holds for all methods that need the geodesics of this
+        shape.
     content
         Of a ranking: what its record says.
     ends_process
@@ -606,7 +607,7 @@ def _outcome_of_error(step: Step, error: BaseException) -> Outcome:
     if isinstance(error, UnreadableFile):
         return Outcome("incomplete", f"{subject} has no result: {error}")
     if isinstance(error, Incomplete):
-        # Without geodesics, the other methods have no form of this shape either.
+        # Without geodesics, other methods that need them have no form of this shape either.
         has_no_geodesics = isinstance(error, forms.NoGeodesics)
         return Outcome("incomplete", f"{step.view} {error}".strip(), of_shape=has_no_geodesics)
     if step.stage == "prepared":  # by the suite

@@ -430,7 +430,8 @@ def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
     results = tmp_path / "results"
     records = failing(function, how, times=99)
     if function == GEODESICS:
-        records.pop("fine")  # it needs none
+        fine = records.pop("fine")  # it needs none
+        assert (fine.status, fine.per_query) == undisturbed["fine"]
     assert {(record.status, bool(record.scores)) for record in records.values()} == {
         ("incomplete", False)
     }
@@ -447,6 +448,21 @@ def test_it_leaves_jobs_incomplete_without_scores_until_the_next_run(
         job.is_pending
         for job in planned(pair, results, "needs-geodesics", "fine", plugins=(FAULTS,))
     )
+
+
+def test_geodesics_without_memory_are_given_up_for_all_methods_that_declare_them(
+    pair, tmp_path, monkeypatch
+):
+    failing = Mock(side_effect=MemoryError())
+    monkeypatch.setattr("benchmark.geometry.geodesics.all_pairs", failing)
+    records = run_toy(pair, tmp_path, "classic-mds", "non-metric-mds", "gps")
+    assert {name: record.status for name, record in records.items()} == {
+        "classic-mds": "incomplete",
+        "non-metric-mds": "incomplete",
+        "gps": "ok",
+    }
+    # Each method tries once, and the first one for the second time.
+    assert failing.call_count == 3 * len(records["gps"].shapes)
 
 
 def test_a_system_without_the_libraries_of_pymeshlab_ends_the_run_with_the_remedy(
