@@ -7,6 +7,7 @@ extensions.
 from __future__ import annotations
 
 import base64
+import os
 import struct
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -155,10 +156,19 @@ def buffer_files(path: Path) -> list[Path]:
     try:
         text, _ = _chunks(read_file(path))
         buffers = parse_json(text).get("buffers", [])
-        names = [buffer["uri"] for buffer in buffers if "uri" in buffer]
-        return [path.parent / unquote(name) for name in names if not name.startswith("data:")]
+        uris = [buffer["uri"] for buffer in buffers if "uri" in buffer]
+        names = [unquote(uri) for uri in uris if not uri.startswith("data:")]
+        return [path.parent / name for name in names if _can_be_name(name)]
     except (OSError, ValueError, TypeError, AttributeError, RecursionError, struct.error):
         return []
+
+
+def _can_be_name(name: str) -> bool:
+    """Return whether a file can have a name; the reader says what is wrong with any other."""
+    try:
+        return b"\0" not in os.fsencode(name)
+    except UnicodeError:
+        return False
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes | None]:

@@ -15,6 +15,7 @@ import pytest
 from benchmark.api.datasets import Entry
 from benchmark.datasets.mesh_files import digest_of_entry, read_mesh
 from benchmark.errors import InvalidMesh, UnreadableMesh
+from benchmark.files import file_digest
 from benchmark.formats.gltf import buffer_files
 from benchmark.geometry.mesh import Mesh
 from tests.geometry.test_files import FAN, INPUTS, SQUARE
@@ -203,6 +204,18 @@ def test_buffers_beside_a_file_are_read_and_belong_to_it(tmp_path: Path) -> None
     before = digest_of_entry(entry)
     (tmp_path / "a b.bin").write_bytes(bytes(len(file.data)))
     assert digest_of_entry(entry) != before
+
+
+@pytest.mark.parametrize("name", ["a%00b.bin", "\ud800.bin"])
+def test_a_buffer_of_a_name_that_no_file_can_have_is_refused_with_its_mesh(
+    tmp_path: Path, name: str
+) -> None:
+    file = File()
+    file.tree["buffers"] = [{"byteLength": len(file.data), "uri": name}]
+    with pytest.raises(UnreadableMesh, match="not a readable gltf file"):
+        file.read(tmp_path)
+    path = tmp_path / "x.gltf"
+    assert digest_of_entry(Entry("x", "x", "", path)) == file_digest(path)
 
 
 def test_a_scene_of_more_vertices_than_a_file_can_hold_is_refused(
