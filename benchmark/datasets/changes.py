@@ -101,6 +101,7 @@ def seen_from_around(shapes: ShapeSet, count: int, *, own: bool = False) -> Shap
         camera=views.camera,
         sensor=views.sensor,
         code=views.code,
+        files=views.files,
         framed=shapes,
     )
 
@@ -155,6 +156,10 @@ class _Views:
     def code(self, view: Entry) -> Sequence[str]:
         """Return the modules that make the mesh of the shape."""
         return self.shapes.code(self.seen[view.identifier].shape)
+
+    def files(self, view: Entry) -> Sequence[Path]:
+        """Return the files from which the mesh of the shape is read."""
+        return self.shapes.files(self.seen[view.identifier].shape)
 
 
 CHANGES = {

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from trimesh import Trimesh
 
+from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.changes import split_changes
+from benchmark.datasets.changes import split_changes, with_change
 from benchmark.datasets.surface_changes import holes, seen_from_near, shortcuts
 from benchmark.errors import ConfigurationError, UnsupportedShape
 from benchmark.geometry.camera import FRONT, SIDE
@@ -79,6 +80,26 @@ def test_changes_add_up_and_a_camera_is_changed_for_views_alone(rods, tmp_path):
     (folder / "dataset.toml").write_text('[canonical_pose]\nthick = "1"\n')
     for change in ("", "[noise=1]", "[noise=1][jitter=1]"):
         assert canonical_shapes(open_dataset(f"{folder}{change}"))["thick"].identifier == "thick1"
+
+
+def test_views_are_made_of_what_makes_their_shape(tmp_path):
+    """A set of a user may know its shapes by name alone."""
+    made_of = {"rod": tmp_path / "rod.off"}
+    shapes = ShapeSet(
+        name="rods",
+        shapes=(Entry("rod", "rod", ""),),
+        load=lambda _: BALL,
+        key=lambda entry: str(made_of[entry.identifier]),
+        files=lambda entry: [made_of[entry.identifier]],
+        code=lambda entry: (made_of[entry.identifier].stem,),
+    )
+    views = with_change(shapes, "cameras-and-own", 2)
+    assert len(views.shapes) == 3
+    for view in views.shapes:
+        assert views.load(view) is BALL
+        assert views.key(view) == str(made_of["rod"])
+        assert views.files(view) == [made_of["rod"]]
+        assert views.code(view)[0] == "rod"
 
 
 @pytest.mark.parametrize("camera", [FRONT, SIDE])
