@@ -312,7 +312,8 @@ def _without_result(
 ) -> list[str]:
     """Name the rows without scores, with the reason.
 
-    The column is named unless it is the only one, or the row has scores in none.
+    The column is named unless it is the only one, or the row has scores in none. Where a row has
+    scores of some galleries of a column, such as folds, the gallery is named.
     """
     reasons = defaultdict[str, list[str]](list)
     for row, column in product(rows, view.columns):
@@ -320,6 +321,8 @@ def _without_result(
         if reason:
             has_any = bool(row.records or row.failed)
             where = f"{column.title}: " if has_any and len(view.columns) > 1 else ""
+            if column.title in row.scored:
+                where = f"{row.failed[column.title][0].gallery}: "
             reasons[where + reason].append(row.title)
     return [
         f"{listed(dict.fromkeys(titles), '; ')} ({reason})" for reason, titles in reasons.items()

@@ -364,7 +364,9 @@ def _row(method: str, records: Sequence[Record], of_table: _RecordsOfTable) -> T
     if not records:  # a row without scores
         block: Block = "network" if method.startswith("learned") else "form"
         return TableRow(method, TITLES.get(method, method), block, {})
-    block = block_of(records[0])
+    blocks = [block_of(record) for record in records]
+    # A job of a network that failed before it had a model does not say that it is of one.
+    block = "network" if "network" in blocks else blocks[0]
     first = min(records, key=lambda record: len(record.method))  # with the fewest parameters
 
     scored, failed = _scores_by_column(records, block, of_table)

@@ -231,6 +231,18 @@ def test_data_are_a_stand_in_by_their_record_and_not_by_their_title():
     assert [row["stand_in"] for row in as_json([table]) if row["method"] == "gps"] == [True]
 
 
+def test_a_network_stays_one_where_its_first_job_failed_and_the_gallery_of_that_is_named():
+    model = {"training": "t", "data": "d", "digest": "0"}
+    folds = [
+        record("net", fold=f"fold {k}", input_="view", models=[model], **HUMANS) for k in (1, 2)
+    ]
+    table = view(failed("net", fold="fold 0", input_="view", **HUMANS), *folds, tables=["I-view"])
+    (row,) = (row for row in table.rows if row.method == "net")
+    assert row.kind == "network"
+    gallery = f"{SYNTHETIC_HUMANS[0]} fold 0"
+    assert f"No result: Net ({gallery}: failed: it fell)." in table_notes(table)
+
+
 def test_trainings_are_averaged_within_a_fold_before_folds_are():
     seeds = [
         record(f"learned[training_seed={s}]", 0.2 * s, fold="fold 0", input_="view", **HUMANS)
