@@ -38,7 +38,7 @@ from benchmark.report.page_builder import (
 from benchmark.report.play import play_galleries, play_page
 from benchmark.report.query_pages import queries_of_column
 from benchmark.report.table_view import TableView
-from benchmark.text import clean_text, say
+from benchmark.text import say
 
 #: Styles, script and icon of all pages.
 _FIXED_FILES = ("style.css", "table.css", "report.js", "icon.svg")
@@ -289,7 +289,6 @@ def _content_of_scores(
         "score_groups": score_groups(view),
         "measured": PRINTED_QUANTITIES,
         "blocks": blocks(view),
-        "rows": {clean_text(row.title): row for row in view.printed_rows},
         "pictures": pictures,
         "linked": {"-forms": {*pictures}, "-queries": anchors_of_queries},
         "notes": table_notes(view),
