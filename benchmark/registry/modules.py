@@ -122,15 +122,16 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     variables = dict(os.environ)
 
     # The working folder is restored, should the code change it.
-    with chdir("."), watching(target) as declared:
-        module = _execute(name, path)
-        # Files that the module names may be read; they are known only after its code has run.
-        declared += [path.parent / file for file in named_files(module)]
-
-    # Other processes get the variables as they were: see ``environment``.
-    for variable in {*variables, *os.environ}:
-        if os.environ.get(variable) != variables.get(variable):
-            _changed.setdefault(variable, variables.get(variable))
+    try:
+        with chdir("."), watching(target) as declared:
+            module = _execute(name, path)
+            # Files that the module names may be read; they are known only after its code has run.
+            declared += [path.parent / file for file in named_files(module)]
+    finally:
+        # Other processes get the variables as they were: see ``environment``.
+        for variable in {*variables, *os.environ}:
+            if os.environ.get(variable) != variables.get(variable):
+                _changed.setdefault(variable, variables.get(variable))
 
     # Sources count as they were before the import, named files as they are now.
     _imported[name] = contents + _contents(target, named_files(module))[len(contents) :]

@@ -12,7 +12,7 @@ import pytest
 
 from benchmark.errors import ConfigurationError
 from benchmark.registry.known import in_file
-from benchmark.registry.modules import load_module
+from benchmark.registry.modules import environment, load_module
 from tests.registry.plugin import write_plugin
 
 
@@ -173,3 +173,12 @@ def test_a_link_to_what_is_no_python_file_is_no_plugin(target, tmp_path):
     (tmp_path / "method.py").symlink_to(target)
     with pytest.raises(ConfigurationError, match=r"method.py is a link to .*, which is no Python"):
         in_file(tmp_path / "method.py")
+
+
+def test_what_a_plugin_sets_before_its_import_fails_reaches_no_other_process(tmp_path, monkeypatch):
+    monkeypatch.setattr("benchmark.registry.modules._changed", {})
+    monkeypatch.setenv("OF_USER", "before")
+    text = "import os\nos.environ['OF_USER'] = 'after'\n1 / 0"
+    with pytest.raises(ConfigurationError, match="division by zero"):
+        load_module(str(write_plugin(tmp_path / "smooth.py", imports=text)))
+    assert environment()["OF_USER"] == "before"
