@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from benchmark.errors import FILE, BenchmarkError
+from benchmark.errors import FILE, BenchmarkError, ConfigurationError
 from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import memory_per_process
 from benchmark.pipeline.cache import Cache, CachedFile, Stage, writing
@@ -75,12 +75,16 @@ def run_jobs(
     ------
     StorageError
         If the results folder cannot be written, or another run is writing to it.
+    ConfigurationError
+        If objects of a program should run on a cluster.
     KeyboardInterrupt
         If the run is interrupted; finished jobs and forms are kept.
     """
     pending = {job.record.key: job for job in planned if job.is_pending}
     if not pending:
         return
+    if dask:
+        _check_for_cluster(pending.values())
     with writing(results):
         if anew:
             _remove_files(pending.values(), results)
@@ -91,6 +95,15 @@ def run_jobs(
             yield from _Run(pending, results).records(workers, watch)
         finally:
             workers.close()
+
+
+def _check_for_cluster(jobs: Iterable[Planned]) -> None:
+    """Raise ``ConfigurationError`` if a job can run in this process alone."""
+    for job in jobs:
+        for component in (job.job.method, job.job.scorer):
+            if component.is_unknown:
+                problem = f"'{component.name}' is an object of this program, not of a cluster"
+                raise ConfigurationError(problem, "leave out dask, or pass it as a plugin file")
 
 
 def _remove_files(jobs: Iterable[Planned], results: Path) -> None:

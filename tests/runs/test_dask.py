@@ -30,6 +30,17 @@ def test_a_process_has_a_share_of_the_memory_of_its_own_machine(monkeypatch):
         assert dask._threads_here(of_machines) == count
 
 
+def test_an_object_of_a_program_is_refused_by_a_cluster(rods, tmp_path):
+    """No worker of a cluster has it: the run would wait without an end."""
+
+    def own(shape):
+        return shape.mesh.vertices
+
+    jobs = planned(rods, tmp_path, own)
+    with pytest.raises(ConfigurationError, match="'own' is an object of this program"):
+        done(jobs, tmp_path, dask="tcp://127.0.0.1:9")
+
+
 @pytest.mark.slow
 def test_rows_are_those_of_one_machine_though_a_worker_is_killed(rods, tmp_path, cluster, notes):
     jobs = planned(
