@@ -20,7 +20,7 @@ from benchmark.registry import are_named
 from benchmark.registry.names import base_name
 from benchmark.report.columns import PRINTED_SCORES, QUANTITIES
 from benchmark.report.formats import robustness_markdown
-from benchmark.report.record_facts import chosen_records, row_of
+from benchmark.report.record_facts import chosen_records, fold_of, row_of, tables_of
 from benchmark.report.table_view import TableView
 from benchmark.report.tables import table_views
 from benchmark.text import brief, counted, listed
@@ -207,7 +207,8 @@ class RecordSelection:
         stored = read_records(self.results, local=not self.published)
         all_records = label_data_sets([*stored, *self.submitted])
         names = {table.identifier for table in TABLES}
-        names.update(record.data.name for record in all_records)  # each has a table of its own
+        for record in all_records:  # some data sets have tables of their own
+            names |= {each.identifier for each in tables_of(record.data.name, fold_of(record))}
         check_known("table", self.tables, names | {"extended"})
 
         of_data = records_of(all_records, as_sets(self.data)) if self.data else all_records

@@ -119,8 +119,8 @@ def _check_have_scores(views: Iterable[TableView], names: Iterable[str]) -> None
         other_data = [text for text in of_other_data if text.startswith(f"{name} on ")]
         if other_data:
             problem = f"{other_data[0]} ranks another version of the data"
-        choices = ", ".join(sorted(with_scores))
-        raise ConfigurationError(problem, f"run it, or choose among {choices}")
+        choices = f", or choose among {', '.join(sorted(with_scores))}" if with_scores else ""
+        raise ConfigurationError(problem, f"run it{choices}")
 
 
 def _frames(view: TableView, column: str, first: str, second: str) -> Iterator[DataFrame]:

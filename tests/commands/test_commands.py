@@ -367,3 +367,10 @@ def test_the_short_name_of_the_first_draw_finds_its_records(tmp_path):
         assert {each.data.name for each in shown.records} == {full}
         assert [each.data.name for each in forget(data=short, results=tmp_path).records] == [full]
     assert record_beside(tmp_path, "people", "mesh", "mine").data.name == "people[draw=0]"
+
+
+def test_a_table_has_the_name_of_a_data_set_only_if_no_other_table_shows_it(results):
+    write_record(results, record("gps", dataset="tosca"))
+    says = refusal("tables", "-t", "tosca", "--results", results).replace("\n", " ")
+    assert "unknown table 'tosca'" in says
+    assert "Retrieval on rods" in call("tables", "-t", "rods", "--results", results)

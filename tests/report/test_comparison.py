@@ -158,3 +158,8 @@ def test_a_row_without_a_gallery_is_compared_without_a_verdict():
 def test_rows_that_cannot_be_compared_are_refused(others, message):
     with pytest.raises(ConfigurationError, match=message):
         compared([record("gps"), *others], "gps", "skeleton")
+
+
+def test_without_any_scores_no_other_row_is_proposed():
+    with pytest.raises(ConfigurationError, match=r"\(failed: it fell\); run it$"):
+        compared([failed("gps")], "gps")
