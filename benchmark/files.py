@@ -431,10 +431,18 @@ def named_errors(path: Path, what: str, kind: type[BenchmarkError], hint: str) -
         raise type(error)(problem, without_file(error.hint, path), path) from error
     except Exception as error:  # libraries raise errors of all types for a damaged file
         if isinstance(error, OSError) and error.strerror:
-            advice = "check the path and its permissions" if error.errno else hint
-            raise kind(error.strerror, advice, path) from error
+            raise kind(error.strerror, _advice(error, hint), path) from error
         problem = f"not a readable {what}: {without_file(_reason_of(error), path):.300}"
         raise kind(problem, hint, path) from error
+
+
+def _advice(error: OSError, hint: str) -> str:
+    """Return what to do about a file that the system does not read; a hint if it does."""
+    if error.errno is None:
+        return hint
+    if error.errno == errno.EAGAIN:
+        return "wait until it is written, or copy it to a disk"
+    return "check the path and its permissions"
 
 
 def _reason_of(error: Exception) -> str:

@@ -133,6 +133,12 @@ def test_what_is_no_file_is_refused_by_its_name_at_once_at_every_door(tmp_path, 
     assert "\n" not in str(caught.value)
 
 
+def test_the_advice_for_a_file_that_is_being_written_is_to_wait(tmp_path):
+    without_end(tmp_path / "x.off")
+    with pytest.raises(BenchmarkError, match=r"lies in /proc; wait until it is written, or copy"):
+        read_mesh(tmp_path / "x.off")
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_is_no_file_among_records_is_named_and_passed_over(tmp_path, capsys, kind):
     kind(tmp_path / "x.json")
