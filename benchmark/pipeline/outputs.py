@@ -157,10 +157,11 @@ def compute_form(method: Method, shape: Shape) -> CanonicalForm:
         problem = f"{who}: it is of type {type(form).__name__}, not CanonicalForm"
         raise InvalidForm(problem, _FORM_HINT)
     _check_surface(method, mesh)
-    if not isinstance(form.notes, Mapping):
-        problem = f"{_name(method)} returned {type(form.notes).__name__} as notes of a form"
+    notes: object = form.notes
+    if not isinstance(notes, Mapping):
+        problem = f"{_name(method)} returned {type(notes).__name__} as notes of a form"
         raise InvalidForm(problem, "return a dictionary, or leave the notes out")
-    for name, value in form.notes.items():
+    for name, value in notes.items():
         _check_note(method, name, value)
     return CanonicalForm(mesh.vertices, mesh.faces, form.notes)
 
