@@ -209,8 +209,8 @@ class _RecordsOfTable:
 
     @cached_property
     def samples(self) -> dict[str, Record]:
-        """A record of each gallery, that knows its shapes if there is one."""
-        return {gallery: _with_labels(records) for gallery, records in self.current.items()}
+        """A record of each gallery, which says which shapes this has."""
+        return {gallery: records[0] for gallery, records in self.current.items()}
 
     @cached_property
     def labels(self) -> dict[str, list[str]]:
@@ -267,11 +267,6 @@ def _of_newest_version(records: Sequence[Record]) -> list[Record]:
         records, key=lambda record: (record.status == "ok", not record.published, record.finished)
     )
     return [record for record in records if record.gallery_digest == newest.gallery_digest]
-
-
-def _with_labels(records: Sequence[Record]) -> Record:
-    """Return the first record that has labels; the first one if none has."""
-    return next((record for record in records if record.labels), records[0])
 
 
 def _view(
