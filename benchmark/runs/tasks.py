@@ -659,8 +659,9 @@ def serve(descriptor: int, memory: int, parent: int, suite: int) -> None:
     watch_this_process()
     _limit_memory(memory)
     connection = Connection(descriptor)
-    _announce_compiling(connection)
-    connection.send(UNCHARGED_WORK_ENDS)  # the start of this process was the first such work
+    tell = partial(_tell, connection, os.getpid())
+    _announce_compiling(tell)
+    tell(UNCHARGED_WORK_ENDS)  # the start of this process was the first such work
 
     # After an edit, some modules may have been imported before it, and some after it.
     if state_of_suite() != suite:
@@ -669,7 +670,7 @@ def serve(descriptor: int, memory: int, parent: int, suite: int) -> None:
             connection.recv()
             connection.send(Outcome("incomplete", reason, ends_process=True))
         return
-    context = RunContext(partial(_uncharged, connection))
+    context = RunContext(partial(_uncharged, tell))
     printed = Printed()  # what methods print is shown with the name of their step
     # EOFError and OSError: the other end has closed the connection.
     with suppress(EOFError, OSError), redirect_stdout(printed):
@@ -679,14 +680,23 @@ def serve(descriptor: int, memory: int, parent: int, suite: int) -> None:
             has_planned_code = _serve_task(work, connection, printed)
 
 
+def _tell(connection: Connection, process: int, message: str | None) -> None:
+    """Send a message from one process, and not from copies of it that a method has forked.
+
+    A copy may be killed after work has begun, which would then never end.
+    """
+    if os.getpid() == process:
+        connection.send(message)
+
+
 @contextmanager
-def _uncharged(connection: Connection, name: str) -> Iterator[None]:
+def _uncharged(tell: Callable[[str | None], None], name: str) -> Iterator[None]:
     """Tell the other end when work begins and ends that counts against no time limit."""
-    connection.send(name)
+    tell(name)
     try:
         yield
     finally:
-        connection.send(UNCHARGED_WORK_ENDS)
+        tell(UNCHARGED_WORK_ENDS)
 
 
 def _serve_task(work: Work, connection: Connection, printed: Printed) -> bool:
@@ -719,16 +729,16 @@ def _serve_task(work: Work, connection: Connection, printed: Printed) -> bool:
     return True
 
 
-def _announce_compiling(connection: Connection) -> None:
+def _announce_compiling(tell: Callable[[str | None], None]) -> None:
     """Tell the other end when kernels are compiled, which counts against no time limit."""
     from numba.core import event
 
     class Compiling(event.Listener):  # type: ignore[misc]
         def on_start(self, event: object) -> None:
-            connection.send("compiling")
+            tell("compiling")
 
         def on_end(self, event: object) -> None:
-            connection.send(UNCHARGED_WORK_ENDS)
+            tell(UNCHARGED_WORK_ENDS)
 
     event.register("numba:compile", Compiling())
 

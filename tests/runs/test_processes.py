@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 import zipfile
+from functools import partial
 from multiprocessing.connection import Pipe
 from pathlib import Path
 from types import SimpleNamespace
@@ -20,7 +21,7 @@ import pytest
 
 from benchmark.pipeline.cache import Cache, StorageError, UnreadableFile, storing
 from benchmark.pipeline.record_files import read_records
-from benchmark.runs.tasks import RunContext, Task, Work, _outcome_of_error
+from benchmark.runs.tasks import RunContext, Task, Work, _outcome_of_error, _tell, _uncharged
 from benchmark.runs.workers import Pool, Worker
 from tests.toy import SMALL_SCORER, write_rods
 from tests.verbs import call
@@ -296,3 +297,17 @@ def test_one_query_in_a_large_gallery_has_the_time_of_all_its_shapes():
     record = SimpleNamespace(sides=sides, shapes=sides[0].shapes)
     step = SimpleNamespace(process="", view="", stage="records")
     assert Worker(2**30, 60.0, 1)._time_limit(Task((step,), record)) == 6000.0
+
+
+def test_a_copy_of_a_process_says_nothing_of_work_that_it_may_not_end():
+    ours, theirs = Pipe()
+    tell = partial(_tell, theirs, os.getpid())
+    copy = os.fork()
+    if not copy:
+        with _uncharged(tell, "geodesics"):
+            os._exit(0)
+    os.waitpid(copy, 0)
+    assert not ours.poll()
+    with _uncharged(tell, "geodesics"):
+        assert ours.recv() == "geodesics"
+    assert ours.recv() is None
