@@ -15,6 +15,7 @@ from benchmark.commands.selection import further_options, outcome
 from benchmark.errors import ConfigurationError
 from benchmark.machine import available_cores
 from benchmark.pipeline.records import Record
+from benchmark.protocols.tables import SYNTHETIC_HUMANS
 from benchmark.registry.names import base_name
 from benchmark.runs.lacking import LackingModel, train_lacking
 from benchmark.runs.planning import Estimate, Planned
@@ -269,17 +270,30 @@ def _print_tables(planned: Plan, records: Sequence[Record], selection: Selection
             "- The best of several values is tuned on these shapes; choose it on others: "
             "--subjects A,B."
         )
-    say("next, for classes, failed queries, and forms in 3D:", err=True)
-    say(f"  {_report_of(selection)}", err=True, is_wrapped=False)  # it can be copied
+    if tables.views:  # the table of robustness has no pages
+        say("next, for classes, failed queries, and forms in 3D:", err=True)
+        command = _report_of(selection, planned)
+        say(f"  {command}", err=True, is_wrapped=False)  # it can be copied
 
 
-def _report_of(selection: Selection) -> str:
-    """Return the command that writes the report of a selection.
+def _report_of(selection: Selection, planned: Plan) -> str:
+    """Return the command that writes the report of a run.
 
     It has each option without which the report would be of other jobs or data.
+
+    Parameters
+    ----------
+    selection
+        What was selected.
+    planned
+        The plan of the run, which takes all draws of a set for its first one.
     """
     words = ["python", "-m", "benchmark", "report"]
-    for option, names in (("-t", selection.tables), ("-d", selection.data)):
+    sets = dict.fromkeys(selection.data)
+    if sets:
+        ran = [job.record.data.name for job in planned.jobs]
+        sets |= dict.fromkeys(name for name in ran if name in SYNTHETIC_HUMANS[1:])
+    for option, names in (("-t", selection.tables), ("-d", sets)):
         for name in names:
             words += [option, str(name)]
     if selection.quick:

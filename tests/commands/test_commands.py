@@ -10,6 +10,8 @@ import pytest
 
 import benchmark
 from benchmark.api import CanonicalForm, MethodInfo
+from benchmark.cli.options import Selection
+from benchmark.cli.run import _print_tables
 from benchmark.commands.external_rows import record_beside, score_and_keep
 from benchmark.commands.forget import Forgotten, forget
 from benchmark.commands.forms import form_with_notes
@@ -20,6 +22,7 @@ from benchmark.commands.run import tables_of_run
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.record_files import write_record
 from benchmark.protocols.tables import own_table
+from benchmark.report.tables import table_views
 from tests.report.records import failed, record
 from tests.toy import rod, write_rods
 from tests.verbs import call, refusal
@@ -374,3 +377,23 @@ def test_a_table_has_the_name_of_a_data_set_only_if_no_other_table_shows_it(resu
     says = refusal("tables", "-t", "tosca", "--results", results).replace("\n", " ")
     assert "unknown table 'tosca'" in says
     assert "Retrieval on rods" in call("tables", "-t", "rods", "--results", results)
+
+
+def test_a_run_proposes_a_report_of_all_draws_that_it_ran_and_none_of_robustness(
+    tmp_path, monkeypatch, capsys
+):
+    names = ("people[draw=0]", "people[draw=1]")
+    done = [record("gps", dataset=name, stand_in_for="shrec14-synthetic") for name in names]
+    noisy = record("gps", dataset="animals-few[noise=2]")
+    for rows, chosen, proposed in (
+        (done, names[:1], "report -d 'people[draw=0]' -d 'people[draw=1]' --results"),
+        ([noisy], (), ""),
+    ):
+        tables = table_views(rows, ["I"]) if chosen else []
+        shown = Tables(tuple(tables), tuple(rows))
+        monkeypatch.setattr("benchmark.cli.run.tables_of_run", lambda *_, t=shown, **__: t)
+        planned = SimpleNamespace(jobs=[SimpleNamespace(record=row) for row in rows])
+        _print_tables(planned, rows, Selection(data=list(chosen), results=tmp_path))
+        said = capsys.readouterr().err
+        assert proposed in said
+        assert bool(said) == bool(proposed)
