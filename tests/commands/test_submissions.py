@@ -160,7 +160,7 @@ def write_gltf(folder, buffer):
 
 @pytest.mark.parametrize(
     "buffer",
-    ["../../../outside.bin", "..%2F..%2F..%2Foutside.bin", "/dev/null", "a%00b"],
+    ["../../../outside.bin", "..%2F..%2F..%2Foutside.bin", "/dev/null"],
 )
 def test_a_mesh_that_names_a_file_outside_of_a_submission_is_refused(submit, buffer):
     folder = submit()
