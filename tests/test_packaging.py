@@ -87,7 +87,8 @@ def test_the_wheel_has_each_file_that_is_a_part_of_the_code_of_a_method(packed):
 
 def test_a_model_that_is_left_out_is_named_with_two_ways_to_get_it(monkeypatch, tmp_path):
     spec = select_one("learned[training_seed=7]")
-    remedy = "run `python -m benchmark train [^`]*`$"
+    recipe = "-o resolution=128 -o stretch_depth=true -o epochs=60"
+    remedy = f"run `python -m benchmark train [^`]* {recipe}`$"
     with pytest.raises(MissingModel, match=f"needs the model people-fold-0; {remedy}"):
         with_model(spec)
     (tmp_path / "people-fold-0").mkdir()
