@@ -6,18 +6,17 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import msgspec
 import numpy as np
 import torch
 from torch import nn
 
-from benchmark.api.contracts import Interval
 from benchmark.api.learning import CARD, FROZEN_AT, TrainingData
 from benchmark.api.parameters import checked
 from benchmark.errors import ConfigurationError
-from benchmark.machine import available_cores, describe_machine
+from benchmark.machine import describe_machine
 from learned.code_network import CODE_RESOLUTION
 from learned.images import DepthScale
 from learned.models import CONFIGURATIONS, Configuration, load_model, save_model
@@ -69,10 +68,9 @@ MEASURED_PAIRS = 60
 
 @dataclass(frozen=True, kw_only=True)
 class Machine:
-    """Device and threads of a training."""
+    """Device of a training."""
 
     device: Device = "auto"
-    threads: Annotated[int, Interval(1)] | None = None
 
 
 def train(
@@ -102,7 +100,7 @@ def train(
     network = configuration.build(seed)
     recipe = asdict(schedule) | {"seed": seed, "shapes": list(data.identifiers)}
     check_finished(folder, recipe)
-    torch.set_num_threads(machine.threads or available_cores())
+    torch.set_num_threads(schedule.threads)
     say(f"training '{name}', seed {seed}: {schedule.in_words()}; {data.title}")
     pairs = _pairs(configuration, data, schedule, folder, say)
     recipe["images"] = pairs.digest()

@@ -82,6 +82,9 @@ class Schedule:
     repeat
         How often each pair occurs in an epoch. With it, trainings on few and on many pairs have
         the same steps.
+    threads
+        Threads of the processor. They share sums, which are rounded by their number: so it is not
+        that of the cores of a machine, and another number trains another model.
     """
 
     resolution: Annotated[int, Interval(1)] = 500
@@ -95,6 +98,7 @@ class Schedule:
     masked_depth: bool = False
     cosine: bool = False
     repeat: Annotated[int, Interval(1)] = 1
+    threads: Annotated[int, Interval(1)] = 1
 
     def step_size(self, step: int, steps: int) -> float:
         """Return the step size of Adam in a step, counted from 0, of so many steps."""
