@@ -264,6 +264,14 @@ def format_value(value: Any) -> str:
     return repr(value) if isinstance(value, float) else str(value)
 
 
+def option_words(options: Mapping[str, Any]) -> list[str]:
+    """Return the words of a command, ``-o NAME=VALUE``, from which options are read."""
+    words: list[str] = []
+    for name, value in options.items():
+        words += ["-o", f"{name}={format_value(value)}"]
+    return words
+
+
 def assignments(texts: str | Iterable[str]) -> dict[str, str]:
     """Parse assignments such as ``"sweeps=5, start=classic"`` to values by name.
 

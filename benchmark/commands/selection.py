@@ -208,7 +208,8 @@ class RecordSelection:
         all_records = label_data_sets([*stored, *self.submitted])
         names = {table.identifier for table in TABLES}
         for record in all_records:  # some data sets have tables of their own
-            names |= {each.identifier for each in tables_of(record.data.name, fold_of(record))}
+            shown = tables_of(record.data.name, fold_of(record))
+            names.update(table.identifier for table in shown)
         check_known("table", self.tables, names | {"extended"})
 
         of_data = records_of(all_records, as_sets(self.data)) if self.data else all_records

@@ -115,7 +115,7 @@ def _only_training_of(folder: Path) -> Iterator[None]:
         If another process trains the model, or nothing can be written there.
     """
     lock = folder.with_name(f".{folder.name}.lock")
-    made = [path for path in lock.parents if not path.exists()]
+    new_folders = [path for path in lock.parents if not path.exists()]
     try:
         with storing(folder):
             lock.parent.mkdir(parents=True, exist_ok=True)
@@ -129,9 +129,9 @@ def _only_training_of(folder: Path) -> Iterator[None]:
             finally:
                 lock.unlink(missing_ok=True)
     finally:
-        for path in made:
+        for new_folder in new_folders:
             with suppress(OSError):  # it is not empty
-                path.rmdir()
+                new_folder.rmdir()
 
 
 def _has_path(file: IO[str], path: Path) -> bool:

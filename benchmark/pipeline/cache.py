@@ -115,7 +115,7 @@ def locked(descriptor: int, problem: str) -> Iterator[None]:
         hint = "wait for its end, or choose another --results DIR"
         raise StorageError(problem, hint) from None
     except OSError:
-        pass
+        pass  # the file system has no locks: go on without
     yield
 
 

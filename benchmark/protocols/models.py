@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.api.learning import CARD, Card, HasRecipe, Learner, digest_of, read_card
-from benchmark.api.parameters import format_value
+from benchmark.api.parameters import option_words
 from benchmark.datasets.catalogue import catalogued, is_known, is_present, open_dataset
 from benchmark.datasets.people import CLEARANCE, TESTED
 from benchmark.errors import ConfigurationError
@@ -312,8 +312,7 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
     if len(names) == 1:
         words += ["--table", names[0]]
     if isinstance(learner, HasRecipe):  # the models of a table follow one recipe
-        for name, value in learner.recipe(names[0]).items():
-            words += ["-o", f"{name}={format_value(value)}"]
+        words += option_words(learner.recipe(names[0]))
     if spec.plugin:
         words += ["--plugin", str(spec.plugin)]
     hint = f"run `{shlex.join(words)}`"

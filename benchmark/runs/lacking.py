@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmark.api.contracts import Input
 from benchmark.api.learning import HasRecipe
-from benchmark.api.parameters import format_value
+from benchmark.api.parameters import option_words
 from benchmark.errors import TrainingError
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import find_training, n_pairs
@@ -46,8 +46,7 @@ class LackingModel:
     def words(self, results: Path, data_root: Path | None) -> list[str]:
         """Return the words after ``python -m benchmark`` that train it."""
         words = ["train", self.method, "-t", self.training, "--results", str(results)]
-        for name, value in self.options.items():
-            words += ["-o", f"{name}={format_value(value)}"]
+        words += option_words(self.options)
         if self.plugin is not None:
             words += ["--plugin", str(self.plugin)]
         if data_root is not None:
