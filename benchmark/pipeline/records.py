@@ -69,7 +69,7 @@ class Data(RecordPart, frozen=True, forbid_unknown_fields=True, omit_defaults=Tr
     stand_in_for
         The official set that it replaces.
     quick, n_shapes
-        Whether poses were omitted, and the number of shapes without that; 0 if unknown.
+        Whether it is of a quick run, and the number of shapes of a full one; 0 if unknown.
     path
         Where a folder lies; "" for a set of the suite.
     """

@@ -33,6 +33,7 @@ from benchmark.protocols.tables import (
     AGAINST,
     CAMERAS,
     PARTS,
+    QUICK_POSES,
     TABLES,
     GalleryGroup,
     Table,
@@ -43,9 +44,6 @@ from benchmark.protocols.tables import (
 from benchmark.protocols.trainings import NoFolds, Training, trainings_by_shape
 from benchmark.reference.paper import CLASSICAL
 from benchmark.registry import Component
-
-#: Most poses of each subject with ``--quick``, which keeps every k-th pose.
-QUICK_POSES = 3
 
 #: The network of the paper, whose row says so where it has no model.
 NETWORK = "learned"
@@ -72,7 +70,7 @@ class Gallery:
     entries
         The shapes, in matrix order.
     quick
-        Whether poses were omitted to save time; if so, only methods of the paper have rows.
+        Whether it is of a quick run, which takes few poses and methods.
     part
         Part of the data set in words, such as ``"fold 0"``; "" for the whole data set.
     data_root
@@ -654,7 +652,7 @@ def _galleries_of_set(
             source=source,
             dataset=dataset,
             entries=ranked,
-            quick=len(ranked) < len(shapes),
+            quick=quick,
             part=part,
             data_root=data_root,
             inputs=inputs,

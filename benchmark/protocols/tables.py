@@ -21,6 +21,9 @@ INPUTS: tuple[Input, ...] = ("mesh", "view")
 #: that some of its records lack, because they are older than the measure.
 TABLE_MEASURES: tuple[str, ...] = (*paper.PAPER_MEASURES,)
 
+#: Most poses of each subject with ``--quick``, which keeps every k-th pose.
+QUICK_POSES = 3
+
 Block = Literal["form", "network", "descriptor", "external"]
 
 #: Stand-ins for the synthetic humans: the first one has folds and networks; the whole galleries of

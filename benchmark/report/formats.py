@@ -30,7 +30,7 @@ from benchmark.report.notation import BLANK, hundredths
 from benchmark.report.notes import table_notes
 from benchmark.report.record_facts import DataChange, change_of, fold_of, scored_by
 from benchmark.report.rows import BLOCKS, TableRow
-from benchmark.report.table_view import PAPER, SECOND, TableView
+from benchmark.report.table_view import PAPER, QUICK_RUN, SECOND, TableView
 from benchmark.text import clean_text
 
 #: Title of the line of a random order.
@@ -611,7 +611,7 @@ def _robustness_caption(records: Iterable[Record], datasets: Iterable[str]) -> s
         if record.data.name in titles:
             titles[record.data.name] = data_title(record)
     sets = ", ".join(map(markdown_text, titles.values()))
-    quick = " (quick run with some of the poses)" if any(r.data.quick for r in records) else ""
+    quick = f" ({QUICK_RUN})" if any(record.data.quick for record in records) else ""
     return (
         f"**Robustness.** {_ROBUSTNESS_MEASURE} of complete surfaces of {sets}{quick}; "
         f"a destroyed shape counts 0. {scored_by(records).note}"

@@ -241,9 +241,10 @@ def _remarks_on_table(view: TableView) -> Iterator[str]:
             "title says otherwise."
         )
     if view.table.is_cross:
+        keeps_all = view.sample.keeps_same_names
+        ranked = "the whole gallery" if keeps_all else "the gallery without its own shape"
         yield (
-            "Each query ranks the gallery without its own shape. Queries of a class that the "
-            "gallery lacks are left out."
+            f"Each query ranks {ranked}. Queries of a class that the gallery lacks are left out."
         )
     if view.table.names == ROUND:
         yield (

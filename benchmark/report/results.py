@@ -104,7 +104,7 @@ class Results:
         fold
             Part of the data set, as ``"fold 0"``; "" for the whole one.
         quick
-            Whether the job ran with some of the poses alone.
+            Whether it is of a quick run.
         seed
             Seed of the run.
         scorer

@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import product
 
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import Block, GalleryGroup, Table
+from benchmark.protocols.tables import QUICK_POSES, Block, GalleryGroup, Table
 from benchmark.reference.paper import PAPER_MEASURES
 from benchmark.report.notation import file_name
 from benchmark.report.record_facts import ScoredBy, change_of
@@ -18,6 +18,9 @@ from benchmark.report.rows import BLOCKS, RowScores, TableRow, ranked_classes
 from benchmark.report.second_scorer import Ranks, ranks_by_both
 from benchmark.report.statistics import FEWEST_CLASSES
 from retrieval.measures import chance_levels
+
+#: What captions say of a quick run.
+QUICK_RUN = f"quick run with at most {QUICK_POSES} poses of each class"
 
 #: Group of the paper's figures.
 PAPER = "paper"
@@ -37,7 +40,7 @@ class TableView:
     dataset, title
         Name and title of the data.
     quick
-        Whether poses were omitted to save time.
+        Whether it is of a quick run.
     columns
         The columns in which some row has scores.
     measures
@@ -111,7 +114,7 @@ class TableView:
         title = self.title
         # That of a folder names its data already.
         data = "" if f" {title}" in caption or f"/{title}" in caption else f": {title}"
-        quick = ", quick run with some of the poses" if self.quick else ""
+        quick = f", {QUICK_RUN}" if self.quick else ""
         return f"{caption}{data} ({self.size}{quick}){self.scored_by.caption}"
 
     @property

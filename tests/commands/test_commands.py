@@ -282,6 +282,14 @@ def test_python_warns_of_a_data_set_that_is_refused(folders):
     assert jobs.status.tolist() == ["ok"]
 
 
+def test_a_quick_run_of_few_poses_prints_the_table_that_tables_prints(folders):
+    words = ("-d", folders / "good", "--results", folders / "results", "--quick")
+    said = call("run", "-j", 0, *words, "-m", "surface-area", "--input", "mesh")
+    table = call("tables", *words)
+    assert "quick run with at most 3 poses of each class" in table.replace("\n", " ")
+    assert table in said
+
+
 def test_a_named_method_without_a_job_is_named_beside_the_table():
     said = call("tables", "-t", "III", "-m", "gps", "-m", "gsp", "-m", "identity", "--published")
     assert "no finished job of gsp: run it, or see 'list methods' for its name" in said

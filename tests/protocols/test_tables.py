@@ -4,8 +4,15 @@ import pytest
 
 from benchmark.api.learning import CARD
 from benchmark.errors import ConfigurationError, DatasetError
-from benchmark.protocols.galleries import QUICK_POSES, galleries
-from benchmark.protocols.tables import ABLATION, CONTROLS, SYNTHETIC_HUMANS, TABLES, TITLES
+from benchmark.protocols.galleries import QUICK_ROWS, galleries
+from benchmark.protocols.tables import (
+    ABLATION,
+    CONTROLS,
+    QUICK_POSES,
+    SYNTHETIC_HUMANS,
+    TABLES,
+    TITLES,
+)
 from benchmark.protocols.trainings import trainings_by_shape
 from benchmark.reference import paper
 from benchmark.registry import by_name, select, select_one
@@ -78,6 +85,18 @@ def test_a_quick_run_has_one_fold_and_few_poses():
         assert max(poses) <= QUICK_POSES
     with pytest.raises(ConfigurationError, match="mean over all folds"):
         galleries(["IV"], quick=True)
+
+
+def test_a_quick_run_is_one_whatever_it_leaves_out(rods, tmp_path):
+    """Few poses in a folder, or of queries in a large gallery, make it no full run."""
+    (own,) = galleries([], [str(rods)], quick=True, input="mesh")
+    assert own.name == "rods (quick)"
+    assert {*rows(own, "mesh")} <= {*QUICK_ROWS}
+    large = write_rods(tmp_path / "large", bends=(0.0, 0.5, 1.0, 1.5))
+    (of_queries,) = galleries([], [str(rods)], gallery=str(large), quick=True, input="mesh")
+    other = of_queries.gallery_of_queries
+    assert len(other.entries) < len(other.dataset.shapes)
+    assert of_queries.name == "rods against large (quick)"
 
 
 def test_a_folder_gets_its_own_table_with_both_inputs(rods, tmp_path):

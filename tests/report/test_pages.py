@@ -33,6 +33,7 @@ from benchmark.report.figures import (
 )
 from benchmark.report.forms import StoredForms
 from benchmark.report.grids import figure_bytes, grid, write_figure
+from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
 from benchmark.report.page_builder import TEMPLATES
 from benchmark.report.pages import report_files
@@ -189,6 +190,15 @@ def gallery_of(name, views=1):
         "labels": ["cat", "dog", "owl"],
         "views": views,
     }
+
+
+@pytest.mark.parametrize(
+    ("keeps", "ranked"), [(True, "the whole gallery"), (False, "the gallery without its own shape")]
+)
+def test_notes_say_whether_a_query_ranks_shapes_of_its_name(keeps, ranked):
+    row = record("gps", fold="against a", against=gallery_of("a"), keeps_same_names=keeps)
+    (view,) = table_views([row])
+    assert f"Each query ranks {ranked}. " in " ".join(table_notes(view))
 
 
 def test_a_set_against_two_galleries_has_a_column_for_each_in_the_overview(tmp_path):

@@ -521,7 +521,7 @@ def test_a_failed_job_has_its_status_and_no_score_in_the_table_of_robustness():
     ]
     text = robustness_markdown(rows)
     assert "|noise|2|timeout|.50|" in text
-    assert "rods (quick run with some of the poses);" in text
+    assert "rods (quick run with at most 3 poses of each class);" in text
     assert "quick" not in robustness_markdown([record("gps", 0.5, dataset="rods[noise=2]")])
 
 
