@@ -64,7 +64,6 @@ RECIPE = {
     "stretch_depth": True,
     "masked_depth": True,
     "cosine": True,
-    "threads": 1,
 }
 
 

@@ -32,8 +32,6 @@ def test_a_folder_is_trained_on_without_the_subjects_that_are_held_out(
         "-o",
         "epochs=1",
         "-o",
-        "threads=1",
-        "-o",
         "device=cpu",
         "--results",
         tmp_path,
