@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import errno
-import fcntl
 import hashlib
 import json
 import math
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,6 +22,7 @@ from benchmark.api.learning import Bodies, TrainingPair
 from benchmark.errors import ShapeError, TrainingError
 from benchmark.files import write_atomically, write_text
 from benchmark.geometry.depth import DepthImage
+from benchmark.locks import take_lock
 from learned.images import DepthScale, checked_image, resampled
 
 KEEPING_SECONDS = 60.0
@@ -257,28 +257,13 @@ def keep(
     """
     recipe = {"recipe": bodies.recipe, "resolution": resolution, "crop": crop}
     folder.mkdir(parents=True, exist_ok=True)
-    with _alone(folder, say):
+    announce = partial(say, f"waiting for another training, which makes the images in {folder}")
+    with (folder / "lock").open("a") as lock:  # trainings with several seeds share the images
+        take_lock(lock.fileno(), before_waiting=announce)
         depths = _made(bodies, recipe, folder, say)
     # The target of each image is the first one of its body.
     rows = torch.arange(len(depths))
     return PairsOnDisk(bodies.identifiers(), depths, rows // bodies.n_images * bodies.n_images)
-
-
-@contextmanager
-def _alone(folder: Path, say: Callable[[str], None]) -> Iterator[None]:
-    """Return a context in which no other process makes the pairs of a folder.
-
-    Trainings with several seeds share them. Where the file system has no locks, there is none.
-    """
-    with (folder / "lock").open("a") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            say(f"waiting for another training, which makes the images in {folder}")
-            fcntl.flock(lock, fcntl.LOCK_EX)
-        except OSError:
-            pass
-        yield
 
 
 def _made(

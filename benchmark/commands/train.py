@@ -8,10 +8,12 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
 
-from benchmark.api.learning import CARD, Learner, checked_weights, read_card
+from benchmark.api.learning import CARD, Learner, TrainingData, checked_weights
 from benchmark.commands.selection import RESULTS, as_paths, data_folder
 from benchmark.errors import BenchmarkError, ConfigurationError, TrainingError, locate
-from benchmark.pipeline.cache import StorageError, locked, storing
+from benchmark.locks import take_lock
+from benchmark.pipeline.cache import StorageError, storing, taken
+from benchmark.protocols.models import model_in
 from benchmark.protocols.pairs import data_of_training, trainings_of
 from benchmark.protocols.trainings import own_training
 from benchmark.registry import Component, select_one
@@ -91,12 +93,12 @@ def train(
         tell(f"{component.name}, {training.name}")
         folder = Path(results) / "models" / training.name / learner.model_name
         with _only_training_of(folder):
-            if (folder / CARD).exists():  # a learner keeps a finished model
-                _check_model(folder, training.name, "delete the folder to train anew")
             data_of_this = data_of_training(training, root, tell)
+            if (folder / CARD).exists():  # a learner keeps a finished model
+                _check_model(folder, data_of_this, "delete the folder to train anew")
             with _training_of(component):
                 learner.train(data_of_this, folder, options or {}, tell)
-            _check_model(folder, training.name, _advice(component))
+            _check_model(folder, data_of_this, _advice(component))
         tell(f"the model is in {folder}")
         folders.append(folder)
     return folders
@@ -120,7 +122,9 @@ def _only_training_of(folder: Path) -> Iterator[None]:
         with storing(folder):
             lock.parent.mkdir(parents=True, exist_ok=True)
             file = lock.open("a")
-        with file, locked(file.fileno(), f"another training is writing to {folder}"):
+        with file:
+            refusal = taken(f"another training is writing to {folder}")
+            take_lock(file.fileno(), refusal=refusal)
             if not _has_path(file, lock):
                 problem = f"another training into {folder} has just ended"
                 raise StorageError(problem, "train again")
@@ -160,17 +164,15 @@ def _training_of(component: Component) -> Iterator[None]:
         raise TrainingError(problem, _advice(component)) from error
 
 
-def _check_model(folder: Path, training: str, hint: str) -> None:
-    """Raise ``TrainingError`` unless a folder holds a finished model of a training."""
+def _check_model(folder: Path, data: TrainingData, hint: str) -> None:
+    """Raise ``TrainingError`` unless a folder holds a finished model of these training data."""
     try:
-        card = read_card(folder)
+        model = model_in(folder, data.name)
         checked_weights(folder)
+        model.check_held_out(data.tested)
     except ConfigurationError as error:
-        problem = f"there is no model in {folder}: {error.located}"
+        problem = f"there is no model of '{data.name}': {error.located}"
         raise TrainingError(problem, hint) from error
-    if card.data != training:
-        problem = f"the model in {folder} was trained on '{card.data}', not on '{training}'"
-        raise TrainingError(problem, hint)
 
 
 def _advice(component: Component) -> str:

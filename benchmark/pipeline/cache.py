@@ -6,7 +6,6 @@ A key is known before the arrays are computed.
 from __future__ import annotations
 
 import errno
-import fcntl
 import io
 import zipfile
 import zlib
@@ -23,6 +22,7 @@ from numpy.typing import NDArray
 from benchmark.errors import BenchmarkError
 from benchmark.files import sweep, write_atomically
 from benchmark.geometry.mesh import read_only
+from benchmark.locks import take_lock
 from benchmark.pipeline.stages import Arrays, Incomplete
 
 #: What the files of the cache hold, in the order in which they are made.
@@ -93,30 +93,15 @@ def writing(results: Path) -> Iterator[None]:
     with storing(results):
         (results / RUNS / "records").mkdir(parents=True, exist_ok=True)
         lock = (results / RUNS / "lock").open("a")
-    with lock, locked(lock.fileno(), f"another run is writing to {results}"):
+    with lock:
+        take_lock(lock.fileno(), refusal=taken(f"another run is writing to {results}"))
         sweep(results / RUNS)
         yield
 
 
-@contextmanager
-def locked(descriptor: int, problem: str) -> Iterator[None]:
-    """Return a context in which no other process has the lock of an open file or folder.
-
-    Where the file system has no locks, there is none.
-
-    Raises
-    ------
-    StorageError
-        If another process has the lock; the problem is the given one.
-    """
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        hint = "wait for its end, or choose another --results DIR"
-        raise StorageError(problem, hint) from None
-    except OSError:
-        pass  # the file system has no locks: go on without
-    yield
+def taken(problem: str) -> StorageError:
+    """Return the error for work that another process is doing in the results folder."""
+    return StorageError(problem, "wait for its end, or choose another --results DIR")
 
 
 @dataclass(frozen=True)

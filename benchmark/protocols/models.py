@@ -147,10 +147,19 @@ class Model:
         if not self.card.tested or not is_here:
             return
         tested = training.tested.of(open_dataset(training.dataset, data_root))
-        if self.card.tested != digest_of({entry.subject for entry in tested}):
-            raise UnusableModel(
-                f"the model in {self.folder} is for other subjects", "train it again"
-            )
+        self.check_held_out(digest_of({entry.subject for entry in tested}))
+
+    def check_held_out(self, tested: str) -> None:
+        """Raise :class:`UnusableModel` if the model was trained for other test subjects.
+
+        Parameters
+        ----------
+        tested
+            Digest of the test subjects. A card that does not name its own passes.
+        """
+        if self.card.tested and self.card.tested != tested:
+            problem = f"the model in {self.folder} was trained for other test subjects"
+            raise UnusableModel(problem, "train it again")
 
     def summary(self) -> dict[str, Any]:
         """Facts about the model for a record."""
@@ -217,7 +226,7 @@ def find_models(
     if missing:
         raise _missing(spec, learner, missing)
 
-    models = {name: _model(name, folder) for name, folder in folders.items() if folder}
+    models = {name: model_in(folder, name) for name, folder in folders.items() if folder}
     for model in models.values():
         model.check(dataset.name, data_root)
     return {shape: models[training.name] for shape, training in training_of_shape.items()}
@@ -323,10 +332,10 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
     return MissingModel(f"needs the {models} {', '.join(names)}", hint)
 
 
-def _model(training: str, folder: Path) -> Model:
+def model_in(folder: Path, training: str) -> Model:
     """Return the model in a folder.
 
-    Raise :class:`UnusableModel` if its card is not that of this training.
+    Raise :class:`UnusableModel` if its card is damaged, or not that of this training.
     """
     try:
         card = read_card(folder)

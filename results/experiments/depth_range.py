@@ -9,7 +9,6 @@ two processes may add to it. ``average-bodies`` writes those of the rows of tabl
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import sys
@@ -33,6 +32,7 @@ from torch import Tensor
 from benchmark.api.learning import CARD, WEIGHTS, checked_weights
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
+from benchmark.locks import take_lock
 from benchmark.pipeline.prepared import frame_of
 from benchmark.pipeline.views import prepare_view
 from benchmark.protocols.pairs import data_of_training
@@ -194,7 +194,7 @@ def known_scores() -> pandas.DataFrame:
 def append(found: Sequence[pandas.DataFrame]) -> None:
     """Add scores to the table as it is now: another process may have added its own meanwhile."""
     with Path(__file__).open() as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+        take_lock(lock.fileno())
         table = pandas.concat([known_scores(), *found])
         partial = SCORES.with_suffix(".tmp")
         table.to_csv(partial, index=False, lineterminator="\n")
@@ -367,7 +367,6 @@ def lengthen(results: Path, earlier: Path) -> None:
         "epochs": LONG,
         "early_epochs": EARLY,
         "stretch_depth": True,
-        "threads": 1,
     }
     data = data_of_training(TRAININGS["people-fold-0"], None, say)
     fitting.train(

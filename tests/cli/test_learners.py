@@ -12,7 +12,8 @@ import pytest
 from benchmark.api.learning import CARD
 from benchmark.commands.train import _only_training_of
 from benchmark.errors import TrainingError
-from benchmark.pipeline.cache import StorageError, locked
+from benchmark.locks import take_lock
+from benchmark.pipeline.cache import StorageError
 from tests import verbs
 from tests.runs.toy import LIGHT
 from tests.toy import write_rods
@@ -91,13 +92,13 @@ def test_the_lock_of_a_training_that_ends_meanwhile_is_not_taken(
     folder = tmp_path / "models" / "tosca-III" / "seed0"
     lock = folder.with_name(".seed0.lock")
 
-    def locked_too_late(descriptor, problem):
+    def lock_too_late(descriptor, *, refusal):
         lock.unlink()  # by the process that had it
         if is_made_anew:
             lock.touch()  # by a third one
-        return locked(descriptor, problem)
+        take_lock(descriptor, refusal=refusal)
 
-    monkeypatch.setattr("benchmark.commands.train.locked", locked_too_late)
+    monkeypatch.setattr("benchmark.commands.train.take_lock", lock_too_late)
     with pytest.raises(StorageError, match="has just ended"), _only_training_of(folder):
         pytest.fail("two processes train")
 
@@ -151,17 +152,17 @@ def test_a_run_trains_what_it_lacks_first(root, tmp_path, in_this_process):
 @pytest.mark.parametrize(
     ("line", "reason"),
     [
-        ("pass", r"there is no model in .*card\.json: No such file or directory"),
+        ("pass", r"there is no model of 'tosca-III': .*card\.json: No such file or directory"),
         ("raise SystemExit(0)", r"'nearest-view' failed: own\.py:\d+: SystemExit: 0"),
         ("{}['a']", r"'nearest-view' failed: own\.py:\d+: KeyError: 'a'"),
         ("raise MemoryError", r"'nearest-view' failed: own\.py:\d+: MemoryError"),
         (
             "folder.mkdir(parents=True); (folder / CARD).write_text('{}')",
-            "there is no model in .*card.json: not a readable card of a model: .*`digest`",
+            r"there is no model of 'tosca-III': .*card.json: not a readable card .*`digest`",
         ),
         (
             "data = replace(data, name='animals-III')",
-            "was trained on 'animals-III', not on 'tosca-III'",
+            r"there is no model of 'tosca-III': .* was trained on 'animals-III'",
         ),
     ],
 )
@@ -184,8 +185,28 @@ def test_a_damaged_model_is_named_before_a_training_takes_it_for_finished(root, 
     (folder / CARD).write_text("{")
     train = ("train", "nearest-view", "-t", "III", "--results", tmp_path, "--data-root", root)
     told = call(*train, code=2)
-    assert f"there is no model in {folder}: " in told
+    assert f"there is no model of 'tosca-III': {folder}" in told
     assert told.endswith("; delete the folder to train anew")
+
+
+def test_a_finished_model_for_other_test_subjects_is_named_by_training_and_run(root, tmp_path):
+    of_own = ("train", "nearest-view", "--data", root / "tosca", "--results", tmp_path)
+    call(*of_own, "--hold-out", "cat")
+    folder = tmp_path / "models" / "own-tosca" / "seed0"
+    told = call(*of_own, "--hold-out", "dog", code=2)
+    reason = f"the model in {folder} was trained for other test subjects"
+    assert told.endswith(f"{reason}; delete the folder to train anew")
+    assert "finished before" in call(*of_own, "--hold-out", "cat")
+
+    folders = ("--results", tmp_path, "--data-root", root)
+    of_table = ("train", "nearest-view", "-t", "III", *folders)
+    call(*of_table)
+    folder = tmp_path / "models" / "tosca-III" / "seed0"
+    card = json.loads((folder / CARD).read_text())
+    (folder / CARD).write_text(json.dumps(card | {"tested": "0" * 64}))
+    reason = f"the model in {folder} was trained for other test subjects"
+    assert reason in call(*of_table, code=2)
+    assert reason in call("plan", "-t", "III-view", "-m", "nearest-view", *LIGHT, *folders)
 
 
 def test_a_training_that_fails_ends_the_run(root, tmp_path):

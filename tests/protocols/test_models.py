@@ -128,7 +128,7 @@ def test_a_model_for_other_subjects_is_refused() -> None:
         with (
             nullcontext()
             if fits
-            else pytest.raises(MissingModel, match="is for other subjects; train it again")
+            else pytest.raises(MissingModel, match="was trained for other test subjects; train")
         ):
             model.check("people[draw=0]", None)
 
