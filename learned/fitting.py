@@ -113,6 +113,7 @@ def train(
         network, pairs, unseen, schedule, folder, seed=seed, device=device, log=say
     )
     network = network.cpu().eval()
+    _round_weights(network)
     facts = {
         "pairs": len(pairs),  # without those of shapes that cannot be rendered
         "seed": seed,
@@ -243,6 +244,16 @@ def check_finished(folder: Path, recipe: Mapping[str, Any]) -> bool:
         hint = "delete the folder to train anew, or name other --results"
         raise ConfigurationError(problem, hint)
     return True
+
+
+@torch.no_grad()
+def _round_weights(network: nn.Module) -> None:
+    """Round the weights of a network in place to half precision, in which they are stored.
+
+    What is measured on it is then true of the model that others load.
+    """
+    for parameter in network.parameters():
+        parameter.copy_(parameter.half())
 
 
 @torch.inference_mode()

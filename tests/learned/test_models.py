@@ -25,6 +25,8 @@ from benchmark.machine import describe_machine
 from learned.fitting import train
 from learned.images import resampled
 from learned.models import HISTORY, Configuration, load_model, predict
+from learned.pairs import gather
+from learned.training import measures
 from tests.learned.toy import (
     BENDS,
     BUILDS,
@@ -86,6 +88,18 @@ def test_predictions_are_those_of_the_weights_on_disk(trained: Path) -> None:
         torch.testing.assert_close(
             load_model(trained)[0](IMAGE), network.double()(IMAGE), rtol=0, atol=1e-12
         )
+
+
+def test_the_measures_on_a_card_are_those_of_the_weights_on_disk(trained: Path) -> None:
+    network = TINY.build().eval()
+    stored = tensors_in((trained / WEIGHTS).read_bytes())
+    network.load_state_dict({name: tensor.float() for name, tensor in stored.items()})
+    pairs = gather(toy_data().pairs(), toy_data().n_pairs, 32, crop=False)
+    images, targets = pairs[torch.arange(len(pairs))]
+    with torch.no_grad():
+        expected = measures(network(images), targets)
+    card = json.loads((trained / CARD).read_text())
+    assert card["training_measures"] == pytest.approx(expected, rel=1e-5)
 
 
 def test_pixels_that_rounding_may_decide_are_predicted_in_double_precision(
