@@ -29,10 +29,12 @@ from scipy.ndimage import distance_transform_edt
 from scipy.stats import t as student
 from torch import Tensor
 
-from benchmark.api.learning import CARD, WEIGHTS, checked_weights
+from benchmark.api.learning import CARD, WEIGHTS, checked_weights, read_card
 from benchmark.datasets.base import canonical_shapes
 from benchmark.datasets.catalogue import open_dataset
+from benchmark.errors import ShapeError
 from benchmark.locks import take_lock
+from benchmark.machine import describe_machine
 from benchmark.pipeline.prepared import frame_of
 from benchmark.pipeline.views import prepare_view
 from benchmark.protocols.pairs import data_of_training
@@ -42,7 +44,8 @@ from learned import fitting, training
 from learned.images import COVERED, DepthScale, checked_image, enlarged, resampled
 from learned.methods import Learned
 from learned.models import CONFIGURATIONS, load_model, save_model
-from learned.pairs import gather
+from learned.pairs import PairsInMemory, gather
+from learned.paper_network import PaperNetwork
 from learned.surface import open_surface
 from retrieval.cmbof import CMBOF
 from retrieval.measures import score_draws
@@ -158,13 +161,23 @@ def error(predicted: Tensor, true: Tensor) -> float:
 
 
 def ranked(predictions: Sequence[Tensor]) -> dict[str, NDArray[np.float64]]:
-    """Return the measures of each query."""
+    """Return the measures of each query.
+
+    As in tables, a query whose prediction has no surface scores 0, and ranks behind all others.
+    """
     scorer = CMBOF()
     signatures = []
-    for prediction in predictions:
-        signatures.append(scorer.signature(open_surface(enlarged(prediction))[0]))
+    answered = []
+    for number, prediction in enumerate(predictions):
+        try:
+            surface, _ = open_surface(enlarged(prediction))
+        except ShapeError as refusal:
+            print(f"view {number}: {refusal}", flush=True)
+            continue
+        signatures.append(scorer.signature(surface))
+        answered.append(number)
     matrices = (scorer.compare(signatures, draw) for draw in range(scorer.info.draws))
-    return score_draws(matrices, judges()[0])["per_query"]
+    return score_draws(matrices, judges()[0], answered)["per_query"]
 
 
 def by_pixels(predictions: Sequence[Tensor]) -> dict[str, NDArray[np.float64]]:
@@ -258,7 +271,8 @@ def go_on(results: Path, targets: str) -> None:
     data = data_of_training(TRAININGS["people-fold-0"], None, say)
     configuration = CONFIGURATIONS[name]
     device = torch.device("cpu")
-    schedule = training.resolved(training.Schedule(epochs=FURTHER, early_epochs=0), device)
+    given = training.Schedule(epochs=FURTHER, early_epochs=0, stretch_depth=targets == NEW)
+    schedule = training.resolved(given, device)
     pairs = gather(data.pairs(), data.n_pairs, schedule.resolution, configuration.crop)
     stretched = DepthScale.of(pairs.targets)
     scale = {PLAIN: DepthScale(), NEW: stretched}[targets]
@@ -273,19 +287,28 @@ def go_on(results: Path, targets: str) -> None:
     }
     if not fitting.check_finished(folder, recipe):
         network = configuration.build()
+        assert isinstance(network, PaperNetwork)
         network.load_state_dict(
             {key: each.float() for key, each in tensors_in(checked_weights(AS_PRINTED)).items()}
         )
-        express_depths_in(network.reconstruction.head, scale)
-        history, _ = training.fit(
+        if not (folder / training.CHECKPOINT).is_file():
+            fit_depth_head(network, pairs, schedule)
+        history, seconds = training.fit(
             network, pairs, None, schedule, folder, seed=FURTHER_SEED, device=device, log=say
         )
+        start = read_card(AS_PRINTED).digest
         facts = {
+            "pairs": len(pairs),
             "seed": FURTHER_SEED,
             "data_digest": recipe["images"],
             "depth_scale": msgspec.to_builtins(scale),
+            "starts_from": f"{start}, its depth head fitted to the targets by least squares",
+            "schedule_in_words": f"{schedule.in_words()}, {describe_machine()}",
+            "machine": describe_machine(),
+            "core_seconds": round(seconds),
         }
         save_model(network.eval(), configuration, data, schedule, history, folder, facts)
+        (folder / training.CHECKPOINT).unlink(missing_ok=True)
     truth = true_images(schedule.resolution)
     before, new = (
         predictions(Learned(configuration="as_printed").load(each)) for each in (AS_PRINTED, folder)
@@ -304,21 +327,46 @@ def go_on(results: Path, targets: str) -> None:
     )
 
 
-def express_depths_in(head: torch.nn.Conv2d, scale: DepthScale) -> None:
-    """Make a network predict the same depths in the units of stretched targets.
+@torch.no_grad()
+def fit_depth_head(
+    network: PaperNetwork, pairs: PairsInMemory, schedule: training.Schedule
+) -> None:
+    """Fit the depth of the last layer of a network to targets by least squares, in place.
+
+    The background of targets is 0, whether or not the depths of bodies are stretched. So no linear
+    map of the predicted depths fits stretched targets: it would move the background, too, and a
+    training would spend its steps on the way back.
 
     Parameters
     ----------
-    head
-        Last layer of the network, changed in place; its first channel is the depth.
-    scale
-        Map of the depths of the targets.
+    network
+        The network, of which only the weights and the bias of the depth change.
+    pairs
+        Images and targets.
+    schedule
+        Its precision is that in which the network computes.
     """
+    head = network.reconstruction.head
+    inputs: list[Tensor] = []
+    watching = head.register_forward_pre_hook(lambda _, given: inputs.append(given[0]))
+    # The normal equations: products of the features, and of the features and the depth.
+    n_unknowns = head.in_channels + 1
+    products = torch.zeros(n_unknowns, n_unknowns, dtype=torch.float64)
+    right_side = torch.zeros(n_unknowns, 1, dtype=torch.float64)
+    for row in range(len(pairs)):
+        image, target = pairs[torch.tensor([row])]
+        training._predicted(network, image, schedule)
+        features = inputs.pop().double()
+        columns = torch.cat([features, torch.ones_like(features[:, :1])], dim=1)[0].flatten(1)
+        products += columns @ columns.T
+        right_side += columns @ target[0, 0].double().reshape(-1, 1)
+    watching.remove()
+    # Some features may be 0 everywhere: of all solutions, that of the least norm.
+    solution = torch.linalg.lstsq(products, right_side, driver="gelsd").solution[:, 0]
     bias = head.bias
     assert bias is not None
-    with torch.no_grad():
-        head.weight[0] *= scale.factor
-        bias[0] = 0.5 + scale.factor * (bias[0] - scale.mean)
+    head.weight[0] = solution[:-1].reshape(head.weight[0].shape)
+    bias[0] = solution[-1]
 
 
 def true_images(resolution: int) -> list[Tensor]:

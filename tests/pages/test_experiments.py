@@ -13,11 +13,13 @@ import pandas as pd
 import pytest
 import torch
 
-from benchmark.api.learning import CARD
+from benchmark.api.learning import CARD, read_card
 from benchmark.errors import ConfigurationError
 from learned import fitting
 from learned.images import DepthScale
-from learned.training import Schedule, resolved
+from learned.pairs import gather
+from learned.paper_network import PaperNetwork
+from learned.training import CHECKPOINT, Schedule, losses, resolved
 from tests.learned.toy import BUILDS, quiet, toy_data, toy_pairs
 
 FOLDER = Path(__file__).parents[2] / "results" / "experiments"
@@ -331,20 +333,29 @@ def test_a_finished_model_of_other_pairs_is_no_model_of_the_experiment(
         depth_range.go_on(tmp_path, depth_range.PLAIN)
 
 
-def test_a_network_predicts_the_same_depths_in_the_units_of_stretched_targets(depth_range):
-    torch.manual_seed(0)
-    head = torch.nn.Conv2d(3, 2, 1)
-    features = torch.rand(1, 3, 4, 4)
-    scale = DepthScale(mean=0.47, factor=7.5)
-    with torch.no_grad():
-        (before,) = head(features)
-        depth_range.express_depths_in(head, scale)
-        (after,) = head(features)
-    assert not torch.allclose(before[0], after[0])
-    torch.testing.assert_close(scale.undo(after), before, rtol=0, atol=1e-6)
+@pytest.mark.parametrize("is_stretched", [False, True])
+def test_the_depth_of_the_last_layer_is_fitted_by_least_squares(is_stretched, depth_range):
+    pairs = gather(toy_pairs(BUILDS), 10, 32)
+    if is_stretched:
+        pairs = pairs.stretched()
+    schedule = Schedule(resolution=32, precision="float32", stretch_depth=is_stretched)
+    network = PaperNetwork(width=4)
+    images, targets = pairs[torch.arange(len(pairs))]
+    before = network(images).detach()
+    depth_range.fit_depth_head(network, pairs, schedule)
+    after = network(images)
+    torch.testing.assert_close(after[:, 1], before[:, 1], rtol=0, atol=1e-6)
+    depth_loss, _ = losses(after, targets)
+    (of_weights,) = torch.autograd.grad(depth_loss, network.reconstruction.head.weight)
+    assert of_weights.abs().max() < 1e-5  # no other weights fit better
+    assert depth_loss < targets[:, 0].var() < losses(before, targets)[0]
+    head = network.reconstruction.head
+    assert not head._forward_pre_hooks
 
 
-def test_the_network_as_printed_goes_on_from_the_same_function(depth_range, monkeypatch, tmp_path):
+def test_the_network_as_printed_goes_on_from_a_start_that_fits_either_targets(
+    depth_range, monkeypatch, tmp_path
+):
     """With few pixels, pairs and bodies: both trainings, their scores, and what is not repeated."""
     small = {"resolution": 32, "batch": 2, "precision": "float32"}
     printed = tmp_path / "printed"
@@ -354,7 +365,7 @@ def test_the_network_as_printed_goes_on_from_the_same_function(depth_range, monk
     monkeypatch.setattr(depth_range, "FURTHER", 2)
     monkeypatch.setattr(depth_range, "data_of_training", lambda *_: toy_data())
     monkeypatch.setattr(
-        depth_range.training, "Schedule", lambda **given: Schedule(**small, **given)
+        depth_range.training, "Schedule", lambda **given: Schedule(**{**small, **given})
     )
     images = [pair.image for pair in toy_pairs(BUILDS)]
     bodies = [pair.subject for pair in toy_pairs(BUILDS)]
@@ -366,16 +377,18 @@ def test_the_network_as_printed_goes_on_from_the_same_function(depth_range, monk
     fit = depth_range.training.fit
 
     def watched(network, pairs, *given, **named):
-        (start,) = network(pairs.images[:1]).detach()
-        begun[pairs.scale] = pairs.scale.undo(start)
+        images, targets = pairs[torch.arange(len(pairs))]
+        start = network(images).detach()
+        begun[pairs.scale] = float(losses(start, targets)[0] / targets[:, 0].var()), start[:, 1]
         return fit(network, pairs, *given, **named)
 
     monkeypatch.setattr(depth_range.training, "fit", watched)
     for targets in (depth_range.PLAIN, depth_range.NEW, depth_range.NEW):
         depth_range.go_on(tmp_path / "results", targets)
-    (plain, of_plain), (stretched, of_stretched) = begun.items()
+    (plain, (loss, mask)), (stretched, (loss_of_stretched, mask_of_stretched)) = begun.items()
     assert plain == DepthScale() and stretched.factor > 1
-    torch.testing.assert_close(of_plain, of_stretched, rtol=0, atol=1e-5)
+    assert max(loss, loss_of_stretched) < 1  # a constant depth would be worse
+    torch.testing.assert_close(mask, mask_of_stretched, rtol=0, atol=0)
     scores = pd.read_csv(depth_range.SCORES)
     assert len(scores) == 2 * 6 * len(BUILDS)
     assert scores["setting"].nunique() == 2 * 6
@@ -384,6 +397,25 @@ def test_the_network_as_printed_goes_on_from_the_same_function(depth_range, monk
         card = json.loads((folder / CARD).read_text())
         assert card["depth_scale"] == {"mean": scale.mean, "factor": scale.factor}
         assert (card["schedule"]["early_epochs"], card["schedule"]["epochs"]) == (0, 2)
+        assert card["schedule"]["stretch_depth"] == (targets == depth_range.NEW)
+        assert card["starts_from"].startswith(read_card(printed).digest)
+        assert not (folder / CHECKPOINT).exists()
+
+
+def test_a_view_whose_prediction_is_empty_scores_nothing(depth_range, monkeypatch):
+    bodies = ["a", "a", "b", "b"]
+    monkeypatch.setattr(depth_range, "judges", lambda: (bodies, [], []))
+    random = np.random.default_rng(0)
+    predictions = []
+    for _ in bodies:
+        depth = 0.5 + 0.1 * torch.from_numpy(random.random((32, 32)))
+        mask = torch.zeros_like(depth)
+        mask[8:24, 8:24] = 1
+        predictions.append(torch.stack([depth, mask]))
+    predictions[1][1] = 0
+    found = depth_range.ranked(predictions)
+    assert found["NN"][1] == found["DCG"][1] == 0
+    assert found["NN"][0] == 0 < found["DCG"][0]  # the only other view of its body ranks last
 
 
 def test_frames_are_judged_by_their_command_as_their_page_says():
