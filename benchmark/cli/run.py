@@ -260,9 +260,7 @@ def _print_tables(planned: Plan, records: Sequence[Record], selection: Selection
     selection
         What was selected.
     """
-    tables = tables_of_run(
-        planned, records, quick=selection.quick, scorer=selection.scorer, seed=selection.seed
-    )
+    tables = tables_of_run(planned, records)
     say()
     print_markdown(tables.markdown())
     if any("|" in name for name in selection.methods):
@@ -298,9 +296,7 @@ def _report_of(selection: Selection, planned: Plan) -> str:
             words += [option, str(name)]
     if selection.quick:
         words.append("--quick")
-    words += further_options(
-        selection.results, selection.scorer, selection.seed, selection.data_root
-    )
+    words += further_options(selection.results, planned.scorer, selection.seed, selection.data_root)
     return shlex.join(words)
 
 

@@ -108,6 +108,12 @@ class Plan:
         }
 
     @property
+    def scorer(self) -> str:
+        """Name of the scorer of the jobs in its normal form; the default one if none needs any."""
+        scorers = [job.record.scorer for job in self.jobs if job.record.scorer]
+        return scorers[0] if scorers else DEFAULT_SCORER
+
+    @property
     def missed(self) -> list[Planned]:
         """The jobs without a result that do not run, but those that cannot and were not named."""
         left = [job for job in self.jobs if not job.is_pending and job.state != "finished"]

@@ -182,9 +182,7 @@ def records_after(plan: Plan, ended: Iterable[Record]) -> list[Record]:
     return with_results(plan.records, plan.jobs, {record.key: record for record in ended})
 
 
-def tables_of_run(
-    plan: Plan, records: Sequence[Record], *, quick: bool = False, scorer: str, seed: int = 0
-) -> Tables:
+def tables_of_run(plan: Plan, records: Sequence[Record]) -> Tables:
     """Return the tables that a run has filled, with all rows that earlier runs put into them.
 
     If methods were named, only their rows are printed.
@@ -195,10 +193,6 @@ def tables_of_run(
         The plan of the run.
     records
         All records after the run; see :func:`records_after`.
-    quick
-        Whether the run left out most poses.
-    scorer, seed
-        Scorer and base seed of the run.
     """
     # All records are labelled at once, so that two folders of one name get different labels.
     labelled = label_data_sets([*records, *(job.record for job in plan.jobs)])
@@ -208,7 +202,10 @@ def tables_of_run(
 
     # Take all records of the same galleries, also from earlier runs.
     galleries = {(record.gallery, record.input) for record in of_run}
-    chosen = chosen_records(all_records, quick=quick, scorer=scorer, seed=seed)
+    first = of_run[0]
+    chosen = chosen_records(
+        all_records, quick=first.data.quick, scorer=plan.scorer, seed=first.seed
+    )
     chosen = [record for record in chosen if (record.gallery, record.input) in galleries]
     methods = [record.method for record in of_run] if plan.is_narrow else ()
     views = table_views(chosen, identifiers, methods, datasets)

@@ -24,7 +24,7 @@ from benchmark.pipeline.record_files import write_record
 from benchmark.protocols.tables import own_table
 from benchmark.report.tables import table_views
 from tests.report.records import failed, record
-from tests.toy import rod, write_rods
+from tests.toy import SMALL_SCORER, rod, write_rods
 from tests.verbs import call, refusal
 
 #: Runs start no processes: each would import torch anew.
@@ -290,6 +290,16 @@ def test_a_quick_run_of_few_poses_prints_the_table_that_tables_prints(folders):
     assert table in said
 
 
+def test_a_run_prints_its_table_however_its_scorer_is_written(folders):
+    written = "cm-bof[subdivisions=0,image_size=64]"
+    words = ("-d", folders / "good", "--results", folders / "results")
+    said = call("run", *words, "-m", "identity", "--input", "mesh", "--scorer", written, "-j", 0)
+    assert "Retrieval on good" in said
+    proposed = said.partition("python -m benchmark ")[2]
+    assert SMALL_SCORER in proposed
+    assert call("tables", *words, "--scorer", SMALL_SCORER) in said
+
+
 def test_a_named_method_without_a_job_is_named_beside_the_table():
     said = call("tables", "-t", "III", "-m", "gps", "-m", "gsp", "-m", "identity", "--published")
     assert "no finished job of gsp: run it, or see 'list methods' for its name" in said
@@ -301,7 +311,7 @@ def test_a_run_of_a_set_by_its_short_name_prints_the_tables_of_that_set(tmp_path
     done = record("gps", 0.6, dataset="people[draw=0]", stand_in_for="shrec14-synthetic")
     job = SimpleNamespace(record=done, galleries=[SimpleNamespace(table=own_table("people"))])
     planned = Plan(tmp_path, (job,), (done,))
-    tables = tables_of_run(planned, [done], scorer="cm-bof")
+    tables = tables_of_run(planned, [done])
     assert [view.table.identifier for view in tables.views] == ["I"]
     assert "|GPS|" in tables.markdown()
 
@@ -400,7 +410,7 @@ def test_a_run_proposes_a_report_of_all_draws_that_it_ran_and_none_of_robustness
         tables = table_views(rows, ["I"]) if chosen else []
         shown = Tables(tuple(tables), tuple(rows))
         monkeypatch.setattr("benchmark.cli.run.tables_of_run", lambda *_, t=shown, **__: t)
-        planned = SimpleNamespace(jobs=[SimpleNamespace(record=row) for row in rows])
+        planned = Plan(tmp_path, tuple(SimpleNamespace(record=row) for row in rows), ())
         _print_tables(planned, rows, Selection(data=list(chosen), results=tmp_path))
         said = capsys.readouterr().err
         assert proposed in said
