@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from pandas import DataFrame
 
+from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Record
 from benchmark.report.columns import scores_frame
 from benchmark.report.formats import as_json, latex, markdown, robustness_markdown
-from benchmark.report.output import TABLE_FORMATS, table_files, write_files
+from benchmark.report.output import TABLE_FORMATS, scores_of_tables, table_files, write_files
 from benchmark.report.record_facts import scored_by
 from benchmark.report.table_view import TableView
+from benchmark.text import listed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -30,8 +32,11 @@ class Tables:
         What was left out, and how to see it.
     refused
         Folders of the submissions that have no row.
-    has_robustness, has_verdicts
-        Whether the table of robustness, and what the paper's claims come to, belong to them.
+    has_robustness
+        Whether the table of robustness belongs to them.
+    is_whole
+        Whether no table and no method was left out. What the paper's claims come to, and scores
+        that no table prints, then belong to them.
     """
 
     views: tuple[TableView, ...]
@@ -39,7 +44,7 @@ class Tables:
     notes: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
     has_robustness: bool = False
-    has_verdicts: bool = False
+    is_whole: bool = False
 
     def __repr__(self) -> str:
         """Return the names of the tables."""
@@ -54,12 +59,15 @@ class Tables:
 
     def latex(self) -> str:
         r"""Return them for ``\input``; see :func:`benchmark.report.formats.latex`."""
+        _check_is_something(self.views, ["latex"])
         return "\n".join(map(latex, self.views))
 
     @property
     def scores(self) -> DataFrame:
         """Their scores, one value a line, as in ``scores.csv``."""
-        return scores_frame(self.records)
+        if self.is_whole:
+            return scores_frame(self.records)
+        return scores_of_tables(self.views, self.records, robustness=self.has_robustness)
 
     @property
     def rows(self) -> DataFrame:
@@ -68,9 +76,8 @@ class Tables:
 
     def texts(self, format: str) -> list[str]:
         """Return the contents of the files of a format."""
-        files = table_files(
-            self.views, self.records, [format], verdicts=False, robustness=self.has_robustness
-        )
+        files = self._files([format], verdicts=False)
+        _check_is_something(files, [format])
         return list(files.values())
 
     def write(
@@ -90,20 +97,37 @@ class Tables:
         Raises
         ------
         ConfigurationError
-            If a file would be replaced that was edited or that no command has written.
+            If a file would be replaced that was edited or that no command has written, or there is
+            no table in these formats.
         """
-        files = table_files(
+        files = self._files(formats, verdicts=self.is_whole)
+        _check_is_something(files, formats)
+        # A list of the files and their digests, by which later writes find edited ones.
+        list_of_files = f"written{scored_by(self.records).suffix}.json"
+        write_files(Path(folder), files, force=force, listed=list_of_files)
+        return list(files)
+
+    def _files(self, formats: Sequence[str], *, verdicts: bool) -> dict[str, str]:
+        """Return the files of some formats, as texts by name."""
+        return table_files(
             self.views,
             self.records,
             formats,
-            verdicts=self.has_verdicts,
+            verdicts=verdicts,
             robustness=self.has_robustness,
+            is_whole=self.is_whole,
         )
-        # A list of the files and their digests, by which later writes find edited ones.
-        listed = f"written{scored_by(self.records).suffix}.json"
-        write_files(Path(folder), files, force=force, listed=listed)
-        return list(files)
 
     def _repr_markdown_(self) -> str:
         """Show them as Markdown."""
         return self.markdown()
+
+
+def _check_is_something(found: Collection[object], formats: Sequence[str]) -> None:
+    """Raise ``ConfigurationError`` if there is nothing in some formats.
+
+    The table of robustness is in Markdown, and its scores are in CSV.
+    """
+    if not found:
+        problem = f"the table of robustness is not in {listed(formats)}"
+        raise ConfigurationError(problem, "take markdown, or csv for its scores")

@@ -80,5 +80,5 @@ def tables(
         (*notes, *notes_on_submissions),
         refused,
         has_robustness=selection.is_whole or "robustness" in selection.tables,
-        has_verdicts=selection.is_whole,
+        is_whole=selection.is_whole,
     )

@@ -571,42 +571,43 @@ def robustness_markdown(records: Iterable[Record]) -> str:
     It has a line for each kind of damage, such as noise or holes, and its strength, and a column
     for each of some methods. "" if there is no result for damaged shapes.
     """
-    known = [record for record in records if _is_of_robustness(record)]
+    known = records_of_robustness(records)
     by_change = _methods_by_change(known)
-    # Data sets that were never changed are left out.
-    changed_sets = [change.base for change in sorted(by_change) if change.kind]
-    changes = [change for change in sorted(by_change) if change.base in changed_sets]
-    if not changes:
+    if not by_change:
         return ""
 
+    changes = sorted(by_change)
     # Kind and strength of the change, then one column for each method that ran.
     columns = [
         Column[DataChange]("change", lambda change: change.kind or "unchanged", "Change"),
         Column[DataChange]("strength", lambda change: change.strength, "strength"),
     ]
     titles = {record.method: TITLES.get(record.method, record.title) for record in known}
-    methods = set(chain.from_iterable(by_change[change] for change in changes))
+    methods = set(chain.from_iterable(by_change.values()))
     columns += [
         _robustness_of(method, titles[method], by_change) for method in ROBUST if method in methods
     ]
     head = [column.title for column in columns]
     table = markdown_table(head, [cells(columns, change) for change in changes])
 
-    return "\n".join([_robustness_caption(known, changed_sets), "", *table]) + "\n"
+    return "\n".join([_robustness_caption(known), "", *table]) + "\n"
 
 
-def _robustness_caption(records: Iterable[Record], datasets: Iterable[str]) -> str:
-    """Return the caption of the table of robustness.
+def records_of_robustness(records: Iterable[Record]) -> list[Record]:
+    """Return the records that the table of robustness shows: of changed sets and unchanged ones."""
+    known = [record for record in records if _is_of_robustness(record)]
+    changes = filter(None, (change_of(record.data.name) for record in known))
+    changed_sets = {change.base for change in changes}
+    return [record for record in known if _change_of_data(record).base in changed_sets]
 
-    Parameters
-    ----------
-    records
-        The records that it shows.
-    datasets
-        Names of the data sets that were changed; a record of one gives its title.
+
+def _robustness_caption(records: Sequence[Record]) -> str:
+    """Return the caption of the table of robustness, which shows these records.
+
+    It names the data sets that were changed; a record of one unchanged gives its title.
     """
-    records = list(records)
-    titles = {name: name for name in datasets}
+    changes = sorted(map(_change_of_data, records))
+    titles = {change.base: change.base for change in changes if change.kind}
     for record in records:
         if record.data.name in titles:
             titles[record.data.name] = data_title(record)
@@ -619,13 +620,17 @@ def _robustness_caption(records: Iterable[Record], datasets: Iterable[str]) -> s
 
 
 def _methods_by_change(records: Iterable[Record]) -> dict[DataChange, dict[str, Record]]:
-    """Return the record of each method, by the change of its data; unchanged data have kind ""."""
+    """Return the record of each method, by the change of its data."""
     by_change = defaultdict[DataChange, dict[str, Record]](dict)
     for record in records:
-        name = record.data.name
-        change = change_of(name) or DataChange(name, "", "0")
-        by_change[change][record.method] = record
+        by_change[_change_of_data(record)][record.method] = record
     return by_change
+
+
+def _change_of_data(record: Record) -> DataChange:
+    """Return how the data of a record were changed; the kind of unchanged data is ""."""
+    name = record.data.name
+    return change_of(name) or DataChange(name, "", "0")
 
 
 def _is_of_robustness(record: Record) -> bool:

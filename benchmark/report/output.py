@@ -4,16 +4,25 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
+from pandas import DataFrame, Series
 
 from benchmark.errors import ConfigurationError, UnreadableMesh
 from benchmark.files import file_digest, read_file, write_together
 from benchmark.pipeline.records import Record
+from benchmark.registry.names import base_name
 from benchmark.report.columns import scores_frame
-from benchmark.report.formats import as_json, bibtex_of_tables, latex, markdown, robustness_markdown
+from benchmark.report.formats import (
+    as_json,
+    bibtex_of_tables,
+    latex,
+    markdown,
+    records_of_robustness,
+    robustness_markdown,
+)
 from benchmark.report.record_facts import scored_by
 from benchmark.report.table_view import TableView
 from benchmark.report.verdicts import verdicts_markdown
@@ -32,6 +41,7 @@ def table_files(
     *,
     verdicts: bool = True,
     robustness: bool = True,
+    is_whole: bool = True,
 ) -> dict[str, str]:
     """Return tables in several formats, as texts by the name of their file.
 
@@ -50,10 +60,12 @@ def table_files(
         Whether to add a Markdown file on the claims of the paper, and whether they hold.
     robustness
         Whether to add the Markdown table of robustness.
+    is_whole
+        Whether CSV has all scores of the records, and not those of the rows of these tables alone.
     """
     files: dict[str, str] = {}
     suffix = scored_by(records).suffix
-    if "latex" in formats:
+    if "latex" in formats and views:
         for view in views:
             files[f"{view.stem}.tex"] = latex(view)
         files[f"references{suffix}.bib"] = bibtex_of_tables(views)
@@ -66,10 +78,59 @@ def table_files(
             files[f"robustness{suffix}.md"] = robustness_markdown(records)
     if "csv" in formats:
         scores = scores_frame(records)
+        if not is_whole:
+            scores = scores_of_tables(views, records, robustness=robustness)
         files[f"scores{suffix}.csv"] = scores.to_csv(index=False, float_format="%.6f")
-    if "json" in formats:
+    if "json" in formats and views:
         files[f"tables{suffix}.json"] = json.dumps(as_json(views), indent=1) + "\n"
     return {name: text for name, text in files.items() if text}  # without empty files
+
+
+def scores_of_tables(
+    views: Sequence[TableView], records: Sequence[Record], *, robustness: bool
+) -> DataFrame:
+    """Return the scores of the rows that tables print, one value a line.
+
+    Parameters
+    ----------
+    views
+        The tables.
+    records
+        Records that they come from, and others.
+    robustness
+        Whether the table of robustness is one of them.
+
+    Returns
+    -------
+    pandas.DataFrame
+        As :func:`benchmark.report.columns.scores_frame`.
+    """
+    scores = scores_frame(records)
+    is_printed = Series(data=False, index=scores.index)
+    for view in views:
+        is_printed |= _are_of_table(scores, view)
+    if robustness:
+        is_printed |= _are_of_robustness(scores, records)
+    return scores[is_printed]
+
+
+def _are_of_table(scores: DataFrame, view: TableView) -> Series:
+    """Return which lines of scores belong to a table, and to a row that it prints."""
+    is_stand_in = view.dataset in view.table.stand_ins
+    datasets = view.table.stand_ins if is_stand_in else (view.dataset,)  # all draws of one
+    are_of_table = (scores.table == view.table.identifier) & scores.dataset.isin(datasets)
+    if not view.methods:
+        return are_of_table
+    base_names = scores.method.map(base_name)
+    return are_of_table & (scores.method.isin(view.methods) | base_names.isin(view.methods))
+
+
+def _are_of_robustness(scores: DataFrame, records: Iterable[Record]) -> Series:
+    """Return which lines of scores belong to the table of robustness."""
+    shown = {(record.data.name, record.method) for record in records_of_robustness(records)}
+    places = zip(scores.dataset, scores.method, strict=True)
+    are_shown = Series([place in shown for place in places], scores.index, dtype=bool)
+    return are_shown & (scores.input == "mesh") & (scores.fold == "")
 
 
 def write_files(

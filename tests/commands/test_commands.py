@@ -1,5 +1,6 @@
 """What the verbs print, Python gets as data, with the same refusals."""
 
+import csv
 import json
 import re
 from pathlib import Path
@@ -21,7 +22,7 @@ from benchmark.commands.report import write_pages
 from benchmark.commands.run import tables_of_run
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.record_files import write_record
-from benchmark.protocols.tables import own_table
+from benchmark.protocols.tables import ROBUST, own_table
 from benchmark.report.tables import table_views
 from tests.report.records import failed, record
 from tests.toy import SMALL_SCORER, rod, write_rods
@@ -338,6 +339,35 @@ def test_what_is_forgotten_counts_records_and_no_other_json():
     names = ["records/a.json", "records/a.npz", "code.json", "forms/b.npz", "forms/c.npz"]
     files = tuple(Path("results/runs") / name for name in names)
     assert str(Forgotten((), files, 2_500_000)) == "1 record, 2 forms, 2.5 MB"
+
+
+def test_scores_as_csv_are_those_of_the_tables_and_methods_that_are_named():
+    def scored(*words):
+        said = call("tables", "--published", "--format", "csv", *words)
+        lines = csv.DictReader(said[said.index("table,dataset") :].splitlines())
+        return {(line["table"], line["dataset"], line["method"]) for line in lines}
+
+    assert scored("-t", "II", "-m", "gps") == {
+        ("II", "humans-scanlike", "gps"),
+        ("II-view", "humans-scanlike", "gps"),
+    }
+    of_robustness = scored("-t", "robustness")
+    assert {method for _, _, method in of_robustness} == {*ROBUST}
+    assert all(dataset.startswith("animals-few") for _, dataset, _ in of_robustness)
+    found = benchmark.tables("II", methods="gps", published=True).scores
+    assert {*found.method} == {"gps"}
+    assert {*found.table} == {"II", "II-view"}
+
+
+def test_formats_in_which_there_is_no_table_of_robustness_are_refused(tmp_path):
+    words = ("tables", "-t", "robustness", "--published", "--format")
+    for format in ("latex", "json"):
+        for more in ((), ("-o", tmp_path / "out")):
+            refused = refusal(*words, format, *more)
+            assert refused.startswith(f"the table of robustness is not in {format}")
+    assert not (tmp_path / "out").exists()
+    files = benchmark.tables("robustness", published=True).write(tmp_path / "every")
+    assert sorted(files) == ["robustness.md", "scores.csv"]
 
 
 def test_robustness_has_no_pages(tmp_path):
