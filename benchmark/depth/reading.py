@@ -442,10 +442,11 @@ def _stated_maximum(image: ImageFile.ImageFile) -> int:
     return int(arguments[-1]) if decoder in _STRETCHING else 65535
 
 
-def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
-    """Raise ``ValueError`` unless a PGM or PFM ends with its pixels.
+def _check_grey_map(image: ImageFile.ImageFile, content: bytes) -> None:
+    """Check what Pillow does not: that a PGM or PFM holds the pixels that its header announces.
 
-    Pillow reads the pixels that the header announces and ignores what follows them.
+    Pillow ignores what follows the pixels, takes the first byte behind a header as its end, and
+    cuts values off at the stated maximum.
 
     Parameters
     ----------
@@ -453,22 +454,77 @@ def _check_end(image: ImageFile.ImageFile, content: bytes) -> None:
         The image that Pillow opened.
     content
         Bytes of its file.
+
+    Raises
+    ------
+    ValueError
+        If other numbers follow its header, or larger ones than the maximum.
     """
-    body = content[image.tile[0].offset :]
     kind = content[:2]
-    n_numbers: float = 0  # numbers after the header
-    if kind == b"P2":  # a PGM in text
+    if kind == b"P2":  # a PGM in text, of which Pillow itself refuses larger numbers
+        body = content[image.tile[0].offset :]
         if body[-1:].isdigit():
             raise ValueError("its last line has no line break, so it may be cut off")
         without_comments = re.sub(rb"#[^\n]*", b"", body)
-        n_numbers = len(without_comments.split())
+        _check_end(len(without_comments.split()), image)
     elif kind == b"P5":  # a binary PGM of 8 or 16 bits
-        n_numbers = len(body) / (1 if image.mode == "L" else 2)
+        n_bytes = 1 if image.mode == "L" else 2
+        _check_binary(image, content, n_bytes)
+        _check_maximum(image, content, n_bytes)
     elif kind == b"Pf":  # a PFM of 32 bits
-        n_numbers = len(body) / 4
-    width, height = image.size
-    if n_numbers > width * height + 1:
+        _check_binary(image, content, 4)
+
+
+def _check_end(n_numbers: float, image: ImageFile.ImageFile) -> None:
+    """Raise ``ValueError`` if more follows the pixels of an image than the end of a line."""
+    if n_numbers > image.width * image.height + 1:
         raise ValueError("numbers follow the pixels that its header announces")
+
+
+def _check_binary(image: ImageFile.ImageFile, content: bytes, n_bytes: int) -> None:
+    """Raise ``ValueError`` if an image does not begin or end where Pillow assumes.
+
+    A line break of Windows has two bytes, of which Pillow would take the second for a part of the
+    first pixel.
+
+    Parameters
+    ----------
+    image
+        The image that Pillow opened.
+    content
+        Bytes of its file.
+    n_bytes
+        Bytes of a pixel.
+    """
+    start = image.tile[0].offset
+    n_following = len(content) - start
+    _check_end(n_following / n_bytes, image)
+    is_too_long = n_following > image.width * image.height * n_bytes
+    if is_too_long and content[start - 1 : start + 1] == b"\r\n":
+        raise ValueError("its header ends with a line break of two bytes")
+
+
+def _check_maximum(image: ImageFile.ImageFile, content: bytes, n_bytes: int) -> None:
+    """Raise ``ValueError`` if a pixel of a binary PGM is larger than its header allows.
+
+    Parameters
+    ----------
+    image
+        The image that Pillow opened.
+    content
+        Bytes of its file.
+    n_bytes
+        Bytes of a pixel.
+    """
+    start = image.tile[0].offset
+    size = image.width * image.height * n_bytes
+    pixels = content[start : start + size]
+    if len(pixels) < size:  # Pillow says that it is truncated
+        return
+    largest = int(np.frombuffer(pixels, f">u{n_bytes}").max(initial=0))
+    stated = _stated_maximum(image)
+    if largest > stated:
+        raise ValueError(f"a pixel is {largest}, more than the maximum {stated} of its header")
 
 
 def _opened(content: bytes) -> ImageFile.ImageFile:
@@ -497,7 +553,7 @@ def _opened(content: bytes) -> ImageFile.ImageFile:
     with Image.open(io.BytesIO(content)) as image:
         image.verify()
         if image.format == "PPM":
-            _check_end(image, content)
+            _check_grey_map(image, content)
         if image.format == "PNG" and _END_OF_PNG not in content:
             raise DepthError("the file is truncated", "export the image again")
     image = Image.open(io.BytesIO(content))  # again, as Pillow cannot read what it verified

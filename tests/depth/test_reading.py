@@ -70,6 +70,41 @@ def test_depths_of_a_portable_grey_map_are_its_own_whatever_its_header_says(
     np.testing.assert_array_equal(read_values(path), MILLIMETRES)
 
 
+@pytest.mark.parametrize(
+    ("header", "tail", "said"),
+    [
+        (b"P5\n160 120\n%d\n" % (MILLIMETRES.max() - 1), b"", "more than the maximum"),
+        (b"P5\r\n160 120\r\n65535\r\n", b"", "header ends with a line break of two bytes"),
+        (b"P5\n160 120\n65535\n", b"1234", "numbers follow the pixels"),
+    ],
+    ids=["maximum", "windows", "tail"],
+)
+def test_a_grey_map_that_its_header_contradicts_is_refused(
+    tmp_path: Path, header: bytes, tail: bytes, said: str
+) -> None:
+    path = tmp_path / "image.pgm"
+    path.write_bytes(header + MILLIMETRES.astype(">u2").tobytes() + tail)
+    with pytest.raises(DepthError, match=said):
+        read_values(path)
+
+
+def test_labels_above_the_maximum_of_a_mask_are_not_taken_for_one_object(tmp_path: Path) -> None:
+    path = tmp_path / "mask.pgm"
+    labels = np.zeros((120, 160), dtype=np.uint8)
+    labels[20:40, 20:40] = 1
+    labels[60:80, 60:80] = 2
+    path.write_bytes(b"P5\n160 120\n1\n" + labels.tobytes())
+    with pytest.raises(DepthError, match="a pixel is 2, more than the maximum 1"):
+        read_mask(path)
+
+
+def test_a_float_map_with_line_breaks_of_windows_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "image.pfm"
+    path.write_bytes(b"Pf\r\n160 120\r\n-1.0\r\n" + MILLIMETRES.astype("<f4").tobytes())
+    with pytest.raises(DepthError, match="line break of two bytes"):
+        read_values(path)
+
+
 @pytest.mark.parametrize("dtype", [np.uint16, np.int16, np.int32, np.uint32])
 def test_no_positive_number_and_the_largest_of_a_type_are_no_reading(dtype: type) -> None:
     values = np.tile(np.arange(50, 90), (30, 1)).astype(dtype)
