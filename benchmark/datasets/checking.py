@@ -21,7 +21,13 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.anomalies import Anomaly, by_kind
 from benchmark.datasets.base import Watched, check_retrievable
 from benchmark.datasets.catalogue import CATALOGUE, check_ranked, open_dataset
-from benchmark.datasets.folder import all_mesh_files, is_hidden, skipped_files, sub_folders
+from benchmark.datasets.folder import (
+    all_mesh_files,
+    is_hidden,
+    pictures,
+    skipped_files,
+    sub_folders,
+)
 from benchmark.datasets.mesh_files import (
     POINTS,
     faces_without_corners,
@@ -29,8 +35,9 @@ from benchmark.datasets.mesh_files import (
     mesh_file_set,
     mesh_stem,
 )
-from benchmark.datasets.official import SETS
+from benchmark.datasets.official import SETS, folders_of_set
 from benchmark.datasets.settings import SETTINGS_FILE
+from benchmark.depth.reading import MASK_FOLDERS, is_depth_file, is_grey_picture
 from benchmark.errors import (
     BenchmarkError,
     DatasetError,
@@ -100,6 +107,13 @@ _CHANGES: dict[str, tuple[tuple[str, ...], str]] = {
         "preparation adds them where pieces are closest",
     ),
 }
+
+#: What is said of a mesh or depth image in the folder of a data set that is no shape, and what to
+#: do.
+_NO_SHAPE = (
+    "none of the shapes of this data set",
+    "remove it, or move it to the shapes, and list it if these are listed",
+)
 
 #: Lines of a report on the meshes, and the count of a shape whose range each gives.
 _COUNTS = {
@@ -387,11 +401,14 @@ def unread_files(dataset: ShapeSet) -> Iterator[Anomaly]:
         for path in skipped_files(folder):
             what, hint = _why_skipped(path, folder)
             yield Anomaly("warning", (_relative(path, folder),), f"skipped: {what}", hint)
-    # Meshes that are no shapes of the set.
+    # Meshes and depth images that are no shapes of the set, also in folders that are not read.
     used = {entry.path for entry in dataset.shapes}
     folders_of_shapes = [path.parent for path in used if path]
-    for place in dict.fromkeys([folder, *folders_of_shapes, *sub_folders(folder)]):
+    for place in dict.fromkeys([*folders_of_set(folder), *folders_of_shapes]):
         yield from _surplus_meshes(place, folder, used)
+        are_depth_images = dataset.observe is not None
+        if are_depth_images and place.name.lower() not in MASK_FOLDERS:
+            yield from _surplus_images(place, folder, used)
 
 
 def _why_skipped(path: Path, folder: Path) -> tuple[str, str]:
@@ -425,8 +442,30 @@ def _surplus_meshes(place: Path, folder: Path, used: Container[Path | None]) -> 
             hint = "keep one of the two; this one is not read"
             yield Anomaly("warning", (f"{name} ({first.name})",), what, hint)
         elif path not in used:
-            what = "none of the shapes of this data set"
-            yield Anomaly("warning", (name,), what, "remove it, or list it if it belongs here")
+            yield Anomaly("warning", (name,), *_NO_SHAPE)
+
+
+def _surplus_images(place: Path, folder: Path, used: Container[Path | None]) -> Iterator[Anomaly]:
+    """Yield a warning for each image in a folder that may be meant as a shape, but is none.
+
+    Parameters
+    ----------
+    place
+        The folder to search: that of the data set, or one below it.
+    folder
+        Folder of the data set, relative to which files are named.
+    used
+        Images of the shapes of the data set.
+    """
+    for path in pictures(place):
+        if path in used:
+            continue
+        name = _relative(path, folder)
+        if is_depth_file(path):
+            yield Anomaly("warning", (name,), *_NO_SHAPE)
+        elif is_grey_picture(path):
+            what = "skipped: grey of 8 bits, no depth"
+            yield Anomaly("warning", (name,), what, "export it with 16 bits if it shows depths")
 
 
 def unreadable_files(dataset: ShapeSet) -> Iterator[Anomaly]:

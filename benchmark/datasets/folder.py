@@ -22,7 +22,7 @@ from benchmark.datasets.mesh_files import (
 )
 from benchmark.datasets.settings import SETTINGS_FILE, with_settings
 from benchmark.depth.intrinsics import CAMERA_FILES
-from benchmark.depth.reading import EXTENSIONS, MASK_FOLDERS, is_depth_file
+from benchmark.depth.reading import ARRAYS, EXTENSIONS, MASK_FOLDERS, is_depth_file
 from benchmark.errors import DatasetError
 from benchmark.files import LARGEST_LIST, decode, named_errors, read_file
 from benchmark.text import listed, printable
@@ -134,6 +134,14 @@ def depth_files(folder: Path) -> list[Path]:
     They have 16 bits or more, floats or arrays; colours and masks are none.
     """
     return _visible_paths(folder, lambda path: not path.is_dir() and is_depth_file(path))
+
+
+def pictures(folder: Path) -> list[Path]:
+    """Return the files of a folder with an extension of depth images, arrays excepted."""
+    extensions = set(EXTENSIONS) - set(ARRAYS)
+    return _visible_paths(
+        folder, lambda path: path.suffix.lower() in extensions and not path.is_dir()
+    )
 
 
 def mesh_files(folder: Path) -> list[Path]:

@@ -23,6 +23,9 @@ Mask = NDArray[np.bool_]
 EXTENSIONS = (".png", ".tif", ".tiff", ".pgm", ".pfm", ".npy", ".npz")
 """Extensions of depth images, in lower case."""
 
+ARRAYS = (".npy", ".npz")
+"""Extensions of those that are no pictures but arrays of NumPy."""
+
 LARGEST_SIDE = 4096
 """Maximum pixels per side. Depth cameras have about a million pixels; larger images could exhaust
 the memory."""
@@ -142,7 +145,7 @@ def read_values(path: Path) -> NDArray[Any]:
             )
         check_names(path)
         content = read_file(path, _LARGEST_FILE)
-        return _array(content) if suffix in (".npy", ".npz") else _pixels(content)
+        return _array(content) if suffix in ARRAYS else _pixels(content)
 
 
 def check_names(path: Path) -> None:
@@ -630,19 +633,39 @@ def is_depth_file(path: Path) -> bool:
 
     Such a file is not named as a mask, and holds floats, or integers of more than 8 bits.
     """
-    suffix = path.suffix.lower()
-    if suffix not in EXTENSIONS or _MASK.search(path.stem):
+    if not _is_named_like_depths(path):
         return False
-    if suffix in (".npy", ".npz"):
-        return True
+    mode = _mode_of(path)
+    return mode in ("", "F") or mode.startswith("I")
+
+
+def is_grey_picture(path: Path) -> bool:
+    """Return whether a file holds 8 bits of one channel, as depths that lost their precision.
+
+    Masks are named as such, and do not count.
+    """
+    return _is_named_like_depths(path) and _mode_of(path) == "L"
+
+
+def _is_named_like_depths(path: Path) -> bool:
+    """Return whether a file has the extension of a depth image, and is not named as a mask."""
+    return path.suffix.lower() in EXTENSIONS and not _MASK.search(path.stem)
+
+
+def _mode_of(path: Path) -> str:
+    """Return the mode of an image as Pillow calls it, such as "L" for grey of 8 bits.
+
+    It is empty for an array, and for a damaged image, whose error is reported when it is read.
+    """
+    if path.suffix.lower() in ARRAYS:
+        return ""
     from PIL import Image
 
     try:
         with open_file(path) as file, Image.open(file) as image:
-            return bool(image.mode == "F" or image.mode.startswith("I"))
-    except Exception:
-        # A damaged image counts as one: the error is reported when it is read.
-        return True
+            return str(image.mode)
+    except Exception:  # Pillow raises errors of any type
+        return ""
 
 
 def read_mask(path: Path) -> Mask:
@@ -661,7 +684,7 @@ def read_mask(path: Path) -> Mask:
     hint = "pass a PNG that is white on the object and black elsewhere"
     with named_errors(path, "mask", DepthError, hint):
         content = read_file(path, _LARGEST_FILE)
-        if path.suffix.lower() in (".npy", ".npz"):
+        if path.suffix.lower() in ARRAYS:
             return _object(_mask_array(content))
         with _opened(content) as image:
             _check_size(*image.size)

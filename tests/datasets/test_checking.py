@@ -133,6 +133,15 @@ def test_meshes_that_are_passed_over_are_named(rods, in_this_process):
     assert f"{rods}: {only(rods)}" in said
 
 
+def test_a_class_whose_meshes_lie_one_folder_too_deep_is_named(tmp_path):
+    names = ("cat/1", "cat/2", "cow/1", "cow/2", "dog/train/1", "dog/train/2")
+    for number, name in enumerate(names, 1):
+        write_off(tmp_path / "set" / f"{name}.off", rod(0.1, number / 10))
+    assert only(tmp_path / "set").startswith(
+        "warning  2 files: dog/train/1.off, dog/train/2.off  none of the shapes of this data set;"
+    )
+
+
 def test_lists_and_settings_that_are_not_read_are_named(rods):
     for name in ("Dataset.toml", "dataset.toml.txt", "class.tsv", "thin9.zip"):
         (rods / name).write_text("unit = 'mm'\n")

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from benchmark.datasets.catalogue import open_dataset
-from benchmark.datasets.checking import check_dataset
+from benchmark.datasets.checking import check_dataset, unread_files
 from benchmark.errors import ConfigurationError, DatasetError, DepthError, UnsupportedShape
 from benchmark.pipeline.forms import shape_of
 from benchmark.pipeline.prepared import PreparedShapes
@@ -63,6 +63,22 @@ def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
         "mask        NAME_mask.png (4)",
     ]
     assert all(re.search(r"[1-4]\.\d+ to [1-4]\.\d+ m$", line) for line in taken[3:])
+
+
+def test_images_that_are_passed_over_are_named(tmp_path):
+    frames = write_frames(tmp_path / "frames", count=2)
+    depths, mask = small_frame(seed=7)
+    (frames / "three" / "day").mkdir(parents=True)
+    (frames / "masks").mkdir()
+    Image.fromarray(in_millimetres(depths)).save(frames / "three" / "day" / "0.png")
+    Image.fromarray((in_millimetres(depths) // 16).astype(np.uint8)).save(frames / "one" / "2.png")
+    Image.fromarray(mask).save(frames / "one" / "2_mask.png")
+    Image.fromarray(mask.astype(np.uint8)).save(frames / "masks" / "9.png")
+    said = [str(anomaly) for anomaly in unread_files(open_dataset(str(frames), None))]
+    assert [line.partition(";")[0] for line in said] == [
+        "warning  one/2.png  skipped: grey of 8 bits, no depth",
+        "warning  three/day/0.png  none of the shapes of this data set",
+    ]
 
 
 def test_data_check_says_how_many_pieces_a_run_joins_and_why_forms_may_be_wrong(tmp_path):
