@@ -20,9 +20,9 @@ from benchmark.kernel_cache import remove_kernels, suite_sources
 from benchmark.reads import UndeclaredFile, watching
 from benchmark.text import Printed
 
-#: Contents of the sources of each plugin module when it was imported, and of the files that its
-#: methods name.
-_imported: dict[str, list[str]] = {}
+#: Digests of the sources of each plugin module when it was imported, and of the files that its
+#: methods name, by file.
+_imported: dict[str, dict[Path, str]] = {}
 
 #: Environment variables that plugin files changed when they were imported, as they were before;
 #: None for new ones.
@@ -133,8 +133,9 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
             if os.environ.get(variable) != variables.get(variable):
                 _changed.setdefault(variable, variables.get(variable))
 
-    # Sources count as they were before the import, named files as they are now.
-    _imported[name] = contents + _contents(target, named_files(module))[len(contents) :]
+    # Sources count as they were before the import; named files, and sources in folders that the
+    # code has added to the path of modules, as they are now.
+    _imported[name] = _contents(target, named_files(module)) | contents
     return module
 
 
@@ -164,11 +165,11 @@ def _unique_name(path: Path) -> str:
     return f"plugin_{path.stem}_{hashlib.sha256(os.fsencode(path.resolve())).hexdigest()[:8]}"
 
 
-def _contents(target: str, files: Iterable[str] = ()) -> list[str]:
-    """Return the digests of the sources of a plugin, itself first, and of its declared files."""
+def _contents(target: str, files: Iterable[str] = ()) -> dict[Path, str]:
+    """Return the digests of the sources of a plugin and of its declared files, by file."""
     sources = sources_of(target)
     declared = [sources[0].parent / file for file in files]
-    return [file_digest(path, None) for path in (*sources, *declared) if path.is_file()]
+    return {path: file_digest(path, None) for path in (*sources, *declared) if path.is_file()}
 
 
 def named_files(module: ModuleType) -> tuple[str, ...]:

@@ -330,8 +330,19 @@ class RunContext:
         model = step.model if step.stage == "forms" else None
         key = step.component, step.stage, model
         if key not in self._files:
+            self._import_plugin(step)
             self._files[key] = PlannedFiles(step.code, model, step.card)
         return self._files[key].unchanged()
+
+    def _import_plugin(self, step: Step) -> None:
+        """Import the plugin of a step, if its component is of one.
+
+        The plan did so before it looked for the files of its code: a plugin may add folders to the
+        path of modules. An error is left to the step, which imports the plugin again.
+        """
+        if step.component.plugin:
+            with self.uncharged("loading"), suppress(BenchmarkError):
+                step.component.load()
 
     def prepared_shapes(self, source: ShapeSource) -> PreparedShapes:
         """Return the prepared shapes of a data set."""

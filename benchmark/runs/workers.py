@@ -5,6 +5,7 @@ A worker process that dies or hangs is replaced.
 
 from __future__ import annotations
 
+import json
 import os
 import pickle
 import signal
@@ -92,14 +93,18 @@ _CUT_OFF = (
 
 #: The program of a worker; a module of its own would exist twice in it, as ``__main__``. The main
 #: program stops it; batch systems send SIGINT to every process, and a file in the current folder
-#: replaces no module of Python.
+#: replaces no module of Python. It finds the modules that the main program finds, which may have
+#: added folders to their path.
 _PROGRAM = """
 import sys
 sys.path.append(sys.path.pop(0))
+import json
 import signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)
+numbers, places = map(json.loads, sys.argv[1:])
+sys.path += [place for place in places if place not in sys.path]
 from benchmark.runs.tasks import serve
-serve(*map(int, sys.argv[1:]))
+serve(*numbers)
 """
 
 #: A child is killed when the thread that started it ends; this one ends with the program.
@@ -260,7 +265,9 @@ class Worker:
         try:
             self.connection, theirs = Pipe()
             with theirs:
-                arguments = theirs.fileno(), self._memory, os.getpid(), state_of_suite()
+                numbers = theirs.fileno(), self._memory, os.getpid(), state_of_suite()
+                places = [place for place in sys.path if isinstance(place, str)]
+                arguments = json.dumps(numbers), json.dumps(places)
                 variables = environment() | {THREADS: str(self._threads)}
                 if process:  # of a plugin
                     self._folder = make_folder()
@@ -269,7 +276,7 @@ class Worker:
                 # thread, which lasts as long as the program, starts all of them.
                 starting = _starter.submit(
                     subprocess.Popen,
-                    [sys.executable, "-c", _PROGRAM, *map(str, arguments)],
+                    [sys.executable, "-c", _PROGRAM, *arguments],
                     stdin=subprocess.DEVNULL,
                     stdout=2,  # stderr: the program's stdout is for results
                     pass_fds=[theirs.fileno()],

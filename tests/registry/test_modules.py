@@ -79,6 +79,19 @@ def test_a_thread_waits_for_a_module_that_another_one_imports(tmp_path, monkeypa
     assert sys.stdout is before
 
 
+def test_a_plugin_that_adds_folders_to_the_path_of_modules_is_imported_once(tmp_path):
+    (tmp_path / "library").mkdir()
+    (tmp_path / "library" / "helper_elsewhere.py").write_text("VALUE = 1\n")
+    (tmp_path / "helper_beside.py").write_text("VALUE = 2\n")
+    imports = f"import sys\nsys.path.append({str(tmp_path / 'library')!r})\n"
+    imports += "import helper_beside\nimport helper_elsewhere"
+    path = write_plugin(tmp_path / "smooth.py", imports=imports)
+    module = load_module(str(path))
+    assert load_module(str(path)) is module
+    (tmp_path / "library" / "helper_elsewhere.py").write_text("VALUE = 30\n")
+    assert load_module(str(path)).helper_elsewhere.VALUE == 30
+
+
 def test_a_plugin_called_random_does_not_replace_the_standard_module(tmp_path):
     path = write_plugin(tmp_path / "random.py", imports="import random")
     module = load_module(str(path))
