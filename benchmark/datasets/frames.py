@@ -11,8 +11,8 @@ from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.datasets.settings import SETTINGS_FILE, canonical_poses, positive, read_settings
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, FrameFiles, ObservedObject, checked_up
 from benchmark.depth.intrinsics import intrinsics_of
-from benchmark.depth.reading import check_names
-from benchmark.errors import BenchmarkError, DatasetError, ShapeError
+from benchmark.depth.reading import check_names, mask_folders_in
+from benchmark.errors import BenchmarkError, DatasetError, DepthError, ShapeError
 from benchmark.files import file_digest
 from benchmark.geometry.mesh import Mesh
 
@@ -46,7 +46,8 @@ def depth_frame_set(name: str, folder: Path, entries: tuple[Entry, ...]) -> Shap
     ConfigurationError
         If a key, class or pose is unknown.
     DatasetError
-        If ``dataset.toml`` is unreadable or a value is invalid.
+        If ``dataset.toml`` is unreadable or a value is invalid, or if images of different folders
+        have one mask.
     """
     path = folder / SETTINGS_FILE
     values = read_settings(path, _KEYS, _WHERE)
@@ -54,6 +55,7 @@ def depth_frame_set(name: str, folder: Path, entries: tuple[Entry, ...]) -> Shap
     files = {
         entry.identifier: FrameFiles(entry.path, **settings) for entry in entries if entry.path
     }
+    _check_masks(files, folder)
     frames = _Frames(files, settings)
     return ShapeSet(
         name=name,
@@ -69,6 +71,40 @@ def depth_frame_set(name: str, folder: Path, entries: tuple[Entry, ...]) -> Shap
         canonical_poses=canonical_poses(values.get("canonical_pose", {}), entries, path),
         code=lambda _: (FrameFiles.__module__,),
     )
+
+
+def _check_masks(files: Mapping[str, FrameFiles], folder: Path) -> None:
+    """Raise ``DatasetError`` if images of different folders have one mask.
+
+    A folder of masks beside folders of classes holds one ``1.png``, and each class may have an
+    image of that name.
+
+    Parameters
+    ----------
+    files
+        The files of each shape by its identifier.
+    folder
+        Folder of the data set, relative to which masks are named.
+    """
+    shape_of_mask: dict[Path, str] = {}
+    folders_of_images = {frame.image.parent for frame in files.values()}
+    if not any(mask_folders_in(place.absolute().parent) for place in folders_of_images):
+        return  # to look for the mask of each image takes long
+    for shape, frame in files.items():
+        try:
+            mask = frame.mask_file
+        except DepthError:  # the shape is refused when it is prepared
+            continue
+        if mask is None:
+            continue
+        first = shape_of_mask.setdefault(mask, shape)
+        if files[first].image.parent != frame.image.parent:
+            problem = f"{folder}: '{first}' and '{shape}' have one mask, {mask.name}"
+            hint = (
+                f"put the mask of each image into {mask.parent.name}/CLASS, or beside the image"
+                " as NAME_mask.png"
+            )
+            raise DatasetError(problem, hint)
 
 
 @dataclass(frozen=True)

@@ -865,8 +865,10 @@ def checked_mask(mask: NDArray[Any], seen: Mask) -> Mask:
 def find_mask(image: Path) -> Path | None:
     """Find the mask of a depth image by its usual names.
 
-    The mask of ``NAME.png`` or ``NAME_depth.png`` is ``NAME-mask.png`` beside it, or ``NAME.png``
-    in a folder ``mask`` or ``masks``.
+    The mask of ``NAME.png``, ``NAME_depth.png`` or ``depth_NAME.png`` is ``NAME_mask.png`` or
+    ``mask_NAME.png`` beside it, or ``NAME.png`` in a folder ``mask`` or ``masks``. That folder lies
+    beside the image or beside its folder; masks of several folders lie in sub-folders of it, as
+    ``masks/CLASS/NAME.png`` for ``CLASS/NAME.png``.
 
     Parameters
     ----------
@@ -886,9 +888,10 @@ def find_mask(image: Path) -> Path | None:
     image = image.absolute()  # a relative path may not name the folders above
     stems = _stems_of(image)
     found = _pictures(image.parent, stems, "[._-]masks?([^a-z].*)?")
+    found += _pictures(image.parent, stems, "", start="masks?[._-]")
     with_longer_names: list[Path] = []
     for folder in _mask_folders(image):
-        found += _pictures(folder, stems, "(_mask)?")
+        found += _pictures(folder, stems, "(_mask)?", start="(masks?[._-])?")
         with_longer_names += _pictures(folder, stems, "_.*")
     if not found:
         # "masks/a_1.png" is the mask of "a.png" only if there is no image "a_1.png" or "a_1.tif".
@@ -903,7 +906,8 @@ def find_mask(image: Path) -> Path | None:
 
 def _stems_of(image: Path) -> set[str]:
     """Return the names by which masks name an image: its own, and that without the word depth."""
-    without_depth = re.sub("[._-]*(depth|Depth|DEPTH)$", "", image.stem)
+    depth = "(depth|Depth|DEPTH)"
+    without_depth = re.sub(f"[._-]*{depth}$|^{depth}[._-]+", "", image.stem)
     return {image.stem, without_depth or image.stem}
 
 
@@ -929,18 +933,31 @@ def _is_of_another(mask: Path, image: Path) -> bool:
 
 
 def _mask_folders(image: Path) -> list[Path]:
-    """Return the folders of masks beside an image, and beside its folder."""
+    """Return the folders that may hold the mask of an image.
+
+    A folder of masks lies beside the image or beside its folder. The latter, and one beside the
+    folder above, may have a sub-folder with the name of the folder of the image.
+    """
     folders: list[Path] = []
-    for above in image.parents[:2]:
-        folders += [above / name for name in names_in(above) if name.lower() in MASK_FOLDERS]
+    for level, above in enumerate(image.parents[:3]):
+        for folder in mask_folders_in(above):
+            if level < 2:
+                folders.append(folder)
+            if level > 0:
+                folders.append(folder / image.parent.name)
     return folders
 
 
-def _pictures(folder: Path, stems: Iterable[str], end: str) -> list[Path]:
-    """Return the pictures in a folder whose names are one of some stems and an end.
+def mask_folders_in(folder: Path) -> list[Path]:
+    """Return the sub-folders whose names say that they hold masks."""
+    return [folder / name for name in names_in(folder) if name.lower() in MASK_FOLDERS]
 
-    The end is a regular expression.
+
+def _pictures(folder: Path, stems: Iterable[str], end: str, start: str = "") -> list[Path]:
+    """Return the pictures in a folder whose names are a start, one of some stems, and an end.
+
+    Start and end are regular expressions.
     """
     known = "|".join(map(re.escape, stems))
-    wanted = re.compile(f"({known})(?i:{end}{_PICTURE})")
+    wanted = re.compile(f"(?i:{start})({known})(?i:{end}{_PICTURE})")
     return sorted(folder / name for name in names_in(folder) if wanted.fullmatch(name))

@@ -65,6 +65,29 @@ def test_depth_images_are_shapes_and_masks_and_colours_are_none(frames):
     assert all(re.search(r"[1-4]\.\d+ to [1-4]\.\d+ m$", line) for line in taken[3:])
 
 
+def test_a_mask_that_images_of_two_classes_would_share_is_refused(tmp_path):
+    frames = write_frames(tmp_path / "frames", count=2)
+    for mask in sorted(frames.glob("*/*_mask.png")):
+        place = frames / "masks" / mask.parent.name
+        place.mkdir(parents=True, exist_ok=True)
+        mask.rename(place / mask.name)
+    dataset = open_dataset(str(frames), None)
+    masks = [dataset.files(entry)[1].relative_to(frames.resolve()) for entry in dataset.shapes]
+    assert [mask.as_posix() for mask in masks] == [
+        "masks/one/0_mask.png",
+        "masks/one/1_mask.png",
+        "masks/two/0_mask.png",
+        "masks/two/1_mask.png",
+    ]
+    for mask in sorted(frames.glob("masks/one/*")):
+        mask.rename(frames / "masks" / mask.name)
+    for mask in sorted(frames.glob("masks/two/*")):
+        mask.unlink()
+    said = "'one/0' and 'two/0' have one mask, 0_mask.png; put the mask of each "
+    with pytest.raises(DatasetError, match=said):
+        open_dataset(str(frames), None)
+
+
 def test_images_that_are_passed_over_are_named(tmp_path):
     frames = write_frames(tmp_path / "frames", count=2)
     depths, mask = small_frame(seed=7)

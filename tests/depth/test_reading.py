@@ -336,6 +336,12 @@ def test_a_mask_of_several_values_is_refused(mask: np.ndarray) -> None:
         ("a/0.png", "a/0-masks-1.tif"),
         ("a/depth/0.png", "a/mask/0.npy"),
         ("a/depth/0.png", "a/Masks/0.jpg"),
+        ("a/0.png", "a/mask_0.png"),
+        ("a/depth_0.png", "a/mask_0.png"),
+        ("a/depth_0.png", "a/0_mask.png"),
+        ("a/depth/depth_0.png", "a/masks/mask_0.png"),
+        ("b/cat/0.png", "b/masks/cat/0.png"),
+        ("b/depth/cat/0.png", "b/masks/cat/0.png"),
     ],
 )
 def test_masks_are_found_by_their_usual_names_and_several_are_refused(
