@@ -146,7 +146,7 @@ def _frames(view: TableView, column: str, first: str, second: str) -> Iterator[D
 
     table = f"Table {view.table.identifier} on {view.dataset}"
     if view.is_of_own_data:
-        table = view.dataset
+        table = view.table.identifier
     place = f"{table}, {column}{view.scored_by.caption}"
     tests = _Tests({name: row.scored[column] for name, row in rows.items()})
     for name in others:

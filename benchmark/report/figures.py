@@ -111,7 +111,11 @@ def rows_of_figures(view: TableView) -> list[tuple[TableRow, RowScores]]:
 
 
 def class_means(view: TableView) -> DataFrame:
-    """Return the mean of each class that all rows rank, by row, the hardest class first."""
+    """Return the mean of each class that all rows rank, by row, the hardest class first.
+
+    Classes of one name are the same: folds share those of their data set, and no two random draws
+    have a subject of the same name.
+    """
     rows: dict[str, Series] = {}
     for row, scores in rows_of_figures(view):
         queries = [

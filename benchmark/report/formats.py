@@ -12,7 +12,7 @@ from typing import Any
 
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import ROBUST, TITLES, Block
+from benchmark.protocols.tables import ROBUST, TABLES, TITLES, Block
 from benchmark.reference.paper import entry_of
 from benchmark.report.columns import (
     OBJECTS,
@@ -294,11 +294,19 @@ def markdown(view: TableView) -> str:
     A row with ranges over folds has a second line for them.
     """
     table = markdown_table(_markdown_head(view), [*_markdown_body(view)])
-    caption = f"**Table {markdown_text(view.table.identifier)}.** {markdown_text(view.caption)}."
     notes: list[str] = []
     for note in table_notes(view):
         notes += _wrapped(f"- {markdown_text(note)}", "  ")
-    return "\n".join([*_wrapped(caption), "", *table, "", *notes]) + "\n"
+    return "\n".join([*_wrapped(_markdown_caption(view)), "", *table, "", *notes]) + "\n"
+
+
+def _markdown_caption(view: TableView) -> str:
+    """Return the caption of a table, whose name is bold; own data have no name of a table."""
+    if view.table in TABLES:
+        name = markdown_text(view.table.identifier)
+        return f"**Table {name}.** {markdown_text(view.caption)}."
+    title = view.table.caption
+    return f"**{markdown_text(title)}**{markdown_text(view.caption.removeprefix(title))}."
 
 
 def _markdown_head(view: TableView) -> list[str]:

@@ -113,7 +113,9 @@ class Pages:
         groups: dict[str, dict[str, str]] = {}
         for view in self.views:
             if self.main(view) is view:
-                label = "own" if view.is_of_own_data else view.table.identifier
+                label = view.table.identifier
+                if view.is_of_own_data:
+                    label = view.own_gallery or "own"
                 groups.setdefault(data_label(view), {})[view.stem] = label
         return groups
 
@@ -153,7 +155,7 @@ def heading_of_table(view: TableView) -> str:
 def label_of_table(view: TableView) -> str:
     """Return a short name of a table and its data."""
     if view.is_of_own_data:
-        return data_label(view)
+        return f"{data_label(view)} {view.own_gallery}".strip()
     return f"{view.table.identifier}: {data_label(view)}"
 
 

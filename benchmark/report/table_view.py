@@ -9,7 +9,7 @@ from functools import cached_property
 from itertools import product
 
 from benchmark.pipeline.records import Record
-from benchmark.protocols.tables import QUICK_POSES, Block, GalleryGroup, Table
+from benchmark.protocols.tables import QUICK_POSES, TABLES, Block, GalleryGroup, Table
 from benchmark.reference.paper import PAPER_MEASURES
 from benchmark.report.notation import file_name
 from benchmark.report.record_facts import ScoredBy, change_of
@@ -93,8 +93,15 @@ class TableView:
 
     @property
     def is_of_own_data(self) -> bool:
-        """Whether it is the table of a data set that no table of the suite uses."""
-        return self.table.identifier == self.dataset
+        """Whether it is the table of a data set, and has no name but that of the data."""
+        return self.table not in TABLES or self.table.identifier == self.dataset
+
+    @property
+    def own_gallery(self) -> str:
+        """Gallery of a table of own data, "against models"; "" if it is the data themselves."""
+        if not self.is_of_own_data:
+            return ""
+        return self.table.identifier.removeprefix(self.dataset).strip()
 
     # What it is called
     # --------------------------------------------------------------------------------------------

@@ -20,7 +20,9 @@ from benchmark.pipeline.views import prepare_view
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.tables import ROUND
 from benchmark.registry import select, select_one
+from benchmark.report.formats import markdown
 from benchmark.report.notes import table_notes
+from benchmark.report.page_builder import heading_of_table, label_of_table
 from benchmark.report.record_facts import tables_of
 from benchmark.report.results import open_results
 from benchmark.report.tables import table_views
@@ -135,6 +137,16 @@ def test_a_caption_counts_queries_and_shapes_of_the_gallery(damaged_record):
     assert view.chance["mesh"]["NN"] == pytest.approx(1 / 3)
 
 
+def test_a_table_of_queries_and_gallery_is_called_by_both(damaged_record):
+    (view,) = table_views([damaged_record])
+    name = "queries against gallery without same names"
+    assert view.table.identifier == name
+    assert view.stem.startswith("table-queries-against-gallery-without-same-names-by-")
+    assert markdown(view).startswith(f"**Retrieval on {name}** (4 queries of 2 classes, ")
+    assert heading_of_table(view) == view.caption
+    assert label_of_table(view) == name
+
+
 def test_a_lost_form_of_the_gallery_is_made_again(damaged, damaged_record, finished):
     gallery = damaged_record.gallery_of_queries
     runs = finished / "runs"
@@ -229,7 +241,7 @@ def test_frames_are_ranked_among_meshes_and_find_them(rods, finished, tmp_path, 
         "frames against meshes: 2 queries have names of its shapes; --same-names leaves these out"
         in said
     )
-    assert "Retrieval on frames against meshes (2 queries of 2 classes, among 2 shapes)" in said
+    assert "**Retrieval on frames against meshes** (2 queries of 2 classes, among 2 shapes)" in said
     assert "nothing can be retrieved" in refusal(*words, "--same-names")
     assert "forms of queries are others" in refusal(
         *words[:5], *results, "--forms", f"mine={meshes}"
