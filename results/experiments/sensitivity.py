@@ -40,6 +40,9 @@ FACTORS = (0.5, 2)
 #: TOSCA, and one draw of people.
 DATA = ("tosca", "people[draw=1]")
 
+#: Scorers of the rows: none for a descriptor, or that of the published rows.
+SCORERS = ("", "cm-bof")
+
 PUBLISHED = Path(__file__).parents[1]
 TABLE = Path(__file__).with_name("sensitivity.csv")
 
@@ -68,12 +71,17 @@ def run(results: Path, *methods: str) -> None:
 
 
 def records_of(folder: Path, data: str) -> list[Record]:
-    """Return the records of a results folder that rank all complete surfaces of a data set."""
-    return [
-        record
-        for record in read_records(folder)
-        if record.gallery == data and record.input == "mesh" and record.status == "ok"
-    ]
+    """Return the records of a results folder that rank all complete surfaces of a data set.
+
+    Those of another scorer or seed are left out, so that each method has one.
+    """
+    found = []
+    for record in read_records(folder):
+        is_of_data = record.gallery == data and record.input == "mesh"
+        is_like_published = record.scorer in SCORERS and record.seed == 0
+        if is_of_data and is_like_published and record.status == "ok":
+            found.append(record)
+    return found
 
 
 def queries(record: Record) -> np.ndarray:

@@ -445,7 +445,7 @@ def test_no_table_is_made_before_all_rows_have_run(name, monkeypatch, tmp_path):
     scored = {"NN": 1.0, "FT": 1.0, "ST": 1.0, "DCG": 1.0}
 
     def record(data, method):
-        facts = {"input": "mesh", "status": "ok", "scorer": "cm-bof", "scores": scored}
+        facts = {"input": "mesh", "status": "ok", "scorer": "cm-bof", "seed": 0, "scores": scored}
         facts |= {"labels": ["a", "a"], "per_query": {key: [1.0, 1.0] for key in scored}}
         draws = dict.fromkeys(scored, 0.0)
         return SimpleNamespace(
@@ -463,3 +463,16 @@ def test_no_table_is_made_before_all_rows_have_run(name, monkeypatch, tmp_path):
     with pytest.raises(SystemExit, match="these rows have not run: "):
         module.judge(tmp_path)
     assert not (tmp_path / "table.csv").exists()
+
+
+def test_weights_are_judged_by_rows_of_one_scorer_and_seed(monkeypatch):
+    monkeypatch.syspath_prepend(str(FOLDER))
+    module = importlib.import_module("sensitivity")
+    facts = {"gallery": "tosca", "input": "mesh", "status": "ok", "method": "gps"}
+    of_tables = SimpleNamespace(**facts, scorer="cm-bof", seed=0)
+    others = [
+        SimpleNamespace(**facts, scorer="spherical-harmonics", seed=0),
+        SimpleNamespace(**facts, scorer="cm-bof", seed=1),
+    ]
+    monkeypatch.setattr(module, "read_records", lambda _: [of_tables, *others])
+    assert module.records_of(FOLDER, "tosca") == [of_tables]
