@@ -21,6 +21,7 @@ from PIL import Image
 from baselines.classic_mds import ClassicMDS
 from benchmark.api.contracts import Mesh, Shape
 from benchmark.datasets.catalogue import open_dataset
+from benchmark.defaults import DEFAULT_SCORER
 from benchmark.geometry.camera import Camera
 from benchmark.geometry.preparation import prepare
 from benchmark.pipeline.record_files import read_records
@@ -45,6 +46,9 @@ GREY = "#767676"
 
 #: Shapes of the pictures of forms: three poses of a cat and of a man.
 SHAPES = ("cat0", "cat4", "cat8", "michael0", "michael7", "michael14")
+
+#: Command of the run whose forms are drawn, without its methods.
+QUICK_RUN = "python -m benchmark run -d animals --quick --input mesh --subjects cat,michael,horse"
 
 #: Colours of a picture, so that it is small.
 N_COLOURS = 128
@@ -114,12 +118,21 @@ def figure_of_forms(method: str, results: Path) -> Figure:
 
 
 def records_of(results: Path) -> dict[str, Record]:
-    """Return the records of the quick run of some animals by their method."""
-    return {
-        record.method: record
-        for record in read_records(results, published=False)
-        if record.data.name == "animals" and record.data.quick and set(SHAPES) <= {*record.shapes}
-    }
+    """Return the records of the quick run of some animals by their method.
+
+    Raises ``SystemExit`` with the command of that run if a form that is drawn has none.
+    """
+    found = {}
+    for record in read_records(results, published=False):
+        is_of_run = record.data.name == "animals" and record.data.quick and record.input == "mesh"
+        if is_of_run and record.scorer == DEFAULT_SCORER and set(SHAPES) <= {*record.shapes}:
+            found[record.method] = record
+    missing = [name for name in dict.fromkeys((*METHODS, *PLAYED)) if name not in found]
+    if missing:
+        methods = " ".join(f"-m {name}" for name in missing)
+        command = f"{QUICK_RUN} --results {results} {methods}"
+        raise SystemExit(f"these forms have no quick run: {', '.join(missing)}; run `{command}`")
+    return found
 
 
 def prepared(name: str) -> Mesh:

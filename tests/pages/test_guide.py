@@ -1,6 +1,7 @@
 """The guide says what records and measurements say, and its parts are what their functions make."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -8,7 +9,7 @@ from benchmark.commands.score import score
 from benchmark.reference.paper import CLASSICAL, PAPER_MEASURES
 from benchmark.registry import select
 from tests.pages.test_readme import ROOT, every_view, rows, scores, views  # noqa: F401
-from tools import page_parts
+from tools import guide_figures, page_parts
 from tools.failures import failure_of, means_of_classes, published_forms
 from tools.form_costs import COSTS, METHODS, SIZES
 from tools.page_parts import PARTS, pages_with_parts, with_parts
@@ -89,3 +90,19 @@ def test_the_failure_of_a_form_is_a_query_of_its_worst_class_with_a_wrong_match(
         assert label_of[failure.query] == label_of[failure.right] == failure.label
         assert label_of[failure.found] != failure.label
         assert failure.rank > 1
+
+
+def test_pictures_of_the_guide_show_complete_surfaces_and_name_the_run_that_they_lack(monkeypatch):
+    def record(method, **changes):
+        facts = {"input": "mesh", "scorer": "cm-bof", "shapes": guide_figures.SHAPES}
+        data = SimpleNamespace(name="animals", quick=True)
+        return SimpleNamespace(**{**facts, "method": method, "data": data, **changes})
+
+    forms = [record(name) for name in ("identity", *METHODS)]
+    later = [record("gps", input="view"), record("gps", scorer="spherical-harmonics")]
+    monkeypatch.setattr(guide_figures, "read_records", lambda *_, **__: [*forms, *later])
+    assert [*guide_figures.records_of(ROOT).values()] == forms
+    monkeypatch.setattr(guide_figures, "read_records", lambda *_, **__: [*forms[:-2], *later])
+    lacking = " -m ".join(METHODS[-2:])
+    with pytest.raises(SystemExit, match=f"run `.*--quick --input mesh .* -m {lacking}`"):
+        guide_figures.records_of(ROOT)
