@@ -507,7 +507,11 @@ class _State:
         """Raise ``TrainingError`` if a loss is not a number."""
         if not torch.isfinite(self.sums).all():
             problem = f"the loss of epoch {self.epoch + 1} is not a number"
-            raise TrainingError(problem, "lower the step size: -o learning_rate=3e-4")
+            smaller = self.recipe["learning_rate"] / 3
+            hint = f"train with a smaller step size: -o learning_rate={smaller:.1g}"
+            if self.path.is_file():  # which belongs to a training with the larger one
+                hint = f"delete {self.path}, and {hint}"
+            raise TrainingError(problem, hint)
 
 
 class _Progress:

@@ -4,6 +4,7 @@ killed.
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -377,6 +378,32 @@ def test_a_loss_that_is_no_number_leaves_the_last_checkpoint(
     with pytest.raises(TrainingError, match=r"loss of epoch 1 is not a number; .*learning_rate"):
         run(pairs, tmp_path, replace(PLAN, learning_rate=1e30))
     assert not list(tmp_path.iterdir())
+
+
+def test_what_is_advised_for_a_loss_that_is_no_number_can_be_done(
+    pairs: PairsInMemory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(training, "CHECKPOINT_SECONDS", 0.0)
+    plan = replace(PLAN, learning_rate=1e-3)
+    inner = training.losses
+    n_calls = 0
+
+    def failing(*arguments: object, masked_depth: bool) -> tuple[torch.Tensor, torch.Tensor]:
+        nonlocal n_calls
+        n_calls += 1
+        depth, mask = inner(*arguments, masked_depth=masked_depth)  # type: ignore[arg-type]
+        return (depth * float("nan") if n_calls == 3 else depth), mask
+
+    with monkeypatch.context() as patch:
+        patch.setattr(training, "losses", failing)
+        with pytest.raises(TrainingError, match="not a number") as raised:
+            run(pairs, tmp_path, plan)
+    checkpoint = tmp_path / CHECKPOINT
+    smaller = re.search(r"learning_rate=(\S+)", str(raised.value))
+    assert smaller is not None and 0 < float(smaller[1]) < plan.learning_rate
+    assert f"delete {checkpoint}, and train" in str(raised.value)
+    checkpoint.unlink()
+    run(pairs, tmp_path, replace(plan, learning_rate=float(smaller[1])))
 
 
 def test_a_device_that_is_not_here_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
