@@ -10,13 +10,14 @@ accepted values, and ``Annotated`` adds a constraint to the type::
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import re
 import typing
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from functools import cache
-from types import NoneType
+from types import NoneType, UnionType
 from typing import Annotated, Any, Literal
 
 import msgspec
@@ -36,6 +37,8 @@ _KINDS = {
     "bool": "true or false",
     "str": "text",
     "array": "a list in parentheses",
+    "array | null": "a list in parentheses, or none",
+    "bool | null": "true, false or none",
     "int | null": "a whole number, or none",
     "float | null": "a number, or none",
     "str | null": "text, or none",
@@ -125,10 +128,15 @@ def checked(cls: type[Any], given: Mapping[str, Any], owner: str = "") -> dict[s
     values = {}
     for name, value in given.items():
         annotation, _ = fields[name]
+        parameter = f"{name} of {owner}"
         try:
             values[name] = _fit(annotation, value)
-        except (msgspec.ValidationError, TypeError) as error:
-            raise _misfit(annotation, value, f"{name} of {owner}", str(error)) from None
+        except msgspec.ValidationError as error:
+            raise _misfit(annotation, value, parameter, str(error)) from None
+        except TypeError as error:
+            problem = f"the type of {parameter} is none of a parameter: {error}"
+            hint = "declare it as docs/reference/plugins.md does"
+            raise ConfigurationError(problem, hint) from None
     return values
 
 
@@ -146,20 +154,34 @@ def _misfit(annotation: Any, value: Any, parameter: str, message: str) -> Config
     message
         Message of msgspec.
     """
-    arguments = typing.get_args(annotation)
-    if isinstance(value, str) and typing.get_origin(annotation) is Literal:
-        return did_you_mean(parameter, value, map(format_value, arguments))
+    choices = _choices(annotation)
+    if choices and isinstance(value, str):
+        return did_you_mean(parameter, value, map(format_value, choices))
     expected = _in_words(message)
-    for argument in arguments:
-        if isinstance(argument, Meta) and argument.description:
-            expected = argument.description
-            break
+    for kind in (annotation, *typing.get_args(annotation)):  # it may be one of a union
+        for constraint in getattr(kind, "__metadata__", ()):
+            if isinstance(constraint, Meta) and constraint.description:
+                expected = constraint.description
     return ConfigurationError(f"'{value}' does not fit {parameter}", f"write {expected}")
+
+
+def _choices(annotation: Any) -> list[Any]:
+    """Return the only values that a type allows; none if it allows others, too."""
+    choices: list[Any] = []
+    for kind in _alternatives(annotation):
+        if kind is NoneType:
+            choices.append(None)
+        elif typing.get_origin(kind) is Literal:
+            choices += typing.get_args(kind)
+        else:
+            return []
+    return choices
 
 
 def _in_words(message: str) -> str:
     """Return what a message of msgspec expects, in words: ``a number of at least 0``."""
     expected = re.sub("^Expected |, got .*| - at .*", "", message)
+    expected = re.sub("^Invalid enum value .*", "one of its choices", expected)
     for kind, words in _KINDS.items():
         expected = expected.replace(f"`{kind}`", words)
     for sign, words in _BOUNDS.items():
@@ -246,9 +268,12 @@ def _type_hints(cls: type[Any]) -> dict[str, Any]:
     """Return the types of the fields of a class, with their constraints."""
     try:
         return typing.get_type_hints(cls, include_extras=True)
-    except NameError as error:
+    except Exception as error:  # a type is an expression of a user, which may raise anything
         problem = f"a type of {cls.__name__} is unknown: {error}"
-        raise ConfigurationError(problem, "import it outside of 'if TYPE_CHECKING'") from error
+        hint = "correct it"
+        if isinstance(error, NameError):
+            hint = "import it outside of 'if TYPE_CHECKING'"
+        raise ConfigurationError(problem, hint) from error
 
 
 # Text
@@ -364,49 +389,94 @@ def _fit(annotation: Any, value: Any) -> Any:
     if isinstance(given, str):
         if not given.isprintable():  # it becomes part of names
             raise msgspec.ValidationError("printable text")
-        may_be_none = NoneType in typing.get_args(annotation)
-        if may_be_none and given.strip().lower() == "none":
-            return None
-        if typing.get_origin(annotation) is tuple:
-            given = _parts(given)
+        given = _parse(annotation, given)
 
     try:
         fitted = _convert(annotation, given)
     except msgspec.ValidationError:
         # A text that is no integer, such as "1e3", may be a number that is one.
-        numbers = [_number(part) for part in given] if isinstance(given, list) else _number(given)
-        fitted = _convert(annotation, numbers)
+        fitted = _convert(annotation, _numbers(given))
     _check_finite(fitted)
     if isinstance(fitted, float):
         return fitted + 0.0  # so that -0.0 is 0.0
     return fitted
 
 
-def _check_finite(value: Any) -> None:
-    """Raise ``msgspec.ValidationError`` if a value, or an item of a tuple, is infinite or NaN."""
-    items = value if isinstance(value, tuple) else (value,)
-    for item in items:
-        if isinstance(item, float) and not math.isfinite(item):
-            raise msgspec.ValidationError("a finite number")
+def _parse(annotation: Any, text: str) -> Any:
+    """Return what a text stands for, as far as the type of a parameter tells.
+
+    That is None, a list of what its parts stand for, or the text itself.
+    """
+    kinds = _alternatives(annotation)
+    if NoneType in kinds and text.strip().lower() == "none":
+        return None
+    if str in kinds:
+        return text
+    for kind in kinds:
+        if (typing.get_origin(kind) or kind) in (tuple, list):
+            return _parse_items(typing.get_args(kind), text)
+    return text
 
 
-def _parts(text: str) -> list[str]:
-    """Return the values of a tuple: with commas between them, with or without parentheses."""
+def _parse_items(types: tuple[Any, ...], text: str) -> list[Any]:
+    """Return what the parts of a text stand for, with commas between them.
+
+    Parameters
+    ----------
+    types
+        Types of the items, of which the last one goes on: those of ``tuple[int, ...]`` are ``int``
+        and an ellipsis. Without any, each part is a text.
+    text
+        With or without parentheses.
+    """
     text = text.strip()
     inner = text[1:-1] if text.startswith("(") and text.endswith(")") else text
-    return [part.strip() for part in split(inner.removesuffix(","))]
+    parts = [part.strip() for part in split(inner.removesuffix(","))]
+    known = [item for item in types if item is not Ellipsis] or [str]
+    return [_parse(known[min(place, len(known) - 1)], part) for place, part in enumerate(parts)]
+
+
+def _alternatives(annotation: Any) -> list[Any]:
+    """Return the types of which a value may have one, without their constraints."""
+    origin = typing.get_origin(annotation)
+    if origin is Annotated:
+        return _alternatives(annotation.__origin__)
+    if origin in (typing.Union, UnionType):
+        return list(itertools.chain.from_iterable(map(_alternatives, typing.get_args(annotation))))
+    if origin is Literal and None in typing.get_args(annotation):
+        return [NoneType, annotation]
+    return [annotation]
+
+
+def _check_finite(value: Any) -> None:
+    """Raise ``msgspec.ValidationError`` if a number, or one in a list, is infinite or NaN."""
+    if isinstance(value, tuple | list):
+        for item in value:
+            _check_finite(item)
+    if isinstance(value, float) and not math.isfinite(value):
+        raise msgspec.ValidationError("a finite number")
 
 
 def _convert(annotation: Any, given: Any) -> Any:
     """Convert a value by msgspec; texts of other types by calling the type."""
-    return msgspec.convert(given, annotation, strict=False, dec_hook=lambda kind, text: kind(text))
+    return msgspec.convert(given, annotation, strict=False, dec_hook=_call_type)
 
 
-def _number(given: Any) -> Any:
+def _call_type(kind: Any, given: Any) -> Any:
+    """Return what a type, such as ``Path``, makes of a value."""
+    try:
+        return kind(given)
+    except (TypeError, ValueError) as error:
+        raise msgspec.ValidationError(f"what {kind.__name__} accepts") from error
+
+
+def _numbers(given: Any) -> Any:
     """Return the number in a text, also as JSON does not write it: .5, +7, 012.
 
-    Anything else is returned as it is.
+    In a list, those of its texts are converted. Anything else is returned as it is.
     """
+    if isinstance(given, list):
+        return [_numbers(part) for part in given]
     if not isinstance(given, str):
         return given
     with suppress(ValueError):

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import pytest
+from msgspec import Meta
 
 from benchmark.api.contracts import CheckedParameters, Interval, Matches
 from benchmark.api.parameters import (
@@ -46,6 +47,16 @@ class Sample:
     name: Annotated[str, Matches("[a-z]*", "lower-case letters")] = ""
     some: Annotated[int, Interval(1)] | None = None
     parts: tuple[Annotated[int, Interval(1)], ...] = ()
+    few: tuple[float, ...] | None = None
+    filled: Annotated[tuple[int, ...], Meta(min_length=1)] = (1,)
+    edges: tuple[tuple[int, float], ...] = ()
+    gaps: tuple[int | None, ...] = ()
+    mode: Literal["mesh", "view"] | None = None
+    start: Literal["mesh", None] = None
+    file: Path | None = None
+    label: Annotated[str, Matches("[a-z]*", "lower-case letters")] | None = None
+    switch: bool | None = None
+    sides: tuple[Literal["left", "right"], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,6 +94,18 @@ READ = [
     ("levels", "(1,)", (1,)),
     ("levels", "()", ()),
     ("path", "b", Path("b")), ("share", "0.25", 0.25), ("half_open", "0", 0.0), ("most", "3", 3.0),
+    ("made", "12", [12]),
+    ("made", "(1, 2)", [1, 2]),
+    ("few", "(1, 2)", (1.0, 2.0)),
+    ("few", "none", None),
+    ("few", [1], (1.0,)),
+    ("filled", "(1e1,2)", (10, 2)),
+    ("edges", "((1,2),(3,.5))", ((1, 2.0), (3, 0.5))),
+    ("gaps", "(1,none)", (1, None)),
+    ("mode", "view", "view"),
+    ("mode", "none", None),
+    ("start", "None", None),
+    ("file", "b", Path("b")),
     ("name", "abc", "abc"), ("some", "none", None), ("some", "5", 5), ("parts", "(1,2)", (1, 2)),
 ]  # fmt: skip
 
@@ -118,7 +141,19 @@ REFUSED = [
     ("pair", "(1,2", "parenthesis"),
     ("pair", "(1,nan)", "a finite number"),
     ("levels", "(1,2.5)", "write a whole number"),
-    ("made", "12", "write a list in parentheses"),
+    ("made", "a", "write a whole number"),
+    ("few", "x", "write a number"),
+    ("few", 3, "write a list in parentheses, or none"),
+    ("few", "(1,inf)", "write a finite number"),
+    ("filled", "()", "write a list in parentheses of length of at least 1"),
+    ("edges", "((1,nan),)", "write a finite number"),
+    ("edges", "((1,2,3),)", "write a list in parentheses of length 2"),
+    ("mode", "vieww", "unknown mode of Sample 'vieww'; did you mean view?"),
+    ("label", "A", "write lower-case letters"),
+    ("switch", "yes", "write true, false or none"),
+    ("sides", "(left,up)", "'(left,up)' does not fit sides of Sample; write one of its choices"),
+    ("start", "x", "unknown start of Sample 'x'; choose one of mesh, none"),
+    ("path", 3, "'3' does not fit path of Sample; write what Path accepts"),
     ("least", "0", "'0' does not fit least of Sample; write a whole number of at least 1"),
     ("least", np.int64(0), "write a whole number of at least 1"),
     ("share", "0", "write a number above 0"), ("share", "1", "write a number below 1"),
@@ -179,6 +214,23 @@ def test_a_type_that_is_unknown_at_run_time_is_named() -> None:
         ConfigurationError, match="a type of Unresolved is unknown: name 'Fraction' is not defined"
     ):
         checked(Unresolved, {})
+
+
+@pytest.mark.parametrize(
+    ("type_of_field", "message"),
+    [
+        ("np.flaot64", "a type of Wrong is unknown: .*flaot64.*; correct it"),
+        ("int | 'str'", "a type of Wrong is unknown: unsupported operand .*; correct it"),
+        (
+            "Annotated[int | None, Interval(1)]",
+            "the type of field of Wrong is none of a parameter: .*; declare it as docs",
+        ),
+    ],
+)
+def test_a_type_that_no_parameter_can_have_is_named(type_of_field: str, message: str) -> None:
+    wrong = type("Wrong", (), {"__annotations__": {"field": type_of_field}, "__module__": __name__})
+    with pytest.raises(ConfigurationError, match=message):
+        checked(dataclass(wrong), {"field": "1"})
 
 
 def test_values_are_written_in_one_way() -> None:
