@@ -326,7 +326,7 @@ def _score_forms(submission: Submission, beside: Record, results: Path) -> Recor
         If the forms have no scores; the error says why.
     """
     planned = plan(
-        [submission.facts["data"]],
+        [beside.data.path or submission.facts["data"]],  # a folder may be called as in tables
         forms={submission.title: submission.scored},
         input=submission.input,
         results=results / KEPT,

@@ -287,6 +287,12 @@ def test_missing_and_damaged_forms_are_named(rods):
     assert "has no form of these shapes; name them like the shapes: thick0.off" in text
 
 
+def test_a_folder_that_lies_elsewhere_may_be_called_as_in_tables(rods, monkeypatch):
+    monkeypatch.chdir(rods)
+    (record,) = submitted_rows("..", "../../results").records
+    assert (record.gallery, record.scores["NN"]) == ("rods", 1.0)
+
+
 def test_a_folder_without_submissions_is_refused(tmp_path):
     assert "has a submission.toml; see docs/how-to/submit.md" in refusal(
         "tables", "--submissions", tmp_path
