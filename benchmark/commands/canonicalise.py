@@ -22,7 +22,7 @@ from benchmark.commands.forms import (
 from benchmark.commands.meshes import as_mesh
 from benchmark.datasets.folder import folder_set
 from benchmark.datasets.frames import frame_settings
-from benchmark.datasets.mesh_files import read_surface
+from benchmark.datasets.mesh_files import READABLE, read_surface
 from benchmark.depth.frame import FrameFiles, ObservedObject
 from benchmark.depth.intrinsics import intrinsics_of
 from benchmark.depth.reading import EXTENSIONS, is_depth_file
@@ -219,12 +219,18 @@ def frames_of_paths(paths: Sequence[Path], camera: CameraSettings) -> list[Frame
     ConfigurationError
         If there is none, or a folder holds meshes.
     """
+    chosen = paths
     if len(paths) > 1:  # a pattern expanded by the shell also matches masks and colour images
-        paths = [path for path in paths if not path.is_file() or is_depth_file(path)]
-    frames = [*chain.from_iterable(_frames_under(path, camera) for path in paths)]
-    if not frames:
-        raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
-    return frames
+        chosen = [path for path in paths if not path.is_file() or is_depth_file(path)]
+    frames = [*chain.from_iterable(_frames_under(path, camera) for path in chosen)]
+    if frames:
+        return frames
+    if any(path.suffix.lower() in READABLE for path in paths):
+        raise ConfigurationError(
+            "these are meshes, and several forms are made of depth images alone",
+            "name one of them, or make all forms with 'run -d'",
+        )
+    raise ConfigurationError("none of these files is a depth image", "name 16-bit images")
 
 
 def _frames_under(source: Path, camera: CameraSettings) -> list[FrameFiles]:

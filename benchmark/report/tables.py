@@ -559,8 +559,12 @@ def _rank_of_value(value: Any) -> tuple[int, float, str]:
 
 
 def _showing_defaults(row: TableRow, names: Iterable[str]) -> TableRow:
-    """Return a row whose title also shows those of some parameters that have their defaults."""
-    texts = [f"{name}={format_value(row.defaults[name])}" for name in names if name in row.defaults]
+    """Return a row whose title also shows those of some parameters that have their defaults.
+
+    An empty text is not shown: it chooses nothing.
+    """
+    shown = [name for name in names if row.defaults.get(name, "") != ""]
+    texts = [f"{name}={format_value(row.defaults[name])}" for name in shown]
     if not texts:
         return row
     defaults = ", ".join(texts)

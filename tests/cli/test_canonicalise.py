@@ -63,6 +63,15 @@ def test_a_form_is_never_written_over_its_mesh(tmp_path, monkeypatch):
     assert (tmp_path / "data" / "rod.off").read_bytes() == before
 
 
+def test_several_meshes_are_refused_with_what_makes_all_forms(tmp_path):
+    meshes = [tmp_path / "a.off", tmp_path / "b.off"]
+    for mesh in meshes:
+        write_off(mesh, rod(0.1, 0.5))
+    said = canonicalise(*meshes, "-o", tmp_path / "forms", code=2)
+    assert "these are meshes" in said
+    assert "make all forms with 'run -d'" in said
+
+
 def test_a_picture_shows_a_mesh_and_its_form(tmp_path):
     write_off(tmp_path / "rod.off", rod(0.1, 0.5))
     words = (tmp_path / "rod.off", "-o", tmp_path / "form.off", "--picture")

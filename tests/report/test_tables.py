@@ -224,6 +224,13 @@ def test_the_title_of_a_known_row_gets_brackets_of_its_own_for_the_defaults_of_a
     assert titles[shown] == "Depth network, 500 px, generated animals (epochs=5)"
 
 
+def test_a_default_that_chooses_nothing_is_in_no_title():
+    chosen = {"training": "animals-III"}
+    of_table = record("learned", input_="view", defaults={"training": ""})
+    other = record("learned[training=animals-III]", input_="view", parameters=chosen)
+    assert "Depth network, 128 px" in {row.title for row in view(of_table, other).rows}
+
+
 def test_data_are_a_stand_in_by_their_record_and_not_by_their_title():
     named = {"name": "rods", "title": "my stand-in", "source": "rods"}
     assert [row["stand_in"] for row in as_json([view(record(data=named))])] == [False]
