@@ -25,7 +25,12 @@ from benchmark.commands.selection import (
 from benchmark.datasets.anomalies import by_kind
 from benchmark.datasets.catalogue import CATALOGUE, is_known, is_present
 from benchmark.datasets.changes import split_changes
-from benchmark.datasets.checking import unfinished_files, unread_files, unreadable_files
+from benchmark.datasets.checking import (
+    classes_alike,
+    unfinished_files,
+    unread_files,
+    unreadable_files,
+)
 from benchmark.defaults import DEFAULT_SCORER
 from benchmark.errors import BenchmarkError, ConfigurationError, check_known, check_seed
 from benchmark.pipeline.data_names import label_data_sets
@@ -205,7 +210,10 @@ class Plan:
             )
 
     def problems_of_files(self) -> list[str]:
-        """Say which files in the data folders of the user cannot be read, or are not used."""
+        """Say what in the data folders of the user may be meant otherwise.
+
+        These are files that cannot be read or are not used, and classes of nearly the same name.
+        """
         folders: dict[str, ShapeSet] = {}
         for job in self.jobs:
             for gallery in job.galleries:
@@ -217,6 +225,7 @@ class Plan:
                 *unreadable_files(dataset),
                 *unread_files(dataset),
                 *unfinished_files(dataset, dataset.shapes),
+                *classes_alike(dataset),
             ]
             problems += [f"{source}: {anomaly}" for anomaly in by_kind(anomalies)]
         return problems

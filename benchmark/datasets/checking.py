@@ -332,7 +332,11 @@ def _unsorted_meshes(name: str, folder: Path) -> ShapeSet:
 
 def check_dataset(dataset: ShapeSet, watched: Watched = iter) -> Report:
     """Check a data set: its files, its classes, and every mesh; see :func:`check_source`."""
-    problems = [*_problems_of_copies(dataset), *_problems_of_classes(dataset)]
+    problems = [
+        *_problems_of_copies(dataset),
+        *_problems_of_classes(dataset),
+        *classes_alike(dataset),
+    ]
     return _report(dataset, problems, watched)
 
 
@@ -366,6 +370,20 @@ def _problems_of_classes(dataset: ShapeSet) -> Iterator[Anomaly]:
         hint = "add a shape to their classes if they should count"
         yield Anomaly("warning", (dataset.name,), what, hint)
     yield from _unofficial_sizes(dataset, sizes)
+
+
+def classes_alike(dataset: ShapeSet) -> Iterator[Anomaly]:
+    """Yield a warning if names of classes differ in case, blanks, hyphens or underscores alone."""
+    first_spelling: dict[str, str] = {}
+    pairs = []
+    for name in dict.fromkeys(entry.subject for entry in dataset.shapes):
+        plain = re.sub(r"[\s_-]+", " ", name).strip().casefold()
+        first = first_spelling.setdefault(plain, name)
+        if first != name:
+            pairs.append(f"'{first}' and '{name}'")
+    if pairs:
+        what = f"classes that differ in spelling alone count as two: {listed(pairs)}"
+        yield Anomaly("warning", (dataset.name,), what, "give each class one name")
 
 
 def _unofficial_sizes(dataset: ShapeSet, sizes: Mapping[str, int]) -> Iterator[Anomaly]:

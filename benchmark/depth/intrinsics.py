@@ -430,9 +430,12 @@ def _parsed(text: str) -> Sequence[Any]:
     # OpenCV writes a first line "%YAML:1.0" and tags of its own, which no parser knows.
     plain = re.sub(r"(?m)^%.*$|!!opencv-\w+", "", text)
     documents = [content for content in load_all(plain, _yaml_loader()) if content is not None]
+    if not documents:
+        return [None]
     # A recording of ROS may be cut off within its last document, which then lacks keys.
-    like_first = [content for content in documents if [*content] == [*documents[0]]]
-    return like_first or [None]
+    *whole, last = documents
+    is_cut_off = bool(whole) and {*last} < {*whole[0]}
+    return whole if is_cut_off else documents
 
 
 def _yaml_loader() -> type[Any]:
@@ -599,8 +602,11 @@ def _numbers_of_cameras(values: Mapping[str, Any]) -> list[list[float]]:
     if "matrix" in values:
         found.append(_flat(values["matrix"]))
     if "columns" in values:
-        columns = np.array(_flat(values["columns"])).reshape(3, 3)
-        found.append(columns.T.ravel().tolist())
+        # Open3D lists the columns, other programs the rows under the same key. The last row of a
+        # camera matrix is 0 0 1, and so is no last column.
+        matrix = np.array(_flat(values["columns"])).reshape(3, 3)
+        are_rows = not matrix[2, :2].any()
+        found.append((matrix if are_rows else matrix.T).ravel().tolist())
     if all(name in values for name in _FOCAL):
         found.append([_number(values[name]) for name in _FOCAL])
     return found

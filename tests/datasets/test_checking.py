@@ -142,6 +142,17 @@ def test_a_class_whose_meshes_lie_one_folder_too_deep_is_named(tmp_path):
     )
 
 
+def test_classes_whose_names_differ_in_spelling_alone_are_named(tmp_path):
+    names = ("cat1", "Cat2", "big dog1", "big-dog2", "cat3", "cow1", "crow1")
+    for number, name in enumerate(names, 1):
+        write_off(tmp_path / "set" / f"{name}.off", rod(0.1, number / 10))
+    said = [line for line in lines(tmp_path / "set") if "spelling" in line]
+    assert said == [
+        "warning  set  classes that differ in spelling alone count as two: "
+        "'big dog' and 'big-dog', 'Cat' and 'cat'; give each class one name"
+    ]
+
+
 def test_lists_and_settings_that_are_not_read_are_named(rods):
     for name in ("Dataset.toml", "dataset.toml.txt", "class.tsv", "thin9.zip"):
         (rods / name).write_text("unit = 'mm'\n")
