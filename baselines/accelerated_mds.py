@@ -33,8 +33,8 @@ class AcceleratedMDS(CheckedParameters):
             "interpolates."
         ),
         departs=(
-            "Uses the geodesic distances of Classic MDS. Signs of the axes, and with them the "
-            "mirror image, follow our rule."
+            "Uses the geodesic distances of Classic MDS; samples are spread by lengths of paths "
+            "along edges. Signs of the axes, and with them the mirror image, follow our rule."
         ),
         needs=("connected",),
     )

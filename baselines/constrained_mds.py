@@ -48,7 +48,7 @@ class ConstrainedMDS(CheckedParameters):
     first_pull, last_pull
         Weight :math:`\lambda` of the targets in the first and the last cascade.
     cascades
-        Number of values of :math:`\lambda`.
+        Number of values of :math:`\lambda`; with one, it is ``first_pull``.
     iterations
         Number of iterations per cascade, each of a local and a global step.
     """

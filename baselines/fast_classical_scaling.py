@@ -48,9 +48,10 @@ class FastClassicalScaling(CheckedParameters):
             "smoothly (FMDS)."
         ),
         departs=(
-            "Uses the geodesic distances of Classic MDS. The weight of smoothness assumes a mean "
-            "vertex area of 1; in the released code it depends on the unit of the file. Signs of "
-            "the axes, and with them the mirror image, follow our rule."
+            "Uses the geodesic distances of Classic MDS; samples are spread by lengths of paths "
+            "along edges. The weight of smoothness assumes a mean vertex area of 1; in the "
+            "released code it depends on the unit of the file. Signs of the axes, and with them "
+            "the mirror image, follow our rule."
         ),
         needs=("connected",),
     )

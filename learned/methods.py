@@ -168,7 +168,7 @@ class Learned(TrainedNetwork):
         cite="canonicalreconstruction",
         family="paper",
         summary=(
-            "Sees one depth image, and predicts where its points lie in a pose that all shapes "
+            "Sees one depth image, and predicts that of the same body in a pose that all shapes "
             "share."
         ),
         departs=(
