@@ -158,11 +158,21 @@ class Case:
         numbers = [np.asarray(answer[name], dtype=np.float64) for name in sorted(answer)]
         return np.concatenate([array.ravel() for array in numbers])
 
-    def dissimilarities(self, shapes: Sequence[Shape], draw: int = 0) -> FloatArray:
-        """Return the dissimilarities of all pairs by a descriptor or a scorer."""
+    def dissimilarities(
+        self, shapes: Sequence[Shape], draw: int = 0, queries: Sequence[Shape] | None = None
+    ) -> FloatArray:
+        """Return the dissimilarities of all pairs by a descriptor or a scorer.
+
+        With queries, those of each query to the shapes.
+        """
         created = self.create()
-        answers = [self._answer(created, shape) for shape in shapes]
-        return compute_distances(created, list(map(self._read_only, answers)), draw)
+        of_shapes = self._outputs(created, shapes)
+        of_queries = None if queries is None else self._outputs(created, queries)
+        return compute_distances(created, of_shapes, draw, of_queries)
+
+    def _outputs(self, created: Any, shapes: Sequence[Shape]) -> list[Any]:
+        """Return what an object returns for shapes, as a run passes it on."""
+        return [self._read_only(self._answer(created, shape)) for shape in shapes]
 
     def answers_after_another(self) -> list[FloatArray]:
         """Return :attr:`reference` and :meth:`compared` of a process that began otherwise.

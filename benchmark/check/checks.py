@@ -332,18 +332,20 @@ def _repeatable(case: Case) -> str:
 
 def _seed(case: Case) -> str:
     """Check that the seed of a shape matters as declared, and its name never."""
-    if not case.is_random:
-        hint = (
-            "the answer depends on the name or the seed of the shape; "
-            "use neither, or declare deterministic=False"
-        )
-        renamed = case.shape(name="another name", seed=1)
-        _require_same(case.reference, case.answer(renamed), hint)
-        return "neither the seed nor the name of a shape matters"
-    if np.array_equal(case.answer(case.shape(seed=1)), case.reference):
-        problem = "declares deterministic=False but ignores the seed"
-        raise FailedCheck(f"{problem}; draw from shape.random(), or drop the flag")
-    return "the same under one seed, different under another"
+    if case.is_random:
+        if np.array_equal(case.answer(case.shape(seed=1)), case.reference):
+            problem = "declares deterministic=False but ignores the seed"
+            raise FailedCheck(f"{problem}; draw from shape.random(), or drop the flag")
+        hint = "the answer depends on the name of the shape; draw from shape.random()"
+        _require_same(case.reference, case.answer(case.shape(name="another name")), hint)
+        return "the same under one seed, different under another"
+    hint = (
+        "the answer depends on the name or the seed of the shape; "
+        "use neither, or declare deterministic=False"
+    )
+    renamed = case.shape(name="another name", seed=1)
+    _require_same(case.reference, case.answer(renamed), hint)
+    return "neither the seed nor the name of a shape matters"
 
 
 def _relabelling(case: Case) -> str:
@@ -477,6 +479,25 @@ def _require_any_order(case: Case, shapes: Sequence[Shape], distances: FloatArra
     _require_same_form(distances.ravel(), turned.ravel(), hint)
 
 
+def _queries(case: Case) -> str:
+    """Check that ``compare_to`` compares each query by itself, and finds its copy.
+
+    A run calls it if the queries are not shapes of the gallery.
+    """
+    gallery = [case.shape(bend) for bend in BENDS]
+    queries = gallery[:-1]  # so that rows and columns differ in number
+    together = case.dissimilarities(gallery, queries=queries)
+    check_distances(together, together.shape, is_square=False)
+    alone = [case.dissimilarities(gallery, queries=[query]) for query in queries]
+    hint = "'compare_to' depends on other queries; compare each with the gallery alone"
+    _require_same(together, np.concatenate(alone), hint, SYMMETRY_TOLERANCE)
+    to_copy = np.diag(together).max()
+    if not to_copy <= _SHARE * together.max():
+        problem = "'compare_to' finds a query far from its copy in the gallery"
+        raise FailedCheck(f"{problem}; return a row for each query, and a column for each shape")
+    return "each query is compared by itself"
+
+
 def _awkward(case: Case) -> str:
     """Check that awkward meshes are treated, or refused with a reason."""
     refusal: type[ShapeError] = ShapeError if case.is_scorer else UnsupportedShape
@@ -531,4 +552,6 @@ def checks_of(component: Component) -> dict[str, Callable[[Case], str]]:
     checks["awkward shapes"] = _awkward
     if not is_scorer and component.describes:
         checks["dissimilarities"] = _dissimilarities
+    if hasattr(component.load(), "compare_to"):
+        checks["queries"] = _queries
     return checks
