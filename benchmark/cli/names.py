@@ -23,6 +23,7 @@ _COLUMNS = {
     "methods": ("name", "family", "summary"),
     "scorers": ("name", "title", "summary"),
     "datasets": ("name", "state", "shapes", "classes", "source"),
+    "tables": ("table", "dataset", "caption"),
     "models": ("training", "model", "origin", "schedule"),
 }
 
@@ -52,7 +53,7 @@ def print_list(what: KindOfName, selection: Selection, *, as_json: bool) -> None
         say_lines(json.dumps(rows, indent=1))
         return
     # A terminal shows the most important facts alone.
-    columns = _COLUMNS.get(what, tuple(rows[0]))
+    columns = _COLUMNS[what]
     lines = [[*columns], *(_values_of(row, columns) for row in rows)]
     if what == "tables":
         lines = [[name, f"{data}: {caption}"] for name, data, caption in lines]

@@ -121,15 +121,15 @@ OF_MODELS = (
     "results",
     "data_root",
     "quick",
+    "subjects",
+    "gallery",
+    "gallery_views",
+    "same_names",
 )
 OF_JOBS = (
     *OF_MODELS,
     "scorer",
     "seed",
-    "subjects",
-    "gallery",
-    "gallery_views",
-    "same_names",
 )
 OF_RECORDS = (
     "methods",

@@ -374,6 +374,10 @@ def lacking(
     results: str | Path = RESULTS,
     data_root: str | Path | None = None,
     quick: bool = False,
+    subjects: str | Sequence[str] | None = None,
+    gallery: str | Path = "",
+    gallery_views: int = 0,
+    same_names: bool = False,
 ) -> list[LackingModel]:
     """Return the missing models of the selected networks that can be trained here.
 
@@ -391,6 +395,8 @@ def lacking(
         Folder of the official data sets.
     quick
         Whether a quick run is meant.
+    subjects, gallery, gallery_views, same_names
+        As for :func:`benchmark.plan`.
     """
     check_input(input)
     return lacking_models(
@@ -402,6 +408,10 @@ def lacking(
         tables=as_list(tables),
         datasets=[str(name) for name in as_list(data)],
         quick=quick,
+        subjects=_named_subjects(subjects),
+        gallery=str(gallery),
+        gallery_views=gallery_views,
+        same_names=same_names,
     )
 
 

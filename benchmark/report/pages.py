@@ -156,7 +156,7 @@ def _options_of_gallery(record: Record) -> list[str]:
     if gallery is None:
         return []
     words = []
-    if gallery.data.name != record.data.name:
+    if (gallery.data.name, gallery.data.path) != (record.data.name, record.data.path):
         words += ["--gallery", gallery.data.path or gallery.data.source]
         if not record.keeps_same_names:
             words.append("--same-names")

@@ -311,7 +311,7 @@ def _refusals(rows: Iterable[_QueryRow]) -> list[tuple[str, str, str]]:
 
 def _shapes(pages: Pages, side: RankedShapes) -> list[tuple[str, str, str]]:
     """Return names, classes and pictures of shapes that are queries or ranked."""
-    place = f"{side.input}-{side.data.name}"
+    place = f"{side.input}-{side.data.path or side.data.name}"  # two folders may have one name
     shapes = []
     for shape, label in zip(side.shapes, side.labels, strict=True):
         picture = pages.picture(f"{place}-{shape}", pages.forms.shape(side, shape), _PIXELS)

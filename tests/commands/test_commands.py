@@ -23,8 +23,10 @@ from benchmark.commands.run import tables_of_run
 from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.record_files import write_record
 from benchmark.protocols.tables import ROBUST, own_table
+from benchmark.report.pages import _command
 from benchmark.report.tables import table_views
 from tests.report.records import failed, record
+from tests.runs.toy import LIGHT
 from tests.toy import SMALL_SCORER, rod, write_rods
 from tests.verbs import call, refusal
 
@@ -368,6 +370,28 @@ def test_formats_in_which_there_is_no_table_of_robustness_are_refused(tmp_path):
     assert not (tmp_path / "out").exists()
     files = benchmark.tables("robustness", published=True).write(tmp_path / "every")
     assert sorted(files) == ["robustness.md", "scores.csv"]
+
+
+def test_queries_and_their_gallery_may_be_folders_of_one_name(tmp_path):
+    """Each class has one query, so that the folder could not rank itself."""
+    queries = write_rods(tmp_path / "a" / "rods", bends=(0.0,))
+    gallery = write_rods(tmp_path / "b" / "rods", bends=(0.5, 1.0))
+    stored = ("--results", tmp_path / "results", "--scorer", "light")
+    words = ("-d", queries, "--gallery", gallery, "--input", "mesh", "-m", "identity", *LIGHT)
+    call("run", *words, *stored[:2])
+    assert "0 of 1 jobs to run" in call("plan", *words, *stored[:2])
+    call("report", *stored, "-o", tmp_path / "report")
+    (page,) = (tmp_path / "report").glob("*-queries.html")
+    (data,) = re.findall(r'<script type="application/json">(.*?)</script>', page.read_text())
+    pictures = [{name: picture for name, _, picture in side} for side in json.loads(data)["sides"]]
+    assert pictures[0]["thin0"] != pictures[1]["thin0"]
+    command = _command(benchmark.tables(results=stored[1], scorer="light").views[0], stored[1])
+    assert f"--gallery {gallery}" in command
+
+
+def test_a_list_of_no_models_has_its_heading_alone(monkeypatch):
+    monkeypatch.setattr("benchmark.cli.names.listing", lambda *_, **__: [])
+    assert call("list", "models").split() == ["training", "model", "origin", "schedule"]
 
 
 def test_robustness_has_no_pages(tmp_path):
