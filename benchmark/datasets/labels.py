@@ -487,7 +487,8 @@ def _rows_of(lines: Sequence[str]) -> TextRows:
 
 def _check_title(line: str) -> None:
     """Raise ``ConfigurationError`` if the first line is one word that may be a title or a class."""
-    if line.strip(' \t;,"').lower() in _LABELS:
+    word = line.rstrip(' \t;,"').lstrip(' "')  # a separator before it would begin a second column
+    if word.lower() in _LABELS:
         problem = f"its first line, '{line.strip()}', may name the columns"
         raise ConfigurationError(problem, "delete it, or let it begin with '#'")
 

@@ -71,6 +71,8 @@ def read(data: bytes, _: Path) -> MeshArrays:
     # Numbers behind a slash are those of textures and normals.
     words = re.sub(rb"/\S*", b"", b" ".join(polygon[1] for polygon in polygons))
     indices = whole_numbers(parse_numbers(words))
+    if len(indices) != sizes.sum():
+        raise ValueError("a corner of a face begins with a slash, and names no vertex")
     # Negative numbers count back from the last vertex before the polygon: -1 is that vertex.
     vertex_starts = np.array([vertex.start() for vertex in vertices])
     face_starts = np.array([polygon.start() for polygon in polygons], dtype=np.int64)

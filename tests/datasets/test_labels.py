@@ -234,6 +234,8 @@ TEXTS = {
     "header of blanks": lines(" ", first=["name label"]),
     "header of pandas": pd.DataFrame({"name": NAMES, "label": WORDS}).to_csv(index=False),
     "series of pandas": pd.Series(WORDS, NAMES).to_csv(),
+    "named series of pandas": pd.Series(WORDS, NAMES, name="label").to_csv(),
+    "named series with tabs": pd.Series(WORDS, NAMES, name="class").to_csv(sep="\t"),
     "index of pandas": pd.Series(WORDS, NAMES, name="label").to_csv(index_label="name"),
     "table of R": lines(first=['"","x"']),
     "CRLF": lines(end="\r\n"),
