@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -14,7 +14,7 @@ import msgspec
 from benchmark.errors import FILE, BenchmarkError, ConfigurationError
 from benchmark.kernel_cache import drop_stale_kernels
 from benchmark.machine import memory_per_process
-from benchmark.pipeline.cache import Cache, CachedFile, Stage, writing
+from benchmark.pipeline.cache import Cache, CachedFile, writing
 from benchmark.pipeline.code_store import keep_definitions
 from benchmark.pipeline.environment import commit, packages
 from benchmark.pipeline.record_files import write_record
@@ -163,7 +163,11 @@ def start_workers(size: int, timeout: float, dask: str) -> Workers:
 
 
 class _MissingFile(NamedTuple):
-    """A file that is to be made, and the missing file that it is made from, if that is, too."""
+    """A file that is to be made, and the last missing file that it is made from, if there is one.
+
+    That may be a file of an earlier stage than the one before: a signature takes its form, and the
+    surface of the prepared shape.
+    """
 
     step: Step
     source: CachedFile | None
@@ -206,7 +210,10 @@ class _Run:
             watch(Progress(total - n_missing, total, workers.working))
 
     def _begin(
-        self, jobs: Sequence[Planned], retried: CachedFile | None = None
+        self,
+        jobs: Sequence[Planned],
+        again: Collection[CachedFile] = (),
+        only: CachedFile | None = None,
     ) -> Iterator[Record]:
         """Queue the steps that make the missing files of some jobs.
 
@@ -214,7 +221,9 @@ class _Run:
         ----------
         jobs
             The jobs.
-        retried
+        again
+            Files that are made again although they are there, because they are damaged.
+        only
             The only file that is to be made, with those that it is made from; None for all.
 
         Yields
@@ -222,11 +231,16 @@ class _Run:
         Record
             Records of the jobs that end at once.
         """
-        exists = cache(Cache(self._results).has)
+        has = cache(Cache(self._results).has)
+
+        def exists(file: CachedFile) -> bool:
+            """Return whether a file need not be made."""
+            return file not in again and has(*file)
+
         missing: dict[CachedFile, _MissingFile] = {}
         for job in jobs:
             for steps in job.steps():  # of one view: prepared shape, form, signature
-                self._note_missing(job, _steps_to_make(steps, retried), exists, missing, retried)
+                self._note_missing(job, _steps_to_make(steps, only), exists, missing)
         self._add_tasks(missing)
         for job in jobs:
             yield from self._finish(job)
@@ -235,9 +249,8 @@ class _Run:
         self,
         job: Planned,
         steps: Iterable[Step],
-        exists: Callable[[Stage, str], bool],
+        exists: Callable[[CachedFile], bool],
         missing: dict[CachedFile, _MissingFile],
-        retried: CachedFile | None,
     ) -> None:
         """Find the missing files of one view of a shape, and add them to those of other views.
 
@@ -248,20 +261,19 @@ class _Run:
         steps
             The steps that make them. Each takes the file of the one before as its source.
         exists
-            Returns whether a file, given by stage and key, is in the cache.
+            Returns whether a file is in the cache, and need not be made.
         missing
             Gets the missing files.
-        retried
-            A file that is made again in any case; None for none.
         """
         source: CachedFile | None = None
+        last_missing: CachedFile | None = None
         for step in steps:
             if source:
                 self._open_jobs.add_made_from(source, step.file)
-            if step.file == retried or not exists(*step.file):
+            if not exists(step.file):
                 self._open_jobs.add_missing(job, step.file)
-                missing_source = source if source in missing else None
-                missing[step.file] = _MissingFile(step, missing_source)
+                missing[step.file] = _MissingFile(step, last_missing)
+                last_missing = step.file
             source = step.file
 
     def _add_tasks(self, missing: Mapping[CachedFile, _MissingFile]) -> None:
@@ -304,7 +316,7 @@ class _Run:
         if outcome.status in ("failed", "crashed", "incomplete"):
             outcome = self._without_blame(outcome)
         if outcome.status in ("incomplete", "crashed") and step.file not in self._retried:
-            yield from self._retry(step)  # once
+            yield from self._retry(step, outcome.damaged)  # once
         elif outcome.status == "incomplete":
             yield from self._give_up(step, outcome)
         elif step.stage == "records" or outcome.status not in ("ok", "refused"):
@@ -329,14 +341,14 @@ class _Run:
             return outcome._replace(status="incomplete", reason=str(error), traceback="")
         return outcome
 
-    def _retry(self, step: Step) -> Iterator[Record]:
-        """Try a step for the second time, with those whose damaged files were removed."""
+    def _retry(self, step: Step, damaged: Collection[CachedFile]) -> Iterator[Record]:
+        """Try a step for the second time, after those that make the damaged files that it needs."""
         self._retried.add(step.file)
         jobs = self._open_jobs.waiting_for(step)
         if step.stage == "records":  # a file of the gallery was damaged
-            yield from self._begin(jobs)
+            yield from self._begin(jobs, damaged)
         else:
-            yield from self._begin(jobs, step.file)
+            yield from self._begin(jobs, [step.file, *damaged], step.file)
 
     def _give_up(self, step: Step, outcome: Outcome) -> Iterator[Record]:
         """Do without the result of a step that was tried twice; jobs that need it stay incomplete.

@@ -222,6 +222,8 @@ class Outcome(NamedTuple):
         Of a ranking: what its record says.
     ends_process
         Whether its process may hold code in memory that is not that of the plan.
+    damaged
+        Files that it needs, which are missing or damaged, and have to be made again.
     """
 
     status: str
@@ -230,6 +232,7 @@ class Outcome(NamedTuple):
     of_shape: bool = False
     content: Mapping[str, Any] = {}
     ends_process: bool = False
+    damaged: tuple[CachedFile, ...] = ()
 
 
 class Queue:
@@ -428,16 +431,19 @@ class Work:
             return _outcome_of_error(step, error)
 
     def _run(self, step: Step) -> Outcome:
-        """Run a step; damaged files of the cache are removed, so that they are computed again."""
+        """Run a step; damaged files of the cache are named.
+
+        They are left to the step that makes them, which writes over them: another process may have
+        done so since this one has read them.
+        """
         try:
             if self.task.record:
                 return self._rank(step, self.task.record)
             return self._make(step)
         except DamagedFiles as error:
-            cache_of_run = Cache(step.job.results)
-            for stage, key in error.files:
-                cache_of_run.remove(stage, key)
-            return _incomplete(f"a file of {step.view or 'the gallery'} was damaged")
+            damaged = tuple(CachedFile(*file) for file in error.files)
+            outcome = _incomplete(f"a file of {step.view or 'the gallery'} was damaged")
+            return outcome._replace(damaged=damaged)
 
     def _make(self, step: Step) -> Outcome:
         """Compute the file of a step, unless it is in the cache, and return how that ended.

@@ -278,18 +278,19 @@ def test_what_ended_a_process_is_said_of_any_signal(code, said, status):
     assert f"the process ended with {said}" in outcome.reason
 
 
-def test_a_damaged_file_that_cannot_be_removed_ends_no_process(tmp_path, monkeypatch):
-    def refuse(path, missing_ok):
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(path))
-
-    monkeypatch.setattr(Path, "unlink", refuse)
+def test_a_step_names_a_damaged_file_and_leaves_it_as_another_may_just_have_made_it_again(
+    tmp_path,
+):
+    file = tmp_path / "runs" / "prepared" / "key.npz"
+    file.parent.mkdir(parents=True)
+    file.write_bytes(b"damaged")
     job = SimpleNamespace(results=tmp_path)
     step = SimpleNamespace(
         process="", view="thin0", stage="forms", keys={"prepared": "key"}, job=job
     )
     outcome = Work(Task((step,)), RunContext()).outcome(step)
-    assert outcome.status == "stopped"
-    assert "Read-only file system" in outcome.reason
+    assert (outcome.status, outcome.damaged) == ("incomplete", (("prepared", "key"),))
+    assert file.read_bytes() == b"damaged"
 
 
 def test_one_query_in_a_large_gallery_has_the_time_of_all_its_shapes():

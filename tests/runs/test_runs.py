@@ -18,7 +18,16 @@ from benchmark.registry.modules import import_plugins_anew
 from benchmark.runs.planning import estimate
 from benchmark.runs.runner import run_jobs
 from tests.behaviour.suite import start
-from tests.runs.toy import FAULTS, LIGHT, ThisProcess, done, noted, planned, run_toy
+from tests.runs.toy import (
+    FAULTS,
+    LIGHT,
+    LateStagesFirst,
+    ThisProcess,
+    done,
+    noted,
+    planned,
+    run_toy,
+)
 from tests.toy import PATIENCE, files_of_at_most, wait_for
 
 
@@ -123,6 +132,17 @@ def test_a_damaged_file_of_any_kind_is_made_again(rods, finished, tmp_path, stag
     after = done(jobs, results, workers=ThisProcess(), watch=states.append)["identity"]
     assert (after.scores, after.per_query) == (before.scores, before.per_query)
     assert all(0 <= state.done <= state.total for state in states)
+
+
+def test_a_file_waits_for_every_damaged_one_that_it_is_made_from(rods, finished, tmp_path):
+    """Signatures take surfaces from prepared shapes, too; forms are there and whole."""
+    results, before = shutil.copytree(finished[0], tmp_path / "results"), finished[1]
+    for path in (results / "runs" / "prepared").iterdir():
+        path.write_bytes(b"damaged")
+    shutil.rmtree(results / "runs" / "signatures")
+    jobs = planned(rods, results, "identity", rerun=("finished",))
+    after = done(jobs, results, workers=LateStagesFirst())["identity"]
+    assert (after.status, after.per_query) == ("ok", before.per_query)
 
 
 def test_a_plan_says_that_a_plugin_ran_in_this_process(rods, tmp_path):

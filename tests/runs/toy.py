@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 from unittest.mock import patch
 
+from benchmark.pipeline.cache import Stage
 from benchmark.pipeline.records import Record
 from benchmark.registry.components import THIS_PROCESS
 from benchmark.registry.modules import import_plugins_anew
 from benchmark.runs.planning import Planned, plan_selection
 from benchmark.runs.runner import run_jobs
-from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Work
+from benchmark.runs.tasks import Outcome, Queue, RunContext, Step, Task, Work
 from tests.toy import wait_for
 
 FAULTS = Path(__file__).with_name("faults.py")
@@ -45,6 +46,23 @@ class ThisProcess:
 
     def close(self) -> None:
         """End nothing."""
+
+
+class LateStagesFirst(ThisProcess):
+    """Workers that begin all tasks of a queue at once, and end first what is made last of a shape.
+
+    A task that may be done too early by them may be so by any two processes.
+    """
+
+    def poll(self, queue: Queue) -> Iterator[tuple[Step, Outcome]]:
+        begun: list[Task] = []
+        while task := queue.take_any():
+            begun.append(task)
+        stages = get_args(Stage)
+        for task in sorted(begun, key=lambda task: -stages.index(task.steps[0].stage)):
+            one = Queue(lambda _: True)
+            one.add(task)
+            yield from super().poll(one)
 
 
 @contextmanager
