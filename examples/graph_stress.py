@@ -1,4 +1,7 @@
-"""Graph Stress: a program of any language reads a mesh and writes one: ``graph_stress.cpp``."""
+"""Graph Stress: call a program in another language, which reads a mesh and writes a mesh.
+
+The program is ``graph_stress.cpp``. Build it first: ``g++ -O2 -o graph_stress graph_stress.cpp``.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ REFUSED = 2
 
 @dataclass(frozen=True, kw_only=True)
 class GraphStress:
-    """Form that a program writes: it is called here, with the files to read and to write."""
+    """Form that a program writes; its arguments are the file to read and the file to write."""
 
     info: ClassVar[MethodInfo] = MethodInfo(
         name="graph-stress",

@@ -1,4 +1,4 @@
-"""Nearest View: take the depth image of the training most alike, and return its canonical pose."""
+"""Nearest View: find the most similar training image, and return the canonical pose of its body."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ class NearestView:
     Parameters
     ----------
     training_seed
-        Of no account here; a network would start from it.
+        Has no effect here. A network would draw its first weights with it.
     """
 
     info: ClassVar[MethodInfo] = MethodInfo(
         name="nearest-view",
         title="Nearest View",
-        summary="canonical pose of the training image most alike",
+        summary="canonical pose of the most similar training image",
         inputs=("view",),
         scale="invariant",
     )
@@ -55,7 +55,7 @@ class NearestView:
 
     @property
     def model_name(self) -> str:
-        """Folder of the model; it must tell all parameters apart that lead to another training."""
+        """Name of the folder of the model: another one for each value that changes the training."""
         return f"seed{self.training_seed}"
 
     def train(
@@ -65,7 +65,7 @@ class NearestView:
         options: Mapping[str, Any],
         say: Callable[[str], None],
     ) -> None:
-        """Keep all pairs, smaller. The card is written last: it says that the model is complete."""
+        """Store all pairs at a lower resolution, then the card, which marks a finished model."""
         if options:
             raise ConfigurationError(
                 f"nearest-view has no option '{next(iter(options))}'", "leave it out"
@@ -99,7 +99,7 @@ class NearestView:
         return loaded
 
     def canonicalise(self, shape: Shape) -> CanonicalForm:
-        """Return the surface behind the canonical image of the nearest neighbour, of unit area."""
+        """Return the surface in the canonical image of the nearest neighbour, scaled to area 1."""
         if shape.depth is None:
             raise UnsupportedShape("there is no depth image", "use the view input")
         if not self.model:

@@ -1,4 +1,4 @@
-"""Principal Axes: a program in Octave, ``principal_axes.m``."""
+"""Principal Axes: call a program in Octave, ``principal_axes.m``, as Graph Stress calls one."""
 
 from __future__ import annotations
 

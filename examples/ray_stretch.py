@@ -1,4 +1,4 @@
-"""Ray Stretch: every vertex as far from the middle as the way along the surface is long."""
+"""Ray Stretch: move each vertex as far from the middle as its path along the surface is long."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from benchmark.api import CanonicalForm, Interval, MethodInfo, Shape
 
 @dataclass(frozen=True, kw_only=True)
 class RayStretch:
-    """Vertices pushed outwards along the rays from the geodesic centre, which stretches bent limbs.
+    """Push vertices outwards along rays from the geodesic centre, which straightens bent limbs.
 
     Parameters
     ----------
