@@ -137,11 +137,17 @@ def make_folder() -> str:
         If none can be made, as on a full disk.
     """
     try:
+        parent = tempfile.gettempdir()
+    except OSError as error:  # which names the folders that were tried
+        problem = f"nothing can be written to any folder for temporary files: {error.strerror}"
+        hint = "free some space in one, or name another folder by the variable TMPDIR"
+        raise ConfigurationError(problem, hint) from error
+    try:
         _remove_abandoned()
-        folder = tempfile.mkdtemp(prefix=_PREFIX)
+        folder = tempfile.mkdtemp(prefix=_PREFIX, dir=parent)
     except OSError as error:
-        problem = f"no folder can be made for temporary files: {error.strerror}"
-        hint = "free some space, or name another folder by the variable TMPDIR"
+        problem = f"no temporary folder can be made in {parent}: {error.strerror}"
+        hint = "free some space there, or name another folder by the variable TMPDIR"
         raise ConfigurationError(problem, hint) from error
     lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     with suppress(OSError):  # a file system without locks, where no folder counts as abandoned

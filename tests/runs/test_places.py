@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from benchmark.check import check
-from benchmark.errors import BenchmarkError
+from benchmark.errors import BenchmarkError, ConfigurationError
 from benchmark.pipeline.record_arrays import read_distances
 from benchmark.places import make_folder, no_places_of_the_user, remove_folder
 from benchmark.registry.known import in_file
@@ -209,5 +209,15 @@ def test_without_space_for_temporary_files_the_advice_is_about_them(temporary, m
 
     monkeypatch.setattr("tempfile.mkdtemp", refuse)
     task = SimpleNamespace(process="plugin.py", steps=(), record=None)
-    with pytest.raises(BenchmarkError, match="No space left on device; free some .* TMPDIR$"):
+    said = f"in {temporary}: No space left on device; free some space there, or name .* TMPDIR$"
+    with pytest.raises(BenchmarkError, match=said):
         Worker(2**30, 60.0, 1).begin(task)
+
+
+def test_without_any_place_for_temporary_files_those_that_were_tried_are_named(monkeypatch):
+    def refuse():
+        raise FileNotFoundError(2, "No usable temporary directory found in ['/nowhere']")
+
+    monkeypatch.setattr("tempfile.gettempdir", refuse)
+    with pytest.raises(ConfigurationError, match=r"any folder .*/nowhere.*TMPDIR$"):
+        make_folder()
