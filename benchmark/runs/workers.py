@@ -76,7 +76,9 @@ _OWN_SIGNALS = frozenset(
 #: What may be behind signals that the system sends.
 _CAUSES: dict[int, str] = {
     signal.SIGKILL: ": sent by somebody, or as memory or its processor time was used up",
-    signal.SIGXCPU: ": its processor time was used up",
+    signal.SIGXCPU: (
+        ": it used up its processor time, which 'ulimit -t', a batch system or a method limits"
+    ),
 }
 
 #: Seconds that a process may take to end once its connection is closed.

@@ -266,7 +266,7 @@ def test_threads_of_a_ranking_take_little_of_the_memory_of_one_of_many_processes
     [
         (3, "exit code 3", "crashed"),
         (-signal.SIGSEGV, "SIGSEGV", "crashed"),
-        (-signal.SIGXCPU, "SIGXCPU: its processor time was used up", "incomplete"),
+        (-signal.SIGXCPU, "SIGXCPU: it used up its processor time, which 'ulimit -t', a ", "incomplete"),
         (-40, "signal 40", "incomplete"),
     ],
 )
