@@ -266,7 +266,11 @@ def test_threads_of_a_ranking_take_little_of_the_memory_of_one_of_many_processes
     [
         (3, "exit code 3", "crashed"),
         (-signal.SIGSEGV, "SIGSEGV", "crashed"),
-        (-signal.SIGXCPU, "SIGXCPU: it used up its processor time, which 'ulimit -t', a ", "incomplete"),
+        (
+            -signal.SIGXCPU,
+            "SIGXCPU: it used up its processor time, which 'ulimit -t'",
+            "incomplete",
+        ),
         (-40, "signal 40", "incomplete"),
     ],
 )
