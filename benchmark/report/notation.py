@@ -26,9 +26,14 @@ def hundredths(value: float | None) -> str:
 
 
 def signed_hundredths(difference: float) -> str:
-    """Return a difference of scores with its sign, two decimals and no leading zero."""
-    rounded = round(difference, 2) + 0.0  # no "-0.00"
-    return f"{rounded:+.2f}".replace("0.", ".", 1)
+    """Return a difference of scores with its sign, rounded as scores are.
+
+    A - B and B - A have the same digits.
+    """
+    size = hundredths(abs(difference))
+    is_negative = difference < 0 and size != hundredths(0)
+    sign = "-" if is_negative else "+"
+    return sign + size
 
 
 def two_digits(seconds: float) -> str:

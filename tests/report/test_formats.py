@@ -26,7 +26,7 @@ from benchmark.report.formats import (
     markdown,
     markdown_text,
 )
-from benchmark.report.notation import hundredths, two_digits
+from benchmark.report.notation import hundredths, signed_hundredths, two_digits
 from benchmark.report.tables import table_views
 from tests.report.records import failed, record
 
@@ -81,6 +81,14 @@ def views():
 )
 def test_scores_have_two_decimals_and_no_leading_zero(value, shown):
     assert hundredths(value) == shown
+
+
+@pytest.mark.parametrize(
+    ("difference", "shown"),
+    [(0.345, "+.35"), (-0.345, "-.35"), (-0.344999, "-.34"), (-0.0049, "+.00"), (-1.0, "-1.00")],
+)
+def test_differences_are_rounded_as_scores_and_have_a_sign(difference, shown):
+    assert signed_hundredths(difference) == shown
 
 
 def test_durations_have_two_digits():
