@@ -240,9 +240,10 @@ def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Rec
     """
     method = method_name(title)
     (name,) = as_sets([dataset])
+    every = read_records(results)
     beside = [
         record
-        for record in _records_of_gallery(read_records(results), name)
+        for record in _records_of_gallery(every, name)
         if record.input == input_
         and record.status == "ok"
         and record.method != method
@@ -250,7 +251,9 @@ def record_beside(results: Path, dataset: str, input_: Input, title: str) -> Rec
     ]
     if beside:
         return beside[-1]
-    if is_known(dataset) or Path(dataset).is_dir():
+    # A folder may have rows of the other input or of quick runs alone.
+    is_of_folder = any(record.data.path and record.data.name == name for record in every)
+    if is_known(dataset) or Path(dataset).is_dir() or is_of_folder:
         problem = f"no row of '{dataset}', {input_}, is here, so its shapes are unknown"
         raise ConfigurationError(problem, "run a method on it first, or omit --dataset")
     if "/" in dataset or not dataset.strip() or not dataset.isprintable():

@@ -99,7 +99,7 @@ class TableView:
     @property
     def own_gallery(self) -> str:
         """Gallery of a table of own data, "against models"; "" if it is the data themselves."""
-        if not self.is_of_own_data:
+        if not (self.is_of_own_data and self.table.is_cross):
             return ""
         return self.table.identifier.removeprefix(self.dataset).strip()
 

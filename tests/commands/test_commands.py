@@ -394,6 +394,19 @@ def test_a_list_of_no_models_has_its_heading_alone(monkeypatch):
     assert call("list", "models").split() == ["training", "model", "origin", "schedule"]
 
 
+def test_a_folder_with_rows_of_another_input_or_of_quick_runs_alone_gets_no_second_table(folders):
+    """Beside none of them a row of another program may stand."""
+    stored = folders / "results"
+    words = ("-d", folders / "good", "--results", stored, "-m", "surface-area", "-j", 0)
+    call("run", *words, "--input", "mesh", "--quick")
+    with pytest.raises(ConfigurationError, match="no row of 'good', mesh, is here"):
+        record_beside(stored, "good", "mesh", "mine")
+    call("run", *words, "--input", "mesh")
+    assert record_beside(stored, "good", "mesh", "mine").gallery == "good"
+    with pytest.raises(ConfigurationError, match="no row of 'good', view, is here"):
+        record_beside(stored, "good", "view", "mine")
+
+
 def test_robustness_has_no_pages(tmp_path):
     with pytest.raises(ConfigurationError, match="the table of robustness has no pages"):
         write_pages(Tables((), ()), tmp_path / "report")

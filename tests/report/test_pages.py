@@ -35,7 +35,7 @@ from benchmark.report.forms import StoredForms
 from benchmark.report.grids import figure_bytes, grid, write_figure
 from benchmark.report.notes import table_notes
 from benchmark.report.output import write_files
-from benchmark.report.page_builder import TEMPLATES
+from benchmark.report.page_builder import TEMPLATES, label_of_table
 from benchmark.report.pages import report_files
 from benchmark.report.query_pages import Match, kept_pose, nearest_matches
 from benchmark.report.sheets import frame_picture, mesh_picture
@@ -190,6 +190,13 @@ def gallery_of(name, views=1):
         "labels": ["cat", "dog", "owl"],
         "views": views,
     }
+
+
+def test_a_folder_with_the_name_of_a_table_is_called_by_its_name_alone():
+    data = {"name": "III", "title": "III", "source": "III", "path": "/data/III"}
+    (view,) = table_views([record(dataset="III", data=data)])
+    assert view.table.identifier == "III-folder"
+    assert label_of_table(view) == "III"
 
 
 @pytest.mark.parametrize(
