@@ -11,7 +11,15 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.api.datasets import Entry, ShapeSet
-from benchmark.api.learning import CARD, Card, HasRecipe, Learner, digest_of, read_card
+from benchmark.api.learning import (
+    CARD,
+    FROZEN_AT,
+    Card,
+    HasRecipe,
+    Learner,
+    digest_of,
+    read_card,
+)
 from benchmark.api.parameters import option_words
 from benchmark.datasets.catalogue import catalogued, is_known, is_present, open_dataset
 from benchmark.datasets.people import CLEARANCE, TESTED
@@ -317,17 +325,23 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
     names
         Names of the trainings.
     """
-    words = ["python", "-m", "benchmark", "train", spec.name]
-    if len(names) == 1:
-        words += ["--table", names[0]]
-    if isinstance(learner, HasRecipe):  # the models of a table follow one recipe
-        words += option_words(learner.recipe(names[0]))
-    if spec.plugin:
-        words += ["--plugin", str(spec.plugin)]
-    hint = f"run `{shlex.join(words)}`"
+    ways = []
+    are_frozen = any(name in TRAININGS and TRAININGS[name].is_frozen for name in names)
+    if not are_frozen:
+        words = ["python", "-m", "benchmark", "train", spec.name]
+        if len(names) == 1:
+            words += ["--table", names[0]]
+        if isinstance(learner, HasRecipe):  # the models of a table follow one recipe
+            words += option_words(learner.recipe(names[0]))
+        if spec.plugin:
+            words += ["--plugin", str(spec.plugin)]
+        ways.append(f"run `{shlex.join(words)}`")
     if all(f"{name}/{learner.model_name}" in published_models() for name in names):
         fetch = shlex.join(["python", "-m", "benchmark", "models", "fetch", *names])
-        hint = f"{hint}, or `{fetch} --from CHECKOUT/learned/models`"
+        ways.append(f"run `{fetch} --from CHECKOUT/learned/models`")
+    if are_frozen:
+        ways.append(f"train at commit {FROZEN_AT}")
+    hint = ", or ".join(ways)
     models = "model" if len(names) == 1 else "models"
     return MissingModel(f"needs the {models} {', '.join(names)}", hint)
 

@@ -13,9 +13,10 @@ import pytest
 from benchmark.api.datasets import Entry
 from benchmark.api.learning import CARD, Card, digest_of, read_card
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
-from benchmark.protocols.models import MissingModel, Model, TooNear
-from benchmark.protocols.trainings import trainings_by_shape
-from learned.methods import Learned
+from benchmark.protocols.models import MissingModel, Model, TooNear, with_model
+from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
+from benchmark.registry import select_one
+from learned.methods import Learned, TrainedNetwork
 
 GENERATED = "people[n=4]"
 CHANGED = [
@@ -141,3 +142,29 @@ def test_partial_shapes_of_tosca_are_seen_by_models_trained_on_it() -> None:
         and model.has_seen(dog, "tosca")
         and not model.has_seen(dog, "animals")
     )
+
+
+@pytest.mark.parametrize(
+    "method",
+    [
+        "learned",
+        "learned-wide-extra",
+        "learned-wide-extra[training=animals-sampled]",
+        "learned-streamed",
+        "deformation-field",
+    ],
+)
+def test_a_missing_model_that_cannot_be_trained_any_more_is_only_fetched(
+    method, monkeypatch, tmp_path
+):
+    component = select_one(method)
+    learner = component.create()
+    training = learner.training or learner.default_training
+    monkeypatch.setattr(TrainedNetwork, "shipped_models", tmp_path)
+    with pytest.raises(MissingModel) as raised:
+        with_model(component)
+    hint = raised.value.hint
+    assert f"run `python -m benchmark models fetch {training} --from" in hint
+    is_trained = "run `python -m benchmark train " in hint
+    assert is_trained != TRAININGS[training].is_frozen
+    assert is_trained != ("train at commit 4868b8b9" in hint)
