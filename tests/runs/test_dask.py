@@ -13,6 +13,7 @@ import pytest
 from benchmark.errors import ConfigurationError
 from benchmark.pipeline.record_arrays import read_distances
 from benchmark.runs import dask
+from benchmark.runs.tasks import Task
 from tests.registry.plugin import write_plugin
 from tests.runs.toy import FAULTS, done, noted, planned, run_toy
 from tests.toy import SMALL_SCORER, rod, write_off
@@ -28,6 +29,33 @@ def test_a_process_has_a_share_of_the_memory_of_its_own_machine(monkeypatch):
         worker = SimpleNamespace(address=address, state=SimpleNamespace(nthreads=count))
         monkeypatch.setattr("distributed.get_worker", lambda worker=worker: worker)
         assert dask._threads_here(of_machines) == count
+
+
+def test_a_thread_keeps_its_process_within_a_run_and_ends_it_in_the_next(monkeypatch):
+    pools = []
+
+    class OnePool:
+        def __init__(self, size, memory, timeout):
+            self.size, self.memory, self.timeout, self.is_closed = size, memory, timeout, False
+            pools.append(self)
+
+        def poll(self, queue):
+            for step in queue.take("").steps:
+                yield step, "ended"
+
+        def close(self):
+            self.is_closed = True
+
+    monkeypatch.setattr(dask, "Pool", OnePool)
+    monkeypatch.setattr(dask, "_threads_here", lambda threads: threads["here"])
+    monkeypatch.setattr(dask, "memory_per_process", lambda n_processes: 24 // n_processes)
+    monkeypatch.setattr(dask, "_of_thread", SimpleNamespace())
+    steps = tuple(SimpleNamespace(process="", view=view) for view in ("thin0", "thin1"))
+    for run, timeout in (("first", 60.0), ("first", 60.0), ("second", 3.0)):
+        ended = dask.run_in_worker(Task(steps), run, timeout, {"here": 8})
+        assert ended == [(step, "ended") for step in steps]
+    assert [(pool.size, pool.memory, pool.timeout) for pool in pools] == [(1, 3, 60.0), (1, 3, 3.0)]
+    assert [pool.is_closed for pool in pools] == [True, False]
 
 
 def test_an_object_of_a_program_is_refused_by_a_cluster(rods, tmp_path):

@@ -304,6 +304,12 @@ def test_one_query_in_a_large_gallery_has_the_time_of_all_its_shapes():
     assert Worker(2**30, 60.0, 1)._time_limit(Task((step,), record)) == 6000.0
 
 
+@pytest.mark.parametrize(("view", "limit"), [("thin0", 60.0), ("", 60e6)])
+def test_a_frame_has_the_time_of_all_shapes_of_a_large_data_set(view, limit):
+    step = SimpleNamespace(process="", view=view, stage="prepared")
+    assert Worker(2**30, 60.0, 1)._time_limit(Task((step,))) == limit
+
+
 def test_a_copy_of_a_process_says_nothing_of_work_that_it_may_not_end():
     ours, theirs = Pipe()
     tell = partial(_tell, theirs, os.getpid())
