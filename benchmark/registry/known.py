@@ -131,17 +131,20 @@ def in_file(path: Path) -> list[Component]:
 
     target = str(resolved)
     module = load_module(target)
-    components = []
+    classes: dict[type, str] = {}  # of two names of one class, the first in the file
     for attribute, value in vars(module).items():
         if isinstance(value, ShapeSet):
             problem = f"{path} makes a data set, which is a folder of meshes and no plugin"
             example = "examples/bent_ellipsoids.py does: python bent_ellipsoids.py DIR"
             raise ConfigurationError(problem, f"write a folder, as {example}")
-        is_own_class = isinstance(value, type) and value.__module__ == module.__name__
-        info = getattr(value, "info", None)
-        if is_own_class and isinstance(info, MethodInfo):
+        if isinstance(value, type) and value.__module__ == module.__name__:
+            classes.setdefault(value, attribute)
+    components = []
+    for cls, attribute in classes.items():
+        info = getattr(cls, "info", None)
+        if isinstance(info, MethodInfo):
             components.append(Component("method", info.name, f"{target}:{attribute}"))
-        elif is_own_class and isinstance(info, ScorerInfo):
+        elif isinstance(info, ScorerInfo):
             components.append(Component("scorer", info.name, f"{target}:{attribute}"))
     if not components:
         hint = "write a class with an 'info' (MethodInfo or ScorerInfo), or use @canonical_form"

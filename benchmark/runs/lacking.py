@@ -17,6 +17,7 @@ from benchmark.errors import TrainingError
 from benchmark.protocols.galleries import galleries
 from benchmark.protocols.trainings import find_training, n_pairs
 from benchmark.registry import Component, are_named, select
+from benchmark.registry.modules import environment
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,8 @@ def train_lacking(
     for number, model in enumerate(lacking, start=1):
         say(f"training {number} of {len(lacking)}: {model.method}, {model.training}")
         words = model.words(results, data_root)
-        done = subprocess.run([sys.executable, "-m", "benchmark", *words], check=False)
+        command = [sys.executable, "-m", "benchmark", *words]
+        done = subprocess.run(command, env=environment(), check=False)
         if done.returncode:
             raise TrainingError(
                 f"the training of {model.method} on '{model.training}' failed",

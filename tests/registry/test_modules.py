@@ -195,3 +195,10 @@ def test_what_a_plugin_sets_before_its_import_fails_reaches_no_other_process(tmp
     with pytest.raises(ConfigurationError, match="division by zero"):
         load_module(str(write_plugin(tmp_path / "smooth.py", imports=text)))
     assert environment()["OF_USER"] == "before"
+
+
+def test_a_class_with_two_names_is_one_method(tmp_path):
+    path = write_plugin(tmp_path / "smooth.py")
+    path.write_text(path.read_text() + "\n\nOldName = Smooth\n")
+    (component,) = in_file(path)
+    assert component.target.endswith(":Smooth")

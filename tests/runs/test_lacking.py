@@ -1,11 +1,15 @@
 """Models that the networks of a selection lack: those of published tables, and no others."""
 
+import os
 from collections import Counter
 from itertools import pairwise
+from subprocess import CompletedProcess
 
 from benchmark.api.learning import CARD
 from benchmark.registry import select_one
-from benchmark.runs.lacking import LackingModel, lacking_models
+from benchmark.registry.modules import load_module
+from benchmark.runs.lacking import LackingModel, lacking_models, train_lacking
+from tests.registry.plugin import write_plugin
 
 STRICT = "learned-strict"
 
@@ -67,3 +71,19 @@ def test_options_of_a_recipe_are_passed_as_they_are(tmp_path):
     words = LackingModel("own", None, "people", options, None).words(tmp_path, None)
     passed = [word for before, word in pairwise(words) if before == "-o"]
     assert passed == ["optimiser=AdamW", "stretch=false", "rate=1e-05", "sizes=(1,2)"]
+
+
+def test_what_a_plugin_sets_in_the_environment_reaches_no_training(tmp_path, monkeypatch):
+    monkeypatch.setattr("benchmark.registry.modules._changed", {})
+    monkeypatch.setenv("OF_USER", "of the user")
+    sets = "import os\nos.environ['OF_USER'] = 'of the plugin'"
+    load_module(str(write_plugin(tmp_path / "smooth.py", imports=sets)))
+    passed = {}
+
+    def run(command, *, env=None, check):
+        passed.update(os.environ if env is None else env)
+        return CompletedProcess(command, 0)
+
+    monkeypatch.setattr("subprocess.run", run)
+    train_lacking([LackingModel("own", None, "people", {}, None)], tmp_path, None, print)
+    assert passed["OF_USER"] == "of the user"
