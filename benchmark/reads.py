@@ -295,13 +295,25 @@ def _is_of_user(file: Path, folder: Path, declared: Iterable[Path], *, is_progra
     """
     if file.parent.suffix in _METADATA or file.suffix in _KERNELS:
         return False
-    if _lies_in(file, [*_EXEMPT, *declared, *_package_folders(tuple(sys.path))]):
+    exempt = _exempt_places(file, folder.resolve())
+    if _lies_in(file, [*exempt, *declared, *_package_folders(tuple(sys.path))]):
         return False
     if not is_program:
         return True
     temporary = Path(tempfile.gettempdir()).resolve()
     near = [path for path in (folder.resolve(), Path.cwd()) if path not in (Path("/"), temporary)]
     return _lies_in(file, near)
+
+
+def _exempt_places(file: Path, folder: Path) -> list[str]:
+    """Return the folders of Python, of the suite and of the system that exempt a file.
+
+    A plugin may lie in one of them, such as ``/usr/src``. Of the files beside it, only those in a
+    folder within its own are exempt, such as an environment of Python.
+    """
+    if not file.is_relative_to(folder):
+        return list(_EXEMPT)
+    return [place for place in _EXEMPT if Path(os.path.realpath(place)).is_relative_to(folder)]
 
 
 def _lies_in(file: Path, folders: Iterable[Path | str]) -> bool:

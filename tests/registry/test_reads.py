@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from benchmark import reads
 from benchmark.code_digest import ROOT
 from benchmark.registry.known import in_file
 from tests.runs.toy import planned, run_toy
@@ -121,6 +122,22 @@ def test_what_a_plugin_reads_without_declaring_it_is_named_with_the_remedy(outco
 @pytest.mark.parametrize("name", FAULTLESS)
 def test_no_alarm(outcomes, name):
     assert outcomes[name] == "ok"
+
+
+@pytest.mark.parametrize(
+    ("file", "counts"),
+    [
+        ("system/src/value.txt", True),
+        ("system/src/data/value.txt", True),
+        ("system/src/environment/value.txt", False),
+        ("system/lib/value.txt", False),
+    ],
+)
+def test_files_beside_a_plugin_in_a_folder_of_the_system_count(tmp_path, monkeypatch, file, counts):
+    places = (str(tmp_path / "system"), str(tmp_path / "system" / "src" / "environment"))
+    monkeypatch.setattr(reads, "_EXEMPT", places)
+    folder = tmp_path / "system" / "src"
+    assert reads._is_of_user(tmp_path / file, folder, [], is_program=False) == counts
 
 
 def test_a_job_that_reads_an_undeclared_file_of_its_results_folder_fails_and_leaves_no_form(
