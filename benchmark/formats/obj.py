@@ -26,6 +26,9 @@ from benchmark.geometry.mesh import IntArray, Mesh
 _VERTEX = re.compile(rb"(?m)^[ \t]*v[ \t]+(\S.*)")
 _FACE = re.compile(rb"(?m)^[ \t]*fo?[ \t]+(\S.*)")
 
+#: Numbers of texture and normal behind the vertex of a corner: ``/1``, ``//2`` or ``/1/2``.
+_TEXTURE_AND_NORMAL = re.compile(rb"/-?[0-9]*(?:/-?[0-9]*)?(?!\S)")
+
 #: A line that begins with another word than those that say nothing of the surface.
 _OTHER_LINE = re.compile(
     rb"(?m)^[ \t]*(?!(?:v[tnp]?|fo?|[lpgos]|mg|mtllib|usemtl|usemap|maplib|bevel|[cd]_interp|lod"
@@ -68,8 +71,7 @@ def read(data: bytes, _: Path) -> MeshArrays:
         problem = f"it has lines '{word:.20}', which are not read"
         raise UnreadableMesh(problem, "export one file of triangles")
     sizes = np.array([len(polygon[1].split()) for polygon in polygons], dtype=np.int64)
-    # Numbers behind a slash are those of textures and normals.
-    words = re.sub(rb"/\S*", b"", b" ".join(polygon[1] for polygon in polygons))
+    words = _TEXTURE_AND_NORMAL.sub(b"", b" ".join(polygon[1] for polygon in polygons))
     indices = whole_numbers(parse_numbers(words))
     if len(indices) != sizes.sum():
         raise ValueError("a corner of a face begins with a slash, and names no vertex")
@@ -79,9 +81,11 @@ def read(data: bytes, _: Path) -> MeshArrays:
     n_vertices_before = np.repeat(np.searchsorted(vertex_starts, face_starts), sizes)
     corners = _counted_from_1(indices, n_vertices_before)
     check_end(data, corners, len(vertices))
-    # Coordinates, with or without a weight and a colour.
-    coordinates = parse_table([vertex[1] for vertex in vertices], (3, 4, 6, 7))
-    return coordinates, corners, sizes
+    # Coordinates, with or without a weight and a colour. All of these must be numbers: a line break
+    # may be missing, and a face follow.
+    lines = [vertex[1] for vertex in vertices]
+    parse_numbers(b" ".join(lines))
+    return parse_table(lines, (3, 4, 6, 7)), corners, sizes
 
 
 def _counted_from_1(indices: IntArray, latest: IntArray) -> IntArray:
