@@ -84,6 +84,8 @@ _LARGEST_STEP = 200
 #: Least number of neighbours of another confidence that show its bits.
 _FEWEST_STEPS = 20
 
+_NUMBERS_FOLLOW = "numbers follow the pixels that its header announces"
+
 _END_OF_PNG = b"IEND\xaeB`\x82"
 
 FEWEST_SEEN = 200
@@ -469,7 +471,8 @@ def _check_grey_map(image: ImageFile.ImageFile, content: bytes) -> None:
         if body[-1:].isdigit():
             raise ValueError("its last line has no line break, so it may be cut off")
         without_comments = re.sub(rb"#[^\n]*", b"", body)
-        _check_end(len(without_comments.split()), image)
+        if len(without_comments.split()) > image.width * image.height:
+            raise ValueError(_NUMBERS_FOLLOW)
     elif kind == b"P5":  # a binary PGM of 8 or 16 bits
         n_bytes = 1 if image.mode == "L" else 2
         _check_binary(image, content, n_bytes)
@@ -478,14 +481,8 @@ def _check_grey_map(image: ImageFile.ImageFile, content: bytes) -> None:
         _check_binary(image, content, 4)
 
 
-def _check_end(n_numbers: float, image: ImageFile.ImageFile) -> None:
-    """Raise ``ValueError`` if more follows the pixels of an image than the end of a line."""
-    if n_numbers > image.width * image.height + 1:
-        raise ValueError("numbers follow the pixels that its header announces")
-
-
 def _check_binary(image: ImageFile.ImageFile, content: bytes, n_bytes: int) -> None:
-    """Raise ``ValueError`` if an image does not begin or end where Pillow assumes.
+    """Raise ``ValueError`` if the pixels do not begin or end where Pillow assumes.
 
     A line break of Windows has two bytes, of which Pillow would take the second for a part of the
     first pixel.
@@ -500,11 +497,11 @@ def _check_binary(image: ImageFile.ImageFile, content: bytes, n_bytes: int) -> N
         Bytes of a pixel.
     """
     start = image.tile[0].offset
-    n_following = len(content) - start
-    _check_end(n_following / n_bytes, image)
-    is_too_long = n_following > image.width * image.height * n_bytes
-    if is_too_long and content[start - 1 : start + 1] == b"\r\n":
+    tail = content[start + image.width * image.height * n_bytes :]
+    if tail and content[start - 1 : start + 1] == b"\r\n":
         raise ValueError("its header ends with a line break of two bytes")
+    if len(tail) > n_bytes or tail.strip(b"\0 \t\r\n"):
+        raise ValueError(_NUMBERS_FOLLOW)
 
 
 def _check_maximum(image: ImageFile.ImageFile, content: bytes, n_bytes: int) -> None:

@@ -76,8 +76,9 @@ def test_depths_of_a_portable_grey_map_are_its_own_whatever_its_header_says(
         (b"P5\n160 120\n%d\n" % (MILLIMETRES.max() - 1), b"", "more than the maximum"),
         (b"P5\r\n160 120\r\n65535\r\n", b"", "header ends with a line break of two bytes"),
         (b"P5\n160 120\n65535\n", b"1234", "numbers follow the pixels"),
+        (b"P5\n160 120\n65535\n\2", b"", "numbers follow the pixels"),
     ],
-    ids=["maximum", "windows", "tail"],
+    ids=["maximum", "windows", "tail", "shifted"],
 )
 def test_a_grey_map_that_its_header_contradicts_is_refused(
     tmp_path: Path, header: bytes, tail: bytes, said: str
@@ -85,6 +86,15 @@ def test_a_grey_map_that_its_header_contradicts_is_refused(
     path = tmp_path / "image.pgm"
     path.write_bytes(header + MILLIMETRES.astype(">u2").tobytes() + tail)
     with pytest.raises(DepthError, match=said):
+        read_values(path)
+
+
+def test_a_number_that_is_divided_in_the_text_of_a_grey_map_moves_no_pixel(tmp_path: Path) -> None:
+    numbers = [b"%d" % value for value in MILLIMETRES.ravel()]
+    numbers[5] = numbers[5][:1] + b" " + numbers[5][1:]
+    path = tmp_path / "image.pgm"
+    path.write_bytes(b"P2\n160 120\n65535\n" + b" ".join(numbers) + b"\n")
+    with pytest.raises(DepthError, match="numbers follow the pixels"):
         read_values(path)
 
 
