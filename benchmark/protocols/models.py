@@ -30,6 +30,7 @@ from benchmark.protocols.trainings import (
     TRAININGS,
     Training,
     find_training,
+    is_own_training,
     set_of_subjects,
     trainings_by_shape,
 )
@@ -329,7 +330,9 @@ def _missing(spec: Component, learner: Learner, names: Sequence[str]) -> Missing
     are_frozen = any(name in TRAININGS and TRAININGS[name].is_frozen for name in names)
     if not are_frozen:
         words = ["python", "-m", "benchmark", "train", spec.name]
-        if len(names) == 1:
+        if is_own_training(names[0]):
+            words += ["--data", "FOLDER", "--hold-out", "SUBJECT"]
+        elif len(names) == 1:
             words += ["--table", names[0]]
         if isinstance(learner, HasRecipe):  # the models of a table follow one recipe
             words += option_words(learner.recipe(names[0]))

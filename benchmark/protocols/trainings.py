@@ -166,6 +166,11 @@ _OWN = "own-"
 """Beginning of the names of trainings on the user's own data."""
 
 
+def is_own_training(name: str) -> bool:
+    """Return whether a training of this name is one on a user's folder."""
+    return name.startswith(_OWN)
+
+
 def own_training(folder: Path, hold_out: Sequence[str]) -> Training:
     """Return a training on a user's folder of shapes; some subjects are kept for the test.
 
@@ -198,7 +203,7 @@ def own_training(folder: Path, hold_out: Sequence[str]) -> Training:
 
 def find_training(name: str) -> Training:
     """Return a training by name; raise ``ConfigurationError`` for an unknown one."""
-    if name.startswith(_OWN):
+    if is_own_training(name):
         return Training(name, "")
     check_known("training", [name], TRAININGS)
     return TRAININGS[name]

@@ -13,7 +13,7 @@ import pytest
 from benchmark.api.datasets import Entry
 from benchmark.api.learning import CARD, Card, digest_of, read_card
 from benchmark.datasets.catalogue import CATALOGUE, open_dataset
-from benchmark.protocols.models import MissingModel, Model, TooNear, with_model
+from benchmark.protocols.models import MissingModel, Model, TooNear, find_models, with_model
 from benchmark.protocols.trainings import TRAININGS, trainings_by_shape
 from benchmark.registry import select_one
 from learned.methods import Learned, TrainedNetwork
@@ -168,3 +168,10 @@ def test_a_missing_model_that_cannot_be_trained_any_more_is_only_fetched(
     is_trained = "run `python -m benchmark train " in hint
     assert is_trained != TRAININGS[training].is_frozen
     assert is_trained != ("train at commit 4868b8b9" in hint)
+
+
+def test_a_missing_model_of_own_data_is_trained_on_a_folder():
+    shapes = open_dataset(GENERATED)
+    method = select_one("learned[training=own-colleagues]")
+    with pytest.raises(MissingModel, match=r"--data FOLDER --hold-out SUBJECT -o resolution=128"):
+        find_models(method, shapes, shapes.shapes[:2], None, None)
