@@ -7,6 +7,7 @@ import re
 import shlex
 import subprocess
 from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ import typer
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.registry import select, select_one
 from benchmark.registry.known import BUILT_IN, SCORERS
+from learned.training import Schedule
 from retrieval.measures import MEASURES
 from tests.golden.components import GENERATED
 from tests.verbs import VERBS
@@ -128,6 +130,14 @@ def test_the_page_of_data_sets_names_each_generated_one() -> None:
     page = TEXTS[ROOT / "docs" / "data.md"]
     assert [name for name in sorted(generated) if not re.search(rf"`{name}[`\[]", page)] == []
     assert [name for name in sorted(generated) if name not in GENERATED] == []
+
+
+def test_the_page_on_training_names_each_option_and_no_other() -> None:
+    page = TEXTS[ROOT / "docs" / "how-to" / "train.md"]
+    table = page.partition("| Option | What it sets |")[2].partition("\n\n")[0]
+    cells = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    named = re.findall(r"`(\w+)", " ".join(cells))
+    assert sorted(named) == sorted(field.name for field in fields(Schedule))
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
