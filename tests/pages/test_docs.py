@@ -16,6 +16,7 @@ import typer
 from benchmark.datasets.catalogue import CATALOGUE
 from benchmark.registry import select, select_one
 from benchmark.registry.known import BUILT_IN, SCORERS
+from learned.fitting import Machine
 from learned.training import Schedule
 from retrieval.measures import MEASURES
 from tests.golden.components import GENERATED
@@ -137,7 +138,8 @@ def test_the_page_on_training_names_each_option_and_no_other() -> None:
     table = page.partition("| Option | What it sets |")[2].partition("\n\n")[0]
     cells = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
     named = re.findall(r"`(\w+)", " ".join(cells))
-    assert sorted(named) == sorted(field.name for field in fields(Schedule))
+    options = [field.name for part in (Schedule, Machine) for field in fields(part)]
+    assert sorted(named) == sorted(options)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name)
