@@ -18,6 +18,7 @@ from benchmark.commands.forms import (
     form_of_surface,
     form_with_notes,
     method_of_depth,
+    plugins_may_fail,
 )
 from benchmark.commands.meshes import as_mesh
 from benchmark.datasets.folder import folder_set
@@ -137,10 +138,11 @@ def form_of_file(source: Path, method: str, *, plugins: Iterable[Path] = (), see
     maker = form_maker(component)
     with naming_file(source):
         mesh = read_surface(source)
-        if "mesh" in component.info.inputs:
-            return form_of_surface(maker, mesh, source.stem, seed=seed)
-        arrays = prepare_view(mesh, FRONT, fit_frame(mesh, FRONT))
-        return form_with_notes(maker, shape_of(arrays, source.stem, seed), {})
+        with plugins_may_fail(component):
+            if "mesh" in component.info.inputs:
+                return form_of_surface(maker, mesh, source.stem, seed=seed)
+            arrays = prepare_view(mesh, FRONT, fit_frame(mesh, FRONT))
+            return form_with_notes(maker, shape_of(arrays, source.stem, seed), {})
 
 
 # Depth images
@@ -271,6 +273,7 @@ def forms_of_frames(
         If there is no such method, or it computes no forms from views.
     """
     check_seed(seed)
+    component = select_one(method, plugins)
     maker = method_of_depth(method, tuple(plugins))
     for frame in frames:
         start = time.perf_counter()
@@ -280,9 +283,10 @@ def forms_of_frames(
         refused: ShapeError | None = None
         try:
             observed = frame.observe()
-            form = form_of_object(
-                observed, maker, frame.image.stem, half_width=frame.half_width, seed=seed
-            )
+            with plugins_may_fail(component):
+                form = form_of_object(
+                    observed, maker, frame.image.stem, half_width=frame.half_width, seed=seed
+                )
         except ShapeError as error:
             refused = error
         yield FormOfFrame(

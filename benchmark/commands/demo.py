@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmark.api.contracts import Shape
-from benchmark.commands.forms import form_maker, form_with_notes
+from benchmark.commands.forms import form_maker, form_with_notes, plugins_may_fail
 from benchmark.commands.selection import as_paths
 from benchmark.datasets.catalogue import open_dataset
 from benchmark.datasets.mesh_files import read_surface
@@ -141,7 +141,8 @@ def demo(
             # forgotten with it, as they need much memory.
             surface = shape_of(prepared[wanted.shape.name], wanted.shape.name, seed)
         try:
-            form = form_with_notes(makers[wanted.method.name], surface, {})
+            with plugins_may_fail(wanted.method):
+                form = form_with_notes(makers[wanted.method.name], surface, {})
         except ShapeError as error:
             drawn.problems.append(f"{wanted}: {error}")
         else:

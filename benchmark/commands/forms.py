@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import functools
 import warnings
-from collections.abc import Mapping
+from bdb import BdbQuit
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from numbers import Real
 from pathlib import Path
@@ -19,7 +21,14 @@ from benchmark.commands.form import Form
 from benchmark.depth.frame import HALF_WIDTH, UPRIGHT, ObservedObject, Up, observe, scale_of
 from benchmark.depth.intrinsics import Intrinsics, camera_of
 from benchmark.depth.reading import in_metres
-from benchmark.errors import ConfigurationError, DepthError, with_hint
+from benchmark.errors import (
+    BenchmarkError,
+    ConfigurationError,
+    DepthError,
+    UnsupportedShape,
+    locate,
+    with_hint,
+)
 from benchmark.geometry.depth import depth_surface
 from benchmark.geometry.mesh import Mesh
 from benchmark.geometry.preparation import prepare
@@ -264,6 +273,24 @@ def form_with_notes(maker: Method, shape: Shape, first: Mapping[str, float | str
         body = shape.mesh
     title = f"{shape.identifier}, {maker.info.title}"
     return Form(form.vertices, form.faces, notes, body=body, title=title)
+
+
+@contextmanager
+def plugins_may_fail(*components: Component) -> Iterator[None]:
+    """Turn what plugins raise into ``ShapeError``, so that it is one line of a command.
+
+    Where all components are of the suite, nothing is changed: what they raise is an error of it.
+    """
+    try:
+        yield
+    except (BenchmarkError, BdbQuit):
+        raise
+    except (Exception, SystemExit) as error:
+        if all(component.of_suite for component in components):
+            raise
+        problem = f"the code of a plugin failed: {locate(error)}"
+        hint = "'python -m benchmark check FILE --traceback' prints such errors in full"
+        raise UnsupportedShape(problem, hint) from error
 
 
 def measured_fit(maker: object, shape: Shape) -> dict[str, float | str]:

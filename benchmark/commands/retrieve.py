@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from benchmark.api.contracts import Input, Shape
 from benchmark.api.datasets import Entry, ShapeSet
 from benchmark.commands.canonicalise import CameraSettings
-from benchmark.commands.forms import measured_fit, small_for_person
+from benchmark.commands.forms import measured_fit, plugins_may_fail, small_for_person
 from benchmark.commands.meshes import as_mesh
 from benchmark.commands.plan import plan
 from benchmark.commands.selection import (
@@ -213,7 +213,8 @@ def retrieve(
     root = data_folder(data_root)
     folder = Path(results)
     component = select_one(method, files)
-    scoring = select_one(scorer, files, "scorer").create()
+    scorer_component = select_one(scorer, files, "scorer")
+    scoring = scorer_component.create()
     shapes = open_dataset(str(data), root)
     wanted: Input | None = "view" if gallery_views else input
     is_depth = path is not None and path.suffix.lower() in EXTENSIONS
@@ -249,9 +250,10 @@ def retrieve(
     arrays = prepared.of_query(query, path, known)
     shape = shape_of(arrays, path.stem if path else "query", seed)
     maker = _with_model(component, job, without)
-    found = search(folder, gallery, shape, maker, scoring, without)
     is_image = path is not None and is_depth_file(path)
-    doubts = [*prepared.doubts, *_doubts(found, shape, maker, is_image=is_image)]
+    with plugins_may_fail(component, scorer_component):
+        found = search(folder, gallery, shape, maker, scoring, without)
+        doubts = [*prepared.doubts, *_doubts(found, shape, maker, is_image=is_image)]
     camera = UPRIGHT
     if of_query == "mesh":
         camera = shapes.camera(known) if known else FRONT

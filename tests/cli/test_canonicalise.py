@@ -1,8 +1,10 @@
 """The form of one mesh as a file: whole, or not there."""
 
 import numpy as np
+import pytest
 from PIL import Image
 
+from benchmark.commands.canonicalise import form_of_file
 from benchmark.datasets.mesh_files import read_mesh
 from benchmark.geometry.mesh import Mesh
 from tests.geometry.surfaces import joined, limbed_body, sphere
@@ -70,6 +72,35 @@ def test_several_meshes_are_refused_with_what_makes_all_forms(tmp_path):
     said = canonicalise(*meshes, "-o", tmp_path / "forms", code=2)
     assert "these are meshes" in said
     assert "make all forms with 'run -d'" in said
+
+
+def test_what_a_plugin_raises_is_one_line_and_ends_the_work_on_one_shape_alone(
+    tmp_path, monkeypatch
+):
+    """An error of a file, too, which is none of the output; one of the suite stays what it is."""
+    mesh = tmp_path / "rod.off"
+    write_off(mesh, rod(0.1, 0.5))
+    plugin = tmp_path / "own.py"
+    plugin.write_text(
+        "from benchmark.api import canonical_form\n"
+        '@canonical_form(name="wrong", title="Wrong")\n'
+        "def wrong(shape): return 1 / 0\n"
+        '@canonical_form(name="lost", title="Lost")\n'
+        'def lost(shape): return open("weights.npz")\n'
+    )
+    words = (mesh, "--plugin", plugin, "-o", tmp_path / "form.off")
+    said = call("canonicalise", *words, "-m", "wrong", code=2)
+    assert f"{mesh}: the code of a plugin failed: own.py:3: ZeroDivisionError" in said
+    said = call("canonicalise", *words, "-m", "lost", code=2)
+    assert "the code of a plugin failed: own.py:5: FileNotFoundError" in said
+    page = tmp_path / "page.html"
+    chosen = ("-m", "wrong", "-m", "identity", "--plugin", plugin)
+    said = call("demo", mesh, *chosen, "-o", page, "--no-open", code=1)
+    assert "wrong of rod: the code of a plugin failed: own.py:3" in said
+    assert page.is_file()
+    monkeypatch.setattr("baselines.identity.Identity.canonicalise", lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        form_of_file(mesh, "identity")
 
 
 def test_a_picture_shows_a_mesh_and_its_form(tmp_path):
