@@ -20,6 +20,7 @@ from benchmark.commands.selection import (
     as_paths,
     check_input,
     data_folder,
+    further_options,
     shadowed_folders,
 )
 from benchmark.datasets.anomalies import by_kind
@@ -181,7 +182,9 @@ class Plan:
         for path in sorted(elsewhere):
             # Path.exists would raise an error for a path that the system does not allow.
             if not os.path.exists(split_changes(path)[0]):  # noqa: PTH110
-                forget = shlex.join(["forget", "-d", path])
+                words = ["forget", "-d", path]
+                words += further_options(self.results, DEFAULT_SCORER, 0, None)
+                forget = shlex.join(words)
                 yield f"{path} is no longer there; its rows stay in tables until '{forget}'"
 
     def stand_ins(self) -> Iterable[str]:

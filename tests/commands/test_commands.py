@@ -407,6 +407,16 @@ def test_a_folder_with_rows_of_another_input_or_of_quick_runs_alone_gets_no_seco
         record_beside(stored, "good", "view", "mine")
 
 
+def test_the_command_that_forgets_a_folder_that_is_gone_names_the_results(folders):
+    stored = folders / "results"
+    words = ("--results", stored, "-m", "surface-area", "--input", "mesh")
+    call("run", "-d", folders / "good", *words, "-j", 0)
+    (folders / "moved").mkdir()
+    (folders / "good").rename(folders / "moved" / "good")
+    said = call("run", "-d", folders / "moved" / "good", *words, "-j", 0)
+    assert f"'forget -d {folders / 'good'} --results {stored}'" in said
+
+
 def test_robustness_has_no_pages(tmp_path):
     with pytest.raises(ConfigurationError, match="the table of robustness has no pages"):
         write_pages(Tables((), ()), tmp_path / "report")
