@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
-from inspect import signature
+from inspect import Parameter, signature
 from pathlib import Path
 from typing import get_args
 
@@ -266,9 +266,23 @@ def _card_after_training(learner: Learner, data: TrainingData, model: Path) -> C
 
 
 def _arguments_that_are_no_parameters(component: Component) -> list[str]:
-    """Return the arguments of a class that no name can choose: those that are no fields."""
+    """Return the arguments of a class that no name can choose: those that are no fields.
+
+    Arguments without a name, ``*args`` and ``**kwargs``, are inherited from protocols and from
+    modules of PyTorch. A run passes none.
+    """
     cls = component.load()
-    return [name for name in signature(cls).parameters if name not in declared_parameters(cls)]
+    fields = declared_parameters(cls)
+    try:
+        arguments = signature(cls).parameters.values()
+    except ValueError:  # of a class that inherits from one of Python, such as dict
+        return []
+    unnamed = (Parameter.VAR_POSITIONAL, Parameter.VAR_KEYWORD)
+    return [
+        argument.name
+        for argument in arguments
+        if argument.kind not in unnamed and argument.name not in fields
+    ]
 
 
 def _parameters(case: Case) -> str:

@@ -17,6 +17,7 @@ from benchmark.code_digest import is_installed, modules_beside, plugin_file, sou
 from benchmark.errors import BenchmarkError, ConfigurationError, locate
 from benchmark.files import file_digest
 from benchmark.kernel_cache import remove_kernels, suite_sources
+from benchmark.machine import copies_end, same_umask
 from benchmark.reads import UndeclaredFile, watching
 from benchmark.text import Printed
 
@@ -121,9 +122,9 @@ def _import_anew(target: str, name: str, path: Path) -> ModuleType:
     contents = _contents(target)
     variables = dict(os.environ)
 
-    # The working folder is restored, should the code change it.
+    # What the code changes of this process is put back, and a copy that it forks goes no further.
     try:
-        with chdir("."), watching(target) as declared:
+        with chdir("."), same_umask(), copies_end(), watching(target) as declared:
             module = _execute(name, path)
             # Files that the module names may be read; they are known only after its code has run.
             declared += [path.parent / file for file in named_files(module)]

@@ -149,6 +149,19 @@ def test_arguments_of_a_plain_class_are_no_parameters_and_it_says_how_to_make_th
     assert "@dataclass(frozen=True) and write 'time: float = 0.02'" in said
 
 
+@pytest.mark.parametrize(
+    "base", ["benchmark.api.Method", "torch.nn.Module", "builtins.dict", "benchmark.api.Descriptor"]
+)
+def test_arguments_that_a_class_inherits_without_a_name_are_no_fault(tmp_path, base):
+    module, _, name = base.rpartition(".")
+    text = PLAIN.replace("class Plain:", f"from {module} import {name}\n\nclass Plain({name}):")
+    start = text.index("    def __init__")
+    text = text[:start] + text[text.index("    def canonicalise") :]
+    (tmp_path / "plain.py").write_text(text)
+    (component,) = in_file(tmp_path / "plain.py")
+    assert "parameters" not in checks_of(component)
+
+
 def test_a_length_that_follows_the_size_of_the_shape_as_on_the_page_of_plugins(tmp_path):
     page = (Path(__file__).parents[2] / "docs" / "reference" / "plugins.md").read_text()
     line = "step = 0.05 * np.sqrt(shape.mesh.area)"

@@ -7,6 +7,7 @@ import random
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
@@ -202,3 +203,29 @@ def test_a_class_with_two_names_is_one_method(tmp_path):
     path.write_text(path.read_text() + "\n\nOldName = Smooth\n")
     (component,) = in_file(path)
     assert component.target.endswith(":Smooth")
+
+
+def test_what_a_plugin_changes_of_the_process_is_put_back_after_its_import(tmp_path):
+    folder = Path.cwd()
+    imports = "import os\nos.umask(0o777)\nos.chdir('/')"
+    module = load_module(str(write_plugin(tmp_path / "smooth.py", imports=imports)))
+    umask = os.umask(0o022)
+    os.umask(umask)
+    assert module.os is os
+    assert umask != 0o777
+    assert Path.cwd() == folder
+
+
+def test_a_copy_of_the_process_that_an_import_forks_goes_no_further(tmp_path):
+    program = """
+import sys
+from benchmark.registry.modules import load_module
+load_module(sys.argv[1])
+print("imported", flush=True)
+"""
+    imports = "import os\ncopy = os.fork()\nif copy:\n    os.waitpid(copy, 0)"
+    plugin = write_plugin(tmp_path / "smooth.py", imports=imports)
+    command = [sys.executable, "-c", program, plugin]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout == "imported\n"
+    assert "a process that was forked did not end" in done.stderr
