@@ -107,7 +107,7 @@ def test_one_version_stands_everywhere():
 def test_a_published_model_that_is_left_out_can_be_fetched(monkeypatch, tmp_path):
     monkeypatch.setattr(Learned, "shipped_models", tmp_path)
     fetch = "`python -m benchmark models fetch people-fold-0 --from CHECKOUT/learned/models`"
-    with pytest.raises(MissingModel, match=f"train [^`]*`, or {fetch}$"):
+    with pytest.raises(MissingModel, match=f"train [^`]*`, or run {fetch}$"):
         with_model(select_one("learned"))
 
 

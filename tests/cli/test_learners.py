@@ -168,8 +168,10 @@ def test_a_run_trains_what_it_lacks_first(root, tmp_path, in_this_process):
 )
 def test_a_training_that_leaves_no_model_is_an_error_that_says_why(root, tmp_path, line, reason):
     plugin = tmp_path / "own.py"
-    begin = '        """Keep all pairs, smaller.'
-    text = LEARNER.read_text().replace(begin, f"        {line}\n{begin}")
+    begin = '        """Store all pairs at a lower resolution'
+    text = LEARNER.read_text()
+    assert text.count(begin) == 1
+    text = text.replace(begin, f"        {line}\n{begin}")
     if not line.startswith("data"):
         text = text.replace("        if options:", "        return\n        if options:")
     plugin.write_text(text)
