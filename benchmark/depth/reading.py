@@ -475,37 +475,20 @@ def _check_grey_map(image: ImageFile.ImageFile, content: bytes) -> None:
             raise ValueError(_NUMBERS_FOLLOW)
     elif kind == b"P5":  # a binary PGM of 8 or 16 bits
         n_bytes = 1 if image.mode == "L" else 2
-        _check_binary(image, content, n_bytes)
-        _check_maximum(image, content, n_bytes)
+        pixels = _binary_pixels(image, content, n_bytes)
+        largest = int(np.frombuffer(pixels, f">u{n_bytes}").max(initial=0))
+        stated = _stated_maximum(image)
+        if largest > stated:
+            raise ValueError(f"a pixel is {largest}, more than the maximum {stated} of its header")
     elif kind == b"Pf":  # a PFM of 32 bits
-        _check_binary(image, content, 4)
+        _binary_pixels(image, content, 4)
 
 
-def _check_binary(image: ImageFile.ImageFile, content: bytes, n_bytes: int) -> None:
-    """Raise ``ValueError`` if the pixels do not begin or end where Pillow assumes.
+def _binary_pixels(image: ImageFile.ImageFile, content: bytes, n_bytes: int) -> bytes:
+    """Return the bytes of the pixels of a binary PGM or PFM; none if it is truncated.
 
-    A line break of Windows has two bytes, of which Pillow would take the second for a part of the
-    first pixel.
-
-    Parameters
-    ----------
-    image
-        The image that Pillow opened.
-    content
-        Bytes of its file.
-    n_bytes
-        Bytes of a pixel.
-    """
-    start = image.tile[0].offset
-    tail = content[start + image.width * image.height * n_bytes :]
-    if tail and content[start - 1 : start + 1] == b"\r\n":
-        raise ValueError("its header ends with a line break of two bytes")
-    if len(tail) > n_bytes or tail.strip(b"\0 \t\r\n"):
-        raise ValueError(_NUMBERS_FOLLOW)
-
-
-def _check_maximum(image: ImageFile.ImageFile, content: bytes, n_bytes: int) -> None:
-    """Raise ``ValueError`` if a pixel of a binary PGM is larger than its header allows.
+    Pillow itself says that a file is truncated. A line break of Windows has two bytes, of which it
+    would take the second for a part of the first pixel.
 
     Parameters
     ----------
@@ -515,16 +498,21 @@ def _check_maximum(image: ImageFile.ImageFile, content: bytes, n_bytes: int) -> 
         Bytes of its file.
     n_bytes
         Bytes of a pixel.
+
+    Raises
+    ------
+    ValueError
+        If the pixels do not begin or end where Pillow assumes.
     """
     start = image.tile[0].offset
     size = image.width * image.height * n_bytes
     pixels = content[start : start + size]
-    if len(pixels) < size:  # Pillow says that it is truncated
-        return
-    largest = int(np.frombuffer(pixels, f">u{n_bytes}").max(initial=0))
-    stated = _stated_maximum(image)
-    if largest > stated:
-        raise ValueError(f"a pixel is {largest}, more than the maximum {stated} of its header")
+    tail = content[start + size :]
+    if tail and content[start - 1 : start + 1] == b"\r\n":
+        raise ValueError("its header ends with a line break of two bytes")
+    if len(tail) > n_bytes or tail.strip(b"\0 \t\r\n"):
+        raise ValueError(_NUMBERS_FOLLOW)
+    return pixels if len(pixels) == size else b""
 
 
 def _opened(content: bytes) -> ImageFile.ImageFile:

@@ -77,8 +77,9 @@ def table_files(
         if robustness:
             files[f"robustness{suffix}.md"] = robustness_markdown(records)
     if "csv" in formats:
-        scores = scores_frame(records)
-        if not is_whole:
+        if is_whole:
+            scores = scores_frame(records)
+        else:
             scores = scores_of_tables(views, records, robustness=robustness)
         files[f"scores{suffix}.csv"] = scores.to_csv(index=False, float_format="%.6f")
     if "json" in formats and views:
