@@ -32,8 +32,8 @@ class Tables:
         What was left out, and how to see it.
     refused
         Folders of the submissions that have no row.
-    has_robustness
-        Whether the table of robustness belongs to them.
+    of_robustness
+        The records of the table of robustness; empty if it is none of them.
     is_whole
         Whether no table and no method was left out. What the paper's claims come to, and scores
         that no table prints, then belong to them.
@@ -43,7 +43,7 @@ class Tables:
     records: tuple[Record, ...]
     notes: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
-    has_robustness: bool = False
+    of_robustness: tuple[Record, ...] = ()
     is_whole: bool = False
 
     def __repr__(self) -> str:
@@ -52,9 +52,7 @@ class Tables:
 
     def markdown(self) -> str:
         """Return them as Markdown."""
-        texts = [*map(markdown, self.views)]
-        if self.has_robustness:
-            texts.append(robustness_markdown(self.records))
+        texts = [*map(markdown, self.views), robustness_markdown(self.of_robustness)]
         return "\n".join(filter(None, texts))
 
     def latex(self) -> str:
@@ -67,7 +65,7 @@ class Tables:
         """Their scores, one value a line, as in ``scores.csv``."""
         if self.is_whole:
             return scores_frame(self.records)
-        return scores_of_tables(self.views, self.records, robustness=self.has_robustness)
+        return scores_of_tables(self.views, self.records, of_robustness=self.of_robustness)
 
     @property
     def rows(self) -> DataFrame:
@@ -114,7 +112,7 @@ class Tables:
             self.records,
             formats,
             verdicts=verdicts,
-            robustness=self.has_robustness,
+            of_robustness=self.of_robustness,
             is_whole=self.is_whole,
         )
 

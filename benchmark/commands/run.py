@@ -25,6 +25,7 @@ from benchmark.machine import available_cores
 from benchmark.pipeline.data_names import label_data_sets
 from benchmark.pipeline.records import Record
 from benchmark.protocols.tables import TABLES
+from benchmark.report.formats import records_of_robustness
 from benchmark.report.record_facts import change_of, chosen_records, fold_of, tables_of
 from benchmark.report.results import Results
 from benchmark.report.tables import table_views
@@ -209,10 +210,13 @@ def tables_of_run(plan: Plan, records: Sequence[Record]) -> Tables:
     chosen = [record for record in chosen if (record.gallery, record.input) in galleries]
     methods = [record.method for record in of_run] if plan.is_narrow else ()
     views = table_views(chosen, identifiers, methods, datasets)
+    of_robustness: list[Record] = []
+    if any(change_of(record.data.name) for record in of_run):
+        of_robustness = records_of_robustness(chosen, methods)
     return Tables(
         tuple(view for view in views if view.table.identifier in identifiers),
         tuple(chosen),
-        has_robustness=any(change_of(record.data.name) for record in of_run),
+        of_robustness=tuple(of_robustness),
     )
 
 

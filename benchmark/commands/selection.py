@@ -19,7 +19,7 @@ from benchmark.protocols.tables import INPUTS, SYNTHETIC_HUMANS, TABLES, TITLES
 from benchmark.registry import are_named
 from benchmark.registry.names import base_name
 from benchmark.report.columns import PRINTED_SCORES, QUANTITIES
-from benchmark.report.formats import robustness_markdown
+from benchmark.report.formats import records_of_robustness
 from benchmark.report.record_facts import chosen_records, fold_of, row_of, tables_of
 from benchmark.report.table_view import TableView
 from benchmark.report.tables import table_views
@@ -300,11 +300,36 @@ class RecordSelection:
         sets = {record.data.name for record in records} if self.data else ()
         views = table_views(records, self.tables, rows, sets, paper=paper)
         # The table of robustness is none of the views.
-        if views or ("robustness" in self.tables and robustness_markdown(records)):
+        if views or self.of_robustness(records):
             return views
         what = f"table {', '.join(self.tables)}" if self.tables else "any table"
-        problem = f"no finished job under {self.results} belongs to {what}"
+        job = f"job of {listed(rows)}" if rows else "job"
+        problem = f"no finished {job} under {self.results} belongs to {what}"
         raise ConfigurationError(problem, "run it first, or select less")
+
+    def of_robustness(self, records: Sequence[Record]) -> list[Record]:
+        """Return the records of the table of robustness; none if it is not selected."""
+        if not (self.is_whole or "robustness" in self.tables):
+            return []
+        methods = self.methods if are_named(self.methods) else ()
+        return records_of_robustness(records, methods)
+
+    def empty_tables(self, records: Sequence[Record], views: Sequence[TableView]) -> list[str]:
+        """Say which tables were named of which nothing is shown.
+
+        Parameters
+        ----------
+        records, views
+            From :meth:`records` and :meth:`printed_views`.
+        """
+        shown = {view.table.identifier for view in views}
+        shown |= {view.table.part_of for view in views}  # extended
+        if self.of_robustness(records):
+            shown.add("robustness")
+        empty = [name for name in self.tables if name not in shown]
+        if not empty:
+            return []
+        return [f"not shown: table {listed(empty)}, of which no finished job fits the selection"]
 
     def printed_views(
         self, records: Sequence[Record], notes: Sequence[str], *, paper: bool = False

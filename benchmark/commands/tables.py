@@ -74,11 +74,12 @@ def tables(
         submitted=submitted,
     )
     records, notes = selection.records(failed=failed)
+    views = selection.printed_views(records, notes, paper=paper)
     return Tables(
-        tuple(selection.printed_views(records, notes, paper=paper)),
+        tuple(views),
         tuple(records),
-        (*notes, *notes_on_submissions),
+        (*notes, *selection.empty_tables(records, views), *notes_on_submissions),
         refused,
-        has_robustness=selection.is_whole or "robustness" in selection.tables,
+        of_robustness=tuple(selection.of_robustness(records)),
         is_whole=selection.is_whole,
     )

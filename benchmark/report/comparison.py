@@ -71,8 +71,11 @@ def compare_rows(views: Sequence[TableView], first: str, second: str = "") -> Da
     Raises
     ------
     ConfigurationError
-        If a row has no scores, or no table has scores of both.
+        If a row has no scores or is compared with itself, or no table has scores of both.
     """
+    if first == second:
+        problem = f"{first} cannot be compared with itself"
+        raise ConfigurationError(problem, "name another method, or none to compare with all")
     _check_have_scores(views, filter(None, (first, second)))
     frames: list[DataFrame] = []
     for view in views:

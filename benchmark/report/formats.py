@@ -601,9 +601,20 @@ def robustness_markdown(records: Iterable[Record]) -> str:
     return "\n".join([_robustness_caption(known), "", *table]) + "\n"
 
 
-def records_of_robustness(records: Iterable[Record]) -> list[Record]:
-    """Return the records that the table of robustness shows: of changed sets and unchanged ones."""
+def records_of_robustness(records: Iterable[Record], methods: Iterable[str] = ()) -> list[Record]:
+    """Return the records that the table of robustness shows: of changed sets and unchanged ones.
+
+    Parameters
+    ----------
+    records
+        Records of all data sets.
+    methods
+        Names of methods; empty for all that stand in the table.
+    """
     known = [record for record in records if _is_of_robustness(record)]
+    wanted = frozenset(methods)
+    if wanted:
+        known = [record for record in known if record.method in wanted]
     changes = filter(None, (change_of(record.data.name) for record in known))
     changed_sets = {change.base for change in changes}
     return [record for record in known if _change_of_data(record).base in changed_sets]

@@ -20,7 +20,6 @@ from benchmark.report.formats import (
     bibtex_of_tables,
     latex,
     markdown,
-    records_of_robustness,
     robustness_markdown,
 )
 from benchmark.report.record_facts import scored_by
@@ -40,7 +39,7 @@ def table_files(
     formats: Sequence[str] = TABLE_FORMATS,
     *,
     verdicts: bool = True,
-    robustness: bool = True,
+    of_robustness: Sequence[Record] = (),
     is_whole: bool = True,
 ) -> dict[str, str]:
     """Return tables in several formats, as texts by the name of their file.
@@ -58,8 +57,9 @@ def table_files(
         Some of :data:`TABLE_FORMATS`.
     verdicts
         Whether to add a Markdown file on the claims of the paper, and whether they hold.
-    robustness
-        Whether to add the Markdown table of robustness.
+    of_robustness
+        The records of the table of robustness, which is added to Markdown and CSV; empty to leave
+        it out.
     is_whole
         Whether CSV has all scores of the records, and not those of the rows of these tables alone.
     """
@@ -74,13 +74,12 @@ def table_files(
             files[f"{view.stem}.md"] = markdown(view)
         if verdicts:
             files[f"reproduction{suffix}.md"] = verdicts_markdown(views)
-        if robustness:
-            files[f"robustness{suffix}.md"] = robustness_markdown(records)
+        files[f"robustness{suffix}.md"] = robustness_markdown(of_robustness)
     if "csv" in formats:
         if is_whole:
             scores = scores_frame(records)
         else:
-            scores = scores_of_tables(views, records, robustness=robustness)
+            scores = scores_of_tables(views, records, of_robustness=of_robustness)
         files[f"scores{suffix}.csv"] = scores.to_csv(index=False, float_format="%.6f")
     if "json" in formats and views:
         files[f"tables{suffix}.json"] = json.dumps(as_json(views), indent=1) + "\n"
@@ -88,7 +87,7 @@ def table_files(
 
 
 def scores_of_tables(
-    views: Sequence[TableView], records: Sequence[Record], *, robustness: bool
+    views: Sequence[TableView], records: Sequence[Record], *, of_robustness: Sequence[Record]
 ) -> DataFrame:
     """Return the scores of the rows that tables print, one value a line.
 
@@ -98,8 +97,8 @@ def scores_of_tables(
         The tables.
     records
         Records that they come from, and others.
-    robustness
-        Whether the table of robustness is one of them.
+    of_robustness
+        Those of the table of robustness; empty if it is none of the tables.
 
     Returns
     -------
@@ -110,8 +109,7 @@ def scores_of_tables(
     is_printed = Series(data=False, index=scores.index)
     for view in views:
         is_printed |= _are_of_table(scores, view)
-    if robustness:
-        is_printed |= _are_of_robustness(scores, records)
+    is_printed |= _are_of_robustness(scores, of_robustness)
     return scores[is_printed]
 
 
@@ -127,8 +125,8 @@ def _are_of_table(scores: DataFrame, view: TableView) -> Series:
 
 
 def _are_of_robustness(scores: DataFrame, records: Iterable[Record]) -> Series:
-    """Return which lines of scores belong to the table of robustness."""
-    shown = {(record.data.name, record.method) for record in records_of_robustness(records)}
+    """Return which lines of scores belong to the table of robustness, which has these records."""
+    shown = {(record.data.name, record.method) for record in records}
     places = zip(scores.dataset, scores.method, strict=True)
     are_shown = Series([place in shown for place in places], scores.index, dtype=bool)
     return are_shown & (scores.input == "mesh") & (scores.fold == "")

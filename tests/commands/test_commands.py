@@ -361,6 +361,26 @@ def test_scores_as_csv_are_those_of_the_tables_and_methods_that_are_named():
     assert {*found.table} == {"II", "II-view"}
 
 
+def test_the_table_of_robustness_has_the_named_methods_alone():
+    named = benchmark.tables("robustness", methods="gps", published=True)
+    heading = next(line for line in named.markdown().splitlines() if line.startswith("|Change"))
+    assert heading.count("|") == 4  # change, strength and one method
+    assert {*named.scores.method} == {"gps"}
+    refused = refusal("tables", "--published", "-t", "robustness", "-m", "skeleton")
+    assert refused.startswith("no finished job of skeleton under results belongs to table robustn")
+
+
+def test_a_named_table_without_a_job_is_named_beside_the_others():
+    notes = benchmark.tables(["II", "shrec15"], published=True).notes
+    assert "not shown: table shrec15, of which no finished job fits the selection" in notes
+    assert not benchmark.tables(["II", "robustness", "extended"], published=True).notes
+
+
+def test_a_method_is_not_compared_with_itself():
+    refused = refusal("compare", "gps", "gps", "--published")
+    assert refused.startswith("gps cannot be compared with itself")
+
+
 def test_formats_in_which_there_is_no_table_of_robustness_are_refused(tmp_path):
     words = ("tables", "-t", "robustness", "--published", "--format")
     for format in ("latex", "json"):

@@ -605,8 +605,6 @@ def test_seconds_of_several_machines_are_told_apart():
     ],
 )
 def test_data_sets_of_any_name_have_files_of_their_own(names):
-    files = table_files(
-        table_views(record(dataset=name) for name in names), [], ["markdown"], robustness=False
-    )
+    files = table_files(table_views(record(dataset=name) for name in names), [], ["markdown"])
     assert len(files) == 2
     assert all(name.isascii() and len(name) < 100 for name in files)
